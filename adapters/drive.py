@@ -1,0 +1,82 @@
+"""The same virtual coupling and the same hinge servo for every dynamics engine.
+
+Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6) and a torque that is critically damped at
+the same frequency, I (w^2 theta + 2 w (omega_t - omega)) with w = sqrt(K / m). Hinges: the torque
+M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the whole driven body's inertia about the root's origin in its
+first posture, M the joint-space inertia in that posture with the root held; both are published as gains.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Array
+from adapters.translation import translate
+from reference_impl.skeleton import composite_inertia, joint_space_inertia, pose_links
+from scenarios.scenario import Scenario, Tracker
+from scenarios.tracking import sample
+
+
+class Drive:
+    """Targets and gains of one tracker, for the native steps of one run."""
+
+    def __init__(self, scenario: Scenario, tracker: Tracker, dt: float) -> None:
+        steps = round(scenario.duration / dt)
+        self.target = sample(tracker, np.minimum(np.arange(1, steps + 1) * dt, scenario.duration))
+        self.start = sample(tracker, np.zeros(1))
+        self.links = scenario.links(tracker)
+        world = translate(scenario)
+        row = world.drivers[scenario.trackers.index(tracker)]
+        pose_links(world.bodies, world.joints, row)
+        center, inertia = np.zeros(3), np.zeros((3, 3))
+        mass = composite_inertia(world.bodies, world.joints, row, center, inertia)
+        # about the root's origin (Steiner), in the root's axes
+        r = center - row["position"]
+        axes = world.bodies[row["root"]]["rotation"]
+        self.inertia = axes.T @ (inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))) @ axes
+        self.stiffness, self.damping = tracker.stiffness, tracker.damping
+        self.frequency = float(np.sqrt(tracker.stiffness / mass))
+        joint_inertia = joint_space_inertia(world.bodies, world.joints, row)
+        self.hinge_stiffness = tracker.hinge_frequency**2 * joint_inertia
+        self.hinge_damping = 2 * tracker.hinge_frequency * joint_inertia
+        links = list(self.links)
+        self.start_position = world.bodies["position"][links]  # (n, 3) of the links, root first
+        self.start_orientation = world.bodies["orientation"][links]  # (n, 4)
+
+    def wrench(
+        self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array
+    ) -> tuple[Array, Array]:
+        """Force and torque on the root's origin for a native step.
+
+        Args:
+            step: number of the step; its target is the tracker at the step's end.
+            position, orientation: of the root's origin (3,) [m] and (4,) wxyz, at the step's start.
+            velocity, omega: of the root's origin [m/s] and about it [rad/s], world.
+        """
+        target = self.target
+        force = self.stiffness * (target.position[step] - position)
+        force += self.damping * (target.linear_velocity[step] - velocity)
+        turned = Rotation.from_quat(orientation, scalar_first=True)
+        error = (Rotation.from_quat(target.orientation[step], scalar_first=True) * turned.inv()).as_rotvec()
+        wanted = self.frequency**2 * error
+        wanted += 2 * self.frequency * (target.angular_velocity[step] - omega)
+        axes = turned.as_matrix()
+        return force, axes @ (self.inertia @ (axes.T @ wanted))
+
+    def hinge_torques(self, step: int, angle: Array, rate: Array) -> Array:
+        """Torques on the hinges (j,) [N m] for a native step, from their state at its start."""
+        error = self.target.angle[step] - angle
+        error_rate = self.target.rate[step] - rate
+        return self.hinge_stiffness @ error + self.hinge_damping @ error_rate
+
+    def gains(self) -> dict[str, object]:
+        """The published gains."""
+        return {
+            "stiffness [N/m]": self.stiffness,
+            "damping [N s/m]": self.damping,
+            "rotation frequency [rad/s]": self.frequency,
+            "rotation inertia [kg m^2]": self.inertia.tolist(),
+            "hinge stiffness [N m/rad]": self.hinge_stiffness.tolist(),
+            "hinge damping [N m s/rad]": self.hinge_damping.tolist(),
+        }

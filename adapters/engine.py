@@ -1,0 +1,181 @@
+"""The contract every engine meets: Engine, World, Settings, State, Manifest, Unsupported.
+
+Conventions: SI, radians, z up, quaternions wxyz. A body's position is its origin in the world, its linear
+velocity that of its *centre of mass*, its angular velocity along the world's axes. A contact's normal
+points from body A to body B and A comes before B in the scenario; its distance is negative in overlap; its
+impulse is the one B feels in this step, in world axes, friction included. A body drawn from a driven hand
+is one link. Contacts carry the geometry of the *start* of the step they acted in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.scenario import Scenario
+
+Array = NDArray[np.float64]
+Scalar = str | int | float | bool
+
+CONTACT_CAPACITY = 512
+"""Contact points a step may report; more is an error, never a silent loss."""
+
+CONTACT_FIELDS = np.dtype(
+    [
+        ("time", "f8"),  # [s] start of the step, or the moment of the impact where an engine knows it
+        ("body_a", "i8"),
+        ("body_b", "i8"),
+        ("position", "f8", 3),  # [m] midpoint of the two witnesses
+        ("normal", "f8", 3),  # from A to B
+        ("distance", "f8"),  # [m]
+        ("impulse", "f8", 3),  # [N s] on B
+        ("velocity_a_before", "f8", 3),  # [m/s] of A's surface at `position`; NaN: record.py works it out
+        ("velocity_b_before", "f8", 3),
+        ("velocity_a_after", "f8", 3),
+        ("velocity_b_after", "f8", 3),
+    ]
+)
+
+
+class AdapterError(Exception):
+    """Base of what adapters raise on purpose."""
+
+
+class Unsupported(AdapterError):
+    """The engine cannot represent the scene; the message starts with the engine's name."""
+
+
+class NotInstalled(AdapterError):
+    """The engine's package is missing; the message names the extra that brings it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How an engine is to run: a named profile and the native step [s]."""
+
+    profile: str
+    dt: float
+
+
+@dataclass(frozen=True, slots=True)
+class BodyFacts:
+    """Mass [kg], centre of mass [m, body frame], inertia about it along the body axes [kg m^2]."""
+
+    mass: float
+    center_of_mass: tuple[float, ...]
+    inertia: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PairFacts:
+    """Restitution and friction the engine will use for a pair of bodies, under its own mixing rule."""
+
+    body_a: str
+    body_b: str
+    restitution: float
+    friction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """What the engine says it simulates: everything here is read back from it, hidden defaults included."""
+
+    engine: str
+    version: str
+    profile: str
+    dt: float
+    settings: Mapping[str, Scalar]
+    bodies: Mapping[str, BodyFacts]
+    pairs: tuple[PairFacts, ...]
+    drives: Mapping[str, object] = field(default_factory=dict)
+
+
+class State:
+    """What a step leaves behind, in preallocated arrays that `World.read` fills.
+
+    n bodies (links included), t trackers, j hinges in the order of the trackers' joints. `force` and
+    `torque` [N, N m; world, at the root's origin] and `hinge_torque` [N m] are what the drive applied during
+    the step; NaN where the engine poses its driven bodies itself.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        n, t = len(scenario.bodies), len(scenario.trackers)
+        j = sum(len(tracker.joints) for tracker in scenario.trackers)
+        self.position = np.zeros((n, 3))
+        self.orientation = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        self.linear_velocity = np.zeros((n, 3))
+        self.angular_velocity = np.zeros((n, 3))
+        self.joint_angle = np.zeros(j)
+        self.joint_rate = np.zeros(j)
+        self.force = np.full((t, 3), np.nan)
+        self.torque = np.full((t, 3), np.nan)
+        self.hinge_torque = np.full(j, np.nan)
+        self.contacts = np.zeros(CONTACT_CAPACITY, dtype=CONTACT_FIELDS)
+        self.contact_count = 0
+
+    def clear_contacts(self) -> None:
+        """Forget the contacts of the last step."""
+        self.contact_count = 0
+
+    def add_contact(
+        self, a: int, b: int, position: Array, normal: Array, distance: float, impulse: Array
+    ) -> None:
+        """Append one contact point. `normal` goes from body a to body b and `impulse` acts on b; both are
+        turned round when a comes after b in the scenario."""
+        if self.contact_count == CONTACT_CAPACITY:
+            raise AdapterError(f"more than {CONTACT_CAPACITY} contact points in one step")
+        sign = 1.0 if a < b else -1.0
+        row = self.contacts[self.contact_count]
+        row["body_a"], row["body_b"] = min(a, b), max(a, b)
+        row["position"] = position
+        row["normal"] = sign * normal
+        row["distance"] = distance
+        row["impulse"] = sign * impulse
+        for name in ("time", "velocity_a_before", "velocity_b_before", "velocity_a_after", "velocity_b_after"):
+            row[name] = np.nan
+        self.contact_count += 1
+
+
+class World(Protocol):
+    """A scene inside an engine. `record.py` calls, per step: drive, step, read."""
+
+    def drive(self, step: int) -> None:
+        """Command the driven bodies for native step number `step` (0 is the first)."""
+
+    def step(self) -> None:
+        """Advance by one native step: the engine's own call and nothing else, for it is what is timed."""
+
+    def read(self, state: State) -> None:
+        """Write poses, velocities, hinges, drive and contacts of the step just made into `state`."""
+
+    def describe(self) -> Manifest:
+        """The manifest, as read back from the engine."""
+
+    def cross(self) -> None:
+        """An empty call into the engine: what crossing from Python costs."""
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """Seconds per stage since the last call; empty where the engine tells nothing."""
+
+    def work(self) -> Mapping[str, float]:
+        """Work counters of the last step (pairs, impulses, iterations); empty where none are told."""
+
+    def close(self) -> None:
+        """Free what the engine holds."""
+
+
+class Engine(Protocol):
+    """An engine. `profiles` maps each profile's name to its native step [s] at 60 frames per second."""
+
+    name: ClassVar[str]
+    profiles: ClassVar[Mapping[str, float]]
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported where the engine cannot represent it."""
+
+    def version(self) -> str:
+        """The engine's version, as it says itself."""

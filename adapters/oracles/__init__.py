@@ -1,0 +1,1 @@
+"""Independent second opinions: what no engine says about itself."""

@@ -1,0 +1,193 @@
+"""The one loop and the one clock: plays a world frame by frame and keeps what it did."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from time import perf_counter
+
+import numpy as np
+
+from adapters.engine import CONTACT_FIELDS, Array, Engine, Manifest, Settings, State, World
+from adapters.recording import Recording
+from scenarios.scenario import Scenario
+
+WARM_UP_FRAMES = 3
+"""Frames played and thrown away before the clock counts: compilers and caches."""
+CROSSINGS = 200
+"""Empty calls timed per run."""
+
+
+def scenario_json(scenario: Scenario) -> str:
+    """A scenario as JSON text."""
+    return json.dumps(dataclasses.asdict(scenario), allow_nan=False)
+
+
+def manifest_json(manifest: Manifest) -> str:
+    """A manifest as JSON text."""
+    return json.dumps(dataclasses.asdict(manifest))
+
+
+def substeps(scenario: Scenario, dt: float) -> int:
+    """Native steps per displayed frame; raises ValueError where `dt` does not divide the frame."""
+    frame = 1 / scenario.frame_rate
+    count = round(frame / dt) if dt > 0 else 0
+    if count < 1 or abs(count * dt - frame) > 1e-9 * frame:
+        raise ValueError(f"dt = {dt:g} s does not divide the frame of 1/{scenario.frame_rate} s")
+    return count
+
+
+def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
+    """Play a few frames of a world that is thrown away."""
+    player = Player(engine.build(scenario, settings), scenario, settings)
+    player.play(min(WARM_UP_FRAMES, scenario.frame_count))
+    player.world.close()
+
+
+def record(engine: Engine, scenario: Scenario, settings: Settings) -> Recording:
+    """Play a whole scene in this process, without warm-up."""
+    player = Player(engine.build(scenario, settings), scenario, settings)
+    try:
+        player.play(scenario.frame_count)
+        return player.recording()
+    finally:
+        player.world.close()
+
+
+class Player:
+    """A world, the scene it plays and what it has done so far."""
+
+    def __init__(self, world: World, scenario: Scenario, settings: Settings) -> None:
+        self.world = world
+        self._scenario = scenario
+        self._settings = settings
+        self._substeps = substeps(scenario, settings.dt)
+        self._mass_center = np.array([body.center_of_mass for body in scenario.bodies])
+        self._roots = [scenario.body_index(tracker.root) for tracker in scenario.trackers]
+        self._before, self._state = State(scenario), State(scenario)
+        world.read(self._state)
+        self._work = 0.0
+        self._frames: list[dict[str, Array | float]] = []
+        self._timings: list[tuple[float, float, float]] = []
+        self._stages: list[Mapping[str, float]] = []
+        self._counters: list[dict[str, float]] = []
+        self._contacts: list[np.ndarray] = []
+        self._keep_frame()
+        world.stage_seconds()
+
+    @property
+    def frames_played(self) -> int:
+        """Displayed frames so far."""
+        return len(self._timings)
+
+    def play(self, frames: int) -> None:
+        """Advance by a number of displayed frames."""
+        for _ in range(frames):
+            seconds = np.zeros(3)
+            counters: dict[str, float] = {}
+            for substep in range(self._substeps):
+                seconds += self._step(len(self._timings) * self._substeps + substep)
+                for name, value in self.world.work().items():
+                    counters[name] = counters.get(name, 0.0) + value
+            self._timings.append((seconds[0], seconds[1], seconds[2]))
+            self._stages.append(dict(self.world.stage_seconds()))
+            self._counters.append(counters)
+            self._keep_frame()
+
+    def _step(self, number: int) -> tuple[float, float, float]:
+        """One native step; returns the seconds of step, drive and read."""
+        self._before, self._state = self._state, self._before
+        self._state.clear_contacts()
+        start = perf_counter()
+        self.world.drive(number)
+        driven = perf_counter()
+        self.world.step()
+        stepped = perf_counter()
+        self.world.read(self._state)
+        done = perf_counter()
+        self._keep_contacts(number * self._settings.dt)
+        self._work += self._driver_work()
+        return stepped - driven, driven - start, done - stepped
+
+    def _keep_frame(self) -> None:
+        state = self._state
+        names = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
+        frame: dict[str, Array | float] = {name: getattr(state, name).copy() for name in names}
+        frame["driver_work"] = self._work
+        self._frames.append(frame)
+
+    def _keep_contacts(self, time: float) -> None:
+        """Keep the step's contacts; where the engine knows no moment of impact, the velocities are those at
+        the start and at the end of the step."""
+        rows = self._state.contacts[: self._state.contact_count].copy()
+        if not len(rows):
+            return
+        timeless = np.isnan(rows["time"])
+        rows["time"] = np.where(timeless, time, time + rows["time"])
+        for moment, state in (("before", self._before), ("after", self._state)):
+            for side in ("a", "b"):
+                column = rows[f"velocity_{side}_{moment}"]
+                velocity = self._point_velocity(state, rows[f"body_{side}"], rows["position"])
+                column[:] = np.where(np.isnan(column), velocity, column)
+        self._contacts.append(rows)
+
+    def _point_velocity(self, state: State, body: np.ndarray, point: Array) -> Array:
+        """World velocities of bodies at world points, under the geometry at the step's start."""
+        arm = point - self._world_center(self._before, body)
+        return state.linear_velocity[body] + np.cross(state.angular_velocity[body], arm)
+
+    def _world_center(self, state: State, body: np.ndarray) -> Array:
+        w, v = state.orientation[body, :1], state.orientation[body, 1:]
+        center = self._mass_center[body]
+        twice = 2 * np.cross(v, center)
+        return state.position[body] + center + w * twice + np.cross(v, twice)
+
+    def _driver_work(self) -> float:
+        """Work of the drives over the step: applied force and torque times the mean velocity."""
+        state, work = self._state, 0.0
+        for k, root in enumerate(self._roots):
+            index = np.array([root])
+            moved = [
+                s.linear_velocity[root]
+                + np.cross(s.angular_velocity[root], s.position[root] - self._world_center(s, index)[0])
+                for s in (self._before, state)
+            ]
+            turned = (self._before.angular_velocity[root] + state.angular_velocity[root]) / 2
+            work += float(state.force[k] @ (moved[0] + moved[1]) / 2 + state.torque[k] @ turned)
+        work += float(state.hinge_torque @ (self._before.joint_rate + state.joint_rate) / 2)
+        return work * self._settings.dt
+
+    def recording(self) -> Recording:
+        """Everything so far."""
+        stage_names = sorted({name for stages in self._stages for name in stages})
+        work_names = sorted({name for counters in self._counters for name in counters})
+        timings = np.array(self._timings).reshape(-1, 3)
+        frames = {name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]}
+        return Recording(
+            scenario=scenario_json(self._scenario),
+            manifest=manifest_json(self.world.describe()),
+            time=np.arange(len(self._frames)) / self._scenario.frame_rate,
+            contacts=np.concatenate([np.zeros(0, CONTACT_FIELDS), *self._contacts]),
+            time_frame=timings[:, 0],
+            time_drive=timings[:, 1],
+            time_read=timings[:, 2],
+            time_crossing=self._time_crossing(),
+            stage_names=np.array(stage_names, dtype=str),
+            stage_seconds=_table(self._stages, stage_names),
+            work_names=np.array(work_names, dtype=str),
+            work=_table(self._counters, work_names),
+            **frames,
+        )
+
+    def _time_crossing(self) -> Array:
+        times = np.zeros(CROSSINGS)
+        for k in range(CROSSINGS):
+            start = perf_counter()
+            self.world.cross()
+            times[k] = perf_counter() - start
+        return times
+
+
+def _table(rows: list[Mapping[str, float]] | list[dict[str, float]], names: list[str]) -> Array:
+    return np.array([[row.get(name, 0.0) for name in names] for row in rows]).reshape(len(rows), len(names))

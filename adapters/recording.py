@@ -1,0 +1,81 @@
+"""What a run leaves: a struct of arrays, saved as .npz with its scenario and manifest as JSON.
+
+Conventions as in `engine.py`. f frames (the initial one included), n bodies, t trackers, j hinges,
+s displayed steps = f - 1.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapters.engine import AdapterError, Array
+
+FORMAT_VERSION = 1
+
+
+class RecordingError(AdapterError):
+    """A file that is no recording of this format."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """One run of one engine on one scene. `scenario` and `manifest` are JSON texts."""
+
+    scenario: str
+    manifest: str
+    time: Array  # (f,) [s]
+    position: Array  # (f, n, 3)
+    orientation: Array  # (f, n, 4)
+    linear_velocity: Array  # (f, n, 3) of the centre of mass
+    angular_velocity: Array  # (f, n, 3) world
+    joint_angle: Array  # (f, j)
+    joint_rate: Array  # (f, j)
+    driver_work: Array  # (f,) [J] done by the drives since the start; NaN where they are kinematic
+    contacts: NDArray[np.void]  # CONTACT_FIELDS, every contact point of every native step, in time order
+    time_frame: Array  # (s,) [s] native step calls of a displayed frame
+    time_drive: Array  # (s,) commands set from Python
+    time_read: Array  # (s,) reading the state out
+    time_crossing: Array  # (k,) an empty call into the engine
+    stage_names: NDArray[np.str_]  # (m,)
+    stage_seconds: Array  # (s, m)
+    work_names: NDArray[np.str_]  # (w,)
+    work: Array  # (s, w) summed over a displayed frame
+
+    @property
+    def facts(self) -> dict:
+        """The manifest as a dictionary."""
+        return json.loads(self.manifest)
+
+    def save(self, path: Path) -> None:
+        """Write to `path` whole or not at all (beside, then renamed)."""
+        part = path.with_name(path.name + ".part")
+        try:
+            with open(part, "wb") as file:
+                columns = {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
+                np.savez_compressed(file, format_version=np.array(FORMAT_VERSION), **columns)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def load(path: Path) -> Recording:
+    """Read a recording; raises RecordingError with the reason where the file is not one of this format."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            columns = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, EOFError) as error:
+        raise RecordingError(f"{path}: not a recording ({error})") from error
+    version = int(columns.pop("format_version", np.array(-1)))
+    if version != FORMAT_VERSION:
+        raise RecordingError(f"{path}: format version {version}, this program reads {FORMAT_VERSION}")
+    wanted = {f.name for f in fields(Recording)}
+    if set(columns) != wanted:
+        raise RecordingError(f"{path}: fields {sorted(wanted ^ set(columns))} are missing or unknown")
+    texts = {name: str(columns.pop(name)) for name in ("scenario", "manifest")}
+    return Recording(**texts, **columns)

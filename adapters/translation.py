@@ -1,0 +1,147 @@
+"""Scenario -> the reference's arrays. The drive of the dynamics engines uses its kinematics too."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Unsupported
+from reference_impl import conventions
+from reference_impl.world import (
+    BODY,
+    CONTACT,
+    DRIVER,
+    JOINT,
+    MATERIAL_CAPACITY,
+    PAIR,
+    PIECE,
+    STATE,
+    World,
+)
+from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Sphere
+from scenarios.tracking import sample
+
+KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
+PAIR_CAPACITY = 4096
+CONTACT_CAPACITY = 512
+
+
+def matrix(quaternion: tuple[float, ...]) -> np.ndarray:
+    """Rotation matrix of a quaternion wxyz."""
+    return Rotation.from_quat(np.array(quaternion), scalar_first=True).as_matrix()
+
+
+def translate(scenario: Scenario) -> World:
+    """The scenario as arrays; driven bodies stand where their trackers are at time 0, settings are unset."""
+    pieces, vertices = _pieces(scenario)
+    joints = _joints(scenario)
+    world = World(
+        bodies=_bodies(scenario),
+        pieces=pieces,
+        joints=joints,
+        drivers=_drivers(scenario),
+        vertices=vertices,
+        pairs=np.zeros(PAIR_CAPACITY, PAIR),
+        contacts=np.zeros(CONTACT_CAPACITY, CONTACT),
+        state=np.zeros(1, STATE),
+    )
+    _set_coefficients(scenario, world)
+    return world
+
+
+def _bodies(scenario: Scenario) -> np.ndarray:
+    bodies = np.zeros(len(scenario.bodies), BODY)
+    materials = _materials(scenario)
+    for row, body, group in zip(bodies, scenario.bodies, scenario.groups()):
+        row["kind"] = KINDS[body.kind]
+        row["driver"] = group
+        row["material"] = materials.index(body.material)
+        row["mass"] = body.mass
+        row["inverse_mass"] = 1 / body.mass if body.kind == "simulated" else 0.0
+        row["center_of_mass"], row["inertia"] = body.center_of_mass, body.inertia
+        row["position"], row["orientation"] = body.position, body.orientation
+        row["rotation"] = matrix(body.orientation)
+        row["center"] = row["position"] + row["rotation"] @ row["center_of_mass"]
+        row["velocity"], row["omega"] = body.linear_velocity, body.angular_velocity
+    return bodies
+
+
+def _pieces(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    rows: list[tuple[int, Piece]] = [(i, piece) for i, b in enumerate(scenario.bodies) for piece in b.pieces]
+    pieces = np.zeros(len(rows), PIECE)
+    hulls: list[np.ndarray] = []
+    count = 0
+    for k, (row, (body, piece)) in enumerate(zip(pieces, rows)):
+        row["body"], row["order"] = body, k
+        row["position"], row["rotation"] = piece.position, matrix(piece.orientation)
+        match piece.shape:
+            case Sphere(radius):
+                row["kind"], row["radius"] = conventions.SPHERE, radius
+            case Box(half_extents):
+                row["kind"], row["size"] = conventions.BOX, half_extents
+            case Ellipsoid(half_axes):
+                row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
+            case Hull(corners):
+                row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, count, len(corners)
+                hulls.append(np.array(corners))
+                count += len(corners)
+            case _:
+                raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
+    return pieces, np.ascontiguousarray(np.vstack(hulls) if hulls else np.zeros((1, 3)))
+
+
+def _joints(scenario: Scenario) -> np.ndarray:
+    by_name = {joint.name: joint for joint in scenario.joints}
+    names = [name for tracker in scenario.trackers for name in tracker.joints]
+    joints = np.zeros(len(names), JOINT)
+    for row, joint in zip(joints, (by_name[name] for name in names)):
+        row["parent"], row["child"] = scenario.body_index(joint.parent), scenario.body_index(joint.child)
+        row["position"], row["axis"], row["rest"] = joint.position, joint.axis, matrix(joint.orientation)
+        row["lower"], row["upper"] = joint.lower, joint.upper
+    for tracker, first in zip(scenario.trackers, _first_joints(scenario)):
+        rows = joints[first : first + len(tracker.joints)]
+        motion = sample(tracker, np.zeros(1))
+        for name in ("angle", "free_angle", "target_angle"):
+            rows[name] = motion.angle[0]
+        for name in ("rate", "target_rate"):
+            rows[name] = motion.rate[0]
+    return joints
+
+
+def _first_joints(scenario: Scenario) -> list[int]:
+    counts = [len(tracker.joints) for tracker in scenario.trackers]
+    return [sum(counts[:k]) for k in range(len(counts))]
+
+
+def _drivers(scenario: Scenario) -> np.ndarray:
+    drivers = np.zeros(len(scenario.trackers), DRIVER)
+    for row, tracker, first in zip(drivers, scenario.trackers, _first_joints(scenario)):
+        links = scenario.links(tracker)
+        row["root"], row["first_joint"], row["joint_count"] = links[0], first, len(tracker.joints)
+        row["mass"] = sum(scenario.bodies[link].mass for link in links)
+        row["stiffness"], row["damping"] = tracker.stiffness, tracker.damping
+        motion = sample(tracker, np.zeros(1))
+        for prefix in ("", "target_", "old_target_"):
+            row[f"{prefix}position"] = motion.position[0]
+            row[f"{prefix}orientation"] = motion.orientation[0]
+        for prefix in ("", "target_"):
+            row[f"{prefix}velocity"] = motion.linear_velocity[0]
+            row[f"{prefix}omega"] = motion.angular_velocity[0]
+    return drivers
+
+
+def _materials(scenario: Scenario) -> list[str]:
+    materials = sorted({body.material for body in scenario.bodies})
+    if len(materials) > MATERIAL_CAPACITY:
+        raise Unsupported(f"reference: {len(materials)} materials in one scene, at most {MATERIAL_CAPACITY}")
+    return materials
+
+
+def _set_coefficients(scenario: Scenario, world: World) -> None:
+    materials = _materials(scenario)
+    for a, b in scenario.touching_pairs():
+        row, column = (materials.index(scenario.bodies[k].material) for k in (a, b))
+        restitution, friction = scenario.pair_coefficients(a, b)
+        for i, j in ((row, column), (column, row)):
+            world.state[0]["restitution"][i, j] = restitution
+            world.state[0]["friction_coefficient"][i, j] = friction

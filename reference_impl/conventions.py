@@ -1,0 +1,79 @@
+"""Frames, units, signs, and every numeric constant with its unit and reason.
+
+SI, radians, float64, C-contiguous, right-handed, z up, unit quaternions wxyz. A contact normal points from
+A to B. Signed distance is negative in overlap; depth = max(0, -distance). Impulse +j n acts on B, -j n on A.
+"""
+
+FIXED, SIMULATED, DRIVEN = 0, 1, 2
+"""Kinds of body."""
+SPHERE, BOX, ELLIPSOID, HULL = 0, 1, 2, 3
+"""Kinds of convex piece."""
+FRICTION_PAPER, FRICTION_COULOMB = 0, 1
+"""Eq. 10 as printed (always mu j), or at most what stops the sliding."""
+FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
+"""Semi-implicit Euler, or exact for constant forces."""
+STAGES = ("drive", "collision", "removal", "impulses", "integration")
+"""What the stage clocks of a step tell apart."""
+STAGE_DRIVE, STAGE_COLLISION, STAGE_REMOVAL, STAGE_IMPULSES, STAGE_INTEGRATION = range(5)
+COUNTERS = ("pairs", "contacts", "rounds", "way_back", "gave_up", "events", "impulses", "unconverged", "lost")
+"""What a step counts."""
+(
+    COUNT_PAIRS,
+    COUNT_CONTACTS,
+    COUNT_ROUNDS,
+    COUNT_WAY_BACK,
+    COUNT_GAVE_UP,
+    COUNT_EVENTS,
+    COUNT_IMPULSES,
+    COUNT_UNCONVERGED,
+    COUNT_LOST,
+) = range(9)
+
+# convex depth
+DEPTH_TOLERANCE = 1e-13
+"""Gap between EPA's bounds, over the pair's size, that ends it [1]: some hundred roundings."""
+DISTANCE_TOLERANCE = 1e-14
+"""Relative gap of GJK's squared distance that ends it [1]."""
+DEGENERATE = 1e-14
+"""Area or volume over the pair's size, squared or cubed, below which a simplex is flat [1]."""
+GJK_CAP = 64
+"""Iterations of GJK; about 6 are usual."""
+EPA_VERTICES = 256
+EPA_FACES = 2 * EPA_VERTICES
+"""Room for EPA's polytope: iterations are capped by it; about 30 are usual for hulls of 80 triangles."""
+
+# overlap removal (method, section 3)
+OVERLAP_TOLERANCE = 1e-6
+"""Depth left after removal [m]."""
+REMOVAL_ROUNDS = 32
+"""Rounds of Eq. 1 before the way back."""
+VANISHING_SHIFT = 1e-3
+"""|PD| over the largest depth below which opposing normals cancel [1]."""
+STALL_ROUNDS = 8
+STALL_FALL = 0.9
+"""The largest depth must fall below 0.9 of itself in 8 rounds."""
+WAY_BACK_STEPS = 24
+"""Bisections between the last free pose and the pose at entry: 6e-8 of their distance."""
+
+# impulses (method, section 5)
+TOUCH_DISTANCE = 1e-6
+"""Pieces nearer than this touch [m]."""
+IMPACT_TARGET = 5e-7
+"""Gap at which the time of an impact is found [m]: inside TOUCH_DISTANCE and free of overlap."""
+IMPACT_SLACK = 2e-7
+"""Accepted deviation from IMPACT_TARGET [m]."""
+IMPACT_STEPS = 60
+"""Bracketing steps for the time of an impact; about 6 are usual."""
+APPROACH_MIN = 1e-4
+"""Approach speed below which a contact is no impact [m/s]."""
+SLIP_MIN = 1e-9
+"""Sliding speed without a direction [m/s]."""
+IMPULSE_CAP = 200
+"""Impulses of one event."""
+EVENT_CAP = 64
+"""Events of one frame."""
+HOLD_SWEEPS = 50
+HOLD_RESIDUAL = 1e-12
+"""Sweeps over held contacts, and the change of velocity that ends them [m/s]."""
+TIME_MIN = 1e-12
+"""Remainder of a frame that is not simulated [s]."""

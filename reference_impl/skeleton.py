@@ -1,0 +1,135 @@
+"""Kinematics of a driven body: a tree of links joined by hinges, and its inertia as a whole."""
+
+from math import cos, sin
+
+import numpy as np
+
+from reference_impl.kernel import kernel
+from reference_impl.rotation import conjugate_by, matrix_of, quaternion_of, rotate
+
+
+@kernel
+def hinge_rotation(axis, angle, rest, out_rotation):
+    """Rotation of a child in its parent: turn about `axis` by `angle` after `rest` (Rodrigues)."""
+    c, s = cos(angle), sin(angle)
+    x, y, z = axis[0], axis[1], axis[2]
+    for j in range(3):
+        u, v, w = rest[0, j], rest[1, j], rest[2, j]
+        along = (1 - c) * (x * u + y * v + z * w)
+        out_rotation[0, j] = c * u + s * (y * w - z * v) + along * x
+        out_rotation[1, j] = c * v + s * (z * u - x * w) + along * y
+        out_rotation[2, j] = c * w + s * (x * v - y * u) + along * z
+
+
+@kernel
+def place(body):
+    """Rotation matrix and centre of mass of a body from its origin and orientation."""
+    matrix_of(body["orientation"], body["rotation"])
+    rotate(body["rotation"], body["center_of_mass"], body["center"])
+    for i in range(3):
+        body["center"][i] += body["position"][i]
+
+
+@kernel
+def pose_links(bodies, joints, driver):
+    """Forward kinematics: world poses of a driver's links from its root's pose and its hinges' angles."""
+    root = bodies[driver["root"]]
+    for i in range(3):
+        root["position"][i] = driver["position"][i]
+    for i in range(4):
+        root["orientation"][i] = driver["orientation"][i]
+    place(root)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        parent, child = bodies[joint["parent"]], bodies[joint["child"]]
+        # child's rotation = parent's rotation times the hinge's; `rotation` holds the hinge's on the way
+        hinge_rotation(joint["axis"], joint["angle"], joint["rest"], child["rotation"])
+        for j in range(3):
+            column = child["rotation"][:, j]
+            rotate(parent["rotation"], column, column)
+        quaternion_of(child["rotation"], child["orientation"])
+        rotate(parent["rotation"], joint["position"], child["position"])
+        for i in range(3):
+            child["position"][i] += parent["position"][i]
+        place(child)
+
+
+@kernel
+def move_links(bodies, joints, driver):
+    """World velocities of a driver's links from its coupling velocity and its hinges' rates."""
+    root = bodies[driver["root"]]
+    _velocity_at(driver["velocity"], driver["omega"], driver["position"], root["center"], root["velocity"])
+    root["omega"][:] = driver["omega"]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        parent, child = bodies[joint["parent"]], bodies[joint["child"]]
+        rotate(parent["rotation"], joint["axis"], child["omega"])
+        for i in range(3):
+            child["omega"][i] = parent["omega"][i] + joint["rate"] * child["omega"][i]
+        # the hinge moves with the parent, the centre of mass turns about the hinge
+        _velocity_at(parent["velocity"], parent["omega"], parent["center"], child["position"], child["velocity"])
+        _velocity_at(child["velocity"], child["omega"], child["position"], child["center"], child["velocity"])
+
+
+@kernel
+def _velocity_at(velocity, omega, origin, point, out_velocity):
+    """Velocity of a rigid body's `point` from that of its `origin`; `out_velocity` may be `velocity`."""
+    x, y, z = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
+    out_velocity[0] = velocity[0] + omega[1] * z - omega[2] * y
+    out_velocity[1] = velocity[1] + omega[2] * x - omega[0] * z
+    out_velocity[2] = velocity[2] + omega[0] * y - omega[1] * x
+
+
+@kernel
+def composite_inertia(bodies, joints, driver, out_center, out_inertia):
+    """Centre of mass (3,) and inertia about it (3, 3) of a driver's links, world; returns the mass [kg]."""
+    first, count = driver["first_joint"], driver["joint_count"]
+    mass = 0.0
+    out_center[:] = 0.0
+    for k in range(count + 1):
+        body = bodies[driver["root"] if k == count else joints[first + k]["child"]]
+        mass += body["mass"]
+        for i in range(3):
+            out_center[i] += body["mass"] * body["center"][i]
+    for i in range(3):
+        out_center[i] /= mass
+    out_inertia[:] = 0.0
+    for k in range(count + 1):
+        body = bodies[driver["root"] if k == count else joints[first + k]["child"]]
+        _add_inertia(body, out_center, out_inertia)
+    return mass
+
+
+@kernel
+def _add_inertia(body, center, out_inertia):
+    """Add a body's inertia about `center` (Steiner)."""
+    # `inverse_inertia` of a link is free to hold its inertia in world axes: links have no inverse of their own
+    own = body["inverse_inertia"]
+    conjugate_by(body["rotation"], body["inertia"], own)
+    x, y, z = body["center"][0] - center[0], body["center"][1] - center[1], body["center"][2] - center[2]
+    r = (x, y, z)
+    square = x * x + y * y + z * z
+    for i in range(3):
+        for j in range(3):
+            out_inertia[i, j] += own[i, j] - body["mass"] * r[i] * r[j]
+        out_inertia[i, i] += body["mass"] * square
+
+
+def joint_space_inertia(bodies, joints, driver):
+    """Joint-space inertia (j, j) [kg m^2] of a posed driver with its root held: sum of m Jv'Jv + Jw'I Jw."""
+    chain = joints[driver["first_joint"] : driver["first_joint"] + driver["joint_count"]]
+    above = {int(joint["child"]): k for k, joint in enumerate(chain)}
+    inertia = np.zeros((len(chain), len(chain)))
+    for joint in chain:
+        link = bodies[joint["child"]]
+        turning, moving = np.zeros((3, len(chain))), np.zeros((3, len(chain)))
+        body = int(joint["child"])
+        while body in above:
+            k = above[body]
+            axis = bodies[chain[k]["parent"]]["rotation"] @ chain[k]["axis"]
+            turning[:, k] = axis
+            moving[:, k] = np.cross(axis, link["center"] - bodies[body]["position"])
+            body = int(chain[k]["parent"])
+        world = link["rotation"] @ link["inertia"] @ link["rotation"].T
+        inertia += link["mass"] * moving.T @ moving + turning.T @ world @ turning
+    return inertia

@@ -1,0 +1,157 @@
+"""The structured arrays a scene lives in: the border between Python and the compiled step.
+
+Eight arrays hold everything: bodies, pieces, joints, drivers, vertices (n, 3), pairs, contacts (the log of a
+frame) and one record of `state` with settings, clocks, counters and scratch. Units as in `conventions.py`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from reference_impl.conventions import COUNTERS, EPA_FACES, EPA_VERTICES, STAGES
+
+_VECTOR = ("f8", (3,))
+_QUATERNION = ("f8", (4,))
+_MATRIX = ("f8", (3, 3))
+
+
+def _record(**fields):
+    return np.dtype([(name, *(kind if isinstance(kind, tuple) else (kind,))) for name, kind in fields.items()])
+
+
+BODY = _record(
+    kind="i8",
+    driver="i8",  # index of the driver that moves it, or -1
+    material="i8",
+    mass="f8",
+    inverse_mass="f8",  # zero where impulses do not move it by itself
+    center_of_mass=_VECTOR,  # body frame
+    inertia=_MATRIX,  # about the centre of mass, body axes
+    position=_VECTOR,  # of the origin, world
+    orientation=_QUATERNION,
+    rotation=_MATRIX,  # of `orientation`
+    velocity=_VECTOR,  # of the centre of mass, world
+    omega=_VECTOR,
+    center=_VECTOR,  # centre of mass, world
+    inverse_inertia=_MATRIX,  # world axes
+    old_position=_VECTOR,  # at the start of a substep: centre of mass, orientation, velocities
+    old_orientation=_QUATERNION,
+    old_velocity=_VECTOR,
+    old_omega=_VECTOR,
+)
+PIECE = _record(
+    body="i8",
+    kind="i8",
+    first_vertex="i8",
+    vertex_count="i8",
+    size=_VECTOR,  # half extents or half axes
+    radius="f8",  # round a core: the core of a sphere is its centre
+    position=_VECTOR,  # body frame
+    rotation=_MATRIX,
+    world_position=_VECTOR,
+    world_rotation=_MATRIX,
+    low=_VECTOR,  # bounding box, world
+    high=_VECTOR,
+    order="i8",  # index of the piece at this place of the sweep along x
+)
+JOINT = _record(
+    parent="i8",
+    child="i8",
+    position=_VECTOR,  # of the hinge, parent frame
+    axis=_VECTOR,  # parent frame
+    rest=_MATRIX,  # child in parent at angle 0
+    lower="f8",
+    upper="f8",
+    angle="f8",
+    rate="f8",
+    free_angle="f8",  # in the last free pose
+    entry_angle="f8",  # when removal began
+    target_angle="f8",  # at the end of the frame
+    target_rate="f8",
+)
+DRIVER = _record(
+    root="i8",
+    first_joint="i8",
+    joint_count="i8",
+    mass="f8",
+    stiffness="f8",
+    damping="f8",
+    position=_VECTOR,  # coupling state: the root's origin
+    orientation=_QUATERNION,
+    velocity=_VECTOR,
+    omega=_VECTOR,
+    center=_VECTOR,  # centre of mass of the whole, world
+    inverse_inertia=_MATRIX,  # of the whole about `center`, world axes
+    target_position=_VECTOR,  # tracker at the end of the frame
+    target_orientation=_QUATERNION,
+    target_velocity=_VECTOR,
+    target_omega=_VECTOR,
+    old_target_position=_VECTOR,  # tracker at its start
+    old_target_orientation=_QUATERNION,
+    free_position=_VECTOR,  # last free pose
+    free_orientation=_QUATERNION,
+    has_free="i8",
+)
+PAIR = _record(
+    piece_a="i8",
+    piece_b="i8",
+    body_a="i8",
+    body_b="i8",
+    restitution="f8",
+    friction="f8",
+    distance="f8",
+    normal=_VECTOR,
+    point_a=_VECTOR,  # witnesses, world
+    point_b=_VECTOR,
+    key="f8",  # approach speed in the priority queue
+    touching="i8",  # at the start of the substep
+    row="i8",  # of the contact log, -1 before its first impulse
+)
+CONTACT = _record(
+    time="f8",  # since the start of the frame
+    body_a="i8",
+    body_b="i8",
+    position=_VECTOR,
+    normal=_VECTOR,
+    distance="f8",
+    impulse=_VECTOR,
+    velocity_a_before=_VECTOR,
+    velocity_b_before=_VECTOR,
+    velocity_a_after=_VECTOR,
+    velocity_b_after=_VECTOR,
+)
+STATE = _record(
+    dt="f8",
+    gravity=_VECTOR,
+    friction="i8",
+    flight="i8",
+    restitution=("f8", (8, 8)),  # per pair of materials
+    friction_coefficient=("f8", (8, 8)),
+    pair_count="i8",
+    contact_count="i8",
+    stage_seconds=("f8", (len(STAGES),)),
+    counters=("i8", (len(COUNTERS),)),
+    clock=("i8", (2,)),
+    # scratch of EPA: vertices of the Minkowski difference, and the points of A they come from
+    w=("f8", (EPA_VERTICES, 3)),
+    a=("f8", (EPA_VERTICES, 3)),
+    face=("i8", (EPA_FACES, 3)),
+    normal=("f8", (EPA_FACES, 3)),
+    offset=("f8", (EPA_FACES,)),
+    edge=("i8", (EPA_FACES, 2)),
+)
+MATERIAL_CAPACITY = 8
+"""Materials a world may hold: the two tables of `STATE` have this many rows."""
+
+
+class World(NamedTuple):
+    """All arrays of a scene, in the order the compiled step takes them."""
+
+    bodies: np.ndarray  # BODY
+    pieces: np.ndarray  # PIECE
+    joints: np.ndarray  # JOINT
+    drivers: np.ndarray  # DRIVER
+    vertices: np.ndarray  # (n, 3) of all hulls, piece frames
+    pairs: np.ndarray  # PAIR, capacity
+    contacts: np.ndarray  # CONTACT, capacity
+    state: np.ndarray  # STATE, one record

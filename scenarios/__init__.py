@@ -1,0 +1,1 @@
+"""What is simulated, as plain data. Knows no engine."""

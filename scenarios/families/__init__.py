@@ -1,0 +1,1 @@
+"""One file per family of scenes; `catalogue.py` finds them by itself."""

@@ -1,0 +1,233 @@
+"""The neutral scene: what every engine is built from.
+
+Conventions: SI units, radians, right-handed, z up, unit quaternions wxyz. A body's `position` is its
+origin in the world; its `center_of_mass` and pieces are posed in the body frame; its inertia is taken
+about the centre of mass along the body axes. A driven body is a tree of links joined by hinges: the
+link frame has its origin on the hinge. Every object is plain, frozen data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+Kind = Literal["fixed", "simulated", "driven"]
+
+IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+EFFECTS = ("gravity", "restitution", "friction", "self_collision")
+EVENTS = ("touch", "roll", "leave", "land")
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be simulated; `faults` lists (path of the field, what is wrong)."""
+
+    def __init__(self, name: str, faults: list[tuple[str, str]]) -> None:
+        self.faults = faults
+        lines = "\n".join(f"  {path}: {message}" for path, message in faults)
+        super().__init__(f"scenario {name!r} has {len(faults)} fault(s):\n{lines}")
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A ball of `radius` [m] round the piece's origin."""
+
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box with `half_extents` [m] along the piece's axes."""
+
+    half_extents: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Ellipsoid:
+    """An ellipsoid with `half_axes` [m] along the piece's axes."""
+
+    half_axes: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Hull:
+    """The convex hull of `vertices` [m, piece frame]; each must be a corner of it."""
+
+    vertices: tuple[Vector, ...]
+
+
+Shape = Sphere | Box | Ellipsoid | Hull
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A convex piece, posed in the frame of its body."""
+
+    name: str
+    shape: Shape
+    position: Vector = ORIGIN
+    orientation: Quaternion = IDENTITY
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rigid body, or one link of a driven body.
+
+    `position` to `angular_velocity` [m, wxyz, m/s of the centre of mass, rad/s; world] are the initial
+    state; a driven link takes its state from its tracker and leaves them at their defaults. A fixed body
+    needs no mass.
+    """
+
+    name: str
+    kind: Kind
+    material: str
+    pieces: tuple[Piece, ...]
+    mass: float = 0.0
+    center_of_mass: Vector = ORIGIN
+    inertia: Matrix = (ORIGIN, ORIGIN, ORIGIN)
+    position: Vector = ORIGIN
+    orientation: Quaternion = IDENTITY
+    linear_velocity: Vector = ORIGIN
+    angular_velocity: Vector = ORIGIN
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A hinge. At angle q the child frame sits at `position` of the parent frame, turned by
+    rotation(`axis`, q) after `orientation`; the axis is given in the parent frame."""
+
+    name: str
+    parent: str
+    child: str
+    position: Vector
+    axis: Vector
+    orientation: Quaternion = IDENTITY
+    lower: float = -3.141592653589793
+    upper: float = 3.141592653589793
+
+
+@dataclass(frozen=True, slots=True)
+class Tracker:
+    """What a driven body follows: keyframes of its root's pose and of its hinges' angles.
+
+    `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation it is
+    critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped servo of
+    `hinge_frequency` [rad/s]; the reference poses them exactly.
+    """
+
+    root: str
+    joints: tuple[str, ...]
+    times: tuple[float, ...]
+    positions: tuple[Vector, ...]
+    orientations: tuple[Quaternion, ...]
+    angles: tuple[tuple[float, ...], ...]
+    stiffness: float = 1000.0
+    damping: float = 40.0
+    hinge_frequency: float = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class PairCoefficients:
+    """Restitution e and Coulomb friction mu of a pair of materials."""
+
+    material_a: str
+    material_b: str
+    restitution: float
+    friction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """An event that must happen to `body` and `other` between `earliest` and `latest` [s].
+
+    touch: their gap closes; roll: their contact stops slipping; leave: their gap opens for good;
+    land: their gap closes for the first time after the last `leave`.
+    """
+
+    event: Literal["touch", "roll", "leave", "land"]
+    body: str
+    other: str
+    earliest: float
+    latest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A scene and its truth. Building one validates it: `ScenarioError` names every fault at once."""
+
+    name: str
+    summary: str
+    tags: tuple[str, ...]
+    bodies: tuple[Body, ...]
+    duration: float
+    coefficients: tuple[PairCoefficients, ...]
+    joints: tuple[Joint, ...] = ()
+    trackers: tuple[Tracker, ...] = ()
+    gravity: Vector = (0.0, 0.0, -9.81)
+    frame_rate: int = 60
+    effects: tuple[str, ...] = ("gravity", "restitution", "friction")
+    expectations: tuple[Expectation, ...] = ()
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        from scenarios.validation import faults
+
+        found = faults(self)
+        if found:
+            raise ScenarioError(self.name, found)
+
+    @property
+    def frame_count(self) -> int:
+        """Displayed frames after the initial one."""
+        return round(self.duration * self.frame_rate)
+
+    @property
+    def acting_gravity(self) -> Vector:
+        """Gravity [m/s^2], or zero where the effect is off."""
+        return self.gravity if "gravity" in self.effects else ORIGIN
+
+    def body_index(self, name: str) -> int:
+        """Index of the body called `name`."""
+        return next(i for i, body in enumerate(self.bodies) if body.name == name)
+
+    def links(self, tracker: Tracker) -> tuple[int, ...]:
+        """Body indices of a driven body, root first, then the children of its joints in order."""
+        children = {joint.name: joint.child for joint in self.joints}
+        return tuple(self.body_index(name) for name in (tracker.root, *(children[j] for j in tracker.joints)))
+
+    def groups(self) -> tuple[int, ...]:
+        """Per body the index of the tracker that drives it, or -1."""
+        group = [-1] * len(self.bodies)
+        for index, tracker in enumerate(self.trackers):
+            for link in self.links(tracker):
+                group[link] = index
+        return tuple(group)
+
+    def touching_pairs(self) -> Iterator[tuple[int, int]]:
+        """Body pairs (a < b) that may touch: not both fixed, both with pieces; links of one driven body
+        only where `self_collision` is on and they are not adjacent."""
+        group = self.groups()
+        adjacent = {frozenset((joint.parent, joint.child)) for joint in self.joints}
+        for a, b in combinations(range(len(self.bodies)), 2):
+            first, second = self.bodies[a], self.bodies[b]
+            if not (first.pieces and second.pieces) or first.kind == second.kind == "fixed":
+                continue
+            if group[a] == group[b] >= 0 and (
+                "self_collision" not in self.effects or frozenset((first.name, second.name)) in adjacent
+            ):
+                continue
+            yield a, b
+
+    def pair_coefficients(self, a: int, b: int) -> tuple[float, float]:
+        """Restitution and friction of the bodies with index a and b; zero where the effect is off."""
+        wanted = {self.bodies[a].material, self.bodies[b].material}
+        pair = next(c for c in self.coefficients if {c.material_a, c.material_b} == wanted)
+        return (
+            pair.restitution if "restitution" in self.effects else 0.0,
+            pair.friction if "friction" in self.effects else 0.0,
+        )

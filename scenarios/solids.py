@@ -1,0 +1,51 @@
+"""Inertia of uniform solids about their centre, and the vertices of elliptic hulls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarios.scenario import Matrix, Vector
+
+
+def _diagonal(x: float, y: float, z: float) -> Matrix:
+    return ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))
+
+
+def ellipsoid_inertia(mass: float, half_axes: Vector) -> Matrix:
+    """Inertia [kg m^2] of a uniform solid ellipsoid about its centre; half axes in m."""
+    a2, b2, c2 = (axis * axis for axis in half_axes)
+    return _diagonal(mass * (b2 + c2) / 5, mass * (a2 + c2) / 5, mass * (a2 + b2) / 5)
+
+
+def sphere_inertia(mass: float, radius: float) -> Matrix:
+    """Inertia [kg m^2] of a uniform solid sphere about its centre; radius in m."""
+    return ellipsoid_inertia(mass, (radius, radius, radius))
+
+
+def box_inertia(mass: float, half_extents: Vector) -> Matrix:
+    """Inertia [kg m^2] of a uniform solid box about its centre; half extents in m."""
+    a2, b2, c2 = (extent * extent for extent in half_extents)
+    return _diagonal(mass * (b2 + c2) / 3, mass * (a2 + c2) / 3, mass * (a2 + b2) / 3)
+
+
+def elliptic_hull(half_axes: Vector) -> tuple[Vector, ...]:
+    """The 42 vertices (80 triangles) of an icosphere, subdivided once, on an ellipsoid.
+
+    Args:
+        half_axes: half axes along x, y, z [m]; the longest should be x, where the poles lie.
+    Returns:
+        Vertices in the frame of the ellipsoid [m]; all lie on it.
+    """
+    golden = (1 + 5**0.5) / 2
+    corners = np.array(
+        [(0.0, s, t * golden) for s in (-1, 1) for t in (-1, 1)]
+        + [(s, t * golden, 0.0) for s in (-1, 1) for t in (-1, 1)]
+        + [(t * golden, 0.0, s) for s in (-1, 1) for t in (-1, 1)]
+    )
+    # edges of the icosahedron are its shortest distances, 2
+    first, second = np.triu_indices(12, k=1)
+    edges = np.linalg.norm(corners[first] - corners[second], axis=1) < 2.1
+    midpoints = (corners[first] + corners[second])[edges]
+    sphere = np.vstack([corners, midpoints])
+    sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
+    return tuple((float(x), float(y), float(z)) for x, y, z in sphere * np.array(half_axes))

@@ -1,0 +1,46 @@
+"""A tracker's keyframes as smooth motion: cubic interpolation, with velocities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from scenarios.scenario import Tracker
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerMotion:
+    """A tracker at n times: world poses and velocities of its root, angles and rates of its hinges."""
+
+    position: NDArray[np.float64]  # (n, 3) [m]
+    orientation: NDArray[np.float64]  # (n, 4) wxyz
+    linear_velocity: NDArray[np.float64]  # (n, 3) [m/s], of the root's origin
+    angular_velocity: NDArray[np.float64]  # (n, 3) [rad/s], world
+    angle: NDArray[np.float64]  # (n, joints) [rad]
+    rate: NDArray[np.float64]  # (n, joints) [rad/s]
+
+
+def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
+    """The tracker at `times` [s]: cubic splines through the keyframes, at rest at both ends.
+
+    Orientations follow scipy's RotationSpline (continuous angular acceleration).
+    """
+    positions = CubicSpline(tracker.times, tracker.positions, bc_type="clamped")
+    count = len(tracker.joints)
+    angles = CubicSpline(tracker.times, np.reshape(tracker.angles, (-1, count)), bc_type="clamped")
+    keys = Rotation.from_quat(np.array(tracker.orientations), scalar_first=True)
+    rotations = RotationSpline(tracker.times, keys)
+    turned = rotations(times)
+    # RotationSpline gives rates along the body's axes; ours are along the world's
+    return TrackerMotion(
+        position=positions(times),
+        orientation=turned.as_quat(scalar_first=True),
+        linear_velocity=positions(times, 1),
+        angular_velocity=turned.apply(rotations(times, 1)),
+        angle=angles(times),
+        rate=angles(times, 1),
+    )

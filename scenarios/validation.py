@@ -1,0 +1,232 @@
+"""Every fault of a scenario at once, each with the path of the field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from math import isfinite
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from scenarios.scenario import EFFECTS, EVENTS, Body, Box, Ellipsoid, Hull, Scenario, Shape, Sphere, Tracker
+
+Report = Callable[[str, str], None]
+
+UNIT_TOLERANCE = 1e-9
+"""Deviation of a quaternion or an axis from length 1 that rounding explains [1]."""
+FLATNESS = 1e-6
+"""Volume of a hull over the cube of its size below which it counts as flat [1]."""
+SYMMETRY = 1e-12
+"""Relative slack of inertia's symmetry and triangle inequality, for rounding [1]."""
+WHOLE = 1e-9
+"""Deviation of duration times frame rate from a whole number [frames]."""
+
+
+def faults(scenario: Scenario) -> list[tuple[str, str]]:
+    """All faults of a scenario as (path of the field, what was found and what is expected)."""
+    found: list[tuple[str, str]] = []
+
+    def report(path: str, message: str) -> None:
+        found.append((path, message))
+
+    _check_numbers(scenario, report)
+    _check_names(scenario, report)
+    for i, body in enumerate(scenario.bodies):
+        _check_body(body, f"bodies[{i}]", report)
+    _check_joints(scenario, report)
+    for i, tracker in enumerate(scenario.trackers):
+        _check_tracker(scenario, tracker, f"trackers[{i}]", report)
+    _check_coefficients(scenario, report)
+    _check_expectations(scenario, report)
+    return found
+
+
+def _finite(values: Iterable[float], path: str, report: Report) -> bool:
+    numbers = [float(value) for value in values]
+    bad = next((value for value in numbers if not isfinite(value)), None)
+    if bad is not None:
+        report(path, f"found {bad}, expected finite numbers")
+    return bad is None
+
+
+def _positive(values: Iterable[float], path: str, report: Report) -> None:
+    numbers = list(values)
+    if _finite(numbers, path, report) and min(numbers) <= 0:
+        report(path, f"found {min(numbers)}, expected positive numbers")
+
+
+def _unit(values: tuple[float, ...], path: str, report: Report) -> None:
+    if _finite(values, path, report) and abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
+        report(path, f"found length {sum(v * v for v in values) ** 0.5:.6g}, expected 1")
+
+
+def _check_numbers(scenario: Scenario, report: Report) -> None:
+    _finite(scenario.gravity, "gravity", report)
+    _positive([scenario.frame_rate], "frame_rate", report)
+    _positive([scenario.duration], "duration", report)
+    frames = scenario.duration * scenario.frame_rate
+    if isfinite(frames) and frames > 0 and abs(frames - round(frames)) > WHOLE:
+        report("duration", f"found {frames:g} frames, expected a whole number of frames")
+    for effect in scenario.effects:
+        if effect not in EFFECTS:
+            report("effects", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
+
+
+def _check_names(scenario: Scenario, report: Report) -> None:
+    for field in ("bodies", "joints"):
+        names = [item.name for item in getattr(scenario, field)]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                report(f"{field}[{i}].name", f"{name!r} is used twice")
+    if not scenario.bodies:
+        report("bodies", "found none, expected at least one")
+
+
+def _check_body(body: Body, path: str, report: Report) -> None:
+    if body.kind not in ("fixed", "simulated", "driven"):
+        report(f"{path}.kind", f"unknown kind {body.kind!r}; valid: fixed, simulated, driven")
+    _unit(body.orientation, f"{path}.orientation", report)
+    for field in ("position", "linear_velocity", "angular_velocity", "center_of_mass"):
+        _finite(getattr(body, field), f"{path}.{field}", report)
+    if body.kind != "fixed":
+        _positive([body.mass], f"{path}.mass", report)
+        _check_inertia(np.array(body.inertia), f"{path}.inertia", report)
+    if body.kind != "driven" and not body.pieces:
+        report(f"{path}.pieces", "found none, expected at least one")
+    for k, piece in enumerate(body.pieces):
+        _finite(piece.position, f"{path}.pieces[{k}].position", report)
+        _unit(piece.orientation, f"{path}.pieces[{k}].orientation", report)
+        _check_shape(piece.shape, f"{path}.pieces[{k}].shape", report)
+
+
+def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
+    if not _finite(inertia.ravel(), path, report):
+        return
+    if np.abs(inertia - inertia.T).max() > SYMMETRY * np.abs(inertia).max():
+        report(path, "found an asymmetric matrix, expected a symmetric one")
+        return
+    moments = np.linalg.eigvalsh(inertia)
+    if moments[0] <= 0:
+        report(path, f"found the principal moment {moments[0]:.6g} kg m^2, expected positive ones")
+    elif moments[2] > (moments[0] + moments[1]) * (1 + SYMMETRY):
+        report(
+            path,
+            f"principal moments {moments[0]:.6g}, {moments[1]:.6g}, {moments[2]:.6g} kg m^2 break the "
+            "triangle inequality: the largest must not exceed the sum of the others",
+        )
+
+
+def _check_shape(shape: Shape, path: str, report: Report) -> None:
+    match shape:
+        case Sphere(radius):
+            _positive([radius], f"{path}.radius", report)
+        case Box(half_extents):
+            _positive(half_extents, f"{path}.half_extents", report)
+        case Ellipsoid(half_axes):
+            _positive(half_axes, f"{path}.half_axes", report)
+        case Hull(vertices):
+            _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
+        case _:
+            report(path, f"unknown shape {type(shape).__name__}; valid: Sphere, Box, Ellipsoid, Hull")
+
+
+def _check_hull(vertices: np.ndarray, path: str, report: Report) -> None:
+    if len(vertices) < 4:
+        report(path, f"found {len(vertices)} vertices, expected at least 4")
+        return
+    if not _finite(vertices.ravel(), path, report):
+        return
+    size = np.ptp(vertices, axis=0).max()
+    try:
+        hull = ConvexHull(vertices)
+    except QhullError:
+        report(path, "degenerate: the vertices lie in a plane, on a line or in a point")
+        return
+    if hull.volume < FLATNESS * size**3:
+        report(path, f"degenerate: volume {hull.volume:.3g} m^3 at a size of {size:.3g} m")
+    inside = sorted(set(range(len(vertices))) - set(hull.vertices.tolist()))
+    if inside:
+        report(path, f"not convex: vertices {inside[:5]} are repeated or no corners of their convex hull")
+
+
+def _check_joints(scenario: Scenario, report: Report) -> None:
+    names = {body.name: body for body in scenario.bodies}
+    for i, joint in enumerate(scenario.joints):
+        path = f"joints[{i}]"
+        for field in ("parent", "child"):
+            name = getattr(joint, field)
+            if name not in names:
+                report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(names)}")
+            elif names[name].kind != "driven":
+                report(f"{path}.{field}", f"{name!r} is {names[name].kind}, expected a driven body")
+        _finite(joint.position, f"{path}.position", report)
+        _unit(joint.axis, f"{path}.axis", report)
+        _unit(joint.orientation, f"{path}.orientation", report)
+        if not joint.lower < joint.upper:
+            report(f"{path}.lower", f"found {joint.lower}, expected less than upper = {joint.upper}")
+
+
+def _check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Report) -> None:
+    joints = {joint.name: joint for joint in scenario.joints}
+    reached = {tracker.root}
+    if tracker.root not in {b.name for b in scenario.bodies if b.kind == "driven"}:
+        report(f"{path}.root", f"{tracker.root!r} is not a driven body")
+    for k, name in enumerate(tracker.joints):
+        if name not in joints:
+            report(f"{path}.joints[{k}]", f"unknown joint {name!r}; valid: {', '.join(joints)}")
+        elif joints[name].parent not in reached:
+            report(f"{path}.joints[{k}]", f"{name!r} comes before the joint that leads to its parent")
+        else:
+            reached.add(joints[name].child)
+    count = len(tracker.times)
+    if count < 2 or any(a >= b for a, b in zip(tracker.times, tracker.times[1:])):
+        report(f"{path}.times", "expected at least two increasing times")
+    elif tracker.times[0] > 0 or tracker.times[-1] < scenario.duration - WHOLE:
+        report(f"{path}.times", f"must cover 0 to {scenario.duration} s")
+    for field, width in (("positions", 3), ("orientations", 4), ("angles", len(tracker.joints))):
+        rows = getattr(tracker, field)
+        if len(rows) != count or any(len(row) != width for row in rows):
+            report(f"{path}.{field}", f"expected {count} rows of {width}")
+            continue
+        for k, row in enumerate(rows):
+            if not _finite(row, f"{path}.{field}[{k}]", report):
+                break
+    _finite(tracker.times, f"{path}.times", report)
+    _positive([tracker.stiffness], f"{path}.stiffness", report)
+    _positive([tracker.damping], f"{path}.damping", report)
+    _positive([tracker.hinge_frequency], f"{path}.hinge_frequency", report)
+
+
+def _check_coefficients(scenario: Scenario, report: Report) -> None:
+    for i, pair in enumerate(scenario.coefficients):
+        if not 0 <= pair.restitution <= 1:
+            report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
+        if not (isfinite(pair.friction) and pair.friction >= 0):
+            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
+    known = {frozenset((pair.material_a, pair.material_b)) for pair in scenario.coefficients}
+    materials = sorted({name for pair in known for name in pair})
+    missing = set()
+    for i, body in enumerate(scenario.bodies):
+        if body.material not in materials:
+            report(f"bodies[{i}].material", f"unknown {body.material!r}; valid: {', '.join(materials)}")
+        for other in scenario.bodies[:i]:
+            pair_names = frozenset((body.material, other.material))
+            unmovable = body.kind == other.kind == "fixed"
+            if not unmovable and pair_names not in known and pair_names <= set(materials):
+                missing.add(tuple(sorted(pair_names)))
+    for names in sorted(missing):
+        report("coefficients", f"no coefficients for the pair {' and '.join(names)}")
+
+
+def _check_expectations(scenario: Scenario, report: Report) -> None:
+    names = [body.name for body in scenario.bodies]
+    for i, expectation in enumerate(scenario.expectations):
+        path = f"expectations[{i}]"
+        if expectation.event not in EVENTS:
+            report(f"{path}.event", f"unknown event {expectation.event!r}; valid: {', '.join(EVENTS)}")
+        for field in ("body", "other"):
+            name = getattr(expectation, field)
+            if name not in names:
+                report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(names)}")
+        if not 0 <= expectation.earliest < expectation.latest <= scenario.duration:
+            report(f"{path}.earliest", f"expected 0 <= earliest < latest <= {scenario.duration}")
