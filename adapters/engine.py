@@ -135,7 +135,13 @@ class State:
         row["normal"] = sign * normal
         row["distance"] = distance
         row["impulse"] = sign * impulse
-        for name in ("time", "velocity_a_before", "velocity_b_before", "velocity_a_after", "velocity_b_after"):
+        for name in (
+            "time",
+            "velocity_a_before",
+            "velocity_b_before",
+            "velocity_a_after",
+            "velocity_b_after",
+        ):
             row[name] = np.nan
         self.contact_count += 1
 

@@ -112,7 +112,14 @@ class Player:
 
     def _keep_frame(self) -> None:
         state = self._state
-        names = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
+        names = (
+            "position",
+            "orientation",
+            "linear_velocity",
+            "angular_velocity",
+            "joint_angle",
+            "joint_rate",
+        )
         frame: dict[str, Array | float] = {name: getattr(state, name).copy() for name in names}
         frame["driver_work"] = self._work
         self._frames.append(frame)

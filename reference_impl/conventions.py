@@ -32,10 +32,20 @@ COUNTERS = ("pairs", "contacts", "rounds", "way_back", "gave_up", "events", "imp
 # convex depth
 DEPTH_TOLERANCE = 1e-13
 """Gap between EPA's bounds, over the pair's size, that ends it [1]: some hundred roundings."""
-DISTANCE_TOLERANCE = 1e-14
-"""Relative gap of GJK's squared distance that ends it [1]."""
+DISTANCE_TOLERANCE = 1e-15
+"""Gap of GJK's distance over the simplex' size that ends it [1]: a few roundings."""
 DEGENERATE = 1e-14
 """Area or volume over the pair's size, squared or cubed, below which a simplex is flat [1]."""
+STAGNATION = 1e-12
+"""The same gap where rounding stops GJK's descent earlier: still converged below it [1]."""
+FLAT = 1e-12
+"""Height of a tetrahedron over its edge below which the sides of its faces are rounding [1]."""
+GROWTH = 1e-9
+"""Reach of a new vertex over the pair's size by which a simplex gains a dimension [1]."""
+NEAR = 1e-8
+"""Distance over the pair's size below which GJK's nearest point is too short to give a normal [1]."""
+APART = 1e-3
+"""Gap over the pair's size at which witnesses of overlapping pieces are read off [1]."""
 GJK_CAP = 64
 """Iterations of GJK; about 6 are usual."""
 EPA_VERTICES = 256
@@ -77,3 +87,7 @@ HOLD_RESIDUAL = 1e-12
 """Sweeps over held contacts, and the change of velocity that ends them [m/s]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
+
+# virtual coupling (method, section 5)
+NEAR_CRITICAL = 1e-5
+"""(w h)^2 below which three terms give a nearly critical spring to rounding: the fourth is 1e-15 / 720 [1]."""

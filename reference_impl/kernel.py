@@ -31,7 +31,11 @@ def source_key(folder):
 def choose_cache_folder():
     """The first writable of $TOUCHSTONE_CACHE, the user's cache and the temporary folder; None if none is."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    candidates = [os.environ.get("TOUCHSTONE_CACHE"), f"{home}/touchstone", f"{tempfile.gettempdir()}/touchstone"]
+    candidates = [
+        os.environ.get("TOUCHSTONE_CACHE"),
+        f"{home}/touchstone",
+        f"{tempfile.gettempdir()}/touchstone",
+    ]
     for candidate in filter(None, candidates):
         folder = Path(candidate) / "kernels" / source_key(Path(__file__).parent)
         try:

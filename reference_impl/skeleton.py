@@ -67,7 +67,9 @@ def move_links(bodies, joints, driver):
         for i in range(3):
             child["omega"][i] = parent["omega"][i] + joint["rate"] * child["omega"][i]
         # the hinge moves with the parent, the centre of mass turns about the hinge
-        _velocity_at(parent["velocity"], parent["omega"], parent["center"], child["position"], child["velocity"])
+        _velocity_at(
+            parent["velocity"], parent["omega"], parent["center"], child["position"], child["velocity"]
+        )
         _velocity_at(child["velocity"], child["omega"], child["position"], child["center"], child["velocity"])
 
 

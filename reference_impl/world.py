@@ -16,7 +16,9 @@ _MATRIX = ("f8", (3, 3))
 
 
 def _record(**fields):
-    return np.dtype([(name, *(kind if isinstance(kind, tuple) else (kind,))) for name, kind in fields.items()])
+    return np.dtype(
+        [(name, *(kind if isinstance(kind, tuple) else (kind,))) for name, kind in fields.items()]
+    )
 
 
 BODY = _record(
@@ -34,10 +36,13 @@ BODY = _record(
     omega=_VECTOR,
     center=_VECTOR,  # centre of mass, world
     inverse_inertia=_MATRIX,  # world axes
-    old_position=_VECTOR,  # at the start of a substep: centre of mass, orientation, velocities
+    old_center=_VECTOR,  # at the start of a substep
     old_orientation=_QUATERNION,
     old_velocity=_VECTOR,
     old_omega=_VECTOR,
+    momentum=_VECTOR,  # scratch of the free spin
+    spin=_VECTOR,
+    scratch=_MATRIX,
 )
 PIECE = _record(
     body="i8",
@@ -81,7 +86,8 @@ DRIVER = _record(
     velocity=_VECTOR,
     omega=_VECTOR,
     center=_VECTOR,  # centre of mass of the whole, world
-    inverse_inertia=_MATRIX,  # of the whole about `center`, world axes
+    inertia=_MATRIX,  # of the whole about `center`, world axes
+    inverse_inertia=_MATRIX,
     target_position=_VECTOR,  # tracker at the end of the frame
     target_orientation=_QUATERNION,
     target_velocity=_VECTOR,
@@ -91,6 +97,9 @@ DRIVER = _record(
     free_position=_VECTOR,  # last free pose
     free_orientation=_QUATERNION,
     has_free="i8",
+    entry_position=_VECTOR,  # pose when removal began
+    entry_orientation=_QUATERNION,
+    scratch=("f8", (3, 3)),
 )
 PAIR = _record(
     piece_a="i8",
@@ -103,9 +112,11 @@ PAIR = _record(
     normal=_VECTOR,
     point_a=_VECTOR,  # witnesses, world
     point_b=_VECTOR,
-    key="f8",  # approach speed in the priority queue
-    touching="i8",  # at the start of the substep
-    row="i8",  # of the contact log, -1 before its first impulse
+    key="f8",  # approach speed in the priority queue [m/s]
+    point=_VECTOR,  # contact point while it holds
+    held=_VECTOR,  # impulse on B while the contact holds [N s]
+    before_a=_VECTOR,  # surface velocities at the start of the hold [m/s]
+    before_b=_VECTOR,
 )
 CONTACT = _record(
     time="f8",  # since the start of the frame
@@ -132,6 +143,8 @@ STATE = _record(
     stage_seconds=("f8", (len(STAGES),)),
     counters=("i8", (len(COUNTERS),)),
     clock=("i8", (2,)),
+    scratch=("f8", (9, 3)),
+    mobility=_MATRIX,
     # scratch of EPA: vertices of the Minkowski difference, and the points of A they come from
     w=("f8", (EPA_VERTICES, 3)),
     a=("f8", (EPA_VERTICES, 3)),

@@ -21,14 +21,14 @@ BALL_RADIUS = 0.02
 BALL_MASS = 0.020
 """A wooden ball of 4 cm: 600 kg/m^3 [kg]."""
 BALL_START: Vector = (0.15, 0.0, TABLE_TOP + BALL_RADIUS)
-PALM: Vector = (0.042, -0.026, 0.855)
-"""The palm, held still: its index finger's tip is 8 mm behind the ball [m]."""
+PALM: Vector = (0.078, -0.026, 0.847)
+"""The palm, held still: its index finger, pointing down, clears the table by 4 mm and meets the ball [m]."""
 
 FLICK_START = 0.30
 FLICK_TIME = 0.12
-"""The flick [s]: the index finger goes from flexed to nearly straight."""
-FLEXED = (1.20, 0.30, 0.20)
-STRAIGHT = (0.15, 0.15, 0.10)
+"""The flick [s]: the index finger swings from behind the vertical to the front."""
+FLEXED = (1.85, 0.10, 0.05)
+STRAIGHT = (0.90, 0.10, 0.05)
 OTHER_FINGERS = (0.10, 0.15, 0.10)
 """Angles of a finger's three hinges [rad]."""
 

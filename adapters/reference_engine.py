@@ -1,0 +1,168 @@
+"""The reference behind the engine contract: scenario to arrays, one compiled step a frame, arrays to state.
+
+Conventions: the reference's are ours. Its step is a whole frame and contains its drive; its hinges are posed
+as the glove shows them, so the drive's work is not known (NaN). Its contacts carry the moment of the impulse
+and the velocities before and after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from adapters.engine import AdapterError, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
+from adapters.translation import translate
+from reference_impl import conventions
+from reference_impl.kernel import JIT, kernel
+from reference_impl.pipeline import prepare, step
+from scenarios.scenario import Scenario
+from scenarios.tracking import TrackerMotion, sample
+
+PROFILES: dict[str, dict[str, int]] = {
+    "paper": {"friction": conventions.FRICTION_PAPER, "flight": conventions.FLIGHT_EULER},
+    "balanced": {"friction": conventions.FRICTION_COULOMB, "flight": conventions.FLIGHT_BALLISTIC},
+}
+"""Named bundles of settings (method, section 6), nothing more."""
+
+
+@kernel
+def _nothing(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):  # type: ignore[no-untyped-def]
+    """Cross the compiled border and come back."""
+
+
+class ReferenceEngine:
+    """The method of `reference_impl`."""
+
+    name: ClassVar[str] = "reference"
+    profiles: ClassVar[Mapping[str, float]] = dict.fromkeys(PROFILES, 1 / 60)
+
+    def version(self) -> str:
+        """The project's version."""
+        from importlib.metadata import version
+
+        return version("touchstone")
+
+    def build(self, scenario: Scenario, settings: Settings) -> _World:
+        """Translate a scenario."""
+        if "self_collision" in scenario.effects:
+            raise Unsupported("reference: no self-collision yet")
+        return _World(scenario, settings, self.version())
+
+
+class _World:
+    def __init__(self, scenario: Scenario, settings: Settings, version: str) -> None:
+        self._scenario, self._settings, self._version = scenario, settings, version
+        self._world = translate(scenario)
+        self._state = self._world.state[0]
+        self._state["dt"] = settings.dt
+        self._state["gravity"] = scenario.acting_gravity
+        for name, value in PROFILES[settings.profile].items():
+            self._state[name] = value
+        times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
+        times = np.minimum(times, scenario.duration)
+        self._motions = [sample(tracker, times) for tracker in scenario.trackers]
+        self._next = 0
+        prepare(*self._world)
+
+    def drive(self, step: int) -> None:
+        """Choose the frame; its targets are read inside the step, which contains the reference's drive."""
+        self._next = step
+
+    def step(self) -> None:
+        """One frame: hand the tracker over, then the compiled step."""
+        first = 0
+        for driver, motion in zip(self._world.drivers, self._motions):
+            first = self._hand_over(driver, motion, first)
+        step(*self._world)
+
+    def _hand_over(self, driver: np.void, motion: TrackerMotion, first: int) -> int:
+        now, then = self._next, self._next + 1
+        driver["old_target_position"] = motion.position[now]
+        driver["old_target_orientation"] = motion.orientation[now]
+        driver["target_position"] = motion.position[then]
+        driver["target_orientation"] = motion.orientation[then]
+        joints = self._world.joints[first : first + motion.angle.shape[1]]
+        joints["target_angle"] = motion.angle[then]
+        joints["target_rate"] = motion.rate[then]
+        return first + len(joints)
+
+    def read(self, state: State) -> None:
+        """Copy the arrays out."""
+        bodies, joints = self._world.bodies, self._world.joints
+        state.position[:], state.orientation[:] = bodies["position"], bodies["orientation"]
+        state.linear_velocity[:], state.angular_velocity[:] = bodies["velocity"], bodies["omega"]
+        state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
+        count = int(self._state["contact_count"])
+        lost = int(self._state["counters"][conventions.COUNT_LOST])
+        if lost or count > len(state.contacts):
+            raise AdapterError(f"reference: {lost} pairs or contacts found no room")
+        rows, log = state.contacts[:count], self._world.contacts[:count]
+        for name in self._world.contacts.dtype.names or ():
+            rows[name] = log[name]
+        state.contact_count = count
+
+    def describe(self) -> Manifest:
+        """Masses, inertias, coefficients and settings as they stand in the arrays."""
+        scenario, world = self._scenario, self._world
+        settings: dict[str, Scalar] = {
+            "friction": "mu j always" if self._state["friction"] == conventions.FRICTION_PAPER else "coulomb",
+            "flight": "semi-implicit" if self._state["flight"] == conventions.FLIGHT_EULER else "ballistic",
+            "depth": "exact",
+            "global depth": "Eq. 1",
+            "detection": "discrete",
+            "gravity": str(self._state["gravity"].tolist()),
+            "compiled": JIT,
+        }
+        for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):
+            settings[name.lower().replace("_", " ")] = getattr(conventions, name)
+        rows = zip(scenario.bodies, world.bodies)
+        facts = {
+            body.name: BodyFacts(
+                float(row["mass"]),
+                tuple(row["center_of_mass"].tolist()),
+                tuple(map(tuple, row["inertia"].tolist())),
+            )
+            for body, row in rows
+            if body.kind != "fixed"
+        }
+        drives = {
+            tracker.root: {name: float(row[name]) for name in ("mass", "stiffness", "damping")}
+            for tracker, row in zip(scenario.trackers, world.drivers)
+        }
+        pairs = tuple(self._pair(a, b) for a, b in scenario.touching_pairs())
+        return Manifest(
+            ReferenceEngine.name,
+            self._version,
+            self._settings.profile,
+            self._settings.dt,
+            settings,
+            facts,
+            pairs,
+            drives,
+        )
+
+    def _pair(self, a: int, b: int) -> PairFacts:
+        one, two = (self._world.bodies[k]["material"] for k in (a, b))
+        return PairFacts(
+            self._scenario.bodies[a].name,
+            self._scenario.bodies[b].name,
+            float(self._state["restitution"][one, two]),
+            float(self._state["friction_coefficient"][one, two]),
+        )
+
+    def cross(self) -> None:
+        """An empty kernel with the step's arguments."""
+        _nothing(*self._world)
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """Seconds per stage of the last frame."""
+        return dict(zip(conventions.STAGES, self._state["stage_seconds"].tolist()))
+
+    def work(self) -> Mapping[str, float]:
+        """Counters of the last frame."""
+        return dict(zip(conventions.COUNTERS, map(float, self._state["counters"].tolist())))
+
+    def close(self) -> None:
+        """Nothing is held."""

@@ -1,0 +1,107 @@
+"""A contact between two bodies: velocities and mobility at its point, and what an impulse does to both."""
+
+from reference_impl.conventions import COUNT_LOST
+from reference_impl.kernel import kernel
+from reference_impl.skeleton import move_links
+
+
+@kernel
+def surface_velocity(body, point, out_velocity):
+    """World velocity of a body's surface at a world point."""
+    v, w, c = body["velocity"], body["omega"], body["center"]
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    out_velocity[0] = v[0] + w[1] * z - w[2] * y
+    out_velocity[1] = v[1] + w[2] * x - w[0] * z
+    out_velocity[2] = v[2] + w[0] * y - w[1] * x
+
+
+@kernel
+def contact_point(pair, out_point):
+    """Midpoint of the two witnesses."""
+    for i in range(3):
+        out_point[i] = (pair["point_a"][i] + pair["point_b"][i]) / 2
+
+
+@kernel
+def contact_mobility(bodies, drivers, pair, point, out_mobility):
+    """Velocity of B against A per impulse on B at `point` (3, 3) [1/kg]: the denominator of Eq. 9 is n.M n.
+
+    A driven link moves with the whole of its driver: mass and inertia of the coupled body.
+    """
+    out_mobility[:] = 0.0
+    for side in range(2):
+        body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
+        if body["driver"] >= 0:
+            driver = drivers[body["driver"]]
+            _add_mobility(
+                1 / driver["mass"], driver["inverse_inertia"], driver["center"], point, out_mobility
+            )
+        elif body["inverse_mass"] > 0:
+            _add_mobility(body["inverse_mass"], body["inverse_inertia"], body["center"], point, out_mobility)
+
+
+@kernel
+def _add_mobility(inverse_mass, inverse_inertia, center, point, out_mobility):
+    """Add 1/m - [r] I^-1 [r], the velocity at `point` per impulse there."""
+    x, y, z = point[0] - center[0], point[1] - center[1], point[2] - center[2]
+    for j in range(3):
+        # r x e_j
+        cx = -z if j == 1 else (y if j == 2 else 0.0)
+        cy = z if j == 0 else (-x if j == 2 else 0.0)
+        cz = -y if j == 0 else (x if j == 1 else 0.0)
+        m = inverse_inertia
+        sx = m[0, 0] * cx + m[0, 1] * cy + m[0, 2] * cz
+        sy = m[1, 0] * cx + m[1, 1] * cy + m[1, 2] * cz
+        sz = m[2, 0] * cx + m[2, 1] * cy + m[2, 2] * cz
+        # (I^-1 (r x e_j)) x r
+        out_mobility[0, j] += sy * z - sz * y
+        out_mobility[1, j] += sz * x - sx * z
+        out_mobility[2, j] += sx * y - sy * x
+        out_mobility[j, j] += inverse_mass
+
+
+@kernel
+def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
+    """Impulse (px, py, pz) [N s] on body b at `point`; a driven link passes it to its driver's coupling."""
+    body = bodies[b]
+    if body["driver"] >= 0:
+        driver = drivers[body["driver"]]
+        _kick(1 / driver["mass"], driver["inverse_inertia"], driver, driver["position"], point, px, py, pz)
+        move_links(bodies, joints, driver)
+    elif body["inverse_mass"] > 0:
+        _kick(body["inverse_mass"], body["inverse_inertia"], body, body["center"], point, px, py, pz)
+
+
+@kernel
+def _kick(inverse_mass, inverse_inertia, body, reference, point, px, py, pz):
+    """Change velocity (of the point `reference`) and omega of a body or a driver."""
+    c, m, v, w = body["center"], inverse_inertia, body["velocity"], body["omega"]
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    tx, ty, tz = y * pz - z * py, z * px - x * pz, x * py - y * px
+    dx = m[0, 0] * tx + m[0, 1] * ty + m[0, 2] * tz
+    dy = m[1, 0] * tx + m[1, 1] * ty + m[1, 2] * tz
+    dz = m[2, 0] * tx + m[2, 1] * ty + m[2, 2] * tz
+    x, y, z = reference[0] - c[0], reference[1] - c[1], reference[2] - c[2]
+    v[0] += inverse_mass * px + dy * z - dz * y
+    v[1] += inverse_mass * py + dz * x - dx * z
+    v[2] += inverse_mass * pz + dx * y - dy * x
+    w[0] += dx
+    w[1] += dy
+    w[2] += dz
+
+
+@kernel
+def log_contact(contacts, state, pair, point, time):
+    """Open a row of the frame's contact log; returns its index, or -1 (counted) when the log is full."""
+    row = state["contact_count"]
+    if row == len(contacts):
+        state["counters"][COUNT_LOST] += 1
+        return -1
+    contact = contacts[row]
+    contact["time"] = time
+    contact["body_a"], contact["body_b"] = pair["body_a"], pair["body_b"]
+    contact["distance"] = pair["distance"]
+    contact["position"][:] = point
+    contact["normal"][:] = pair["normal"]
+    state["contact_count"] = row + 1
+    return row

@@ -1,0 +1,65 @@
+"""Collision detection of one instant: boxes, pairs, depths."""
+
+from reference_impl.broad_phase import find_pairs
+from reference_impl.conventions import (
+    COUNT_CONTACTS,
+    COUNT_LOST,
+    COUNT_PAIRS,
+    COUNT_UNCONVERGED,
+    OVERLAP_TOLERANCE,
+    STAGE_COLLISION,
+    TOUCH_DISTANCE,
+)
+from reference_impl.convex_depth import convex_depth
+from reference_impl.kernel import clock, kernel
+from reference_impl.shapes import place_piece
+
+
+@kernel
+def place_pieces(bodies, pieces, vertices, kind):
+    """World poses and boxes of the pieces of all bodies of `kind`, boxes widened so that touching pairs meet."""
+    for k in range(len(pieces)):
+        body = bodies[pieces[k]["body"]]
+        if body["kind"] == kind:
+            place_piece(pieces[k], body, vertices, TOUCH_DISTANCE)
+
+
+@kernel
+def detect(bodies, pieces, vertices, pairs, state, kind, first):
+    """Pairs that touch or overlap and in which a body of `kind` takes part, from `pairs[first]` on.
+
+    Places the pieces of `kind` first.
+
+    Returns:
+        (end, deepest): index after the last of them, and the largest depth [m].
+    """
+    since = clock(state["clock"])
+    place_pieces(bodies, pieces, vertices, kind)
+    found, lost = find_pairs(bodies, pieces, kind, first, pairs)
+    state["counters"][COUNT_LOST] += lost
+    state["counters"][COUNT_PAIRS] += found - first
+    end, deepest = first, 0.0
+    for k in range(first, found):
+        pair = pairs[k]
+        _, converged = convex_depth(pieces[pair["piece_a"]], pieces[pair["piece_b"]], vertices, state, pair)
+        if not converged:
+            state["counters"][COUNT_UNCONVERGED] += 1
+        if pair["distance"] > TOUCH_DISTANCE:
+            continue
+        a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
+        pair["restitution"] = state["restitution"][a, b]
+        pair["friction"] = state["friction_coefficient"][a, b]
+        deepest = max(deepest, -pair["distance"])
+        # touching pairs move to the front; what lies between is forgotten
+        if k != end:
+            pairs[end] = pair
+        end += 1
+    state["counters"][COUNT_CONTACTS] += end - first
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+    return end, deepest
+
+
+@kernel
+def is_free(deepest):
+    """Whether the largest depth counts as no overlap."""
+    return deepest <= OVERLAP_TOLERANCE

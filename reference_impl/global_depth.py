@@ -1,0 +1,47 @@
+"""Global depth: one translation for a mover against all its obstacles (Eq. 1, algorithm 1)."""
+
+from math import sqrt
+
+from reference_impl.kernel import kernel
+
+
+@kernel
+def is_mover(bodies, body, mover):
+    """Whether a body belongs to `mover`: a body's index, or -1 - the index of a driver."""
+    return body == mover if mover >= 0 else bodies[body]["driver"] == -1 - mover
+
+
+@kernel
+def global_depth(bodies, pairs, first, end, mover, out_shift):
+    """Eq. 1: PD = sum(d_i^2 n_i) / sum(d_i) over the mover's overlapping pairs, normals towards the mover.
+
+    Args:
+        pairs: `pairs[first:end]` are looked at.
+        mover: a body's index, or -1 - the index of a driver; never both sides of a pair.
+        out_shift: the translation of the mover [m].
+    Returns:
+        (deepest, size): the mover's largest depth and |PD| [m].
+    """
+    deepest = total = 0.0
+    out_shift[0] = out_shift[1] = out_shift[2] = 0.0
+    for k in range(first, end):
+        pair = pairs[k]
+        depth = -pair["distance"]
+        if depth <= 0:
+            continue
+        sign = 0.0
+        if is_mover(bodies, pair["body_b"], mover):
+            sign = 1.0
+        elif is_mover(bodies, pair["body_a"], mover):
+            sign = -1.0
+        if sign == 0.0:
+            continue
+        deepest = max(deepest, depth)
+        total += depth
+        for i in range(3):
+            out_shift[i] += sign * depth * depth * pair["normal"][i]
+    if total == 0.0:
+        return 0.0, 0.0
+    for i in range(3):
+        out_shift[i] /= total
+    return deepest, sqrt(out_shift[0] ** 2 + out_shift[1] ** 2 + out_shift[2] ** 2)

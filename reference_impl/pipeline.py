@@ -1,0 +1,122 @@
+"""One frame: the driven loop, then the simulated loop (paper, figure 3)."""
+
+from reference_impl.conventions import (
+    COUNT_EVENTS,
+    COUNT_GAVE_UP,
+    DRIVEN,
+    EVENT_CAP,
+    FIXED,
+    SIMULATED,
+    STAGE_COLLISION,
+    STAGE_DRIVE,
+    STAGE_IMPULSES,
+    STAGE_INTEGRATION,
+    STAGE_REMOVAL,
+    TIME_MIN,
+)
+from reference_impl.detection import detect, is_free, place_pieces
+from reference_impl.impact_time import earliest_impact
+from reference_impl.impulse import begin_hold, hold_contacts, resolve_impacts
+from reference_impl.integrate import apply_forces, begin_substep, end_substep, pose_at, refresh_inertia
+from reference_impl.kernel import clock, kernel
+from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
+from reference_impl.rotation import invert_symmetric
+from reference_impl.skeleton import composite_inertia, move_links, place, pose_links
+from reference_impl.virtual_coupling import follow_tracker, pose_hinges
+
+
+@kernel
+def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
+    """Make a freshly filled world ready for its first step."""
+    for b in range(len(bodies)):
+        place(bodies[b])
+        if bodies[b]["kind"] == SIMULATED:
+            refresh_inertia(bodies[b])
+    for d in range(len(drivers)):
+        pose_links(bodies, joints, drivers[d])
+        _weigh(bodies, joints, drivers[d])
+        move_links(bodies, joints, drivers[d])
+    place_pieces(bodies, pieces, vertices, FIXED)
+    place_pieces(bodies, pieces, vertices, SIMULATED)
+    end, deepest = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
+    for d in range(len(drivers)):
+        if is_free(deepest):
+            store_free_pose(joints, drivers[d])
+    state[0]["counters"][:] = 0
+
+
+@kernel
+def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
+    """Advance a world by one frame of `state["dt"]`.
+
+    Drivers hold the tracker of the frame's end in `target_*`, that of its start in `old_target_*`.
+    `contacts`, the stage clocks and the counters are those of this frame.
+    """
+    s = state[0]
+    s["counters"][:] = 0
+    s["stage_seconds"][:] = 0.0
+    s["contact_count"] = 0
+    for d in range(len(drivers)):
+        _drive(bodies, pieces, joints, drivers, vertices, pairs, s, d)
+    _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
+
+
+@kernel
+def _weigh(bodies, joints, driver):
+    """Centre of mass and inertia of a driver's links in their present posture."""
+    composite_inertia(bodies, joints, driver, driver["center"], driver["inertia"])
+    invert_symmetric(driver["inertia"], driver["inverse_inertia"])
+
+
+@kernel
+def _drive(bodies, pieces, joints, drivers, vertices, pairs, state, d):
+    """Driven loop: coupling, overlap removal, and the inertia the hand has in this frame's contacts."""
+    driver = drivers[d]
+    start = clock(state["clock"])
+    follow_tracker(driver, state["dt"])
+    pose_hinges(joints, driver)
+    coupled = clock(state["clock"])
+    collision = state["stage_seconds"][STAGE_COLLISION]
+    if remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state, d):
+        store_free_pose(joints, driver)
+    removed = clock(state["clock"])
+    collision = state["stage_seconds"][STAGE_COLLISION] - collision
+    _weigh(bodies, joints, driver)
+    move_links(bodies, joints, driver)
+    state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
+    state["stage_seconds"][STAGE_DRIVE] += coupled - start + clock(state["clock"]) - removed
+
+
+@kernel
+def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
+    """Simulated loop: advance to the earliest impact, resolve, go on with the rest of the frame."""
+    left = state["dt"]
+    drifted = False
+    for _ in range(EVENT_CAP):
+        time = state["dt"] - left
+        touching, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
+        # impacts change velocities at once; forces and held contacts over the time that is left
+        start = clock(state["clock"])
+        resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time)
+        begin_substep(bodies)
+        begin_hold(bodies, pairs, touching)
+        apply_forces(bodies, state["gravity"], left)
+        hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time)
+        resolved = clock(state["clock"])
+        pose_at(bodies, left, 1.0, state["flight"])
+        posed = clock(state["clock"])
+        state["stage_seconds"][STAGE_IMPULSES] += resolved - start
+        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
+        detected = clock(state["clock"])
+        fraction, drift = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state, left)
+        drifted = drifted or drift
+        end_substep(bodies, fraction)
+        state["stage_seconds"][STAGE_INTEGRATION] += posed - resolved + clock(state["clock"]) - detected
+        left *= 1 - fraction
+        if left <= TIME_MIN:
+            break
+        state["counters"][COUNT_EVENTS] += 1
+    if left > TIME_MIN:
+        state["counters"][COUNT_GAVE_UP] += 1
+    if drifted:
+        part_simulated(bodies, pieces, vertices, pairs, state)

@@ -1,0 +1,195 @@
+"""EPA: from a simplex round the origin to the nearest face of the Minkowski difference.
+
+The polytope always lies inside the difference, so its nearest face bounds the depth from below; the
+difference's support along that face's normal bounds it from above. Both meet at the exact depth.
+"""
+
+from math import sqrt
+
+from reference_impl.conventions import DEGENERATE, DEPTH_TOLERANCE, EPA_FACES, EPA_VERTICES, GROWTH
+from reference_impl.kernel import kernel
+from reference_impl.simplex import add_vertex
+
+NEVER = 1e300
+"""Offset of a face without area: it closes the surface but is never the nearest."""
+DEAD = -NEVER
+"""Offset that marks a free slot of the face list."""
+
+
+@kernel
+def deepest_face(piece_a, piece_b, vertices, count, scale, state):
+    """Expand the simplex in `state` (its first `count` vertices) to the nearest face.
+
+    Args:
+        scale: size of the pair [m], for tolerances.
+    Returns:
+        (face, depth, iterations, converged): slot of the nearest face, the difference's reach along its
+        normal [m]; face is -1 when the difference has no volume.
+    """
+    if not _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
+        return -1, 0.0, 0, False
+    faces, vertex = 4, 4
+    while True:
+        nearest = _nearest_face(state, faces)
+        n = state["normal"][nearest]
+        reach = add_vertex(piece_a, piece_b, vertices, n[0], n[1], n[2], vertex, state)
+        converged = reach - state["offset"][nearest] <= DEPTH_TOLERANCE * scale
+        vertex += 1
+        if converged or vertex == EPA_VERTICES:
+            break
+        faces = _expand(state, vertex - 1, faces, scale)
+        if faces < 0:
+            break
+    return nearest, reach, vertex - 4, converged
+
+
+@kernel
+def _nearest_face(state, faces):
+    offset = state["offset"]
+    nearest, least = 0, NEVER * 10
+    for f in range(faces):
+        if DEAD < offset[f] < least:
+            nearest, least = f, offset[f]
+    return nearest
+
+
+@kernel
+def _expand(state, vertex, faces, scale):
+    """Replace the faces that see `vertex` by a cone from their horizon; returns the new face count or -1."""
+    w, face, normal, offset, edge = state["w"], state["face"], state["normal"], state["offset"], state["edge"]
+    edges = 0
+    for f in range(faces):
+        if offset[f] <= DEAD:
+            continue
+        n = normal[f]
+        height = n[0] * w[vertex, 0] + n[1] * w[vertex, 1] + n[2] * w[vertex, 2] - offset[f]
+        if offset[f] == NEVER or height <= DEGENERATE * scale:
+            continue
+        offset[f] = DEAD
+        for k in range(3):
+            i, j = face[f, k], face[f, (k + 1) % 3]
+            # an edge seen from both sides is no horizon
+            twin = -1
+            for e in range(edges):
+                if edge[e, 0] == j and edge[e, 1] == i:
+                    twin = e
+                    break
+            if twin >= 0:
+                edges -= 1
+                edge[twin, 0], edge[twin, 1] = edge[edges, 0], edge[edges, 1]
+            elif edges < EPA_FACES:
+                edge[edges, 0], edge[edges, 1] = i, j
+                edges += 1
+    if edges == 0:
+        return -1
+    # new faces fill the free slots first
+    slot = 0
+    for e in range(edges):
+        while slot < faces and offset[slot] > DEAD:
+            slot += 1
+        if slot == EPA_FACES:
+            return -1
+        _set_face(state, slot, edge[e, 0], edge[e, 1], vertex, scale)
+        slot += 1
+        faces = max(faces, slot)
+    return faces
+
+
+@kernel
+def _set_face(state, f, i, j, k, scale):
+    """Face ijk, counter-clockwise from outside: its unit normal and its offset from the origin."""
+    w, n = state["w"], state["normal"][f]
+    state["face"][f, 0], state["face"][f, 1], state["face"][f, 2] = i, j, k
+    ux, uy, uz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
+    vx, vy, vz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = sqrt(x * x + y * y + z * z)
+    if area <= DEGENERATE * scale * scale:
+        state["offset"][f] = NEVER
+        return
+    n[0], n[1], n[2] = x / area, y / area, z / area
+    total = 0.0
+    for c in range(3):
+        total += n[c] * (w[i, c] + w[j, c] + w[k, c])
+    state["offset"][f] = total / 3
+
+
+@kernel
+def _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
+    """Grow the simplex to a tetrahedron with volume, faces turned outward; False where there is none."""
+    w = state["w"]
+    if count == 1:
+        count = _grow_point(piece_a, piece_b, vertices, scale, state)
+    if count == 2:
+        count = _grow_segment(piece_a, piece_b, vertices, scale, state)
+    if count == 3:
+        count = _grow_triangle(piece_a, piece_b, vertices, scale, state)
+    if count < 4:
+        return False
+    # orient: the fourth vertex lies behind the face of the first three
+    ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
+    vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    height = x * (w[3, 0] - w[0, 0]) + y * (w[3, 1] - w[0, 1]) + z * (w[3, 2] - w[0, 2])
+    i, j = (0, 1) if height < 0 else (1, 0)
+    _set_face(state, 0, i, j, 2, scale)
+    _set_face(state, 1, i, 3, j, scale)
+    _set_face(state, 2, j, 3, 2, scale)
+    _set_face(state, 3, 2, 3, i, scale)
+    return True
+
+
+@kernel
+def _grow_point(piece_a, piece_b, vertices, scale, state):
+    w = state["w"]
+    for n in range(6):
+        sign = 1.0 if n % 2 == 0 else -1.0
+        axis = n // 2
+        x, y, z = (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
+        add_vertex(piece_a, piece_b, vertices, x, y, z, 1, state)
+        dx, dy, dz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
+        if dx * dx + dy * dy + dz * dz > (GROWTH * scale) ** 2:
+            return 2
+    return 1
+
+
+@kernel
+def _grow_segment(piece_a, piece_b, vertices, scale, state):
+    w = state["w"]
+    dx, dy, dz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
+    length = sqrt(dx * dx + dy * dy + dz * dz)
+    # the axis least along the segment gives two directions across it
+    ax, ay, az = abs(dx), abs(dy), abs(dz)
+    ex = 1.0 if ax <= ay and ax <= az else 0.0
+    ey = 1.0 if ex == 0.0 and ay <= az else 0.0
+    ez = 1.0 - ex - ey
+    x, y, z = dy * ez - dz * ey, dz * ex - dx * ez, dx * ey - dy * ex
+    for n in range(4):
+        sign = 1.0 if n % 2 == 0 else -1.0
+        if n == 2:
+            x, y, z = (dy * z - dz * y) / length, (dz * x - dx * z) / length, (dx * y - dy * x) / length
+        add_vertex(piece_a, piece_b, vertices, sign * x, sign * y, sign * z, 2, state)
+        px, py, pz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
+        cx, cy, cz = dy * pz - dz * py, dz * px - dx * pz, dx * py - dy * px
+        if cx * cx + cy * cy + cz * cz > (GROWTH * scale * length) ** 2:
+            return 3
+    return 2
+
+
+@kernel
+def _grow_triangle(piece_a, piece_b, vertices, scale, state):
+    w = state["w"]
+    ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
+    vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = sqrt(x * x + y * y + z * z)
+    x, y, z = x / area, y / area, z / area
+    base = x * w[0, 0] + y * w[0, 1] + z * w[0, 2]
+    # the side that reaches farther holds the origin's volume
+    up = add_vertex(piece_a, piece_b, vertices, x, y, z, 3, state) - base
+    down = add_vertex(piece_a, piece_b, vertices, -x, -y, -z, 4, state) + base
+    if up >= down:
+        add_vertex(piece_a, piece_b, vertices, x, y, z, 3, state)
+    else:
+        state["w"][3, :], state["a"][3, :] = state["w"][4], state["a"][4]
+    return 4 if max(up, down) > GROWTH * scale else 3
