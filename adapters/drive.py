@@ -3,7 +3,8 @@
 Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6) and a torque that is critically damped at
 the same frequency, I (w^2 theta + 2 w (omega_t - omega)) with w = sqrt(K / m). Hinges: the torque
 M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the whole driven body's inertia about the root's origin in its
-first posture, M the joint-space inertia in that posture with the root held; both are published as gains.
+first posture, M what the hinges feel in that posture with the root *free*: with the root held the gains
+would be too high, and an explicit servo diverges at 1/240 s. Both are published as gains.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
 from adapters.translation import translate
-from reference_impl.skeleton import composite_inertia, joint_space_inertia, pose_links
+from reference_impl.skeleton import joint_space_inertia, pose_links
 from scenarios.scenario import Scenario, Tracker
 from scenarios.tracking import sample
 
@@ -29,17 +30,15 @@ class Drive:
         world = translate(scenario)
         row = world.drivers[scenario.trackers.index(tracker)]
         pose_links(world.bodies, world.joints, row)
-        center, inertia = np.zeros(3), np.zeros((3, 3))
-        mass = composite_inertia(world.bodies, world.joints, row, center, inertia)
-        # about the root's origin (Steiner), in the root's axes
-        r = center - row["position"]
+        inertia = joint_space_inertia(world.bodies, world.joints, row)
         axes = world.bodies[row["root"]]["rotation"]
-        self.inertia = axes.T @ (inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))) @ axes
+        self.inertia = axes.T @ inertia[3:6, 3:6] @ axes
         self.stiffness, self.damping = tracker.stiffness, tracker.damping
-        self.frequency = float(np.sqrt(tracker.stiffness / mass))
-        joint_inertia = joint_space_inertia(world.bodies, world.joints, row)
-        self.hinge_stiffness = tracker.hinge_frequency**2 * joint_inertia
-        self.hinge_damping = 2 * tracker.hinge_frequency * joint_inertia
+        self.frequency = float(np.sqrt(tracker.stiffness / row["mass"]))
+        root, across = inertia[:6, :6], inertia[:6, 6:]
+        felt = inertia[6:, 6:] - across.T @ np.linalg.solve(root, across)
+        self.hinge_stiffness = tracker.hinge_frequency**2 * felt
+        self.hinge_damping = 2 * tracker.hinge_frequency * felt
         links = list(self.links)
         self.start_position = world.bodies["position"][links]  # (n, 3) of the links, root first
         self.start_orientation = world.bodies["orientation"][links]  # (n, 4)

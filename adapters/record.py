@@ -9,7 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
-from adapters.engine import CONTACT_FIELDS, Array, Engine, Manifest, Settings, State, World
+from adapters.engine import CONTACT_FIELDS, AdapterError, Array, Engine, Manifest, Settings, State, World
 from adapters.recording import Recording
 from scenarios.scenario import Scenario
 
@@ -106,6 +106,10 @@ class Player:
         stepped = perf_counter()
         self.world.read(self._state)
         done = perf_counter()
+        if not np.isfinite(self._state.position).all():
+            raise AdapterError(
+                f"diverged: a position is not finite at {(number + 1) * self._settings.dt:.4f} s"
+            )
         self._keep_contacts(number * self._settings.dt)
         self._work += self._driver_work()
         return stepped - driven, driven - start, done - stepped

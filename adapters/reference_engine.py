@@ -8,6 +8,7 @@ and the velocities before and after it.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from time import perf_counter
 from typing import ClassVar
 
 import numpy as np
@@ -15,9 +16,10 @@ import numpy as np
 from adapters.engine import AdapterError, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.translation import translate
 from reference_impl import conventions
-from reference_impl.kernel import JIT, kernel
+from reference_impl.kernel import CACHE_FOLDER, JIT, kernel
 from reference_impl.pipeline import prepare, step
-from scenarios.scenario import Scenario
+from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
+from scenarios.solids import sphere_inertia
 from scenarios.tracking import TrackerMotion, sample
 
 PROFILES: dict[str, dict[str, int]] = {
@@ -25,6 +27,29 @@ PROFILES: dict[str, dict[str, int]] = {
     "balanced": {"friction": conventions.FRICTION_COULOMB, "flight": conventions.FLIGHT_BALLISTIC},
 }
 """Named bundles of settings (method, section 6), nothing more."""
+
+
+COMPILE_NOTE = "compile_seconds.txt"
+"""File of the kernel cache that tells what filling it cost."""
+
+
+def compile_seconds() -> float:
+    """Seconds the compilation of all kernels took [s]; done now, on a small world, if the cache has none."""
+    note = CACHE_FOLDER / COMPILE_NOTE if CACHE_FOLDER else None
+    if note and note.exists():
+        return float(note.read_text())
+    ball = Body(
+        "ball", "simulated", "m", (Piece("ball", Sphere(1.0)),), mass=1.0, inertia=sphere_inertia(1.0, 1.0)
+    )
+    scenario = Scenario("compile", "", (), (ball,), 1 / 60, (PairCoefficients("m", "m", 0.0, 0.0),))
+    start = perf_counter()
+    world = _World(scenario, Settings("balanced", 1 / 60), "")
+    world.step()
+    world.cross()
+    seconds = perf_counter() - start
+    if note:
+        note.write_text(f"{seconds:.2f}")
+    return seconds
 
 
 @kernel
@@ -46,6 +71,7 @@ class ReferenceEngine:
 
     def build(self, scenario: Scenario, settings: Settings) -> _World:
         """Translate a scenario."""
+        compile_seconds()
         if "self_collision" in scenario.effects:
             raise Unsupported("reference: no self-collision yet")
         return _World(scenario, settings, self.version())

@@ -21,7 +21,9 @@ def find_pairs(bodies, pieces, kind, first, pairs):
             two = pieces[pieces[j]["order"]]
             if two["low"][0] > limit:
                 break
-            if not _meet(one, two) or not _wanted(bodies[one["body"]], bodies[two["body"]], kind):
+            if one["body"] == two["body"] or not _meet(one, two):
+                continue
+            if not _wanted(bodies[one["body"]], bodies[two["body"]], kind):
                 continue
             if end == len(pairs):
                 lost += 1

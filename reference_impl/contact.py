@@ -66,28 +66,30 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
     body = bodies[b]
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
-        _kick(1 / driver["mass"], driver["inverse_inertia"], driver, driver["position"], point, px, py, pz)
+        c, v, w = driver["center"], driver["velocity"], driver["omega"]
+        _kick(1 / driver["mass"], driver["inverse_inertia"], c, driver["position"], point, px, py, pz, v, w)
         move_links(bodies, joints, driver)
     elif body["inverse_mass"] > 0:
-        _kick(body["inverse_mass"], body["inverse_inertia"], body, body["center"], point, px, py, pz)
+        c, v, w = body["center"], body["velocity"], body["omega"]
+        _kick(body["inverse_mass"], body["inverse_inertia"], c, c, point, px, py, pz, v, w)
 
 
 @kernel
-def _kick(inverse_mass, inverse_inertia, body, reference, point, px, py, pz):
-    """Change velocity (of the point `reference`) and omega of a body or a driver."""
-    c, m, v, w = body["center"], inverse_inertia, body["velocity"], body["omega"]
+def _kick(inverse_mass, inverse_inertia, c, reference, point, px, py, pz, out_v, out_w):
+    """Change velocity (of the point `reference`) and omega of what has its centre of mass at c."""
+    m = inverse_inertia
     x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
     tx, ty, tz = y * pz - z * py, z * px - x * pz, x * py - y * px
     dx = m[0, 0] * tx + m[0, 1] * ty + m[0, 2] * tz
     dy = m[1, 0] * tx + m[1, 1] * ty + m[1, 2] * tz
     dz = m[2, 0] * tx + m[2, 1] * ty + m[2, 2] * tz
     x, y, z = reference[0] - c[0], reference[1] - c[1], reference[2] - c[2]
-    v[0] += inverse_mass * px + dy * z - dz * y
-    v[1] += inverse_mass * py + dz * x - dx * z
-    v[2] += inverse_mass * pz + dx * y - dy * x
-    w[0] += dx
-    w[1] += dy
-    w[2] += dz
+    out_v[0] += inverse_mass * px + dy * z - dz * y
+    out_v[1] += inverse_mass * py + dz * x - dx * z
+    out_v[2] += inverse_mass * pz + dx * y - dy * x
+    out_w[0] += dx
+    out_w[1] += dy
+    out_w[2] += dz
 
 
 @kernel

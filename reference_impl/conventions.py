@@ -35,9 +35,9 @@ DEPTH_TOLERANCE = 1e-13
 DISTANCE_TOLERANCE = 1e-15
 """Gap of GJK's distance over the simplex' size that ends it [1]: a few roundings."""
 DEGENERATE = 1e-14
-"""Area or volume over the pair's size, squared or cubed, below which a simplex is flat [1]."""
+"""Height over the pair's size below which a face has no area, or does not see a vertex [1]."""
 STAGNATION = 1e-12
-"""The same gap where rounding stops GJK's descent earlier: still converged below it [1]."""
+"""Either gap where rounding stops the descent or the expansion earlier: still converged below it [1]."""
 FLAT = 1e-12
 """Height of a tetrahedron over its edge below which the sides of its faces are rounding [1]."""
 GROWTH = 1e-9
@@ -90,4 +90,4 @@ TIME_MIN = 1e-12
 
 # virtual coupling (method, section 5)
 NEAR_CRITICAL = 1e-5
-"""(w h)^2 below which three terms give a nearly critical spring to rounding: the fourth is 1e-15 / 720 [1]."""
+"""(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""

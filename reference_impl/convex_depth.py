@@ -23,17 +23,17 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
         normal[0], normal[1], normal[2] = -x / distance, -y / distance, -z / distance
         _witnesses(state, count, out_pair)
     else:
-        slot, depth, expansions, converged = deepest_face(piece_a, piece_b, vertices, count, scale, state)
+        has_volume, depth, expansions, converged = deepest_face(
+            piece_a, piece_b, vertices, count, scale, state, normal
+        )
         iterations += expansions
-        if slot < 0:
-            # the difference has no volume: the pieces are flat or points, any normal parts them
-            normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
+        if not has_volume:
+            # the pieces are flat or points: any normal parts them
             _witnesses(state, 1, out_pair)
         else:
-            for i in range(3):
-                normal[i] = state["normal"][slot, i]
             _witnesses_in_overlap(piece_a, piece_b, vertices, depth + APART * scale, state, out_pair)
-            if distance == 0.0:
+            # GJK may end a rounding away from an origin that lies inside
+            if distance == 0.0 or depth > 0.0:
                 distance = -depth
     # from the cores to the surfaces
     distance -= piece_a["radius"] + piece_b["radius"]

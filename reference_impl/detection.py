@@ -17,7 +17,7 @@ from reference_impl.shapes import place_piece
 
 @kernel
 def place_pieces(bodies, pieces, vertices, kind):
-    """World poses and boxes of the pieces of all bodies of `kind`, boxes widened so that touching pairs meet."""
+    """World poses and boxes of the pieces of all bodies of `kind`; boxes hold TOUCH_DISTANCE to spare."""
     for k in range(len(pieces)):
         body = bodies[pieces[k]["body"]]
         if body["kind"] == kind:

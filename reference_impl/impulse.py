@@ -97,14 +97,14 @@ def _solve(m, x, y, z):
 
 
 @kernel
-def _relative_velocity(bodies, pair, point, a, b, out_velocity):
-    """Velocity of B against A at a point; `a` and `b` receive both surfaces' velocities. Returns n . v."""
-    surface_velocity(bodies[pair["body_a"]], point, a)
-    surface_velocity(bodies[pair["body_b"]], point, b)
+def _relative_velocity(bodies, pair, state):
+    """Velocities of both surfaces and of B against A at a pair's contact point, to `state`; returns n . v."""
+    a, b, v, n = state["velocity_a"], state["velocity_b"], state["velocity"], pair["normal"]
+    surface_velocity(bodies[pair["body_a"]], pair["point"], a)
+    surface_velocity(bodies[pair["body_b"]], pair["point"], b)
     for i in range(3):
-        out_velocity[i] = b[i] - a[i]
-    n = pair["normal"]
-    return n[0] * out_velocity[0] + n[1] * out_velocity[1] + n[2] * out_velocity[2]
+        v[i] = b[i] - a[i]
+    return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
 
 
 @kernel
@@ -121,12 +121,11 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
     Returns:
         Whether fewer than IMPULSE_CAP impulses sufficed.
     """
-    scratch, mobility = state["scratch"], state["mobility"]
-    point, v, p = scratch[0], scratch[1], scratch[2]
+    v, p, mobility = state["velocity"], state["impulse"], state["mobility"]
     g = state["gravity"]
     v_rest = 2 * state["dt"] * sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
     for k in range(count):
-        _set_key(bodies, pairs[k], scratch)
+        _set_key(bodies, pairs[k], state)
     for _ in range(IMPULSE_CAP):
         fastest = -1
         for k in range(count):
@@ -135,8 +134,8 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
         if fastest < 0:
             return True
         pair = pairs[fastest]
-        contact_point(pair, point)
-        v_n = _relative_velocity(bodies, pair, point, scratch[3], scratch[4], v)
+        point = pair["point"]
+        v_n = _relative_velocity(bodies, pair, state)
         contact_mobility(bodies, drivers, pair, point, mobility)
         e = resting_restitution(pair["restitution"], -v_n, v_rest)
         contact_impulse(v, pair["normal"], mobility, e, pair["friction"], state["friction"], p)
@@ -144,14 +143,12 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
         state["counters"][COUNT_IMPULSES] += 1
         row = log_contact(contacts, state, pair, point, time)
         if row >= 0:
-            contacts[row]["velocity_a_before"][:], contacts[row]["velocity_b_before"][:] = (
-                scratch[3],
-                scratch[4],
-            )
+            contacts[row]["velocity_a_before"][:] = state["velocity_a"]
+            contacts[row]["velocity_b_before"][:] = state["velocity_b"]
             _close_row(bodies, contacts[row], p)
         for k in range(count):
             if _share_body(bodies, pairs[k], pair):
-                _set_key(bodies, pairs[k], scratch)
+                _set_key(bodies, pairs[k], state)
     return False
 
 
@@ -163,10 +160,10 @@ def _close_row(bodies, contact, p):
 
 
 @kernel
-def _set_key(bodies, pair, scratch):
-    """Approach speed of a pair."""
-    contact_point(pair, scratch[5])
-    pair["key"] = -_relative_velocity(bodies, pair, scratch[5], scratch[6], scratch[7], scratch[8])
+def _set_key(bodies, pair, state):
+    """Contact point and approach speed of a pair."""
+    contact_point(pair, pair["point"])
+    pair["key"] = -_relative_velocity(bodies, pair, state)
 
 
 @kernel
@@ -223,11 +220,23 @@ def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time):
 
 
 @kernel
+def cut_holds(contacts, first, end, fraction):
+    """Held contacts acted for a fraction of their substep: cut what rows `first` to `end` log of them."""
+    for k in range(first, end):
+        row = contacts[k]
+        for i in range(3):
+            row["impulse"][i] *= fraction
+            a, b = row["velocity_a_before"][i], row["velocity_b_before"][i]
+            row["velocity_a_after"][i] = a + fraction * (row["velocity_a_after"][i] - a)
+            row["velocity_b_after"][i] = b + fraction * (row["velocity_b_after"][i] - b)
+
+
+@kernel
 def _hold(bodies, joints, drivers, pair, state):
     """One contact's share of a sweep; returns the change of its velocity [m/s]."""
-    scratch, mobility = state["scratch"], state["mobility"]
-    v, p, n, held, point = scratch[1], scratch[2], pair["normal"], pair["held"], pair["point"]
-    v_n = _relative_velocity(bodies, pair, point, scratch[3], scratch[4], v)
+    v, p, tangent, mobility = state["velocity"], state["impulse"], state["tangent"], state["mobility"]
+    n, held, point = pair["normal"], pair["held"], pair["point"]
+    v_n = _relative_velocity(bodies, pair, state)
     if v_n >= 0 and held[0] == 0 and held[1] == 0 and held[2] == 0:
         return 0.0
     contact_mobility(bodies, drivers, pair, point, mobility)
@@ -239,16 +248,16 @@ def _hold(bodies, joints, drivers, pair, state):
     # what would stop the sliding, cut off at the cone (or always the whole cone, Eq. 10)
     sliding = 0.0
     for i in range(3):
-        scratch[8, i] = held[i] - j_old * n[i] - (v[i] - v_n * n[i]) / across
-        sliding += scratch[8, i] ** 2
+        tangent[i] = held[i] - j_old * n[i] - (v[i] - v_n * n[i]) / across
+        sliding += tangent[i] ** 2
     sliding = sqrt(sliding)
     limit = pair["friction"] * j
     scale = 1.0
-    if sliding > limit or (state["friction"] == FRICTION_PAPER and sliding > across * SLIP_MIN):
+    if sliding > limit or (state["friction"] == FRICTION_PAPER and sliding * across > SLIP_MIN):
         scale = limit / sliding if sliding > 0 else 0.0
     change = 0.0
     for i in range(3):
-        new = j * n[i] + scale * scratch[8, i]
+        new = j * n[i] + scale * tangent[i]
         p[i] = new - held[i]
         held[i] = new
         change += p[i] * p[i]

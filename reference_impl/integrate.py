@@ -3,6 +3,7 @@
 from reference_impl.conventions import FLIGHT_EULER, SIMULATED
 from reference_impl.kernel import kernel
 from reference_impl.rotation import conjugate_by, invert_symmetric, matrix_of, rotate, turn
+from reference_impl.skeleton import move_links
 
 
 @kernel
@@ -13,13 +14,16 @@ def refresh_inertia(body):
 
 
 @kernel
-def begin_substep(bodies):
-    """Remember where each simulated body starts and how it moves."""
+def begin_substep(bodies, drivers):
+    """Remember where each simulated body starts and how it and each driver move."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
             body["old_center"][:], body["old_orientation"][:] = body["center"], body["orientation"]
             body["old_velocity"][:], body["old_omega"][:] = body["velocity"], body["omega"]
+    for d in range(len(drivers)):
+        drivers[d]["old_velocity"][:] = drivers[d]["velocity"]
+        drivers[d]["old_omega"][:] = drivers[d]["omega"]
 
 
 @kernel
@@ -84,13 +88,27 @@ def _place_at_center(body):
 
 
 @kernel
-def end_substep(bodies, s):
-    """Keep the poses at fraction s with the velocities there, and refresh the world inertias."""
+def end_substep(bodies, joints, drivers, s):
+    """Keep the poses at fraction s with the velocities there, and refresh the world inertias.
+
+    Held contacts pushed the drivers for that fraction too.
+    """
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] != SIMULATED:
             continue
-        for i in range(3):
-            body["velocity"][i] = (1 - s) * body["old_velocity"][i] + s * body["velocity"][i]
-            body["omega"][i] = (1 - s) * body["old_omega"][i] + s * body["omega"][i]
+        _blend(body["old_velocity"], s, body["velocity"])
+        _blend(body["old_omega"], s, body["omega"])
         refresh_inertia(body)
+    for d in range(len(drivers)):
+        if s < 1:
+            _blend(drivers[d]["old_velocity"], s, drivers[d]["velocity"])
+            _blend(drivers[d]["old_omega"], s, drivers[d]["omega"])
+            move_links(bodies, joints, drivers[d])
+
+
+@kernel
+def _blend(old, s, out_new):
+    """Velocity at fraction s of a substep, in place of that at its end."""
+    for i in range(3):
+        out_new[i] = (1 - s) * old[i] + s * out_new[i]

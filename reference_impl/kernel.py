@@ -60,8 +60,20 @@ KERNELS = []
 def kernel(function):
     """Compile `function` to machine code: cached, no fastmath, x / 0 as in IEEE 754, no parallel parts."""
     compiled = numba.njit(cache=CACHE_FOLDER is not None, error_model="numpy")(function)
+    if JIT:
+        _forget_literals(compiled)
     KERNELS.append(compiled)
     return compiled
+
+
+def _forget_literals(compiled):
+    """Let callers share one signature: Numba would compile a kernel again for every constant handed to it."""
+    template = compiled.get_call_template
+
+    def plain_template(args, kws):
+        return template(tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()})
+
+    compiled.get_call_template = plain_template
 
 
 def compile_count():

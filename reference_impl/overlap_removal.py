@@ -13,7 +13,7 @@ from reference_impl.conventions import (
     VANISHING_SHIFT,
     WAY_BACK_STEPS,
 )
-from reference_impl.detection import detect, is_free
+from reference_impl.detection import detect, is_free, place_pieces
 from reference_impl.global_depth import global_depth, is_mover
 from reference_impl.kernel import kernel
 from reference_impl.rotation import rotation_between, turn
@@ -29,7 +29,7 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state, d):
     """
     driver, mover = drivers[d], -1 - d
     _store_entry(joints, driver)
-    shift = driver["scratch"][0]
+    shift = state["shift"]
     previous, marked = 0.0, 0
     for rounds in range(REMOVAL_ROUNDS + 1):
         pose_links(bodies, joints, driver)
@@ -49,6 +49,8 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state, d):
             driver["position"][i] += shift[i]
     if _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d):
         state["counters"][COUNT_WAY_BACK] += 1
+        end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+        _stop_at_obstacles(bodies, pairs, end, driver, mover)
         return True
     state["counters"][COUNT_GAVE_UP] += 1
     _yield_simulated(bodies, pieces, vertices, pairs, state, mover)
@@ -105,7 +107,7 @@ def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, t):
     _interpolate(joints, driver, t)
     pose_links(bodies, joints, driver)
     end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
-    deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, driver["scratch"][0])
+    deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, state["shift"])
     return is_free(deepest)
 
 
@@ -143,7 +145,7 @@ def _stop_at_obstacles(bodies, pairs, end, driver, mover):
 @kernel
 def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
     """Move simulated bodies out of a driver that gave up, unless they would then overlap a fixed one."""
-    shift = state["scratch"][0]
+    shift = state["shift"]
     for b in range(len(bodies)):
         if bodies[b]["kind"] != SIMULATED:
             continue
@@ -164,6 +166,7 @@ def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
             meets = pair["body_a"] == b or pair["body_b"] == b
             if meets and (one == FIXED or two == FIXED) and not is_free(-pair["distance"]):
                 move(bodies[b], shift, -1.0)
+                place_pieces(bodies, pieces, vertices, SIMULATED)
                 break
 
 
@@ -181,7 +184,7 @@ def part_simulated(bodies, pieces, vertices, pairs, state):
 
     A simulated body moves in full against fixed and driven ones, by half against its like.
     """
-    shift = state["scratch"][0]
+    shift = state["shift"]
     for _ in range(REMOVAL_ROUNDS):
         end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
         if is_free(deepest):
@@ -193,6 +196,7 @@ def part_simulated(bodies, pieces, vertices, pairs, state):
             _, size = global_depth(bodies, pairs, 0, end, b, shift)
             if size > 0:
                 move(bodies[b], shift, _share(bodies, pairs, end, b))
+    place_pieces(bodies, pieces, vertices, SIMULATED)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 

@@ -3,6 +3,7 @@
 from reference_impl.conventions import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
+    COUNT_UNCONVERGED,
     DRIVEN,
     EVENT_CAP,
     FIXED,
@@ -15,8 +16,9 @@ from reference_impl.conventions import (
     TIME_MIN,
 )
 from reference_impl.detection import detect, is_free, place_pieces
+from reference_impl.global_depth import global_depth
 from reference_impl.impact_time import earliest_impact
-from reference_impl.impulse import begin_hold, hold_contacts, resolve_impacts
+from reference_impl.impulse import begin_hold, cut_holds, hold_contacts, resolve_impacts
 from reference_impl.integrate import apply_forces, begin_substep, end_substep, pose_at, refresh_inertia
 from reference_impl.kernel import clock, kernel
 from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
@@ -38,10 +40,11 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         move_links(bodies, joints, drivers[d])
     place_pieces(bodies, pieces, vertices, FIXED)
     place_pieces(bodies, pieces, vertices, SIMULATED)
-    end, deepest = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
+    end, _ = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
     for d in range(len(drivers)):
-        if is_free(deepest):
-            store_free_pose(joints, drivers[d])
+        store_free_pose(joints, drivers[d])
+        deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, state[0]["shift"])
+        drivers[d]["has_free"] = 1 if is_free(deepest) else 0
     state[0]["counters"][:] = 0
 
 
@@ -97,11 +100,14 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         touching, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
         # impacts change velocities at once; forces and held contacts over the time that is left
         start = clock(state["clock"])
-        resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time)
-        begin_substep(bodies)
+        if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
+            state["counters"][COUNT_GAVE_UP] += 1
+        begin_substep(bodies, drivers)
         begin_hold(bodies, pairs, touching)
         apply_forces(bodies, state["gravity"], left)
-        hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time)
+        first_held = state["contact_count"]
+        if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
+            state["counters"][COUNT_UNCONVERGED] += 1
         resolved = clock(state["clock"])
         pose_at(bodies, left, 1.0, state["flight"])
         posed = clock(state["clock"])
@@ -110,7 +116,8 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         detected = clock(state["clock"])
         fraction, drift = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state, left)
         drifted = drifted or drift
-        end_substep(bodies, fraction)
+        end_substep(bodies, joints, drivers, fraction)
+        cut_holds(contacts, first_held, state["contact_count"], fraction)
         state["stage_seconds"][STAGE_INTEGRATION] += posed - resolved + clock(state["clock"]) - detected
         left *= 1 - fraction
         if left <= TIME_MIN:
@@ -118,5 +125,6 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         state["counters"][COUNT_EVENTS] += 1
     if left > TIME_MIN:
         state["counters"][COUNT_GAVE_UP] += 1
+        place_pieces(bodies, pieces, vertices, SIMULATED)
     if drifted:
         part_simulated(bodies, pieces, vertices, pairs, state)

@@ -6,9 +6,16 @@ difference's support along that face's normal bounds it from above. Both meet at
 
 from math import sqrt
 
-from reference_impl.conventions import DEGENERATE, DEPTH_TOLERANCE, EPA_FACES, EPA_VERTICES, GROWTH
+from reference_impl.conventions import (
+    DEGENERATE,
+    DEPTH_TOLERANCE,
+    EPA_FACES,
+    EPA_VERTICES,
+    GROWTH,
+    STAGNATION,
+)
 from reference_impl.kernel import kernel
-from reference_impl.simplex import add_vertex
+from reference_impl.simplex import add_vertex, repeats
 
 NEVER = 1e300
 """Offset of a face without area: it closes the surface but is never the nearest."""
@@ -17,30 +24,42 @@ DEAD = -NEVER
 
 
 @kernel
-def deepest_face(piece_a, piece_b, vertices, count, scale, state):
+def deepest_face(piece_a, piece_b, vertices, count, scale, state, out_normal):
     """Expand the simplex in `state` (its first `count` vertices) to the nearest face.
 
     Args:
         scale: size of the pair [m], for tolerances.
+        out_normal: direction of least reach.
     Returns:
-        (face, depth, iterations, converged): slot of the nearest face, the difference's reach along its
-        normal [m]; face is -1 when the difference has no volume.
+        (has_volume, depth, iterations, converged): the difference's least reach [m]. Without a volume it is
+        0 in any direction: converged where the difference is a point.
     """
-    if not _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
-        return -1, 0.0, 0, False
-    faces, vertex = 4, 4
+    count = _tetrahedron(piece_a, piece_b, vertices, count, scale, state)
+    if count < 4:
+        out_normal[0], out_normal[1], out_normal[2] = 0.0, 0.0, 1.0
+        return False, 0.0, 0, count == 1
+    faces, vertex, depth = 4, 4, NEVER
     while True:
         nearest = _nearest_face(state, faces)
         n = state["normal"][nearest]
         reach = add_vertex(piece_a, piece_b, vertices, n[0], n[1], n[2], vertex, state)
-        converged = reach - state["offset"][nearest] <= DEPTH_TOLERANCE * scale
+        # every reach bounds the depth from above
+        if reach < depth:
+            depth = reach
+            out_normal[0], out_normal[1], out_normal[2] = n[0], n[1], n[2]
+        gap = reach - state["offset"][nearest]
+        converged = gap <= DEPTH_TOLERANCE * scale
+        # a vertex that is there already adds nothing: what is left of the gap is rounding
+        if repeats(state["w"], vertex):
+            converged = gap <= STAGNATION * scale
+            break
         vertex += 1
         if converged or vertex == EPA_VERTICES:
             break
         faces = _expand(state, vertex - 1, faces, scale)
         if faces < 0:
             break
-    return nearest, reach, vertex - 4, converged
+    return True, depth, vertex - 4, converged
 
 
 @kernel
@@ -104,7 +123,8 @@ def _set_face(state, f, i, j, k, scale):
     vx, vy, vz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
     x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     area = sqrt(x * x + y * y + z * z)
-    if area <= DEGENERATE * scale * scale:
+    longest = sqrt(max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz))
+    if area <= DEGENERATE * scale * longest:
         state["offset"][f] = NEVER
         return
     n[0], n[1], n[2] = x / area, y / area, z / area
@@ -116,7 +136,7 @@ def _set_face(state, f, i, j, k, scale):
 
 @kernel
 def _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
-    """Grow the simplex to a tetrahedron with volume, faces turned outward; False where there is none."""
+    """Grow the simplex to a tetrahedron with volume, faces turned outward; returns its vertex count."""
     w = state["w"]
     if count == 1:
         count = _grow_point(piece_a, piece_b, vertices, scale, state)
@@ -125,7 +145,7 @@ def _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
     if count == 3:
         count = _grow_triangle(piece_a, piece_b, vertices, scale, state)
     if count < 4:
-        return False
+        return count
     # orient: the fourth vertex lies behind the face of the first three
     ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
     vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
@@ -136,7 +156,7 @@ def _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
     _set_face(state, 1, i, 3, j, scale)
     _set_face(state, 2, j, 3, 2, scale)
     _set_face(state, 3, 2, 3, i, scale)
-    return True
+    return count
 
 
 @kernel

@@ -16,7 +16,7 @@ INSIDE = 15
 
 @kernel
 def add_vertex(piece_a, piece_b, vertices, x, y, z, k, state):
-    """Write the difference's support along (x, y, z) into vertex k; returns its reach along that direction."""
+    """Write the difference's support along (x, y, z) into vertex k; returns its reach along it."""
     w, a = state["w"][k], state["a"][k]
     support(piece_a, vertices, x, y, z, a)
     support(piece_b, vertices, -x, -y, -z, w)
@@ -53,7 +53,7 @@ def nearest_on_simplex(piece_a, piece_b, vertices, state):
             return count, 0.0, x, y, z, iterations, True
         reach = add_vertex(piece_a, piece_b, vertices, -x, -y, -z, count, state)
         # no point of the difference is nearer than the plane through the new vertex
-        if square + reach <= DISTANCE_TOLERANCE * distance * largest or _repeats(w, count):
+        if square + reach <= DISTANCE_TOLERANCE * distance * largest or repeats(w, count):
             converged = True
             break
         choice = (
@@ -70,8 +70,8 @@ def nearest_on_simplex(piece_a, piece_b, vertices, state):
 
 
 @kernel
-def _repeats(w, count):
-    """Whether vertex `count` is already in the simplex."""
+def repeats(w, count):
+    """Whether vertex `count` is already among the `count` before it."""
     for k in range(count):
         if w[k, 0] == w[count, 0] and w[k, 1] == w[count, 1] and w[k, 2] == w[count, 2]:
             return True
@@ -187,7 +187,7 @@ def _triangle(w, i, j, k):
 
 @kernel
 def _tetrahedron(w):
-    """Nearest point of the tetrahedron to the origin: (mask, four weights); mask INSIDE when it holds the origin."""
+    """Nearest point of the tetrahedron to the origin: (mask, four weights); INSIDE when it holds it."""
     best = (0, 0.0, 0.0, 0.0, 0.0)
     least = -1.0
     for n in range(4):

@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 
 from reference_impl.kernel import kernel
-from reference_impl.rotation import conjugate_by, matrix_of, quaternion_of, rotate
+from reference_impl.rotation import conjugate_by, matrix_of, multiply, quaternion_of, rotate
 
 
 @kernel
@@ -42,11 +42,8 @@ def pose_links(bodies, joints, driver):
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         parent, child = bodies[joint["parent"]], bodies[joint["child"]]
-        # child's rotation = parent's rotation times the hinge's; `rotation` holds the hinge's on the way
-        hinge_rotation(joint["axis"], joint["angle"], joint["rest"], child["rotation"])
-        for j in range(3):
-            column = child["rotation"][:, j]
-            rotate(parent["rotation"], column, column)
+        hinge_rotation(joint["axis"], joint["angle"], joint["rest"], child["scratch"])
+        multiply(parent["rotation"], child["scratch"], child["rotation"])
         quaternion_of(child["rotation"], child["orientation"])
         rotate(parent["rotation"], joint["position"], child["position"])
         for i in range(3):
@@ -105,7 +102,7 @@ def composite_inertia(bodies, joints, driver, out_center, out_inertia):
 @kernel
 def _add_inertia(body, center, out_inertia):
     """Add a body's inertia about `center` (Steiner)."""
-    # `inverse_inertia` of a link is free to hold its inertia in world axes: links have no inverse of their own
+    # `inverse_inertia` of a link holds its inertia in world axes: links have no inverse of their own
     own = body["inverse_inertia"]
     conjugate_by(body["rotation"], body["inertia"], own)
     x, y, z = body["center"][0] - center[0], body["center"][1] - center[1], body["center"][2] - center[2]
@@ -118,19 +115,26 @@ def _add_inertia(body, center, out_inertia):
 
 
 def joint_space_inertia(bodies, joints, driver):
-    """Joint-space inertia (j, j) [kg m^2] of a posed driver with its root held: sum of m Jv'Jv + Jw'I Jw."""
+    """Joint-space inertia of a posed driver, from its kinetic energy: sum of m Jv'Jv + Jw'I Jw.
+
+    Returns:
+        (6 + j, 6 + j): the root's linear velocity at its origin [m/s] and angular velocity [rad/s] along the
+        world's axes, then the hinges' rates [rad/s].
+    """
     chain = joints[driver["first_joint"] : driver["first_joint"] + driver["joint_count"]]
     above = {int(joint["child"]): k for k, joint in enumerate(chain)}
-    inertia = np.zeros((len(chain), len(chain)))
-    for joint in chain:
-        link = bodies[joint["child"]]
-        turning, moving = np.zeros((3, len(chain))), np.zeros((3, len(chain)))
-        body = int(joint["child"])
+    origin = bodies[driver["root"]]["position"]
+    inertia = np.zeros((6 + len(chain), 6 + len(chain)))
+    for body in (int(driver["root"]), *above):
+        link = bodies[body]
+        moving, turning = np.zeros((3, len(inertia))), np.zeros((3, len(inertia)))
+        moving[:, :3] = turning[:, 3:6] = np.eye(3)
+        moving[:, 3:6] = np.cross(np.eye(3), link["center"] - origin).T
         while body in above:
             k = above[body]
             axis = bodies[chain[k]["parent"]]["rotation"] @ chain[k]["axis"]
-            turning[:, k] = axis
-            moving[:, k] = np.cross(axis, link["center"] - bodies[body]["position"])
+            turning[:, 6 + k] = axis
+            moving[:, 6 + k] = np.cross(axis, link["center"] - bodies[body]["position"])
             body = int(chain[k]["parent"])
         world = link["rotation"] @ link["inertia"] @ link["rotation"].T
         inertia += link["mass"] * moving.T @ moving + turning.T @ world @ turning

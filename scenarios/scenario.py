@@ -128,7 +128,7 @@ class Tracker:
     angles: tuple[tuple[float, ...], ...]
     stiffness: float = 1000.0
     damping: float = 40.0
-    hinge_frequency: float = 100.0
+    hinge_frequency: float = 70.0
 
 
 @dataclass(frozen=True, slots=True)

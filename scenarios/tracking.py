@@ -25,13 +25,16 @@ class TrackerMotion:
 
 
 def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
-    """The tracker at `times` [s]: cubic splines through the keyframes, at rest at both ends.
+    """The tracker at `times` [s]: cubic splines through the keyframes.
 
-    Orientations follow scipy's RotationSpline (continuous angular acceleration).
+    Positions and angles are at rest at both ends; orientations follow scipy's RotationSpline (continuous
+    angular acceleration), which starts and ends as fast as its keyframes turn.
     """
     positions = CubicSpline(tracker.times, tracker.positions, bc_type="clamped")
     count = len(tracker.joints)
-    angles = CubicSpline(tracker.times, np.reshape(tracker.angles, (-1, count)), bc_type="clamped")
+    angles = CubicSpline(
+        tracker.times, np.reshape(tracker.angles, (len(tracker.times), count)), bc_type="clamped"
+    )
     keys = Rotation.from_quat(np.array(tracker.orientations), scalar_first=True)
     rotations = RotationSpline(tracker.times, keys)
     turned = rotations(times)

@@ -1,0 +1,401 @@
+"""MuJoCo 4 behind the contract.
+
+Conventions: quaternions wxyz and half sizes as ours; distances negative in overlap as ours. A contact's
+normal goes from geom[0] to geom[1] and its force, in the axes (normal, tangent, tangent), acts on geom[1];
+MuJoCo orders the two geoms by type (a sphere comes before a box), so each geom is mapped back to its body and
+`State.add_contact` turns the contact round. `pos` is the midpoint of the witnesses. Contacts and forces are
+those of the start of the step: force times dt is the impulse. A free joint's qvel holds the world velocity of
+the body's *origin* and the angular velocity along the *body's* axes; `cvel` is taken at the subtree's centre
+of mass. A hinge's axis lies in the child's frame. `xpos` lags behind `qpos` after a step: `read` runs the
+kinematics again, which leaves the state alone.
+
+Restitution: MuJoCo has springs instead of e. With zeta = -ln e / sqrt(pi^2 + ln^2 e) a pair gets the direct
+form solref = (-w^2, -2 zeta w), w = 1 / max(0.02 zeta, 2 dt): the default time constant of 20 ms at damping
+ratio zeta (e = 0 is MuJoCo's default contact), but never stiffer than the floor MuJoCo itself keeps for a
+critically damped contact (timeconst >= 2 dt; the positive form has no such floor for zeta < 1 and gains
+energy). Friction is given per pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal
+cone share the pair's damping: friction is Coulomb's for e up to about .8, fades above, and is none at e = 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import exp, hypot, log, pi, sqrt
+from typing import Any, ClassVar
+
+import mujoco
+import numpy as np
+
+from adapters.drive import Drive
+from adapters.engine import (
+    AdapterError,
+    Array,
+    BodyFacts,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+    Unsupported,
+)
+from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Quaternion, Scenario, Sphere, Vector
+
+TIME_CONSTANT = 0.02
+"""MuJoCo's default time constant of a contact, 1 / (zeta w) [s]."""
+FLOOR_STEPS = 2.0
+"""MuJoCo's floor of a contact's time constant [steps] (its flag refsafe)."""
+FRICTION_MIN = 1e-5
+"""Smallest friction of a contact with condim > 1 (mjMINMU) [1]: smaller values are raised to it."""
+OPTIONS = (
+    *("timestep", "iterations", "tolerance", "ls_iterations", "ls_tolerance", "noslip_iterations"),
+    *("noslip_tolerance", "impratio", "ccd_iterations", "ccd_tolerance", "density", "viscosity"),
+)
+FLAGS = (
+    # option field, its bits, their prefix, whether a set bit means on
+    ("disableflags", mujoco.mjtDisableBit, "mjDSBL_", False),
+    ("enableflags", mujoco.mjtEnableBit, "mjENBL_", True),
+)
+LARGEST = ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "pair_margin", "pair_gap")
+DISTINCT = ("pair_solref", "pair_solimp", "pair_dim")
+KINDS = ("integrator", "solver", "cone", "jacobian")
+TIMER = mujoco.mjtTimer
+IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
+LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWARN_CNSTRFULL))
+"""Warnings of MuJoCo that mean contacts were dropped for want of memory."""
+
+
+def solref_of(restitution: float, dt: float) -> tuple[float, float]:
+    """(-stiffness, -damping) per unit mass of a contact with restitution e."""
+    zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
+    w = 1 / max(TIME_CONSTANT * zeta, FLOOR_STEPS * dt)
+    return -w * w, -2 * zeta * w
+
+
+def restitution_of(solref: Array) -> float:
+    """Restitution e of a contact with (-stiffness, -damping), the inverse of `solref_of`."""
+    zeta = -solref[1] / (2 * sqrt(-solref[0]))
+    return exp(-pi * zeta / sqrt(1 - zeta * zeta)) if zeta < 1 else 0.0
+
+
+def _write_no_log_file() -> None:
+    """Warnings go to stderr alone; by default MuJoCo also writes MUJOCO_LOG.TXT into the current folder."""
+    log = mujoco.MjLogConfig.get()
+    log.logto_file = False
+    mujoco.MjLogConfig.set(log)
+
+
+class MujocoEngine:
+    """MuJoCo with its default integrator, solver and friction cone; the profiles differ in their step."""
+
+    name: ClassVar[str] = "mujoco"
+    profiles: ClassVar[Mapping[str, float]] = {"recommended": 1 / 540, "equal-step": 1 / 240}
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported where MuJoCo cannot represent it."""
+        if settings.profile not in self.profiles:
+            raise Unsupported(f"mujoco: no profile {settings.profile!r}; valid: {', '.join(self.profiles)}")
+        _write_no_log_file()
+        spec = mujoco.MjSpec()
+        _set_options(spec, scenario, settings.dt)
+        bodies = _add_bodies(spec, scenario)
+        _add_pairs(spec, scenario, settings.dt)
+        try:
+            model = spec.compile()
+        except ValueError as error:
+            raise Unsupported(f"mujoco: {error}") from error
+        return World(model, [bodies[k].id for k in range(len(scenario.bodies))], scenario, settings)
+
+    def version(self) -> str:
+        """The version of the loaded library."""
+        return mujoco.mj_versionString()
+
+
+def _set_options(spec: Any, scenario: Scenario, dt: float) -> None:
+    """Every hidden default on purpose; what is not named here keeps MuJoCo's default and is published."""
+    spec.compiler.degree = False
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    spec.compiler.balanceinertia = spec.compiler.fusestatic = spec.compiler.alignfree = False
+    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
+    spec.option.timestep = dt
+    spec.option.gravity = scenario.acting_gravity
+    spec.option.density = spec.option.viscosity = 0.0
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    spec.option.enableflags = 0
+
+
+def _add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
+    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree."""
+    bodies: dict[int, Any] = {}
+    for index, body in enumerate(scenario.bodies):
+        if body.kind != "driven":
+            bodies[index] = spec.worldbody.add_body(pos=body.position, quat=body.orientation)
+            if body.kind == "simulated":
+                _add_free_joint(bodies[index])
+    hinges = {joint.name: joint for joint in scenario.joints}
+    for tracker in scenario.trackers:
+        root, *children = scenario.links(tracker)
+        bodies[root] = spec.worldbody.add_body(gravcomp=1.0)
+        _add_free_joint(bodies[root])
+        for child, joint in zip(children, (hinges[name] for name in tracker.joints)):
+            parent = bodies[scenario.body_index(joint.parent)]
+            bodies[child] = parent.add_body(pos=joint.position, quat=joint.orientation, gravcomp=1.0)
+            bodies[child].add_joint(
+                name=joint.name,
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=_turned(joint.axis, _inverse(joint.orientation)),
+                limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+                range=(joint.lower, joint.upper),
+            )
+    for index, body in enumerate(scenario.bodies):
+        if body.kind != "fixed":
+            _set_mass(bodies[index], body)
+        for k, piece in enumerate(body.pieces):
+            _add_piece(spec, bodies[index], piece, f"{index}.{k}")
+    return bodies
+
+
+def _add_free_joint(body: Any) -> None:
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE, align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+
+
+def _set_mass(target: Any, body: Body) -> None:
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
+    target.explicitinertial = True
+    target.mass, target.ipos, target.fullinertia = body.mass, body.center_of_mass, (xx, yy, zz, xy, xz, yz)
+
+
+def _add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
+    """A geom that touches nothing but what an explicit pair names (contype and conaffinity 0)."""
+    geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
+    match piece.shape:
+        case Sphere():
+            _add_sphere(geom, piece.shape)
+        case Box():
+            _add_box(geom, piece.shape)
+        case Ellipsoid():
+            _add_ellipsoid(geom, piece.shape)
+        case Hull():
+            _add_hull(spec, geom, piece.shape)
+        case _:
+            raise Unsupported(f"mujoco: no shape {type(piece.shape).__name__}")
+
+
+def _add_sphere(geom: Any, shape: Sphere) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, (shape.radius, 0.0, 0.0)
+
+
+def _add_box(geom: Any, shape: Box) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, shape.half_extents
+
+
+def _add_ellipsoid(geom: Any, shape: Ellipsoid) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_ELLIPSOID, shape.half_axes
+
+
+def _add_hull(spec: Any, geom: Any, shape: Hull) -> None:
+    """A mesh of its own; MuJoCo keeps its vertices in single precision, in the mesh's inertial frame."""
+    mesh = spec.add_mesh(name=geom.name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+    mesh.uservert = np.ravel(shape.vertices)
+    geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
+
+
+def _add_pairs(spec: Any, scenario: Scenario, dt: float) -> None:
+    """An explicit pair for every two pieces that may touch."""
+    for a, b in scenario.touching_pairs():
+        e, mu = scenario.pair_coefficients(a, b)
+        if 0 < mu < FRICTION_MIN:
+            names = f"{scenario.bodies[a].name}-{scenario.bodies[b].name}"
+            raise Unsupported(f"mujoco: friction {mu:g} of {names} is below the least, {FRICTION_MIN:g}")
+        for first in range(len(scenario.bodies[a].pieces)):
+            for second in range(len(scenario.bodies[b].pieces)):
+                spec.add_pair(
+                    geomname1=f"{a}.{first}",
+                    geomname2=f"{b}.{second}",
+                    condim=3 if mu > 0 else 1,
+                    friction=(mu, mu, 0.0, 0.0, 0.0),
+                    solref=solref_of(e, dt),
+                )
+
+
+def _inverse(quaternion: Quaternion | Array) -> Array:
+    return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
+
+
+def _turned(vector: Vector | Array, quaternion: Quaternion | Array) -> Array:
+    """`vector` rotated by `quaternion`."""
+    out = np.zeros(3)
+    mujoco.mju_rotVecQuat(out, np.array(vector), np.array(quaternion))
+    return out
+
+
+class World:
+    """A compiled model and its data. `body` maps the scenario's index to MuJoCo's, `index` back."""
+
+    def __init__(self, model: Any, body: list[int], scenario: Scenario, settings: Settings) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        self._scenario, self._settings = scenario, settings
+        self._body = np.array(body)
+        self._index = np.full(model.nbody, -1)
+        self._index[self._body] = np.arange(len(body))
+        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in scenario.trackers]
+        self._hinge_qpos = [model.jnt_qposadr[ids].astype(int) for ids in hinges]
+        self._hinge_dof = [model.jnt_dofadr[ids].astype(int) for ids in hinges]
+        self._root = [int(self._body[drive.links[0]]) for drive in self._drives]
+        self._force = np.zeros((len(self._drives), 3))
+        self._torque = np.zeros((len(self._drives), 3))
+        self._timers = np.zeros(int(TIMER.mjNTIMER))
+        self._set_initial_state()
+
+    def _free_joint(self, body: int) -> tuple[Array, Array, slice]:
+        """qpos (7,) and qvel (6,) of a free body as views, and its degrees of freedom."""
+        joint = self._model.body_jntadr[body]
+        first, dof = int(self._model.jnt_qposadr[joint]), int(self._model.jnt_dofadr[joint])
+        dofs = slice(dof, dof + 6)
+        return self._data.qpos[first : first + 7], self._data.qvel[dofs], dofs
+
+    def _set_initial_state(self) -> None:
+        for body, source in zip(self._body, self._scenario.bodies):
+            if source.kind == "simulated":
+                qpos, qvel, _ = self._free_joint(body)
+                omega = np.array(source.angular_velocity)
+                arm = _turned(source.center_of_mass, qpos[3:])
+                qvel[:3] = source.linear_velocity - np.cross(omega, arm)
+                qvel[3:] = _turned(omega, _inverse(qpos[3:]))
+        for drive, root, angles, dofs in zip(self._drives, self._root, self._hinge_qpos, self._hinge_dof):
+            qpos, qvel, _ = self._free_joint(root)
+            qpos[:3], qpos[3:] = drive.start_position[0], drive.start_orientation[0]
+            qvel[:3] = drive.start.linear_velocity[0]
+            qvel[3:] = _turned(drive.start.angular_velocity[0], _inverse(qpos[3:]))
+            self._data.qpos[angles], self._data.qvel[dofs] = drive.start.angle[0], drive.start.rate[0]
+
+    def drive(self, step: int) -> None:
+        """Generalised forces: on the root a force in world and a torque in body axes; hinge torques."""
+        data = self._data
+        for k, drive in enumerate(self._drives):
+            qpos, qvel, root = self._free_joint(self._root[k])
+            omega = _turned(qvel[3:], qpos[3:])
+            force, torque = drive.wrench(step, qpos[:3], qpos[3:], qvel[:3], omega)
+            self._force[k], self._torque[k] = force, torque
+            data.qfrc_applied[root] = *force, *_turned(torque, _inverse(qpos[3:]))
+            dofs = self._hinge_dof[k]
+            angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
+            data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
+
+    def step(self) -> None:
+        """One mj_step."""
+        mujoco.mj_step(self._model, self._data)
+
+    def read(self, state: State) -> None:
+        """Contacts of the step's start, then poses and velocities of its end."""
+        model, data, body = self._model, self._data, self._body
+        self._read_contacts(state)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        state.position[:], state.orientation[:] = data.xpos[body], data.xquat[body]
+        omega = data.cvel[body, :3]
+        arm = data.xipos[body] - data.subtree_com[model.body_rootid[body]]
+        state.linear_velocity[:] = data.cvel[body, 3:] + np.cross(omega, arm)
+        state.angular_velocity[:] = omega
+        if self._drives:
+            angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
+            state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
+            state.hinge_torque[:] = data.qfrc_applied[dofs]
+            state.force[:], state.torque[:] = self._force, self._torque
+
+    def _read_contacts(self, state: State) -> None:
+        model, data = self._model, self._data
+        if data.warning.number[LOSSES,].any():
+            raise AdapterError("mujoco: out of memory for contacts; some were dropped")
+        state.clear_contacts()
+        contact, force = data.contact, np.zeros(6)
+        bodies = self._index[model.geom_bodyid[contact.geom]]
+        rows = zip(bodies.tolist(), contact.pos, contact.frame.reshape(-1, 3, 3), contact.dist.tolist())
+        for k, ((a, b), position, axes, distance) in enumerate(rows):
+            mujoco.mj_contactForce(model, data, k, force)
+            impulse = self._settings.dt * (force[:3] @ axes)
+            state.add_contact(a, b, position, axes[0], distance, impulse)
+
+    def describe(self) -> Manifest:
+        """The manifest, from the compiled model."""
+        scenario = self._scenario
+        return Manifest(
+            engine=MujocoEngine.name,
+            version=mujoco.mj_versionString(),
+            profile=self._settings.profile,
+            dt=float(self._model.opt.timestep),
+            settings=self._facts(),
+            bodies={source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
+            pairs=self._pair_facts(),
+            drives={tracker.root: d.gains() for tracker, d in zip(scenario.trackers, self._drives)},
+        )
+
+    def _facts(self) -> dict[str, Scalar]:
+        """Options, flags (true = on) and what the compiled model holds: largest values, distinct values."""
+        model, option = self._model, self._model.opt
+        facts: dict[str, Scalar] = {}
+        for name in KINDS:
+            facts[name] = getattr(mujoco, f"mjt{name.capitalize()}")(getattr(option, name)).name
+        facts |= {name: getattr(option, name) for name in OPTIONS}
+        for field, bits, prefix, on in FLAGS:
+            for name, bit in bits.__members__.items():
+                if name.startswith(prefix):
+                    facts[name.removeprefix(prefix).lower()] = bool(getattr(option, field) & int(bit)) == on
+        for name in LARGEST:
+            facts[f"{name}_max"] = float(np.abs(getattr(model, name)).max(initial=0.0))
+        for name in DISTINCT:
+            facts[name] = str(np.unique(getattr(model, name), axis=0).tolist())
+        hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        return facts | {
+            "gravity_vector": str(option.gravity.tolist()),
+            "hinge_limits": f"{int(model.jnt_limited[hinge].sum())} of {int(hinge.sum())}, soft",
+            "hinge_limit_solref": str(np.unique(model.jnt_solref[hinge], axis=0).tolist()),
+            "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
+            "actuators": int(model.nu),
+            "hull_vertex_type": str(model.mesh_vert.dtype),
+            "threads": "one" if self._data.threadpool == 0 else "pool",
+        }
+
+    def _body_facts(self, body: int) -> BodyFacts:
+        model = self._model
+        flat = np.zeros(9)
+        mujoco.mju_quat2Mat(flat, model.body_iquat[body])
+        axes = flat.reshape(3, 3)
+        rows = tuple(tuple(row) for row in (axes * model.body_inertia[body] @ axes.T).tolist())
+        return BodyFacts(float(model.body_mass[body]), tuple(model.body_ipos[body].tolist()), rows)
+
+    def _pair_facts(self) -> tuple[PairFacts, ...]:
+        """Per pair of bodies; all pairs of their geoms are alike by construction."""
+        model, names = self._model, [body.name for body in self._scenario.bodies]
+        geoms = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
+        bodies = np.sort(self._index[model.geom_bodyid[geoms]], axis=1).tolist()
+        facts = {}
+        for (a, b), size, solref, mu in zip(bodies, model.pair_dim, model.pair_solref, model.pair_friction):
+            friction = float(mu[0]) if size > 1 else 0.0
+            facts[a, b] = PairFacts(names[a], names[b], restitution_of(solref), friction)
+        return tuple(facts[key] for key in sorted(facts))
+
+    def cross(self) -> None:
+        """The cheapest call into the library."""
+        mujoco.mj_version()
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """From MuJoCo's timers. `impulses` is making, projecting and solving constraints; `integration` all
+        else: kinematics, mass matrix, bias and passive forces, advance."""
+        timers = self._data.timer.duration.copy()
+        spent, self._timers = timers - self._timers, timers
+        collision = float(spent[TIMER.mjTIMER_POS_COLLISION])
+        impulses = float(sum(spent[k] for k in IMPULSE_TIMERS))
+        rest = float(spent[TIMER.mjTIMER_STEP]) - collision - impulses
+        return {"collision": collision, "impulses": impulses, "integration": rest}
+
+    def work(self) -> Mapping[str, float]:
+        """Contacts, constraint rows and solver iterations (summed over islands) of the last step."""
+        data = self._data
+        iterations = data.solver_niter[: max(1, data.nisland)].sum()
+        return {"contacts": data.ncon, "rows": data.nefc, "iterations": int(iterations)}
+
+    def close(self) -> None:
+        """Drop the model and its data; their memory goes with the last reference."""
+        del self._data, self._model

@@ -1,0 +1,1 @@
+"""Reads recordings, judges, shows. The top of the stack."""

@@ -1,0 +1,268 @@
+"""`touchstone`: the only file that knows every layer. Heavy imports wait until a command needs them."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Iterable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from reports.run import Request
+    from scenarios.scenario import Scenario
+
+app = typer.Typer(
+    help="Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of the same scenes.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+LIMIT_BROKEN, BAD_INPUT, NOT_INSTALLED, INTERRUPTED = 1, 2, 3, 130
+
+
+class Format(StrEnum):
+    """Formats of machine and human output."""
+
+    table = "table"
+    json = "json"
+    csv = "csv"
+
+
+class Listing(StrEnum):
+    """What `list` can list."""
+
+    scenarios = "scenarios"
+    engines = "engines"
+    metrics = "metrics"
+    profiles = "profiles"
+
+
+FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
+
+
+def main() -> None:
+    """Entry point: every expected failure ends in one line on standard error."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        _stop("interrupted; nothing was written", INTERRUPTED)
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    print(f"touchstone: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _known(kind: str, name: str, valid: Iterable[str]) -> str:
+    """The name, if valid; else one line with the nearest valid names, exit 2."""
+    names = list(valid)
+    if name in names:
+        return name
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f"; did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
+    _stop(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})", BAD_INPUT)
+
+
+@app.command()
+def run(
+    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes to play (default: --tag).")] = None,
+    tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "gallery",
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all installed).")] = None,
+    profile: Annotated[
+        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended, equal-step).")
+    ] = None,
+    metric: Annotated[list[str] | None, typer.Option(help="Report these metrics alone.")] = None,
+    dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240 [s].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress and no table.")] = False,
+) -> None:
+    """Play scenes on engines and show where they differ."""
+    from reports.run import OutputError
+    from reports.run import run as run_study
+
+    request = _request(scenario or [], tag, engine or [], profile or [], metric or [], dt, out)
+    try:
+        with _progress(request, quiet) as progress:
+            results = run_study(request, progress)
+    except OutputError as error:
+        _stop(str(error), BAD_INPUT)
+    if output is Format.json:
+        print(results.frame.to_json(orient="records", indent=1))
+    elif output is Format.csv:
+        print(results.frame.to_csv(index=False), end="")
+    elif not quiet:
+        from reports.terminal import console, show
+
+        show(results.frame, console())
+        print(f"results: {request.out}")
+    _exit_for(results.frame.verdict, results.frame.reason, bool(engine))
+
+
+def _exit_for(verdicts: Iterable[str], reasons: Iterable[str], by_name: bool) -> None:
+    pairs = list(zip(verdicts, reasons))
+    if by_name and any(v == "skipped" and r.startswith("not installed") for v, r in pairs):
+        raise typer.Exit(NOT_INSTALLED)
+    if any(v in ("fail", "error") for v, _ in pairs):
+        raise typer.Exit(LIMIT_BROKEN)
+
+
+def _request(
+    names: list[str],
+    tag: str,
+    engines: list[str],
+    profiles: list[str],
+    metrics: list[str],
+    dt: str | None,
+    out: Path | None,
+) -> Request:
+    """The request behind the arguments; a wrong one ends the program with a line."""
+    from datetime import datetime
+
+    from adapters.registry import ENGINES
+    from reports.metrics import METRICS
+    from reports.run import Request, all_engines, columns_of
+
+    scenarios = _scenarios(names, tag)
+    engines = [_known("engine", name, ENGINES) for name in engines] or list(all_engines())
+    profiles = [_known("profile", name, _profiles()) for name in profiles]
+    for name in metrics:
+        _known("metric", name, [*METRICS, "ratio.time"])
+    columns = columns_of(tuple(engines), tuple(profiles) or ("balanced", "recommended", "equal-step"))
+    if not columns:
+        _stop(f"no engine of {', '.join(engines)} has the profile {', '.join(profiles)}", BAD_INPUT)
+    step = _step(dt, scenarios) if dt is not None else None
+    folder = out or Path("runs") / datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
+    command = " ".join(["touchstone", *sys.argv[1:]])
+    return Request(tuple(scenarios), columns, folder, step, tuple(metrics), command)
+
+
+def _scenarios(names: list[str], tag: str) -> list[Scenario]:
+    from scenarios.catalogue import catalogue, tagged, tags
+    from scenarios.scenario import ScenarioError
+
+    try:
+        if names:
+            return [catalogue()[_known("scenario", name, catalogue())] for name in names]
+        return list(tagged(_known("tag", tag, tags())))
+    except ScenarioError as error:
+        _stop(str(error), BAD_INPUT)
+
+
+def _profiles() -> list[str]:
+    from adapters.registry import ENGINES, installed, load
+
+    found = [profile for name in ENGINES if installed(name) for profile in load(name).profiles]
+    return list(dict.fromkeys(found))
+
+
+def _step(text: str, scenarios: Iterable[Scenario]) -> float:
+    """A step such as 1/240; it must divide the frame of every scene."""
+    from fractions import Fraction
+
+    from adapters.record import substeps
+
+    try:
+        value = float(Fraction(text))
+        for scenario in scenarios:
+            substeps(scenario, value)
+    except (ValueError, ZeroDivisionError) as error:
+        _stop(f"--dt {text}: {error}", BAD_INPUT)
+    return value
+
+
+def _progress(request: Request, quiet: bool):  # type: ignore[no-untyped-def]
+    from reports.progress import bar, lines, silence
+
+    if quiet:
+        return silence()
+    total = sum(s.frame_count for s in request.scenarios) * len(request.columns)
+    return bar(total) if sys.stderr.isatty() else lines(total)
+
+
+@app.command("list")
+def list_things(what: Listing, output: FormatOption = Format.table) -> None:
+    """List scenarios, engines, metrics or profiles."""
+    from adapters.registry import ENGINES, installed, load
+    from reports.listing import show_rows
+
+    rows: list[dict[str, object]]
+    if what is Listing.scenarios:
+        from scenarios.catalogue import catalogue
+
+        rows = [
+            {"scenario": s.name, "tags": " ".join(s.tags), "duration [s]": s.duration, "summary": s.summary}
+            for s in catalogue().values()
+        ]
+    elif what is Listing.engines:
+        from reports.doctor import engines
+
+        rows = [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
+    elif what is Listing.metrics:
+        from reports.metrics import METRICS
+
+        rows = [
+            {"metric": m.name, "unit": m.unit, "better": m.better, "definition": m.formula}
+            for m in METRICS.values()
+        ]
+    else:
+        from reports.run import step_text
+
+        rows = [
+            {"profile": profile, "engine": name, "step [s]": step_text(dt)}
+            for name in ENGINES
+            if installed(name)
+            for profile, dt in load(name).profiles.items()
+        ]
+    show_rows(rows, output)
+
+
+@app.command()
+def show(scenario: str, output: FormatOption = Format.table) -> None:
+    """Show what a scenario is made of."""
+    from adapters.record import scenario_json
+    from reports.listing import show_rows
+
+    chosen = _scenarios([scenario], "")[0]
+    if output is Format.json:
+        print(scenario_json(chosen))
+        return
+    rows: list[dict[str, object]] = [
+        {
+            "body": body.name,
+            "kind": body.kind,
+            "material": body.material,
+            "mass [kg]": f"{body.mass:.4g}" if body.kind != "fixed" else "",
+            "pieces": len(body.pieces),
+        }
+        for body in chosen.bodies
+    ]
+    if output is Format.table:
+        print(f"{chosen.name}: {chosen.summary}")
+        print(
+            f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {', '.join(chosen.effects)}"
+        )
+        for e in chosen.expectations:
+            print(f"expects {e.event} {e.body}-{e.other} from {e.earliest:g} to {e.latest:g} s")
+    show_rows(rows, output)
+
+
+@app.command()
+def doctor() -> None:
+    """Engines, versions, missing wheels, processor and the compile cache."""
+    from reports.doctor import compile_facts, engines, libraries, machine
+
+    for key, value in machine().items():
+        print(f"{key:14} {value}")
+    for name, found, how in engines():
+        print(f"{name:14} {found if not how else how}")
+    for name, found in libraries():
+        print(f"{name:14} {found}")
+    print("compiling the reference, once per version of its sources ...", file=sys.stderr)
+    for key, value in compile_facts().items():
+        print(f"{key:14} {value}")

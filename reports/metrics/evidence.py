@@ -1,0 +1,142 @@
+"""What a metric looks at: a recording, its scene, and what follows from both, worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Array
+from adapters.oracles.overlap import Distances, measure
+from adapters.recording import Recording
+from scenarios.scenario import Scenario
+
+
+class NotMeasured(Exception):
+    """A metric that does not apply to this recording; the message is the row's reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A value that carries a remark, or none (`value` is NaN) with the reason why."""
+
+    value: float
+    reason: str = ""
+
+
+Values = Mapping[str, float | Value]
+"""Subject (a pair, a body, an event; "" for the whole scene) -> value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """A row of the METRICS table. `shown` is the unit of tables and how many of it make one `unit`."""
+
+    name: str
+    unit: str
+    better: Literal["lower", "higher", "none"]
+    measure: Callable[[Evidence], Values]
+    shown: tuple[str, float] | None = None
+
+    @property
+    def formula(self) -> str:
+        """The first line of the metric's docstring."""
+        return (self.measure.__doc__ or "").strip().splitlines()[0]
+
+
+class Evidence:
+    """A recording and its scene; bodies by index, conventions as in `adapters/engine.py`."""
+
+    def __init__(self, recording: Recording, scenario: Scenario) -> None:
+        self.recording = recording
+        self.scenario = scenario
+        self.frame = 1 / scenario.frame_rate
+        self.gravity = np.array(scenario.acting_gravity)
+        self.mass = np.array([body.mass for body in scenario.bodies])
+        self.kind = [body.kind for body in scenario.bodies]
+        self.simulated = [k for k, kind in enumerate(self.kind) if kind == "simulated"]
+
+    @cached_property
+    def expected_pairs(self) -> dict[tuple[str, str], list[tuple[int, int]]]:
+        """Body pairs (a < b) behind each pair of names in the expectations; the root of a driven body
+        stands for all of its links."""
+        scenario = self.scenario
+        links = {tracker.root: scenario.links(tracker) for tracker in scenario.trackers}
+        found = {}
+        may_touch = set(scenario.touching_pairs())
+        for expectation in scenario.expectations:
+            names = (expectation.body, expectation.other)
+            sides = [links.get(name, (scenario.body_index(name),)) for name in names]
+            pairs = {(min(a, b), max(a, b)) for a in sides[0] for b in sides[1]}
+            found[names] = sorted(pairs & may_touch)
+        return found
+
+    @cached_property
+    def distances(self) -> Distances:
+        """Signed distances by the overlap oracle."""
+        asked = [pair for pairs in self.expected_pairs.values() for pair in pairs]
+        return measure(self.recording, self.scenario, asked)
+
+    @cached_property
+    def mass_centers(self) -> Array:
+        """Centres of mass (f, n, 3) [m]."""
+        r = self.recording
+        frames, count = r.orientation.shape[:2]
+        turned = Rotation.from_quat(r.orientation.reshape(-1, 4), scalar_first=True)
+        local = np.tile([body.center_of_mass for body in self.scenario.bodies], (frames, 1))
+        return r.position + turned.apply(local).reshape(frames, count, 3)
+
+    def surface_velocity(self, body: int, point: Array) -> Array:
+        """Velocity (f, 3) of a body's surface at world points (f, 3)."""
+        r = self.recording
+        arm = point - self.mass_centers[:, body]
+        return r.linear_velocity[:, body] + np.cross(r.angular_velocity[:, body], arm)
+
+    @cached_property
+    def friction(self) -> Array:
+        """Friction coefficient asked for, per contact row."""
+        rows = self.recording.contacts
+        table = {pair: self.scenario.pair_coefficients(*pair)[1] for pair in self.scenario.touching_pairs()}
+        return np.array([table[(int(row["body_a"]), int(row["body_b"]))] for row in rows])
+
+    @cached_property
+    def impulses(self) -> tuple[Array, Array]:
+        """Per contact row: normal impulse (c,) and tangential impulse on B (c, 3) [N s]."""
+        rows = self.recording.contacts
+        normal = np.einsum("ij,ij->i", rows["impulse"], rows["normal"])
+        return normal, rows["impulse"] - normal[:, None] * rows["normal"]
+
+    def slip(self, moment: Literal["before", "after"]) -> Array:
+        """Tangential velocity of B against A per contact row (c, 3) [m/s]."""
+        rows = self.recording.contacts
+        relative = rows[f"velocity_b_{moment}"] - rows[f"velocity_a_{moment}"]
+        along = np.einsum("ij,ij->i", relative, rows["normal"])
+        return np.asarray(relative - along[:, None] * rows["normal"])
+
+    @cached_property
+    def least_impulse(self) -> Array:
+        """j_0 = 1e-3 m g h per contact row [N s]: below it an impulse is noise."""
+        rows = self.recording.contacts
+        weight = np.linalg.norm(self.gravity) or 1.0
+        step = float(self.recording.facts["dt"])
+        masses = np.where(np.array([kind == "simulated" for kind in self.kind]), self.mass, np.inf)
+        lighter = np.minimum(masses[rows["body_a"]], masses[rows["body_b"]])
+        return np.asarray(1e-3 * np.where(np.isfinite(lighter), lighter, self.mass.max()) * weight * step)
+
+    def pair_name(self, a: int, b: int) -> str:
+        """Two bodies as a subject."""
+        return f"{self.scenario.bodies[a].name}-{self.scenario.bodies[b].name}"
+
+    def owner_pair(self, a: int, b: int) -> str:
+        """Two bodies as a subject, links of a driven body under their root's name."""
+        trackers, groups = self.scenario.trackers, self._groups
+        names = [trackers[groups[k]].root if groups[k] >= 0 else self.scenario.bodies[k].name for k in (a, b)]
+        return "-".join(names)
+
+    @cached_property
+    def _groups(self) -> tuple[int, ...]:
+        return self.scenario.groups()

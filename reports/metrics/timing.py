@@ -1,0 +1,59 @@
+"""Time and work. Verdicts on ratios only; single times belong to the machine that measured them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from reports.metrics.evidence import Evidence, NotMeasured, Values
+
+STATISTICS: dict[str, tuple[str, float]] = {
+    "median": ("Median", 50),
+    "p95": ("95th percentile", 95),
+    "p99": ("99th percentile", 99),
+    "max": ("Maximum", 100),
+}
+
+
+def time_frame(statistic: str) -> Callable[[Evidence], Values]:
+    """The metric of one statistic of the wall time per displayed frame."""
+    name, percentile = STATISTICS[statistic]
+
+    def measure(evidence: Evidence) -> Values:
+        return {"": float(np.percentile(evidence.recording.time_frame, percentile))}
+
+    measure.__doc__ = f"{name} over the frames of the native step calls of a displayed frame [s]."
+    return measure
+
+
+def time_drive(evidence: Evidence) -> Values:
+    """Median per displayed frame of the commands set from Python [s]; the reference's are in its frame."""
+    return {"": float(np.median(evidence.recording.time_drive))}
+
+
+def time_read(evidence: Evidence) -> Values:
+    """Median per displayed frame of reading the state out [s]; in no other figure."""
+    return {"": float(np.median(evidence.recording.time_read))}
+
+
+def time_crossing(evidence: Evidence) -> Values:
+    """Median of an empty call into the engine [s]."""
+    return {"": float(np.median(evidence.recording.time_crossing))}
+
+
+def time_share(evidence: Evidence) -> Values:
+    """Share of a stage in the time of all stages the engine tells [1]."""
+    r = evidence.recording
+    total = r.stage_seconds.sum()
+    if not len(r.stage_names) or total == 0:
+        raise NotMeasured("the engine tells no stages")
+    return {str(name): float(r.stage_seconds[:, k].sum() / total) for k, name in enumerate(r.stage_names)}
+
+
+def work(evidence: Evidence) -> Values:
+    """Mean per displayed frame of what the engine counts [1]."""
+    r = evidence.recording
+    if not len(r.work_names):
+        raise NotMeasured("the engine counts nothing")
+    return {str(name): float(r.work[:, k].mean()) for k, name in enumerate(r.work_names)}

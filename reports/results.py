@@ -1,0 +1,65 @@
+"""The one long table: every result of the project is a flat row of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, fields
+from math import nan
+from pathlib import Path
+
+import pandas as pd
+
+VERDICTS = ("", "pass", "fail", "known", "skipped", "error")
+"""Blank: reported without a limit. `known`: a documented failing. `error`: the engine threw, hung or died."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One value. `subject` names a pair, body, stage or the other side of a ratio; `low` and `high` bound an
+    interval; `limit` is what `verdict` was judged by; `dt` [s]. Values are in SI units."""
+
+    study: str
+    scenario: str
+    engine: str
+    profile: str
+    dt: float
+    metric: str
+    value: float = nan
+    unit: str = ""
+    subject: str = ""
+    seed: int = 0
+    repeat: int = 0
+    low: float = nan
+    high: float = nan
+    limit: float = nan
+    verdict: str = ""
+    reason: str = ""
+
+
+COLUMNS = (
+    "study", "scenario", "engine", "profile", "dt", "seed", "repeat", "metric", "subject", "value", "unit",
+    "low", "high", "limit", "verdict", "reason",
+)  # fmt: skip
+assert set(COLUMNS) == {field.name for field in fields(Row)}
+
+
+def table(rows: Iterable[Row]) -> pd.DataFrame:
+    """Rows as a frame with the fixed columns."""
+    return pd.DataFrame([asdict(row) for row in rows], columns=list(COLUMNS))
+
+
+def write_beside(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a file next to `path`, then rename it: `path` is whole or absent."""
+    part = path.with_name(f"{path.name}.part")
+    try:
+        write(part)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def save(frame: pd.DataFrame, folder: Path) -> None:
+    """Write `results.parquet` and `results.csv`."""
+    write_beside(folder / "results.parquet", lambda part: frame.to_parquet(part, index=False))
+    write_beside(folder / "results.csv", lambda part: frame.to_csv(part, index=False))

@@ -1,0 +1,288 @@
+"""The study `run`: play scenes on engines, judge the recordings, and keep everything in one folder."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adapters.children import Job, Outcome, play
+from adapters.engine import Settings
+from adapters.recording import Recording, load
+from adapters.registry import ENGINES, installed, missing_reason
+from adapters.registry import load as load_engine
+from reports.limits import judged
+from reports.metrics import IMPULSE_METRICS, METRICS
+from reports.metrics.contact import AUDIT_LIMIT
+from reports.metrics.evidence import Evidence, NotMeasured, Value
+from reports.ratios import time_ratio
+from reports.results import Row, save, table, write_beside
+from scenarios.scenario import Scenario
+
+STUDY = "run"
+REFERENCE = "reference"
+RATIO_LIMIT = 0.5
+"""The reference's time over the fastest engine's at its recommended step."""
+MACHINE_PROFILE = "recommended"
+
+Progress = Callable[[str, int], None]
+
+
+class OutputError(Exception):
+    """The output folder cannot be used; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to run: scenes, (engine, profile) columns, an own native step [s] or none, and where to put it."""
+
+    scenarios: tuple[Scenario, ...]
+    columns: tuple[tuple[str, str], ...]
+    out: Path
+    dt: float | None = None
+    metrics: tuple[str, ...] = ()
+    command: str = ""
+
+
+@dataclass
+class Results:
+    """What a run gave: the long table, and recordings per (scenario, engine, profile)."""
+
+    frame: pd.DataFrame
+    recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
+
+
+def run(request: Request, progress: Progress) -> Results:
+    """Play, judge and store; the folder appears whole when all is done, or not at all."""
+    with _folder(request.out) as folder:
+        (folder / "recordings").mkdir()
+        (folder / "output").mkdir()
+        rows: list[Row] = []
+        recordings: dict[tuple[str, str, str], Recording] = {}
+        for scenario in request.scenarios:
+            outcomes, missing = _play(request, scenario, folder, progress)
+            rows += missing + _judge(scenario, outcomes, recordings, progress)
+        wanted = [row for row in rows if not request.metrics or row.metric in request.metrics]
+        results = Results(table(wanted), recordings)
+        save(results.frame, folder)
+        _save_manifest(request, recordings, folder)
+        from reports.markdown import report
+
+        write_beside(folder / "report.md", lambda part: part.write_text(report(request, results)))
+    return results
+
+
+@contextmanager
+def _folder(out: Path) -> Iterator[Path]:
+    """A folder beside `out` that takes its place at the end."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise OutputError(f"--out {out}: exists and is not an empty folder")
+    part = out.with_name(f"{out.name}.part")
+    try:
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        yield part
+        if out.exists():
+            out.rmdir()
+        part.rename(out)
+    except OSError as error:
+        raise OutputError(f"--out {out}: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def native_step(engine: str, profile: str, dt: float | None) -> float:
+    """The native step of a column [s]."""
+    return dt if dt is not None else float(load_engine(engine).profiles[profile])
+
+
+def _play(
+    request: Request, scenario: Scenario, folder: Path, progress: Progress
+) -> tuple[list[Outcome], list[Row]]:
+    jobs, missing = [], []
+    for engine, profile in request.columns:
+        if not installed(engine):
+            row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
+            missing.append(replace(row, verdict="skipped", reason=missing_reason(engine)))
+            continue
+        name = f"{scenario.name}-{engine}-{profile}"
+        settings = Settings(profile, native_step(engine, profile, request.dt))
+        recording, output = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
+        jobs.append(Job(engine, scenario, settings, recording, output))
+    return play(jobs, progress), missing
+
+
+def _judge(
+    scenario: Scenario,
+    outcomes: list[Outcome],
+    recordings: dict[tuple[str, str, str], Recording],
+    progress: Progress,
+) -> list[Row]:
+    """Rows of all metrics of one scene, and those that need several engines."""
+    rows: list[Row] = []
+    played: dict[tuple[str, str], Recording] = {}
+    for outcome in outcomes:
+        job = outcome.job
+        base = Row(STUDY, scenario.name, job.engine, job.settings.profile, job.settings.dt, "run")
+        if outcome.status != "done":
+            rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
+            continue
+        progress(f"{job.engine} {job.settings.profile}: judge", 0)
+        recording = load(job.recording)
+        played[(job.engine, job.settings.profile)] = recording
+        recordings[(scenario.name, job.engine, job.settings.profile)] = recording
+        rows += measured(base, scenario, recording)
+    rows += _ratios(scenario, played, rows) + _spreads(scenario, rows)
+    return [judged(row, scenario.tags) for row in rows]
+
+
+def measured(base: Row, scenario: Scenario, recording: Recording) -> list[Row]:
+    """One row per metric and subject of a recording."""
+    evidence = Evidence(recording, scenario)
+    rows: list[Row] = []
+    for metric in METRICS.values():
+        row = replace(base, metric=metric.name, unit=metric.unit)
+        try:
+            values = metric.measure(evidence)
+        except NotMeasured as reason:
+            rows.append(replace(row, verdict="skipped", reason=str(reason)))
+            continue
+        for subject, value in values.items():
+            number, remark = (value.value, value.reason) if isinstance(value, Value) else (value, "")
+            verdict = "skipped" if isnan(number) and remark else ""
+            rows.append(replace(row, subject=subject, value=number, reason=remark, verdict=verdict))
+    return _audited(_expected(rows, scenario))
+
+
+def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
+    """Events judged against the scene's expectations."""
+    windows = {(f"events.{e.event}", f"{e.body}-{e.other}"): e for e in scenario.expectations}
+    found = []
+    for row in rows:
+        window = windows.get((row.metric, row.subject))
+        if window is not None:
+            inside = window.earliest <= row.value <= window.latest
+            reason = f"the scene expects {window.earliest:g} to {window.latest:g} s"
+            verdict = "pass" if inside else "fail"
+            row = replace(
+                row,
+                low=window.earliest,
+                high=window.latest,
+                limit=window.latest,
+                verdict=verdict,
+                reason=reason,
+            )
+        found.append(row)
+    return found
+
+
+def _audited(rows: list[Row]) -> list[Row]:
+    """Impulse metrics rejected where the impulses do not balance the motion."""
+    worst = max((row.value for row in rows if row.metric == "contact.impulse_balance"), default=0.0)
+    if not worst > AUDIT_LIMIT:
+        return rows
+    reason = f"the engine's impulses miss the motion by {worst:.2g}"
+    return [
+        replace(row, value=float("nan"), verdict="skipped", reason=reason)
+        if row.metric in IMPULSE_METRICS
+        else row
+        for row in rows
+    ]
+
+
+def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: list[Row]) -> list[Row]:
+    """`ratio.time` of the reference against every engine; a verdict against the fastest recommended one."""
+    found = []
+    overlap = {(r.engine, r.profile): r.value for r in rows if r.metric == "overlap.max"}
+    ours = {profile: r for (engine, profile), r in played.items() if engine == REFERENCE}
+    others = {column: r for column, r in played.items() if column[0] != REFERENCE}
+    rivals = {c: float(np.median(r.time_frame)) for c, r in others.items() if c[1] == MACHINE_PROFILE}
+    fastest = min(rivals, key=lambda c: rivals[c], default=None)
+    for profile, mine in ours.items():
+        for column, theirs in others.items():
+            ratio = time_ratio(mine.time_frame, theirs.time_frame)
+            deeper = overlap[(REFERENCE, profile)] > overlap[column]
+            row = Row(
+                STUDY, scenario.name, REFERENCE, profile, 1 / scenario.frame_rate, "ratio.time",
+                ratio.value, "1", f"{column[0]} {column[1]}", low=ratio.low, high=ratio.high,
+                reason=f"overlap {'larger' if deeper else 'equal or smaller'}",
+            )  # fmt: skip
+            if column == fastest and profile == "balanced":
+                verdict = "pass" if ratio.value <= RATIO_LIMIT and not deeper else "fail"
+                row = replace(
+                    row, limit=RATIO_LIMIT, verdict=verdict, reason=f"against the fastest; {row.reason}"
+                )
+            found.append(row)
+    return found
+
+
+def _spreads(scenario: Scenario, rows: list[Row]) -> list[Row]:
+    """Spread of every event over the engines at their recommended step and the reference; the outlier named."""
+    found = []
+    events = sorted({(r.metric, r.subject, r.unit) for r in rows if r.metric.startswith("events.")})
+    for metric, subject, unit in events:
+        values = {
+            r.engine: r.value
+            for r in rows
+            if (r.metric, r.subject) == (metric, subject) and r.profile in (MACHINE_PROFILE, "balanced")
+        }
+        if len(values) < 2 or any(isnan(value) for value in values.values()):
+            continue
+        middle = float(np.median(list(values.values())))
+        outlier = max(values, key=lambda engine: abs(values[engine] - middle))
+        spread = max(values.values()) - min(values.values())
+        found.append(
+            Row(
+                STUDY,
+                scenario.name,
+                "all",
+                MACHINE_PROFILE,
+                float("nan"),
+                f"{metric}.spread",
+                spread,
+                unit,
+                subject,
+                reason=f"outlier {outlier}: {values[outlier]:.4g}, median {middle:.4g}",
+            )  # fmt: skip
+        )
+    return found
+
+
+def _save_manifest(request: Request, recordings: dict[tuple[str, str, str], Recording], folder: Path) -> None:
+    from reports.doctor import machine
+
+    manifest = {
+        "command": request.command,
+        "machine": machine(),
+        "scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in request.scenarios},
+        "engines": {"/".join(key): recording.facts for key, recording in recordings.items()},
+    }
+    text = json.dumps(manifest, indent=1)
+    write_beside(folder / "manifest.json", lambda part: part.write_text(text))
+
+
+def step_text(dt: float) -> str:
+    """A step as a fraction of a second: 1/240."""
+    return str(Fraction(dt).limit_denominator(100_000)) if dt == dt else "-"
+
+
+def columns_of(engines: tuple[str, ...], profiles: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """(engine, profile) columns: each engine in those of the profiles it has."""
+    chosen = []
+    for engine in engines:
+        available = tuple(load_engine(engine).profiles) if installed(engine) else (MACHINE_PROFILE,)
+        chosen += [(engine, profile) for profile in profiles if profile in available]
+    return tuple(chosen)
+
+
+def all_engines() -> tuple[str, ...]:
+    """Names of all engines, the reference first."""
+    return tuple(ENGINES)

@@ -1,0 +1,296 @@
+"""The Bullet adapter: conventions, mass properties, coefficients, drive and isolation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Settings, State, Unsupported
+from adapters.record import manifest_json, record
+from adapters.translation import translate
+from reference_impl.skeleton import pose_links
+from scenarios import scenario as s
+
+pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")
+from adapters.bullet_engine import BASE, BulletEngine  # noqa: E402
+
+DT, G = 1 / 240, 9.81
+RECOMMENDED = Settings("recommended", DT)
+MOVING = ((0.3, -0.2), (0.8, 0.4))
+"""First and last angles of the arm [rad]."""
+ROUNDING = 1e-9
+"""Bullet computes in doubles; a few hundred operations stay below this, relative."""
+MARGIN = 0.001
+"""What Bullet adds outside a hull [m]."""
+CORNER = 1e-5
+"""Bullet rounds hull corners to about 1e-4 of a size of 0.1 m [m]."""
+TENSOR = ((2.0e-4, 3.0e-5, -2.0e-5), (3.0e-5, 3.0e-4, 4.0e-5), (-2.0e-5, 4.0e-5, 2.5e-4))
+"""An inertia with no axis of the body as principal axis [kg m^2]."""
+TURNED = (0.8, 0.0, 0.6, 0.0)
+CUBE = s.Hull(tuple((x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)))
+FLOOR = s.Body("floor", "fixed", "a", (s.Piece("slab", s.Box((1.0, 1.0, 0.1)), position=(0.0, 0.0, -0.1)),))
+
+
+def diagonal(moment):
+    return ((moment, 0.0, 0.0), (0.0, moment, 0.0), (0.0, 0.0, moment))
+
+
+def mover(shape, name="mover", **changes):
+    """A simulated body of one piece at its origin."""
+    given = {"mass": 0.2, "inertia": diagonal(4e-4)} | changes
+    pieces = given.pop("pieces", (s.Piece("piece", shape),))
+    return s.Body(name, "simulated", given.pop("material", "a"), pieces, **given)
+
+
+def scene(*bodies, coefficients=((0.0, 0.5),), **changes):
+    """A scenario of one second; coefficients of the material pairs aa, ab, bb."""
+    names = (("a", "a"), ("a", "b"), ("b", "b"))
+    pairs = tuple(s.PairCoefficients(*pair, *values) for pair, values in zip(names, coefficients))
+    return s.Scenario("test", "a test", (), bodies, 1.0, pairs, **changes)
+
+
+def arm(effects=("gravity",), turn=True):
+    """Two bars and a massive root without pieces on a tracker that moves and turns; off-centre masses."""
+    bar = (s.Piece("bar", s.Box((0.05, 0.01, 0.01)), position=(0.05, 0.0, 0.0)),)
+    common = {"center_of_mass": (0.04, 0.01, -0.005), "inertia": TENSOR}
+    links = (
+        s.Body(
+            "root", "driven", "a", (), mass=2.0, center_of_mass=(0.01, 0.02, 0.03), inertia=diagonal(0.01)
+        ),
+        s.Body("tip", "driven", "a", bar, mass=0.1, **common),
+        s.Body("upper", "driven", "a", bar, mass=0.2, **common),
+    )
+    joints = (
+        s.Joint("elbow", "upper", "tip", (0.1, 0.0, 0.0), (0.0, 0.6, 0.8), TURNED),
+        s.Joint("shoulder", "root", "upper", (0.02, 0.01, 0.0), (0.0, 1.0, 0.0), TURNED, lower=-1.0),
+    )
+    ahead, upright = ((0.0, 0.0, 1.0), (0.1, 0.0, 1.0)), (1.0, 0.0, 0.0, 0.0)
+    turns = (upright, (0.96, 0.0, 0.28, 0.0) if turn else upright)
+    gains = {"damping": 100.0, "hinge_frequency": 30.0}
+    tracker = s.Tracker("root", ("shoulder", "elbow"), (0.0, 1.0), ahead, turns, MOVING, **gains)
+    return scene(*links, joints=joints, trackers=(tracker,), effects=effects)
+
+
+def start(scenario):
+    """A world and its first state."""
+    world, state = BulletEngine().build(scenario, RECOMMENDED), State(scenario)
+    world.read(state)
+    return world, state
+
+
+def advance(world, state, step):
+    """One step; returns the state after it."""
+    world.drive(step)
+    world.step()
+    state.clear_contacts()
+    world.read(state)
+    return state.contacts[: state.contact_count]
+
+
+@pytest.mark.parametrize("floor_first", [True, False])
+@pytest.mark.parametrize("shape", [s.Sphere(0.05), s.Box((0.05, 0.05, 0.05)), CUBE])
+def test_contact_conventions(shape, floor_first):
+    """A contact has our normal, distance, position and impulse whatever the order and the shapes."""
+    gap, slack = (-5e-4 - MARGIN, CORNER) if shape is CUBE else (-5e-4, ROUNDING)
+    body = mover(shape, position=(0.2, 0.1, 0.0495), linear_velocity=(0.0, 0.0, -1.0))
+    world, state = start(scene(*((FLOOR, body) if floor_first else (body, FLOOR))))
+    assert state.contact_count == 0
+    rows = advance(world, state, 0)
+    upward = 1.0 if floor_first else -1.0
+    assert len(rows) in (1, 4)
+    assert set(zip(rows["body_a"], rows["body_b"])) == {(0, 1)}
+    assert rows["normal"] == pytest.approx(np.tile([0.0, 0.0, upward], (len(rows), 1)), abs=1e-6)
+    assert rows["distance"] == pytest.approx(gap, abs=slack)
+    assert rows["position"][:, 2] == pytest.approx(gap / 2, abs=slack)
+    # a hull's first point is anywhere on its face
+    assert np.abs(rows["position"][:, :2] - [0.2, 0.1]).max() < 0.05 + CORNER
+    assert upward * rows["impulse"][:, 2].sum() > 0.2 * 1.0 * 0.9  # nearly all of m v
+
+
+def test_manifest_is_the_scenario():
+    """Masses, centres, full inertias, pair coefficients and hinge limits are read back as they were given."""
+    body = mover(s.Sphere(0.05), center_of_mass=(0.01, -0.02, 0.03), inertia=TENSOR)
+    other = mover(s.Sphere(0.1), "other", material="b")
+    table = ((0.3, 0.4), (0.2, 0.1), (0.5, 0.6))
+    for scenario in (scene(FLOOR, body, other, coefficients=table), arm()):
+        manifest = start(scenario)[0].describe()
+        assert manifest_json(manifest)
+        assert manifest.settings["hinges with limits (read back)"] == len(scenario.joints)
+        for given in (body for body in scenario.bodies if body.kind != "fixed"):
+            facts = manifest.bodies[given.name]
+            assert (facts.mass, facts.center_of_mass) == (given.mass, given.center_of_mass)
+            assert np.array(facts.inertia) == pytest.approx(np.array(given.inertia), rel=ROUNDING)
+        for pair in manifest.pairs:
+            a, b = scenario.body_index(pair.body_a), scenario.body_index(pair.body_b)
+            wanted = scenario.pair_coefficients(a, b)
+            assert (pair.restitution, pair.friction) == pytest.approx(wanted, rel=ROUNDING)
+
+
+def test_inertia_acts_in_the_body_axes():
+    """A tumbling body keeps its centre on a line and obeys Euler's equation in its first step."""
+    omega = np.array([20.0, -30.0, 40.0])
+    body = mover(s.Sphere(0.05), center_of_mass=(0.01, -0.02, 0.03), inertia=TENSOR, orientation=TURNED,
+                 linear_velocity=(1.0, 2.0, 3.0), angular_velocity=tuple(omega))  # fmt: skip
+    world, state = start(scene(body, effects=()))
+    axes = Rotation.from_quat(TURNED, scalar_first=True).as_matrix()
+    center = axes @ body.center_of_mass
+    inertia = axes @ np.array(TENSOR) @ axes.T
+    assert state.position[0] == pytest.approx(np.zeros(3), abs=ROUNDING)
+    advance(world, state, 0)
+    euler = -DT * np.linalg.solve(inertia, np.cross(omega, inertia @ omega))
+    assert state.angular_velocity[0] - omega == pytest.approx(euler, rel=1e-6)  # explicit gyroscopic term
+    turned = Rotation.from_quat(state.orientation[0], scalar_first=True)
+    moved = state.position[0] + turned.apply(body.center_of_mass)
+    assert moved == pytest.approx(center + DT * np.array([1.0, 2.0, 3.0]), abs=ROUNDING)
+
+
+def test_unsupported_scenes_are_named():
+    """Pairs without factors and ellipsoids raise Unsupported and name the bodies."""
+    bodies = [mover(s.Sphere(0.1), name, material=m) for name, m in zip("pqrs", "aabb")]
+    with pytest.raises(Unsupported, match=r"bullet: no restitution per body .*r-s"):
+        start(scene(*bodies, coefficients=((0.5, 0.5), (0.9, 0.5), (0.0, 0.5))))
+    with pytest.raises(Unsupported, match=r"bullet: .*mover"):
+        start(scene(mover(s.Ellipsoid((0.1, 0.2, 0.3)))))
+
+
+def test_free_fall_and_spin_are_undamped():
+    """Velocity is exact, position shows the first-order error alone, and no spin is clipped or damped."""
+    spin = (0.0, 0.0, 300.0)
+    scenario = scene(mover(s.Sphere(0.05), position=(0.0, 0.0, 9.0), angular_velocity=spin))
+    final = record(BulletEngine(), scenario, Settings("recommended", DT))
+    assert final.linear_velocity[-1, 0] == pytest.approx([0.0, 0.0, -G], abs=ROUNDING)
+    assert final.position[-1, 0, 2] == pytest.approx(9.0 - G / 2 - G * DT / 2, abs=ROUNDING)
+    assert final.angular_velocity[-1, 0] == pytest.approx(spin, rel=ROUNDING)
+
+
+def test_driven_body_starts_on_its_tracker_and_follows_it():
+    """Links start in the tracker's posture, agree with our kinematics in motion and reach the target."""
+    scenario = arm()
+    world, state = start(scenario)
+    reference = translate(scenario)
+    for step in range(241):
+        driver = reference.drivers[0]
+        driver["position"], driver["orientation"] = state.position[0], state.orientation[0]
+        reference.joints["angle"] = state.joint_angle
+        pose_links(reference.bodies, reference.joints, driver)
+        assert state.position == pytest.approx(reference.bodies["position"], abs=ROUNDING)
+        dots = (state.orientation * reference.bodies["orientation"]).sum(axis=1)
+        assert np.abs(dots) == pytest.approx(1.0, abs=ROUNDING)
+        if step < 240:
+            advance(world, state, step)
+    assert state.joint_angle == pytest.approx([0.8, 0.4], abs=0.01)  # what is left of a servo's lag
+    assert state.position[0] == pytest.approx([0.1, 0.0, 1.0], abs=2e-3)  # likewise of the coupling
+
+
+def test_driven_body_feels_no_gravity():
+    """A driven body moves the same with gravity and without: its weight would sag it by 23 mm."""
+    with_it, without = (record(BulletEngine(), arm(effects), RECOMMENDED) for effects in (("gravity",), ()))
+    assert with_it.position == pytest.approx(without.position, abs=ROUNDING)
+    assert with_it.joint_angle == pytest.approx(without.joint_angle, abs=ROUNDING)
+
+
+def test_commands_change_momentum_as_reported():
+    """From rest, force and torque on the root are the links' linear and angular momentum, hinges cancel."""
+    scenario = arm(turn=False)
+    world, before = start(scenario)
+    after, target = State(scenario), world._drives[0].target
+    target.position[0] += (1e-3, -2e-3, 3e-3)
+    target.orientation[0] = Rotation.from_rotvec((2e-3, 3e-3, -1e-3)).as_quat(scalar_first=True)
+    advance(world, after, 0)
+    momentum, spin = np.zeros(3), np.zeros(3)
+    for k, body in enumerate(scenario.bodies):
+        axes = Rotation.from_quat(before.orientation[k], scalar_first=True).as_matrix()
+        p = body.mass * after.linear_velocity[k]
+        momentum += p
+        spin += np.cross(before.position[k] + axes @ body.center_of_mass - before.position[0], p)
+        spin += axes @ np.array(body.inertia) @ axes.T @ after.angular_velocity[k]
+    # to first order in the step: the links turn by some 1e-4 rad within it
+    force, torque = after.force[0] * DT, after.torque[0] * DT
+    assert np.abs(after.hinge_torque).min() > 0
+    assert momentum == pytest.approx(force, abs=1e-3 * np.abs(force).max())
+    assert spin == pytest.approx(torque, abs=1e-3 * np.abs(torque).max())
+
+
+def test_impulses_balance_momentum():
+    """On a sliding, then rolling ball the reported impulses are its change of momentum and of spin."""
+    ball = mover(s.Sphere(0.05), position=(-0.9, -0.5, 0.05), inertia=diagonal(2e-4),
+                 linear_velocity=(2.0, 1.0, 0.0), angular_velocity=(5.0, -7.0, 30.0))  # fmt: skip
+    scenario = scene(ball, FLOOR, coefficients=((0.3, 0.2),))
+    world, before = start(scenario)
+    after = State(scenario)
+    for step in range(110):
+        rows = advance(world, after, step)
+        total = -rows["impulse"].sum(axis=0)  # the floor comes second: the ball is A
+        gained = 0.2 * (after.linear_velocity[0] - before.linear_velocity[0]) + [0.0, 0.0, 0.2 * G * DT]
+        assert total == pytest.approx(gained, abs=1e-6 * 0.2 * G * DT)
+        if step < 60:  # still sliding
+            assert np.linalg.norm(total[:2]) == pytest.approx(0.2 * total[2], rel=1e-6)
+        turned = np.cross(rows["position"] - before.position[0], -rows["impulse"]).sum(axis=0)
+        spun = 2e-4 * (after.angular_velocity[0] - before.angular_velocity[0])
+        assert turned == pytest.approx(spun, abs=1e-3 * 0.05 * 0.2 * G * DT)  # midpoint against witness
+        before, after = after, before
+    slip = before.linear_velocity[0] + np.cross(before.angular_velocity[0], [0.0, 0.0, -0.05])
+    assert np.linalg.norm(slip) < 1e-3
+
+
+def test_a_body_of_many_pieces_rests_on_all_of_them():
+    """Spheres, boxes and several turned hulls of one body, off its centre, all carry it level."""
+    half = 0.5**0.5
+    pieces = (
+        s.Piece("hull 1", CUBE, position=(0.3, 0.0, 0.0), orientation=(half, 0.0, 0.0, half)),
+        s.Piece("ball", s.Sphere(0.05 + MARGIN), position=(-0.3, 0.2, 0.0)),
+        s.Piece(
+            "box", s.Box((0.05 + MARGIN, 0.04, 0.03)), (-0.3, -0.2, 0.0), orientation=(half, 0.0, half, 0.0)
+        ),
+        s.Piece("hull 2", CUBE, position=(0.5, 0.0, 0.0)),
+    )
+    table = mover(None, pieces=pieces, position=(0.0, 0.0, 0.05 + MARGIN), inertia=diagonal(1e-2),
+                  center_of_mass=(0.05, 0.0, 0.02))  # fmt: skip
+    world, state = start(scene(table, FLOOR))
+    for step in range(240):
+        rows = advance(world, state, step)
+    assert state.position[0] == pytest.approx([0.0, 0.0, 0.05 + MARGIN], abs=1e-4)  # erp and slop
+    assert set(rows["body_a"]) == {0}
+    assert -rows["impulse"][:, 2].sum() == pytest.approx(0.2 * G * DT, rel=1e-2)
+    loaded = rows["position"][rows["impulse"][:, 2] < 0]
+    assert loaded[:, 0].min() < -0.2 < 0.2 < loaded[:, 0].max()
+
+
+@pytest.mark.parametrize("collide", [True, False])
+def test_only_touching_pairs_collide(collide):
+    """Links of one driven body meet only under self-collision and when not adjacent."""
+    ball = (s.Piece("ball", s.Sphere(0.05)),)
+    links = tuple(s.Body(name, "driven", "a", ball, mass=1.0, inertia=TENSOR) for name in "pqr")
+    joints = tuple(s.Joint(b, a, b, (0.0, 0.0, 0.04), (0.0, 1.0, 0.0)) for a, b in ("pq", "qr"))
+    still = ((0.0, 0.0, 1.0),) * 2, ((1.0, 0.0, 0.0, 0.0),) * 2, ((0.0, 0.0),) * 2
+    tracker = s.Tracker("p", ("q", "r"), (0.0, 1.0), *still, hinge_frequency=1.0)
+    effects = ("self_collision",) if collide else ()
+    scenario = scene(*links, joints=joints, trackers=(tracker,), effects=effects)
+    world, state = start(scenario)
+    rows = advance(world, state, 0)
+    assert set(zip(rows["body_a"], rows["body_b"])) == ({(0, 2)} if collide else set())
+
+
+def test_hull_corners_are_ours():
+    """The corners Bullet keeps of a hull are the scenario's, to its rounding."""
+    world, _ = start(scene(mover(CUBE)))
+    _, corners = pybullet.getMeshData(world._free[0].id, BASE, **world._on)
+    gaps = np.linalg.norm(np.array(corners)[:, None] - np.array(CUBE.vertices), axis=2)
+    assert len(corners) == 8
+    assert max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < CORNER
+
+
+def test_worlds_do_not_interfere():
+    """Two worlds at once, of other gravity, run to the bit as each does alone."""
+    ball = mover(s.Sphere(0.05), position=(0.0, 0.0, 0.2))
+    scenes = [scene(ball, FLOOR, gravity=(0.0, 0.0, g)) for g in (-9.81, -1.6)]
+    alone = [record(BulletEngine(), scenario, RECOMMENDED) for scenario in scenes]
+    worlds = [start(scenario) for scenario in scenes]
+    for step in range(240):
+        for world, state in worlds:
+            advance(world, state, step)
+    for (world, state), recording in zip(worlds, alone):
+        assert (state.position == recording.position[-1]).all()
+        assert (state.linear_velocity == recording.linear_velocity[-1]).all()
+        world.close()

@@ -1,0 +1,278 @@
+"""The DART adapter: conventions, masses, coefficients, drive, impulses; and DART's faults it steers round."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Settings, State, Unsupported
+from scenarios.hand import hand_parts
+from scenarios.materials import TABLE_1
+from scenarios.scenario import Body, Box, Ellipsoid, Hull, PairCoefficients, Piece, Scenario, Sphere, Tracker
+from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
+from scenarios.tracking import sample
+
+pytest.importorskip("dartpy", reason="dartpy is not installed")
+from adapters import dart_engine
+
+DT = dart_engine.DartEngine.profiles["recommended"]
+SETTINGS = Settings("recommended", DT)
+RADIUS, MASS, OVERLAP = 0.02, 0.02, 1e-4
+HALF_AXES = (0.024, 0.008, 0.008)
+EXACT = 1e-9
+"""Rounding of double precision over a few hundred steps, relative."""
+SINGLE = 1e-8
+"""Hull vertices pass through single precision [m]: 6e-8 of a few centimetres."""
+
+
+def turn(*vector: float) -> tuple[float, ...]:
+    """The quaternion of a rotation vector [rad]."""
+    return tuple(Rotation.from_rotvec(vector).as_quat(scalar_first=True).tolist())
+
+
+TILTED = turn(0.3, -0.5, 0.8)
+
+
+def solid(name: str, shape, position, kind="simulated", **state) -> Body:
+    """A body of one piece with the mass of the ball."""
+    inertia = sphere_inertia(MASS, RADIUS)
+    return Body(name, kind, "wood", (Piece(name, shape),), MASS, (0.0, 0.0, 0.0), inertia, position, **state)
+
+
+FLOOR = solid("floor", Box((1.0, 1.0, 0.1)), (0.0, 0.0, -0.1), kind="fixed")
+BALL = solid("ball", Sphere(RADIUS), (0.0, 0.0, RADIUS - OVERLAP))
+HULL = Hull(elliptic_hull(HALF_AXES))
+
+
+def scene(*bodies: Body, coefficients=TABLE_1, duration=1.0, **more) -> Scenario:
+    """A scenario of these bodies."""
+    return Scenario("test", "a test", (), bodies=bodies, coefficients=coefficients, duration=duration, **more)
+
+
+def play(scenario: Scenario, steps: int, settings: Settings = SETTINGS) -> Iterator[State]:
+    """The state before the first step and after each, always the same object."""
+    world, state = dart_engine.DartEngine().build(scenario, settings), State(scenario)
+    world.read(state)
+    yield state
+    for step in range(steps):
+        world.drive(step)
+        world.step()
+        world.read(state)
+        yield state
+    world.close()
+
+
+def last(scenario: Scenario, steps: int) -> State:
+    """The state after so many steps."""
+    return list(play(scenario, steps))[-1]
+
+
+def tip(height: float) -> Body:
+    """A hull whose lowest vertex, one of its poles, stands at a height."""
+    return solid("hull", HULL, (0.0, 0.0, height + HALF_AXES[0]), orientation=turn(0.0, np.pi / 2, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("bodies", "tolerance"),
+    [
+        ((FLOOR, BALL), EXACT),
+        ((BALL, FLOOR), EXACT),
+        # FCL takes the deeper vertex for the contact point: off by up to the overlap
+        ((FLOOR, tip(-OVERLAP)), OVERLAP),
+        ((tip(-OVERLAP), FLOOR), OVERLAP),
+        ((tip(0.0), dataclasses.replace(BALL, position=(0.0, 0.0, OVERLAP - RADIUS))), SINGLE),
+        ((dataclasses.replace(BALL, position=(0.0, 0.0, OVERLAP - RADIUS)), tip(0.0)), SINGLE),
+    ],
+    ids=["floor-ball", "ball-floor", "floor-hull", "hull-floor", "hull-ball", "ball-hull"],
+)
+def test_contact_conventions(bodies: tuple[Body, Body], tolerance: float) -> None:
+    """Point the normal from A to B, give overlap a negative distance and push B along the normal."""
+    counts = [state.contact_count for state in play(scene(*bodies), 1)]
+    state = last(scene(*bodies), 1)
+    assert counts[0] == 0 < counts[1]
+    rows = state.contacts[: state.contact_count]
+    up = 1.0 if bodies[1].position[2] > bodies[0].position[2] else -1.0
+    # bodies meet at z = 0, the floor and the lower ball with their top
+    middle = -OVERLAP / 2 if FLOOR in bodies else OVERLAP / 2
+    for row in rows:
+        assert (row["body_a"], row["body_b"]) == (0, 1)
+        np.testing.assert_allclose(row["normal"], (0.0, 0.0, up), atol=1e-6)
+        assert row["distance"] == pytest.approx(-OVERLAP, abs=SINGLE)
+        assert row["position"][2] == pytest.approx(middle, abs=tolerance)
+    assert up * rows["impulse"][:, 2].sum() > 0
+
+
+def test_masses() -> None:
+    """Read back mass, centre of mass and full inertia as the scenario has them."""
+    turn = Rotation.from_rotvec([0.4, 0.2, -0.7]).as_matrix()
+    inertia = turn @ np.array(box_inertia(0.3, (0.1, 0.2, 0.3))) @ turn.T
+    inertia = (inertia + inertia.T) / 2
+    tensor = tuple(map(tuple, inertia.tolist()))
+    scenario = hand_scene(
+        dataclasses.replace(BALL, mass=0.3, center_of_mass=(0.01, -0.02, 0.03), inertia=tensor)
+    )
+    facts = dart_engine.DartEngine().build(scenario, SETTINGS).describe().bodies
+    for body in scenario.bodies:
+        told = facts[body.name]
+        assert told.mass == pytest.approx(body.mass, rel=EXACT)
+        np.testing.assert_allclose(told.center_of_mass, body.center_of_mass, rtol=EXACT)
+        np.testing.assert_allclose(told.inertia, body.inertia, rtol=EXACT, atol=EXACT * np.max(body.inertia))
+
+
+def test_coefficients() -> None:
+    """Read back restitution and friction of every pair as the scenario has them."""
+    scenario = hand_scene(BALL, FLOOR)
+    pairs = dart_engine.DartEngine().build(scenario, SETTINGS).describe().pairs
+    assert len(pairs) == len(list(scenario.touching_pairs()))
+    for told, (a, b) in zip(pairs, scenario.touching_pairs()):
+        assert (told.body_a, told.body_b) == (scenario.bodies[a].name, scenario.bodies[b].name)
+        assert (told.restitution, told.friction) == pytest.approx(scenario.pair_coefficients(a, b), rel=EXACT)
+
+
+def test_initial_state_and_free_fall() -> None:
+    """Start with the velocity of the centre of mass; fall by g t and, semi-implicitly, g t (t + dt) / 2."""
+    moving = {"linear_velocity": (1.0, 2.0, 0.0), "angular_velocity": (3.0, 0.0, -2.0)}
+    body = dataclasses.replace(BALL, position=(0.0, 0.0, 5.0), orientation=TILTED, **moving)
+    off = dataclasses.replace(body, center_of_mass=(0.01, 0.02, -0.01))
+    first = next(play(scene(off), 0))
+    np.testing.assert_allclose(first.linear_velocity[0], body.linear_velocity, rtol=EXACT, atol=EXACT)
+    np.testing.assert_allclose(first.angular_velocity[0], body.angular_velocity, rtol=EXACT, atol=EXACT)
+    np.testing.assert_allclose(np.abs(first.orientation[0] @ np.array(TILTED)), 1.0, rtol=EXACT)
+    n = 300
+    t, now = n * DT, last(scene(body), n)
+    np.testing.assert_allclose(now.linear_velocity[0], (1.0, 2.0, -9.81 * t), rtol=EXACT)
+    fallen = np.array((t, 2 * t, 5.0 - 9.81 * t * (t + DT) / 2))
+    np.testing.assert_allclose(now.position[0], fallen, rtol=EXACT)
+
+
+def hand_scene(*others: Body) -> Scenario:
+    """The hand, whose palm moves by 5 cm while its fingers bend in a tenth of a second, and others."""
+    links, joints = hand_parts()
+    keys = 11
+    glove = Tracker(
+        "palm",
+        tuple(joint.name for joint in joints),
+        times=tuple(np.linspace(0.0, 1.0, keys).tolist()),
+        positions=((0.0, 0.0, 1.0),) + ((0.05, 0.0, 1.0),) * (keys - 1),
+        orientations=(TILTED,) * keys,
+        angles=((0.2,) * len(joints),) + ((0.5,) * len(joints),) * (keys - 1),
+    )
+    return scene(*links, *others, joints=joints, trackers=(glove,))
+
+
+def test_drive() -> None:
+    """Follow the tracker with the driven hand, which feels no gravity."""
+    scenario = hand_scene()
+    state = last(scenario, 1000)
+    target = sample(scenario.trackers[0], np.array([1000 * DT]))
+    # a spring has no integral term: gravity would show as m g / K = 4 mm
+    np.testing.assert_allclose(state.position[0], target.position[0], atol=1e-4)
+    np.testing.assert_allclose(state.joint_angle, target.angle[0], atol=1e-4)
+
+
+def test_drive_applies_what_it_reports() -> None:
+    """Change the hand's momentum, angular momentum and energy by the reported force and torques."""
+    bodies = hand_scene().bodies
+    mass, inertia = np.array([b.mass for b in bodies]), np.array([b.inertia for b in bodies])
+    gained, pushed, moved = [], [], []
+    for state in play(hand_scene(), 100):
+        axes = Rotation.from_quat(state.orientation, scalar_first=True).as_matrix()
+        # about where the palm starts
+        arms = state.position - (0.0, 0.0, 1.0)
+        center = arms + np.einsum("nij,nj->ni", axes, [b.center_of_mass for b in bodies])
+        linear = mass[:, None] * state.linear_velocity
+        spin = np.einsum("nij,njk,nlk,nl->ni", axes, inertia, axes, state.angular_velocity)
+        angular = np.cross(center, linear) + spin
+        energy = (linear * state.linear_velocity + spin * state.angular_velocity).sum() / 2
+        gained.append([*linear.sum(axis=0), *angular.sum(axis=0), energy])
+        turning = state.torque[0] + np.cross(arms[0], state.force[0])
+        pushed.append([*state.force[0], *state.torque[0], *state.hinge_torque, *turning])
+        # the palm's centre of mass is its origin
+        moved.append([*state.linear_velocity[0], *state.angular_velocity[0], *state.joint_rate])
+    force, rate = np.array(pushed[1:]) * DT, (np.array(moved[1:]) + moved[:-1]) / 2
+    given = np.array([*force[:, :3].sum(axis=0), *force[:, -3:].sum(axis=0), (force[:, :-3] * rate).sum()])
+    # semi-implicit Euler: links move during a step, an error of first order in dt
+    for part, error in ((slice(0, 3), 1e-3), (slice(3, 6), 1e-2), (slice(6, 7), 1e-3)):
+        np.testing.assert_allclose(gained[-1][part], given[part], atol=error * np.abs(given[part]).max())
+
+
+def test_impulse_balance() -> None:
+    """Account for every change of a rolling, bouncing ball's momentum by gravity and contact impulses."""
+    ball = dataclasses.replace(BALL, position=(0.0, 0.0, 0.03), linear_velocity=(0.5, 0.3, -0.5))
+    momentum, weight = None, MASS * 9.81 * DT
+    for state in play(scene(FLOOR, ball), 600):
+        now = MASS * state.linear_velocity[1]
+        if momentum is not None:
+            impulse = state.contacts[: state.contact_count]["impulse"].sum(axis=0)
+            balance = now - momentum + (0.0, 0.0, weight)
+            np.testing.assert_allclose(impulse, balance, atol=1e-6 * weight)
+        momentum = now
+    slip = state.linear_velocity[1, 0] - RADIUS * state.angular_velocity[1, 1]
+    # rolls: constraint force mixing (1e-5) leaves a trace of slip
+    assert abs(slip) < 1e-4 * state.linear_velocity[1, 0]
+
+
+def test_worlds_do_not_interfere() -> None:
+    """Play two worlds one after the other and in turns with the same outcome, to the bit."""
+    scenes = (scene(FLOOR, dataclasses.replace(BALL, position=(0.0, 0.0, 0.1))), hand_scene(BALL))
+    alone = [last(scenario, 200).position for scenario in scenes]
+    in_turns = list(zip(*(play(scenario, 200) for scenario in scenes)))[-1]
+    for first, second in zip(alone, in_turns):
+        np.testing.assert_array_equal(first, second.position)
+
+
+def test_filter() -> None:
+    """Let fixed bodies and the links of a hand pass through each other."""
+    slab = dataclasses.replace(FLOOR, name="slab", position=(0.0, 0.0, -0.15))
+    assert last(scene(FLOOR, slab, dataclasses.replace(BALL, position=(0.0, 0.0, 0.5))), 2).contact_count == 0
+    assert last(hand_scene(), 2).contact_count == 0
+
+
+def test_settings() -> None:
+    """Read back that sleeping and damping are off, limits on, and which detector was chosen."""
+    worlds = [dart_engine.DartEngine().build(s, SETTINGS) for s in (hand_scene(), hand_scene(BALL))]
+    wanted = {"deactivation": False, "joint_damping": 0.0, "driven_feel_gravity": False, "hinge_limits": 15}
+    for world, detector in zip(worlds, ("fcl", "bullet")):
+        told = world.describe().settings
+        assert {name: told[name] for name in wanted} == wanted
+        assert told["detector"] == detector
+
+
+def test_unsupported() -> None:
+    """Refuse coefficients, shapes and profiles that DART cannot represent, saying which."""
+    engine = dart_engine.DartEngine()
+    # both balls need .4 against the metal one, and then have it against each other
+    rough = (PairCoefficients("wood", "wood", 0.3, 0.1), PairCoefficients("wood", "metal", 0.3, 0.4))
+    others = (dataclasses.replace(BALL, name="other"), dataclasses.replace(BALL, name="m", material="metal"))
+    with pytest.raises(Unsupported, match="dart: no friction per body gives the pairs ball-other"):
+        engine.build(scene(BALL, *others, coefficients=rough), SETTINGS)
+    egg = solid("egg", Ellipsoid(HALF_AXES), (0.0, 0.0, 1.0))
+    with pytest.raises(Unsupported, match="dart: no detector"):
+        engine.build(scene(BALL, tip(0.0), egg), SETTINGS)
+    with pytest.raises(Unsupported, match="dart: no profile 'tuned'"):
+        engine.build(scene(BALL), Settings("tuned", DT))
+
+
+def test_fault_of_fcl(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stop a ball on a hull; notice when FCL, DART's default, no longer lets it through."""
+    ball = dataclasses.replace(BALL, position=(0.0, 0.0, HALF_AXES[2] + RADIUS + 0.01))
+    scenario = scene(solid("hull", HULL, (0.0, 0.0, 0.0), kind="fixed"), ball)
+    assert last(scenario, 200).position[1, 2] > HALF_AXES[2] + RADIUS - 1e-3
+    fcl = dart_engine.dartpy.collision.FCLCollisionDetector
+    monkeypatch.setattr(dart_engine, "_detector", lambda scenario: fcl())
+    assert last(scenario, 200).position[1, 2] < 0
+
+
+def test_fault_of_bullet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Touch an ellipsoid where it is; notice when Bullet's detector no longer makes it 1 cm larger."""
+    scenario = scene(FLOOR, solid("egg", Ellipsoid(HALF_AXES), (0.0, 0.0, HALF_AXES[2] - OVERLAP)))
+    # FCL's iterative depth of ellipsoids: within 1e-6 m
+    assert last(scenario, 1).contacts[0]["distance"] == pytest.approx(-OVERLAP, abs=1e-6)
+    bullet = dart_engine.dartpy.collision.BulletCollisionDetector
+    monkeypatch.setattr(dart_engine, "_detector", lambda scenario: bullet())
+    state = last(scenario, 1)
+    assert state.contacts[: state.contact_count]["distance"].min() == pytest.approx(-0.01 - OVERLAP, abs=1e-6)
