@@ -6,7 +6,7 @@ READY := .venv/.ready
 .PHONY: run test check clean
 
 run: $(READY)
-	$(BIN)/touchstone run
+	$(BIN)/touchstone run $(ARGS)
 
 test: $(READY)
 	$(BIN)/python -m pytest

@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import frictions, product_factors, restitutions
+from adapters.registry import ENGINES
 from scenarios.scenario import ORIGIN, Body, Box, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 Links = tuple[int, ...]
@@ -97,7 +98,7 @@ class BulletEngine:
     """Bullet's multibody world with its sequential impulse solver."""
 
     name: ClassVar[str] = "bullet"
-    profiles: ClassVar[Mapping[str, float]] = {"recommended": 1 / 240, "equal-step": 1 / 240}
+    profiles: ClassVar[Mapping[str, float]] = ENGINES["bullet"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """A world in a physics client of its own."""

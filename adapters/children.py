@@ -84,8 +84,8 @@ class _Child:
 
     def __init__(self, job: Job, loader: Loader, patience: float) -> None:
         context = multiprocessing.get_context("spawn")
-        self.job, self.outcome, self._patience = job, None, patience
-        self.outcome: Outcome | None
+        self.job, self._patience = job, patience
+        self.outcome: Outcome | None = None
         self.label = f"{job.engine} {job.settings.profile}"
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, job, loader), daemon=True)

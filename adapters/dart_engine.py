@@ -33,6 +33,7 @@ from scipy.spatial import ConvexHull
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import frictions, minimum_factors, product_factors, restitutions
+from adapters.registry import ENGINES
 from scenarios.scenario import Body, Box, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 ROOT_DOFS = 6
@@ -54,7 +55,7 @@ class DartEngine:
     """DART with its default solver; the profiles differ in their step (1/1020: DART's 1 ms, fitted)."""
 
     name: ClassVar[str] = "dart"
-    profiles: ClassVar[Mapping[str, float]] = {"recommended": 1 / 1020, "equal-step": 1 / 240}
+    profiles: ClassVar[Mapping[str, float]] = ENGINES["dart"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported where DART cannot represent it."""

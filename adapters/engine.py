@@ -175,7 +175,7 @@ class World(Protocol):
 
 
 class Engine(Protocol):
-    """An engine. `profiles` maps each profile's name to its native step [s] at 60 frames per second."""
+    """An engine. `profiles` maps each profile's name to its native step [s]; it stands in the registry."""
 
     name: ClassVar[str]
     profiles: ClassVar[Mapping[str, float]]

@@ -38,6 +38,7 @@ from adapters.engine import (
     State,
     Unsupported,
 )
+from adapters.registry import ENGINES
 from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Quaternion, Scenario, Sphere, Vector
 
 TIME_CONSTANT = 0.02
@@ -88,7 +89,7 @@ class MujocoEngine:
     """MuJoCo with its default integrator, solver and friction cone; the profiles differ in their step."""
 
     name: ClassVar[str] = "mujoco"
-    profiles: ClassVar[Mapping[str, float]] = {"recommended": 1 / 540, "equal-step": 1 / 240}
+    profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported where MuJoCo cannot represent it."""

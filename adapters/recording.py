@@ -58,7 +58,7 @@ class Recording:
         try:
             with open(part, "wb") as file:
                 columns = {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
-                np.savez_compressed(file, format_version=np.array(FORMAT_VERSION), **columns)
+                np.savez_compressed(file, format_version=np.array(FORMAT_VERSION), **columns)  # type: ignore[arg-type]
             os.replace(part, path)
         finally:
             part.unlink(missing_ok=True)
@@ -78,4 +78,4 @@ def load(path: Path) -> Recording:
     if set(columns) != wanted:
         raise RecordingError(f"{path}: fields {sorted(wanted ^ set(columns))} are missing or unknown")
     texts = {name: str(columns.pop(name)) for name in ("scenario", "manifest")}
-    return Recording(**texts, **columns)
+    return Recording(**texts, **columns)  # type: ignore[arg-type]

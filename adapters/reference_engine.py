@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from adapters.engine import AdapterError, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
+from adapters.registry import ENGINES
 from adapters.translation import translate
 from reference_impl import conventions
 from reference_impl.kernel import CACHE_FOLDER, JIT, kernel
@@ -22,11 +23,11 @@ from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 from scenarios.tracking import TrackerMotion, sample
 
-PROFILES: dict[str, dict[str, int]] = {
+BUNDLES: dict[str, dict[str, int]] = {
     "paper": {"friction": conventions.FRICTION_PAPER, "flight": conventions.FLIGHT_EULER},
     "balanced": {"friction": conventions.FRICTION_COULOMB, "flight": conventions.FLIGHT_BALLISTIC},
 }
-"""Named bundles of settings (method, section 6), nothing more."""
+"""What each profile sets (method, section 6), nothing more."""
 
 
 COMPILE_NOTE = "compile_seconds.txt"
@@ -61,7 +62,7 @@ class ReferenceEngine:
     """The method of `reference_impl`."""
 
     name: ClassVar[str] = "reference"
-    profiles: ClassVar[Mapping[str, float]] = dict.fromkeys(PROFILES, 1 / 60)
+    profiles: ClassVar[Mapping[str, float]] = ENGINES["reference"].profiles
 
     def version(self) -> str:
         """The project's version."""
@@ -84,7 +85,7 @@ class _World:
         self._state = self._world.state[0]
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
-        for name, value in PROFILES[settings.profile].items():
+        for name, value in BUNDLES[settings.profile].items():
             self._state[name] = value
         times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
         times = np.minimum(times, scenario.duration)

@@ -1,24 +1,48 @@
-"""Engine name -> "module:Class", imported on demand; the extra of pyproject.toml that brings it."""
+"""The engines: where each is implemented (imported on demand), what must be installed, and its profiles."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from adapters.engine import Engine, NotInstalled
 
-ENGINES: dict[str, tuple[str, str]] = {
-    # name: (module:Class, package that must be importable)
-    "reference": ("adapters.reference_engine:ReferenceEngine", "numba"),
-    "dart": ("adapters.dart_engine:DartEngine", "dartpy"),
-    "bullet": ("adapters.bullet_engine:BulletEngine", "pybullet"),
-    "mujoco": ("adapters.mujoco_engine:MujocoEngine", "mujoco"),
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An engine's "module:Class", the package it needs, and its native step [s] per profile.
+
+    `recommended` is the engine's default step, rounded to the next smaller divisor of a frame of 1/60 s;
+    `equal-step` is the same for all.
+    """
+
+    implementation: str
+    package: str
+    profiles: Mapping[str, float]
+
+
+EQUAL_STEP = 1 / 240
+ENGINES: dict[str, Entry] = {
+    "reference": Entry(
+        "adapters.reference_engine:ReferenceEngine", "numba", {"balanced": 1 / 60, "paper": 1 / 60}
+    ),
+    "dart": Entry(
+        "adapters.dart_engine:DartEngine", "dartpy", {"recommended": 1 / 1020, "equal-step": EQUAL_STEP}
+    ),
+    "bullet": Entry(
+        "adapters.bullet_engine:BulletEngine", "pybullet", {"recommended": 1 / 240, "equal-step": EQUAL_STEP}
+    ),
+    "mujoco": Entry(
+        "adapters.mujoco_engine:MujocoEngine", "mujoco", {"recommended": 1 / 540, "equal-step": EQUAL_STEP}
+    ),
 }
 
 
 def installed(name: str) -> bool:
     """Whether the package behind an engine can be found; imports nothing."""
-    return importlib.util.find_spec(ENGINES[name][1]) is not None
+    return importlib.util.find_spec(ENGINES[name].package) is not None
 
 
 def missing_reason(name: str) -> str:
@@ -30,6 +54,6 @@ def load(name: str) -> Engine:
     """The engine called `name`; raises NotInstalled with the extra that brings it."""
     if not installed(name):
         raise NotInstalled(missing_reason(name))
-    module, _, attribute = ENGINES[name][0].partition(":")
+    module, _, attribute = ENGINES[name].implementation.partition(":")
     engine: Engine = getattr(importlib.import_module(module), attribute)()
     return engine

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scenarios.scenario import Scenario
 
 app = typer.Typer(
-    help="Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of the same scenes.",
+    help="Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -99,7 +99,8 @@ def run(
     elif not quiet:
         from reports.terminal import console, show
 
-        show(results.frame, console())
+        shown = set(request.columns) if profile else {c for c in request.columns if c[1] != "equal-step"}
+        show(results.frame, console(), shown)
         print(f"results: {request.out}")
     _exit_for(results.frame.verdict, results.frame.reason, bool(engine))
 
@@ -126,14 +127,15 @@ def _request(
 
     from adapters.registry import ENGINES
     from reports.metrics import METRICS
-    from reports.run import Request, all_engines, columns_of
+    from reports.run import DEFAULT_PROFILES, Request, columns_of
 
     scenarios = _scenarios(names, tag)
-    engines = [_known("engine", name, ENGINES) for name in engines] or list(all_engines())
-    profiles = [_known("profile", name, _profiles()) for name in profiles]
+    engines = [_known("engine", name, ENGINES) for name in engines] or list(ENGINES)
+    every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
+    profiles = [_known("profile", name, every) for name in profiles]
     for name in metrics:
         _known("metric", name, [*METRICS, "ratio.time"])
-    columns = columns_of(tuple(engines), tuple(profiles) or ("balanced", "recommended", "equal-step"))
+    columns = columns_of(engines, profiles or DEFAULT_PROFILES)
     if not columns:
         _stop(f"no engine of {', '.join(engines)} has the profile {', '.join(profiles)}", BAD_INPUT)
     step = _step(dt, scenarios) if dt is not None else None
@@ -152,13 +154,6 @@ def _scenarios(names: list[str], tag: str) -> list[Scenario]:
         return list(tagged(_known("tag", tag, tags())))
     except ScenarioError as error:
         _stop(str(error), BAD_INPUT)
-
-
-def _profiles() -> list[str]:
-    from adapters.registry import ENGINES, installed, load
-
-    found = [profile for name in ENGINES if installed(name) for profile in load(name).profiles]
-    return list(dict.fromkeys(found))
 
 
 def _step(text: str, scenarios: Iterable[Scenario]) -> float:
@@ -188,7 +183,7 @@ def _progress(request: Request, quiet: bool):  # type: ignore[no-untyped-def]
 @app.command("list")
 def list_things(what: Listing, output: FormatOption = Format.table) -> None:
     """List scenarios, engines, metrics or profiles."""
-    from adapters.registry import ENGINES, installed, load
+    from adapters.registry import ENGINES
     from reports.listing import show_rows
 
     rows: list[dict[str, object]]
@@ -215,9 +210,8 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
 
         rows = [
             {"profile": profile, "engine": name, "step [s]": step_text(dt)}
-            for name in ENGINES
-            if installed(name)
-            for profile, dt in load(name).profiles.items()
+            for name, entry in ENGINES.items()
+            for profile, dt in entry.profiles.items()
         ]
     show_rows(rows, output)
 
@@ -244,9 +238,8 @@ def show(scenario: str, output: FormatOption = Format.table) -> None:
     ]
     if output is Format.table:
         print(f"{chosen.name}: {chosen.summary}")
-        print(
-            f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {', '.join(chosen.effects)}"
-        )
+        effects = ", ".join(chosen.effects)
+        print(f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {effects}")
         for e in chosen.expectations:
             print(f"expects {e.event} {e.body}-{e.other} from {e.earliest:g} to {e.latest:g} s")
     show_rows(rows, output)
@@ -260,7 +253,7 @@ def doctor() -> None:
     for key, value in machine().items():
         print(f"{key:14} {value}")
     for name, found, how in engines():
-        print(f"{name:14} {found if not how else how}")
+        print(f"{name:14} {how or found}")
     for name, found in libraries():
         print(f"{name:14} {found}")
     print("compiling the reference, once per version of its sources ...", file=sys.stderr)

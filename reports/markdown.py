@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from reports.tables import grid, number
-from reports.terminal import ratio_lines, remark_lines
+from reports.results import rows_of
+from reports.tables import LEGEND, grid, number
+from reports.terminal import RATIO_HEADS, ratio_rows, remark_lines
 
 if TYPE_CHECKING:
     from reports.run import Request, Results
@@ -23,8 +24,9 @@ def report(request: Request, results: Results) -> str:
         scene = results.frame[results.frame.scenario == scenario.name]
         parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", ""]
         parts += _grid(results.frame, scenario.name)
-        parts += ["", "`!` limit broken, `k` known failing, `*` outlier of its row, `-` not measured.", ""]
-        parts += ["### Time against the engines", "", *_bullets(ratio_lines(scene)), ""]
+        parts += ["", f"`{LEGEND}`", ""]
+        parts += ["### Time: the reference's median frame over an engine's", ""]
+        parts += [*_markdown(list(RATIO_HEADS), ratio_rows(scene), 1), ""]
         parts += ["### Frame budget", "", *_budget(scene), ""]
         parts += ["### Spread of the events", "", *_spreads(scene), ""]
         parts += ["### Remarks", "", *_bullets(remark_lines(scene))]
@@ -71,7 +73,7 @@ def _budget(scene: pd.DataFrame) -> list[str]:
 def _spreads(scene: pd.DataFrame) -> list[str]:
     rows = [
         [f"`{row.metric}` {row.subject}", f"{number(row.value)} {row.unit}", row.verdict, row.reason]
-        for row in scene[scene.engine == "all"].itertuples()
+        for row in rows_of(scene[scene.engine == "all"])
         if np.isfinite(row.value)
     ]
     return _markdown(["event", "spread", "verdict", "remark"], rows, 4) if rows else ["none"]

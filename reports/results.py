@@ -38,15 +38,34 @@ class Row:
 
 
 COLUMNS = (
-    "study", "scenario", "engine", "profile", "dt", "seed", "repeat", "metric", "subject", "value", "unit",
-    "low", "high", "limit", "verdict", "reason",
-)  # fmt: skip
+    "study",
+    "scenario",
+    "engine",
+    "profile",
+    "dt",
+    "seed",
+    "repeat",
+    "metric",
+    "subject",
+    "value",
+    "unit",
+    "low",
+    "high",
+    "limit",
+    "verdict",
+    "reason",
+)
 assert set(COLUMNS) == {field.name for field in fields(Row)}
 
 
 def table(rows: Iterable[Row]) -> pd.DataFrame:
     """Rows as a frame with the fixed columns."""
     return pd.DataFrame([asdict(row) for row in rows], columns=list(COLUMNS))
+
+
+def rows_of(frame: pd.DataFrame) -> list[Row]:
+    """A frame's rows, or those of a part of it."""
+    return [Row(**record) for record in frame.to_dict("records")]  # type: ignore[arg-type]
 
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -18,7 +18,6 @@ from adapters.children import Job, Outcome, play
 from adapters.engine import Settings
 from adapters.recording import Recording, load
 from adapters.registry import ENGINES, installed, missing_reason
-from adapters.registry import load as load_engine
 from reports.limits import judged
 from reports.metrics import IMPULSE_METRICS, METRICS
 from reports.metrics.contact import AUDIT_LIMIT
@@ -32,6 +31,7 @@ REFERENCE = "reference"
 RATIO_LIMIT = 0.5
 """The reference's time over the fastest engine's at its recommended step."""
 MACHINE_PROFILE = "recommended"
+DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
 Progress = Callable[[str, int], None]
 
@@ -99,11 +99,6 @@ def _folder(out: Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def native_step(engine: str, profile: str, dt: float | None) -> float:
-    """The native step of a column [s]."""
-    return dt if dt is not None else float(load_engine(engine).profiles[profile])
-
-
 def _play(
     request: Request, scenario: Scenario, folder: Path, progress: Progress
 ) -> tuple[list[Outcome], list[Row]]:
@@ -114,7 +109,7 @@ def _play(
             missing.append(replace(row, verdict="skipped", reason=missing_reason(engine)))
             continue
         name = f"{scenario.name}-{engine}-{profile}"
-        settings = Settings(profile, native_step(engine, profile, request.dt))
+        settings = Settings(profile, request.dt or ENGINES[engine].profiles[profile])
         recording, output = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
         jobs.append(Job(engine, scenario, settings, recording, output))
     return play(jobs, progress), missing
@@ -211,10 +206,19 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
             ratio = time_ratio(mine.time_frame, theirs.time_frame)
             deeper = overlap[(REFERENCE, profile)] > overlap[column]
             row = Row(
-                STUDY, scenario.name, REFERENCE, profile, 1 / scenario.frame_rate, "ratio.time",
-                ratio.value, "1", f"{column[0]} {column[1]}", low=ratio.low, high=ratio.high,
+                STUDY,
+                scenario.name,
+                REFERENCE,
+                profile,
+                1 / scenario.frame_rate,
+                "ratio.time",
+                ratio.value,
+                "1",
+                f"{column[0]} {column[1]}",
+                low=ratio.low,
+                high=ratio.high,
                 reason=f"overlap {'larger' if deeper else 'equal or smaller'}",
-            )  # fmt: skip
+            )
             if column == fastest and profile == "balanced":
                 verdict = "pass" if ratio.value <= RATIO_LIMIT and not deeper else "fail"
                 row = replace(
@@ -225,7 +229,7 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
 
 
 def _spreads(scenario: Scenario, rows: list[Row]) -> list[Row]:
-    """Spread of every event over the engines at their recommended step and the reference; the outlier named."""
+    """Spread of every event over the reference and the engines as recommended; the outlier named."""
     found = []
     events = sorted({(r.metric, r.subject, r.unit) for r in rows if r.metric.startswith("events.")})
     for metric, subject, unit in events:
@@ -251,7 +255,7 @@ def _spreads(scenario: Scenario, rows: list[Row]) -> list[Row]:
                 unit,
                 subject,
                 reason=f"outlier {outlier}: {values[outlier]:.4g}, median {middle:.4g}",
-            )  # fmt: skip
+            )
         )
     return found
 
@@ -274,15 +278,6 @@ def step_text(dt: float) -> str:
     return str(Fraction(dt).limit_denominator(100_000)) if dt == dt else "-"
 
 
-def columns_of(engines: tuple[str, ...], profiles: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+def columns_of(engines: Iterable[str], profiles: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """(engine, profile) columns: each engine in those of the profiles it has."""
-    chosen = []
-    for engine in engines:
-        available = tuple(load_engine(engine).profiles) if installed(engine) else (MACHINE_PROFILE,)
-        chosen += [(engine, profile) for profile in profiles if profile in available]
-    return tuple(chosen)
-
-
-def all_engines() -> tuple[str, ...]:
-    """Names of all engines, the reference first."""
-    return tuple(ENGINES)
+    return tuple((e, p) for e in engines for p in profiles if p in ENGINES[e].profiles)

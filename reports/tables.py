@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import isnan
 
@@ -17,7 +18,8 @@ OUTLIER_FACTOR = 3.0
 """A value is an outlier when it lies this many median deviations of the others from their median ..."""
 OUTLIER_SHARE = 0.1
 """... and by more than this share of it."""
-MARKS = {"fail": "!", "known": "k", "error": "x"}
+MARKS = {"fail": " ✗", "known": " †", "error": " ✗"}
+LEGEND = "✗ limit broken   † known failing   * outlier of its row   - not measured"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +32,8 @@ class Cell:
 
     @property
     def marked(self) -> str:
-        """The text with its marks: `!` fail, `k` known failing, `*` outlier."""
-        return self.text + MARKS.get(self.verdict, "") + ("*" if self.outlier else "")
+        """The text with its marks, as in LEGEND."""
+        return self.text + ("*" if self.outlier else "") + MARKS.get(self.verdict, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +44,10 @@ class Grid:
     rows: list[tuple[str, str, str, list[Cell]]]
 
 
-def grid(frame: pd.DataFrame, scenario: str) -> Grid:
-    """The grid of one scene from the long table."""
+def grid(frame: pd.DataFrame, scenario: str, shown: Collection[tuple[str, str]] = ()) -> Grid:
+    """The grid of one scene from the long table; `shown` (engine, profile) columns, or all."""
     scene = frame[(frame.scenario == scenario) & (frame.engine != "all") & (frame.metric != "ratio.time")]
-    columns = list(dict.fromkeys(zip(scene.engine, scene.profile)))
+    columns = [c for c in dict.fromkeys(zip(scene.engine, scene.profile)) if not shown or c in shown]
     heads = []
     for engine, profile in columns:
         steps = scene[(scene.engine == engine) & (scene.profile == profile)].dt
@@ -55,7 +57,8 @@ def grid(frame: pd.DataFrame, scenario: str) -> Grid:
     rows = []
     for metric in order:
         part = scene[scene.metric == metric]
-        named = part[~((part.verdict == "skipped") & (part.subject == ""))]
+        mine = np.array([column in columns for column in zip(part.engine, part.profile)], dtype=bool)
+        named = part[mine & ~((part.verdict == "skipped") & (part.subject == ""))]
         for subject in dict.fromkeys(named.subject) or [""]:
             cells = [_cell(part, broken, metric, subject, column) for column in columns]
             rows.append((metric, subject, _unit(metric), _with_outlier(cells, part, subject, columns)))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import pandas as pd
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from reports.tables import Cell, Grid, grid, number
+from reports.results import rows_of
+from reports.tables import LEGEND, Cell, Grid, grid, number
 
 STYLES = {"fail": "bold red", "known": "yellow", "error": "bold red", "skipped": "dim", "pass": ""}
-NARROW = 110
+NARROW = 112
 """Columns a table needs; plain output (files, pipes) is never narrower."""
 
 
@@ -20,22 +24,22 @@ def console(**options: bool) -> Console:
     return probe if probe.is_terminal else Console(width=NARROW, **options)  # type: ignore[arg-type]
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one table per scene, its ratios, and every verdict that is no pass."""
+def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
+    """Print one table per scene with the `shown` columns, its ratios, and every verdict that is no pass."""
     for scenario in dict.fromkeys(frame.scenario):
         scene = frame[frame.scenario == scenario]
-        out.print(_table(scenario, grid(frame, scenario)))
-        out.print(
-            Text("! limit broken   k known failing   * outlier of its row   - not measured", style="dim")
-        )
-        for line in ratio_lines(scene):
-            out.print(line, highlight=False)
-        for line in remark_lines(scene):
+        out.print(_table(scenario, grid(frame, scenario, shown)))
+        out.print(Text(LEGEND, style="dim"))
+        out.print()
+        ratios = ratio_rows(scene)
+        if ratios:
+            out.print(_ratio_table(ratios))
+        for line in remark_lines(scene, shown):
             out.print(line, highlight=False, style="red" if line.startswith(("fail", "error")) else "")
 
 
 def _table(scenario: str, cells: Grid) -> Table:
-    table = Table(title=scenario, title_justify="left", header_style="bold", pad_edge=False)
+    table = Table(title=scenario, title_justify="left", header_style="bold")
     table.add_column("metric", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     for engine, profile, step in cells.heads:
@@ -56,25 +60,49 @@ def _text(cell: Cell) -> Text:
     )
 
 
-def ratio_lines(scene: pd.DataFrame) -> list[str]:
-    """`ratio.time` of the reference, one line per engine."""
-    lines = []
-    for row in scene[scene.metric == "ratio.time"].itertuples():
-        judged = f"  {row.verdict}: at most {row.limit:g}" if row.verdict else ""
-        lines.append(
-            f"ratio.time {row.engine} {row.profile} / {row.subject}: {number(row.value)} "
-            f"[{number(row.low)}, {number(row.high)}]{judged} ({row.reason})"
-        )
-    return lines
+def _ratio_table(rows: list[list[str]]) -> Table:
+    table = Table(
+        title="ratio.time: the reference's median frame over an engine's", title_justify="left", box=SIMPLE
+    )
+    for name in RATIO_HEADS:
+        table.add_column(name, justify="right" if name == "ratio" else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
-def remark_lines(scene: pd.DataFrame) -> list[str]:
-    """What broke a limit, is known, was skipped as a whole or failed, each with its reason."""
+RATIO_HEADS = ("over", "ratio", "95 % interval", "limit", "remark")
+
+
+def ratio_rows(scene: pd.DataFrame) -> list[list[str]]:
+    """`ratio.time`, one row per engine and profile, under RATIO_HEADS."""
+    return [
+        [
+            row.subject,
+            number(row.value),
+            f"{number(row.low)} to {number(row.high)}",
+            f"{row.verdict}: {row.limit:g}" if row.verdict else "",
+            row.reason,
+        ]
+        for row in rows_of(scene[scene.metric == "ratio.time"])
+    ]
+
+
+def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -> list[str]:
+    """What broke a limit, failed or was skipped as a whole, and what is known of the `shown` columns (or of
+    all), each with its reason."""
     lines = []
-    for row in scene[scene.verdict.isin(["fail", "error", "known"])].itertuples():
+    for row in rows_of(scene[scene.verdict.isin(["fail", "error", "known"])]):
+        if row.verdict == "known" and shown and (row.engine, row.profile) not in shown:
+            continue
         name = f"{row.metric} {row.subject}".strip()
-        value = "" if row.metric == "run" else f" = {number(row.value)} {row.unit}, limit {number(row.limit)}"
-        lines.append(f"{row.verdict}: {row.engine} {row.profile}: {name}{value}: {row.reason}")
-    for row in scene[(scene.verdict == "skipped") & (scene.metric == "run")].itertuples():
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        value = (
+            ""
+            if row.metric == "run"
+            else f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}"
+        )
+        lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value}: {row.reason}")
+    for row in rows_of(scene[(scene.verdict == "skipped") & (scene.metric == "run")]):
         lines.append(f"skipped: {row.engine} {row.profile}: {row.reason}")
     return lines

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.reference_engine import PROFILES
+from adapters.reference_engine import BUNDLES
 from adapters.translation import translate
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
@@ -150,7 +150,7 @@ def build(scenario: Scenario, profile: str = "balanced", dt: float = FRAME) -> W
     """A world ready for its first step."""
     world = translate(scenario)
     world.state["dt"], world.state["gravity"] = dt, scenario.acting_gravity
-    for name, value in PROFILES[profile].items():
+    for name, value in BUNDLES[profile].items():
         world.state[name] = value
     prepare(*world)
     return world

@@ -8,6 +8,13 @@ from scipy.spatial import ConvexHull
 
 from adapters.engine import Array
 
+ON_SURFACE = 1e-14
+"""Distance over size at which the origin counts as inside: rounding [1]."""
+MERGED = 1e-9
+"""Spread over size of offsets that may be the least: qhull's merged planes are good to 1e-10 [1]."""
+SLIVER = 1e-3
+"""Height over length of a triangle below which its normal is not the better one [1]."""
+
 
 def signed_distance(vertices_a: Array, vertices_b: Array) -> tuple[float, Array]:
     """Signed distance [m] of the hulls of two point sets, and the normal from A to B.
@@ -21,18 +28,20 @@ def signed_distance(vertices_a: Array, vertices_b: Array) -> tuple[float, Array]
     difference = (vertices_a[:, None, :] - vertices_b[None, :, :]).reshape(-1, 3)
     hull = ConvexHull(difference)
     offsets = hull.equations[:, 3]  # negative inside
-    nearest = int(np.argmax(offsets))
-    if offsets[nearest] <= 0:
-        return _refined(difference, hull, nearest)
-    corners = difference[hull.vertices]
-    return _outside(corners)
+    size = float(np.abs(difference).max())
+    if offsets.max() > ON_SURFACE * size:
+        return _outside(difference[hull.vertices])
+    nearest = np.flatnonzero(offsets >= offsets.max() - MERGED * size)
+    return max((_refined(difference, hull, facet) for facet in nearest), key=lambda found: found[0])
 
 
 def _refined(difference: Array, hull: ConvexHull, facet: int) -> tuple[float, Array]:
-    """Depth from the facet's own vertices: qhull's merged planes are good to 1e-10 only."""
+    """Depth from the facet's own vertices, unless they make a sliver: then from qhull's plane."""
     p, q, r = difference[hull.simplices[facet]]
-    normal = np.cross(q - p, r - p)
-    normal /= np.linalg.norm(normal) * np.sign(normal @ hull.equations[facet, :3])
+    normal, plane = np.cross(q - p, r - p), hull.equations[facet, :3]
+    length = np.linalg.norm(normal)
+    longest = max(float((edge**2).sum()) for edge in (q - p, r - p, r - q))
+    normal = plane if length < SLIVER * longest else normal / (length * np.sign(normal @ plane))
     return -float((difference @ normal).max()), normal
 
 

@@ -113,7 +113,9 @@ class _Oracle:
         return found
 
 
-def signed_distance(shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose) -> tuple[float, Array, Array]:
+def signed_distance(
+    shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose
+) -> tuple[float, Array, Array]:
     """Signed distance [m], normal A to B and midpoint of the witnesses of two posed coal shapes."""
     result = coal.DistanceResult()
     value = coal.distance(

@@ -7,6 +7,7 @@ the last free frame (and back from the next): no engine's own contact is asked.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -79,9 +80,9 @@ def _free_acceleration(evidence: Evidence, body: int, velocity: Array) -> Array:
 def bounces(evidence: Evidence, pair: tuple[int, int]) -> list[Bounce]:
     """Contacts between two free frames (a soft one may last several), with speeds from the free arcs."""
     g, h = gap_of(evidence, [pair]), evidence.frame
-    free = np.flatnonzero(g.gap > TOUCH_GAP)
+    free = np.flatnonzero(g.gap > TOUCH_GAP).tolist()
     found = []
-    for k, m in zip(free[:-1], free[1:]):
+    for k, m in pairwise(free):
         closing, opening = _closing(g, k, h), _closing(g, m, -h)
         if closing is None or opening is None or (m == k + 1 and not _kicked(g, k, h)):
             continue

@@ -16,9 +16,11 @@ def energy_injected(evidence: Evidence) -> Values:
     """Largest rise over any window of S = K + U - W, W the work the drive puts in [J].
 
     Passive contact can only lower S, but a soft one stores energy while it is compressed: frames in which a
-    simulated body overlaps by more than STORING are no start of a window. Subject `all`: every body, W the work of the coupling springs and hinge
-    servos; not measured where an engine poses its hinges itself. Subject `simulated`: simulated bodies alone,
-    W the work of the impulses that driven bodies exert on them, J . (v- + v+) / 2 at the contact.
+    simulated body overlaps by more than STORING are no start of a window.
+
+    Subject `all`: every body, W the work of the coupling springs and hinge servos; not measured where an
+    engine poses its hinges itself. Subject `simulated`: simulated bodies alone, W the work of the impulses
+    that driven bodies exert on them, J . (v- + v+) / 2 at the contact.
     """
     moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
     work = evidence.recording.driver_work

@@ -81,7 +81,7 @@ def _passages(piece: Piece, path: Array) -> int:
 
 
 def _planes(piece: Piece) -> Array | None:
-    """Outward planes (k, 4) of a box or a hull; None for round pieces, which no probe here tunnels through."""
+    """Outward planes (k, 4) of a box or a hull; None for round pieces: not looked at."""
     match piece.shape:
         case Box(half_extents):
             normals = np.vstack([np.eye(3), -np.eye(3)])
