@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,10 +27,10 @@ def impulse(v, n=UP, mobility=None, e=0.0, mu=0.0, friction=FRICTION_COULOMB) ->
 
 
 def mobility_of(*bodies) -> np.ndarray:
-    """Sum of 1/m - [r] I^-1 [r] over (mass, inertia, r): the definition."""
+    """Sum of 1/m + (e_i x r) . I^-1 (e_j x r) over (mass, inertia, r): the definition."""
     total = np.zeros((3, 3))
     for mass, inertia, r in bodies:
-        cross = np.cross(np.eye(3), r)  # rows e_i x r: the matrix of x -> r x x is its transpose... of -r
+        cross = np.cross(np.eye(3), r)
         total += np.eye(3) / mass + cross @ np.linalg.inv(inertia) @ cross.T
     return total
 
@@ -97,7 +98,7 @@ def test_central_impacts_keep_the_laws(v, n, masses, e, mu) -> None:
     after, j = v + m @ p, p @ n
     size = np.linalg.norm(v)
     assert after @ n == pytest.approx(-e * (v @ n), abs=1e-12 * size)
-    assert np.linalg.norm(p - j * n) <= mu * j * (1 + 1e-12)
+    assert np.linalg.norm(p - j * n) <= mu * j + 1e-12 * j
     # energy: p . (v + after) / 2
     assert p @ (v + after) <= 1e-12 * np.linalg.norm(p) * size
     # friction never turns the sliding round
@@ -123,7 +124,7 @@ def test_eccentric_impacts_stay_in_the_cone(v, n, r, moments, e, mu, friction) -
     p = impulse(v, n, m, e, mu, friction)
     j = p @ n
     assert j > 0
-    assert np.linalg.norm(p - j * n) <= mu * j * (1 + 1e-9)
+    assert np.linalg.norm(p - j * n) <= mu * j + 1e-12 * j
     slip = v - (v @ n) * n
     jams = n @ m @ (n - mu * slip / max(np.linalg.norm(slip), 1e-9)) <= 1e-3
     if friction == FRICTION_COULOMB and not jams:
@@ -161,13 +162,47 @@ def test_a_cradle_passes_the_blow_on(lab: SimpleNamespace) -> None:
 
 
 def test_a_cap_that_is_hit_is_told(lab: SimpleNamespace) -> None:
-    """Count giving up when 200 impulses of one event do not suffice: a stiff row of unequal balls."""
-    masses = [1000.0 if k % 2 else 0.001 for k in range(16)]
-    row = [lab.ball(f"ball_{k}", (0.1 * k, 0.0, 0.0), mass=mass) for k, mass in enumerate(masses)]
-    row = [b if k else lab.ball("ball_0", mass=1.0, position=(0.0, 0.0, 0.0)) for k, b in enumerate(row)]
-    walls = [lab.block(f"wall_{s}", (1, 1, 1), (0.75 + s * 1.8, 0.0, 0.0), "fixed") for s in (-1, 1)]
-    world = lab.build(lab.scene(*row, *walls, e=1.0, gravity=(0.0, 0.0, 0.0)))
-    world.bodies["velocity"][: len(row), 0] = [(-1.0) ** k for k in range(len(row))]
+    """Count giving up when 200 impulses do not suffice: a grain between a wall and a ball a million times
+    heavier is hit about pi / 4 sqrt(1e6) times before the ball turns round."""
+    grain = lab.ball("grain", (0.0, 0.0, 0.0), mass=1e-6)
+    heavy = lab.ball("heavy", (0.1, 0.0, 0.0), linear_velocity=(-1.0, 0.0, 0.0))
+    wall = lab.block("wall", (1.0, 1.0, 1.0), (-1.05, 0.0, 0.0), kind="fixed")
+    world = lab.build(lab.scene(grain, heavy, wall, e=1.0, gravity=(0.0, 0.0, 0.0)))
     lab.play(world, 1)
     counted = lab.counters(world)
-    assert counted["impulses"] < 200 or counted["gave_up"] > 0
+    assert counted["impulses"] >= 200
+    assert counted["gave_up"] > 0
+
+
+def test_the_log_balances_the_momentum(lab: SimpleNamespace) -> None:
+    """Log for a ball at rest what gravity gave it, also in frames that another ball's impact cuts in two."""
+    rest, fall = lab.ball("rest", (0.0, 0.0, 0.05)), lab.ball("fall", (1.0, 0.0, 0.3))
+    world = lab.build(lab.scene(rest, fall, lab.ground(), e=0.5, mu=0.3))
+    cut = 0
+    for _ in range(60):
+        lab.play(world, 1)
+        rows = world.contacts[: int(world.state[0]["contact_count"])]
+        told = rows[rows["body_a"] == 0]
+        cut += len(told) > 1
+        # the ground is B: its share is the opposite
+        assert -told["impulse"][:, 2].sum() == pytest.approx(9.81 / 60, rel=1e-9)
+        np.testing.assert_allclose(told["velocity_a_after"], 0, atol=1e-12)
+    assert cut >= 3
+
+
+def test_a_cut_hold_pushes_the_hand_once(lab: SimpleNamespace) -> None:
+    """Give a driven body the recoil of a held contact for the time it acted, however the frame is cut."""
+    recoils = []
+    for height in (5.0, 0.051):
+        shelf = lab.block("shelf", (0.2, 0.2, 0.02), (0.0, 0.0, -0.02), kind="driven")
+        shelf = dataclasses.replace(shelf, mass=0.4, position=(0.0, 0.0, 0.0), pieces=shelf.pieces)
+        tracker = lab.still("shelf", (0.0, 0.0, -0.02))
+        rest, fall = lab.ball("rest", (0.0, 0.0, 0.05)), lab.ball("fall", (2.0, 0.0, height))
+        floor = lab.block("floor", (0.5, 0.5, 0.5), (2.0, 0.0, -0.5), kind="fixed")
+        fast = dataclasses.replace(fall, linear_velocity=(0.0, 0.0, -0.12))
+        world = lab.build(lab.scene(shelf, rest, fast, floor, trackers=(tracker,)))
+        lab.play(world, 1)
+        recoils.append(float(world.drivers[0]["velocity"][2]))
+    assert recoils[0] < -0.05
+    # cutting the frame in two changes how the shares of it are spread, not their sum
+    assert recoils[1] == pytest.approx(recoils[0], rel=1e-9)
