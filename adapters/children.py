@@ -10,8 +10,10 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -54,8 +56,11 @@ def play(
     jobs: Iterable[Job], progress: Progress, loader: Loader = load, patience: float = PATIENCE
 ) -> list[Outcome]:
     """Play all jobs of one scene, interleaved; one that fails does not stop the others."""
-    children = [_Child(job, loader, patience) for job in jobs]
+    children: list[_Child] = []
     try:
+        with _interrupt_held():
+            for job in jobs:
+                children.append(_Child(job, loader, patience))
         for command in ("build", "warm up", "start"):
             for child in children:
                 if child.outcome is None:
@@ -77,6 +82,17 @@ def play(
     finally:
         for child in children:
             child.stop()
+
+
+@contextmanager
+def _interrupt_held() -> Iterator[None]:
+    """Hold Ctrl-C back. Children that start meanwhile inherit this for good: it is the parent's to handle."""
+    resource_tracker.ensure_running()  # starting it would let Ctrl-C through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Child:
@@ -128,7 +144,6 @@ def _end_of(exitcode: int | None) -> str:
 
 def _serve(pipe: Connection, job: Job, loader: Loader) -> None:
     """The child's end: obey commands until the pipe closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     _divert_output(job.output)
     engine: Engine | None = None
     player: Player | None = None

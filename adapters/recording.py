@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
+import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -17,6 +19,8 @@ from numpy.typing import NDArray
 from adapters.engine import AdapterError, Array
 
 FORMAT_VERSION = 1
+DAMAGED = (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error)
+"""What numpy and zipfile raise on files that are no archive of arrays, or no longer."""
 
 
 class RecordingError(AdapterError):
@@ -69,8 +73,9 @@ def load(path: Path) -> Recording:
     try:
         with np.load(path, allow_pickle=False) as archive:
             columns = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, EOFError) as error:
-        raise RecordingError(f"{path}: not a recording ({error})") from error
+    except DAMAGED as error:
+        reason = f"{error}".partition("\n")[0][:100]
+        raise RecordingError(f"{path}: not a recording ({reason})") from error
     version = int(columns.pop("format_version", np.array(-1)))
     if version != FORMAT_VERSION:
         raise RecordingError(f"{path}: format version {version}, this program reads {FORMAT_VERSION}")

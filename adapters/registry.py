@@ -7,7 +7,7 @@ import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from adapters.engine import Engine, NotInstalled
+from adapters.engine import AdapterError, Engine, NotInstalled
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,18 +42,26 @@ ENGINES: dict[str, Entry] = {
 
 def installed(name: str) -> bool:
     """Whether the package behind an engine can be found; imports nothing."""
-    return importlib.util.find_spec(ENGINES[name].package) is not None
+    return importlib.util.find_spec(_entry(name).package) is not None
 
 
 def missing_reason(name: str) -> str:
     """Why an engine is skipped when it is not installed."""
-    return f"not installed (pip install 'touchstone[{name}]')"
+    # numba is no extra: the project itself brings it
+    wanted = "touchstone" if name == "reference" else f"'touchstone[{name}]'"
+    return f"not installed (pip install {wanted})"
 
 
 def load(name: str) -> Engine:
     """The engine called `name`; raises NotInstalled with the extra that brings it."""
     if not installed(name):
         raise NotInstalled(missing_reason(name))
-    module, _, attribute = ENGINES[name].implementation.partition(":")
+    module, _, attribute = _entry(name).implementation.partition(":")
     engine: Engine = getattr(importlib.import_module(module), attribute)()
     return engine
+
+
+def _entry(name: str) -> Entry:
+    if name not in ENGINES:
+        raise AdapterError(f"unknown engine {name!r}; valid: {', '.join(ENGINES)}")
+    return ENGINES[name]

@@ -8,7 +8,22 @@ from math import isfinite
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from scenarios.scenario import EFFECTS, EVENTS, Body, Box, Ellipsoid, Hull, Scenario, Shape, Sphere, Tracker
+from scenarios.scenario import (
+    EFFECTS,
+    EVENTS,
+    IDENTITY,
+    ORIGIN,
+    Body,
+    Box,
+    Ellipsoid,
+    Hull,
+    Joint,
+    Piece,
+    Scenario,
+    Shape,
+    Sphere,
+    Tracker,
+)
 
 Report = Callable[[str, str], None]
 
@@ -36,48 +51,72 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     _check_joints(scenario, report)
     for i, tracker in enumerate(scenario.trackers):
         _check_tracker(scenario, tracker, f"trackers[{i}]", report)
+    _check_driving(scenario, report)
     _check_coefficients(scenario, report)
     _check_expectations(scenario, report)
     return found
 
 
-def _finite(values: Iterable[float], path: str, report: Report) -> bool:
-    numbers = [float(value) for value in values]
-    bad = next((value for value in numbers if not isfinite(value)), None)
-    if bad is not None:
-        report(path, f"found {bad}, expected finite numbers")
-    return bad is None
-
-
-def _positive(values: Iterable[float], path: str, report: Report) -> None:
+def _finite(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:
     numbers = list(values)
-    if _finite(numbers, path, report) and min(numbers) <= 0:
+    if width is not None and len(numbers) != width:
+        report(path, f"found {len(numbers)} numbers, expected {width}")
+        return False
+    for value in numbers:
+        if not isinstance(value, (int, float, np.number)) or not isfinite(value):
+            report(path, f"found {value!r}, expected finite numbers")
+            return False
+    return True
+
+
+def _finite_rows(rows: Iterable[Iterable[float]], path: str, report: Report, width: int) -> bool:
+    bad = [k for k, row in enumerate(rows) if not _finite(row, f"{path}[{k}]", report, width)]
+    return not bad
+
+
+def _positive(values: Iterable[float], path: str, report: Report, width: int | None = None) -> None:
+    numbers = list(values)
+    if _finite(numbers, path, report, width) and min(numbers) <= 0:
         report(path, f"found {min(numbers)}, expected positive numbers")
 
 
-def _unit(values: tuple[float, ...], path: str, report: Report) -> None:
-    if _finite(values, path, report) and abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
+def _unit(values: tuple[float, ...], path: str, report: Report, width: int) -> None:
+    if _finite(values, path, report, width) and abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
         report(path, f"found length {sum(v * v for v in values) ** 0.5:.6g}, expected 1")
 
 
 def _check_numbers(scenario: Scenario, report: Report) -> None:
-    _finite(scenario.gravity, "gravity", report)
-    _positive([scenario.frame_rate], "frame_rate", report)
+    _finite(scenario.gravity, "gravity", report, 3)
+    for field, least in (("frame_rate", 1), ("seed", 0)):
+        value = getattr(scenario, field)
+        if not isinstance(value, int) or value < least:
+            report(field, f"found {value!r}, expected a whole number from {least} on")
     _positive([scenario.duration], "duration", report)
     frames = scenario.duration * scenario.frame_rate
     if isfinite(frames) and frames > 0 and abs(frames - round(frames)) > WHOLE:
         report("duration", f"found {frames:g} frames, expected a whole number of frames")
-    for effect in scenario.effects:
+    for i, effect in enumerate(scenario.effects):
         if effect not in EFFECTS:
-            report("effects", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
+            report(f"effects[{i}]", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
+        elif effect in scenario.effects[:i]:
+            report(f"effects[{i}]", f"{effect!r} is named twice")
 
 
 def _check_names(scenario: Scenario, report: Report) -> None:
-    for field in ("bodies", "joints"):
-        names = [item.name for item in getattr(scenario, field)]
+    groups: dict[str, tuple[Body | Joint | Piece, ...]] = {
+        "bodies": scenario.bodies,
+        "joints": scenario.joints,
+    }
+    groups |= {f"bodies[{i}].pieces": body.pieces for i, body in enumerate(scenario.bodies)}
+    for path, group in groups.items():
+        names = [item.name for item in group]
         for i, name in enumerate(names):
-            if name in names[:i]:
-                report(f"{field}[{i}].name", f"{name!r} is used twice")
+            if not name:
+                report(f"{path}[{i}].name", "found none, expected a name")
+            elif name in names[:i]:
+                report(f"{path}[{i}].name", f"{name!r} is used twice")
+    if not scenario.name:
+        report("name", "found none, expected a name")
     if not scenario.bodies:
         report("bodies", "found none, expected at least one")
 
@@ -85,22 +124,29 @@ def _check_names(scenario: Scenario, report: Report) -> None:
 def _check_body(body: Body, path: str, report: Report) -> None:
     if body.kind not in ("fixed", "simulated", "driven"):
         report(f"{path}.kind", f"unknown kind {body.kind!r}; valid: fixed, simulated, driven")
-    _unit(body.orientation, f"{path}.orientation", report)
+    _unit(body.orientation, f"{path}.orientation", report, 4)
     for field in ("position", "linear_velocity", "angular_velocity", "center_of_mass"):
-        _finite(getattr(body, field), f"{path}.{field}", report)
+        _finite(getattr(body, field), f"{path}.{field}", report, 3)
     if body.kind != "fixed":
         _positive([body.mass], f"{path}.mass", report)
-        _check_inertia(np.array(body.inertia), f"{path}.inertia", report)
+        if _finite_rows(body.inertia, f"{path}.inertia", report, 3):
+            _check_inertia(np.array(body.inertia), f"{path}.inertia", report)
+    still = ("linear_velocity", "angular_velocity")
+    for field in {"fixed": still, "driven": ("position", "orientation", *still)}.get(body.kind, ()):
+        if tuple(getattr(body, field)) != (IDENTITY if field == "orientation" else ORIGIN):
+            given = "by its tracker" if body.kind == "driven" else "by standing still"
+            report(f"{path}.{field}", f"found {getattr(body, field)}, but a {body.kind} body has it {given}")
     if body.kind != "driven" and not body.pieces:
         report(f"{path}.pieces", "found none, expected at least one")
     for k, piece in enumerate(body.pieces):
-        _finite(piece.position, f"{path}.pieces[{k}].position", report)
-        _unit(piece.orientation, f"{path}.pieces[{k}].orientation", report)
+        _finite(piece.position, f"{path}.pieces[{k}].position", report, 3)
+        _unit(piece.orientation, f"{path}.pieces[{k}].orientation", report, 4)
         _check_shape(piece.shape, f"{path}.pieces[{k}].shape", report)
 
 
 def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
-    if not _finite(inertia.ravel(), path, report):
+    if inertia.shape != (3, 3):
+        report(path, f"found {len(inertia)} rows, expected 3")
         return
     if np.abs(inertia - inertia.T).max() > SYMMETRY * np.abs(inertia).max():
         report(path, "found an asymmetric matrix, expected a symmetric one")
@@ -121,11 +167,12 @@ def _check_shape(shape: Shape, path: str, report: Report) -> None:
         case Sphere(radius):
             _positive([radius], f"{path}.radius", report)
         case Box(half_extents):
-            _positive(half_extents, f"{path}.half_extents", report)
+            _positive(half_extents, f"{path}.half_extents", report, 3)
         case Ellipsoid(half_axes):
-            _positive(half_axes, f"{path}.half_axes", report)
+            _positive(half_axes, f"{path}.half_axes", report, 3)
         case Hull(vertices):
-            _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
+            if _finite_rows(vertices, f"{path}.vertices", report, 3):
+                _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
         case _:
             report(path, f"unknown shape {type(shape).__name__}; valid: Sphere, Box, Ellipsoid, Hull")
 
@@ -133,8 +180,6 @@ def _check_shape(shape: Shape, path: str, report: Report) -> None:
 def _check_hull(vertices: np.ndarray, path: str, report: Report) -> None:
     if len(vertices) < 4:
         report(path, f"found {len(vertices)} vertices, expected at least 4")
-        return
-    if not _finite(vertices.ravel(), path, report):
         return
     size = np.ptp(vertices, axis=0).max()
     try:
@@ -159,11 +204,35 @@ def _check_joints(scenario: Scenario, report: Report) -> None:
                 report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(names)}")
             elif names[name].kind != "driven":
                 report(f"{path}.{field}", f"{name!r} is {names[name].kind}, expected a driven body")
-        _finite(joint.position, f"{path}.position", report)
-        _unit(joint.axis, f"{path}.axis", report)
-        _unit(joint.orientation, f"{path}.orientation", report)
-        if not joint.lower < joint.upper:
+        if joint.parent == joint.child:
+            report(f"{path}.child", f"{joint.child!r} is its own parent")
+        _finite(joint.position, f"{path}.position", report, 3)
+        _unit(joint.axis, f"{path}.axis", report, 3)
+        _unit(joint.orientation, f"{path}.orientation", report, 4)
+        limits_are_numbers = _finite((joint.lower, joint.upper), f"{path}.lower", report)
+        if limits_are_numbers and not joint.lower < joint.upper:
             report(f"{path}.lower", f"found {joint.lower}, expected less than upper = {joint.upper}")
+
+
+def _check_driving(scenario: Scenario, report: Report) -> None:
+    """Every driven body and every joint belongs to exactly one tracker, once."""
+    joints = {joint.name: joint for joint in scenario.joints}
+    posed: dict[str, list[str]] = {}
+    driven: dict[str, list[str]] = {}
+    for i, tracker in enumerate(scenario.trackers):
+        driven.setdefault(tracker.root, []).append(f"trackers[{i}].root")
+        for k, name in enumerate(tracker.joints):
+            posed.setdefault(name, []).append(f"trackers[{i}].joints[{k}]")
+            if name in joints:
+                driven.setdefault(joints[name].child, []).append(f"trackers[{i}].joints[{k}]")
+    for i, body in enumerate(scenario.bodies):
+        ways = driven.get(body.name, [])
+        if body.kind == "driven" and len(ways) != 1:
+            found = f"by {' and '.join(ways)}" if ways else "by no tracker"
+            report(f"bodies[{i}]", f"{body.name!r} is driven {found}, expected one")
+    for i, joint in enumerate(scenario.joints):
+        if joint.name not in posed:
+            report(f"joints[{i}]", f"{joint.name!r} is posed by no tracker")
 
 
 def _check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Report) -> None:
@@ -179,6 +248,8 @@ def _check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Repo
         else:
             reached.add(joints[name].child)
     count = len(tracker.times)
+    if not _finite(tracker.times, f"{path}.times", report):
+        return
     if count < 2 or any(a >= b for a, b in zip(tracker.times, tracker.times[1:])):
         report(f"{path}.times", "expected at least two increasing times")
     elif tracker.times[0] > 0 or tracker.times[-1] < scenario.duration - WHOLE:
@@ -189,22 +260,27 @@ def _check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Repo
             report(f"{path}.{field}", f"expected {count} rows of {width}")
             continue
         for k, row in enumerate(rows):
-            if not _finite(row, f"{path}.{field}[{k}]", report):
-                break
-    _finite(tracker.times, f"{path}.times", report)
+            if field == "orientations":
+                _unit(row, f"{path}.{field}[{k}]", report, 4)
+            else:
+                _finite(row, f"{path}.{field}[{k}]", report)
     _positive([tracker.stiffness], f"{path}.stiffness", report)
     _positive([tracker.damping], f"{path}.damping", report)
     _positive([tracker.hinge_frequency], f"{path}.hinge_frequency", report)
 
 
 def _check_coefficients(scenario: Scenario, report: Report) -> None:
+    seen: set[frozenset[str]] = set()
     for i, pair in enumerate(scenario.coefficients):
+        pair_names = frozenset((pair.material_a, pair.material_b))
+        if pair_names in seen:
+            report(f"coefficients[{i}]", f"{' and '.join(sorted(pair_names))}: the pair is named twice")
+        seen.add(pair_names)
         if not 0 <= pair.restitution <= 1:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
         if not (isfinite(pair.friction) and pair.friction >= 0):
             report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
-    known = {frozenset((pair.material_a, pair.material_b)) for pair in scenario.coefficients}
-    materials = sorted({name for pair in known for name in pair})
+    materials = sorted({name for names in seen for name in names})
     missing = set()
     for i, body in enumerate(scenario.bodies):
         if body.material not in materials:
@@ -212,8 +288,8 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
         for other in scenario.bodies[:i]:
             pair_names = frozenset((body.material, other.material))
             unmovable = body.kind == other.kind == "fixed"
-            if not unmovable and pair_names not in known and pair_names <= set(materials):
-                missing.add(tuple(sorted(pair_names)))
+            if not unmovable and pair_names not in seen and pair_names <= set(materials):
+                missing.add(tuple(sorted((body.material, other.material))))
     for names in sorted(missing):
         report("coefficients", f"no coefficients for the pair {' and '.join(names)}")
 
@@ -228,5 +304,7 @@ def _check_expectations(scenario: Scenario, report: Report) -> None:
             name = getattr(expectation, field)
             if name not in names:
                 report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(names)}")
+        if expectation.body == expectation.other:
+            report(f"{path}.other", f"{expectation.other!r} is the body itself")
         if not 0 <= expectation.earliest < expectation.latest <= scenario.duration:
             report(f"{path}.earliest", f"expected 0 <= earliest < latest <= {scenario.duration}")

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from dataclasses import replace as changed
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from adapters.engine import CONTACT_FIELDS, Engine, Settings
+from adapters.record import record, scenario_json
+from adapters.recording import Recording
 from adapters.reference_engine import BUNDLES
+from adapters.registry import ENGINES, installed, load, missing_reason
 from adapters.translation import translate
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.pipeline import prepare, step
 from reference_impl.shapes import place_piece
 from reference_impl.world import BODY, PAIR, PIECE, STATE, World
+from scenarios.catalogue import catalogue
 from scenarios.scenario import (
     Body,
     Box,
@@ -166,6 +173,14 @@ def play(world: World, frames: int, watch: Callable[[World], object] | None = No
     return seen
 
 
+def scene_piece(world: World, index: int) -> Piece:
+    """A box of a world where it is now, as a piece in the world."""
+    row = world.pieces[index]
+    body = world.bodies[row["body"]]
+    turned = Rotation.from_quat(body["orientation"], scalar_first=True)
+    return piece(Box(tuple(row["size"].tolist())), body["position"], turned)
+
+
 def counters(world: World) -> dict[str, int]:
     """The counters of the last frame by name."""
     return dict(zip(conventions.COUNTERS, world.state[0]["counters"].tolist()))
@@ -186,5 +201,73 @@ def lab() -> SimpleNamespace:
         build=build,
         play=play,
         counters=counters,
+        scene_piece=scene_piece,
         frame=FRAME,
     )
+
+
+def engine(name: str) -> Engine:
+    """The engine called `name`; skips where it is not installed."""
+    if not installed(name):
+        pytest.skip(f"{name}: {missing_reason(name)}")
+    return load(name)
+
+
+def settings(name: str, profile: str = "") -> Settings:
+    """An engine's settings under a profile, or under the first it has."""
+    chosen = profile or next(iter(ENGINES[name].profiles))
+    return Settings(chosen, ENGINES[name].profiles[chosen])
+
+
+@cache
+def played(scenario: str, name: str) -> Recording:
+    """A scene of the catalogue as an engine plays it under its first profile, once a session."""
+    return record(engine(name), catalogue()[scenario], settings(name))
+
+
+@pytest.fixture(scope="session")
+def registry() -> SimpleNamespace:
+    """Engines that skip when missing, their settings, and their recordings of the catalogue's scenes."""
+    return SimpleNamespace(engine=engine, settings=settings, played=played)
+
+
+def recording(scenario: Scenario, dt: float = FRAME, **columns: object) -> Recording:
+    """A recording in which every body stands still and nothing happens, but for the given columns."""
+    frames, bodies = scenario.frame_count + 1, scenario.bodies
+    still_at = Recording(
+        scenario=scenario_json(scenario),
+        manifest=f'{{"engine": "test", "dt": {dt}}}',
+        time=np.arange(frames) / scenario.frame_rate,
+        position=np.tile([body.position for body in bodies], (frames, 1, 1)),
+        orientation=np.tile([body.orientation for body in bodies], (frames, 1, 1)),
+        linear_velocity=np.zeros((frames, len(bodies), 3)),
+        angular_velocity=np.zeros((frames, len(bodies), 3)),
+        joint_angle=np.zeros((frames, len(scenario.joints))),
+        joint_rate=np.zeros((frames, len(scenario.joints))),
+        driver_work=np.zeros(frames),
+        contacts=np.zeros(0, CONTACT_FIELDS),
+        time_frame=np.full(frames - 1, 1e-4),
+        time_drive=np.full(frames - 1, 1e-5),
+        time_read=np.full(frames - 1, 1e-5),
+        time_crossing=np.full(5, 1e-6),
+        stage_names=np.array([], dtype=str),
+        stage_seconds=np.zeros((frames - 1, 0)),
+        work_names=np.array([], dtype=str),
+        work=np.zeros((frames - 1, 0)),
+    )
+    return changed(still_at, **columns)
+
+
+def contacts(*rows: dict[str, object]) -> np.ndarray:
+    """Contact rows of a recording; fields that are not given are zero."""
+    table = np.zeros(len(rows), CONTACT_FIELDS)
+    for row, given in zip(table, rows):
+        for name, value in given.items():
+            row[name] = value
+    return table
+
+
+@pytest.fixture(scope="session")
+def recordings() -> SimpleNamespace:
+    """Builders of recordings by hand."""
+    return SimpleNamespace(recording=recording, contacts=contacts)

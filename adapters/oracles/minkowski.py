@@ -32,7 +32,7 @@ def signed_distance(vertices_a: Array, vertices_b: Array) -> tuple[float, Array]
     if offsets.max() > ON_SURFACE * size:
         return _outside(difference[hull.vertices])
     nearest = np.flatnonzero(offsets >= offsets.max() - MERGED * size)
-    return max((_refined(difference, hull, facet) for facet in nearest), key=lambda found: found[0])
+    return max((_refined(difference, hull, facet) for facet in nearest.tolist()), key=lambda found: found[0])
 
 
 def _refined(difference: Array, hull: ConvexHull, facet: int) -> tuple[float, Array]:

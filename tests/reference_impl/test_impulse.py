@@ -98,7 +98,8 @@ def test_central_impacts_keep_the_laws(v, n, masses, e, mu) -> None:
     after, j = v + m @ p, p @ n
     size = np.linalg.norm(v)
     assert after @ n == pytest.approx(-e * (v @ n), abs=1e-12 * size)
-    assert np.linalg.norm(p - j * n) <= mu * j + 1e-12 * j
+    # the direction of a slip of SLIP_MIN is good to 1e-16 / 1e-9
+    assert np.linalg.norm(p - j * n) <= mu * j + 1e-7 * j
     # energy: p . (v + after) / 2
     assert p @ (v + after) <= 1e-12 * np.linalg.norm(p) * size
     # friction never turns the sliding round
@@ -124,7 +125,8 @@ def test_eccentric_impacts_stay_in_the_cone(v, n, r, moments, e, mu, friction) -
     p = impulse(v, n, m, e, mu, friction)
     j = p @ n
     assert j > 0
-    assert np.linalg.norm(p - j * n) <= mu * j + 1e-12 * j
+    # the direction of a slip of SLIP_MIN is good to 1e-16 / 1e-9
+    assert np.linalg.norm(p - j * n) <= mu * j + 1e-7 * j
     slip = v - (v @ n) * n
     jams = n @ m @ (n - mu * slip / max(np.linalg.norm(slip), 1e-9)) <= 1e-3
     if friction == FRICTION_COULOMB and not jams:

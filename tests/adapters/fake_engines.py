@@ -1,0 +1,93 @@
+"""Engines that misbehave in one way each, for spawned children: `partial(load, folder)` is their loader."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+from adapters.engine import AdapterError, Manifest, Unsupported
+
+FALLS = 0.01
+"""What a body sinks per step [m]."""
+
+
+def load(folder: str, name: str) -> Engine:
+    """The engine called `name`; it writes its process and what it does into files of `folder`."""
+    Path(folder, f"{name}.pid").write_text(str(os.getpid()))
+    if name == "throws on load":
+        raise RuntimeError("no such\nlibrary")
+    return Engine(folder, name)
+
+
+class Engine:
+    """Sinks every body evenly, until it does what its name says."""
+
+    def __init__(self, folder, name):
+        self.folder, self.name = folder, name
+        self.builds = 0
+
+    def build(self, scenario, settings):
+        self.builds += 1
+        if self.name == "unsupported":
+            raise Unsupported("unsupported: no spheres")
+        return World(self, settings, warming=self.builds == 1)
+
+
+class World:
+    """Does its worst in the 40th step of the run proper, in the second slice."""
+
+    def __init__(self, engine, settings, warming):
+        self.engine, self.settings, self.warming, self.steps = engine, settings, warming, 0
+        self.log = open(Path(engine.folder, f"{engine.name}.log"), "a")  # noqa: SIM115
+
+    def drive(self, step):
+        pass
+
+    def step(self):
+        self.steps += 1
+        if self.warming:
+            return
+        print(time.monotonic_ns(), self.engine.name, self.steps, file=self.log, flush=True)
+        if self.steps == 40:
+            self.misbehave()
+
+    def misbehave(self):
+        match self.engine.name:
+            case "throws":
+                raise ZeroDivisionError("one\ntwo")
+            case "reports":
+                raise AdapterError("reports: lost its way")
+            case "hangs":
+                time.sleep(600)
+            case "exits":
+                os._exit(7)
+            case "crashes":
+                os.kill(os.getpid(), signal.SIGSEGV)
+            case "prints":
+                os.write(1, b"native to stdout\n")
+                os.write(2, b"native to stderr\n")
+                print("from Python")
+
+    def read(self, state):
+        state.position[:, 2] = -FALLS * self.steps
+        if self.engine.name == "diverges" and self.steps == 40 and not self.warming:
+            state.position[0, 0] = float("nan")
+
+    def describe(self):
+        return Manifest(
+            self.engine.name, "1", self.settings.profile, self.settings.dt, {"pid": os.getpid()}, {}, ()
+        )
+
+    def cross(self):
+        pass
+
+    def stage_seconds(self):
+        return {}
+
+    def work(self):
+        return {}
+
+    def close(self):
+        self.log.close()

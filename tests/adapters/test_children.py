@@ -1,0 +1,198 @@
+"""Children: one that fails is one column, turns are taken, output is kept apart, and nobody survives."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adapters.children import SLICE, Job, play
+from adapters.engine import Settings
+from adapters.recording import load
+
+FRAMES = 75
+"""Two whole slices and a half."""
+PATIENCE = 3.0
+"""Seconds a child may take here: starting one takes half a second."""
+SETTINGS = Settings("only", 1 / 60)
+REASONS = {
+    "throws on load": ("error", "RuntimeError: no such"),
+    "throws": ("error", "ZeroDivisionError: one"),
+    "reports": ("error", "reports: lost its way"),
+    "diverges": ("error", "diverged: a position is not finite at 0.6667 s"),
+    "exits": ("error", "died during 'play': exit code 7"),
+    "crashes": ("error", "died during 'play': signal SIGSEGV"),
+    "unsupported": ("skipped", "unsupported: no spheres"),
+    "prints": ("done", ""),
+    "healthy": ("done", ""),
+}
+
+
+class Stage:
+    """A folder, the jobs that play in it, and what the parent was told."""
+
+    def __init__(self, folder, scenario):
+        self.folder, self.scenario, self.progress = folder, scenario, []
+
+    def jobs(self, names):
+        paths = [(name, self.folder / f"{name}.npz", self.folder / f"{name}.txt") for name in names]
+        return [Job(name, self.scenario, SETTINGS, npz, text) for name, npz, text in paths]
+
+    def play(self, names, **options):
+        from fake_engines import load as fakes
+
+        told = lambda label, frames: self.progress.append((label, frames))  # noqa: E731
+        outcomes = play(self.jobs(names), told, partial(fakes, str(self.folder)), **options)
+        return {outcome.job.engine: outcome for outcome in outcomes}
+
+    def alive(self):
+        return [path.stem for path in self.folder.glob("*.pid") if _runs(int(path.read_text()))]
+
+    def steps(self):
+        """(time, engine) of every step of the run proper, by time."""
+        lines = [line.split() for path in self.folder.glob("*.log") for line in open(path)]
+        return sorted((int(line[0]), " ".join(line[1:-1])) for line in lines)
+
+
+def _runs(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _importable():
+    """Let this process and its children, which inherit its path, import the fake engines."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parent))
+        yield
+    sys.modules.pop("fake_engines", None)
+
+
+@pytest.fixture(scope="module")
+def scenario(lab):
+    """A ball over the ground for two and a half slices."""
+    return lab.scene(lab.ball(), lab.ground(), duration=FRAMES / 60)
+
+
+@pytest.fixture(scope="module")
+def ended(scenario, tmp_path_factory):
+    """All the fakes that end by themselves, played together."""
+    stage = Stage(tmp_path_factory.mktemp("ended"), scenario)
+    return stage, stage.play(REASONS)
+
+
+@pytest.mark.parametrize("name", REASONS)
+def test_each_ends_in_its_own_way(ended, name):
+    """Every misbehaviour ends in one outcome with one line of reason, and stops no other engine."""
+    outcome = ended[1][name]
+    assert (outcome.status, outcome.reason) == REASONS[name]
+
+
+def test_only_finished_engines_leave_a_recording(ended):
+    """The healthy ones' recordings are whole and their own; the others leave none, nor part of one."""
+    stage, _ = ended
+    assert {path.name for path in stage.folder.glob("*.npz*")} == {"healthy.npz", "prints.npz"}
+    for name in ("healthy", "prints"):
+        kept = load(stage.folder / f"{name}.npz")
+        assert kept.facts["engine"] == name
+        assert kept.facts["settings"]["pid"] == int((stage.folder / f"{name}.pid").read_text())
+        # exact: one product per frame
+        assert (kept.position[:, 0, 2] == -0.01 * np.arange(FRAMES + 1)).all()
+
+
+def test_no_child_survives(ended):
+    """When play returns, no process of any child is left, whatever became of it."""
+    assert ended[0].alive() == []
+
+
+def test_output_goes_to_the_childs_file(ended, capfd, scenario, tmp_path):
+    """What an engine prints, natively or not, is in its file; tracebacks too; nothing reaches ours."""
+    stage, _ = ended
+    printed = (stage.folder / "prints.txt").read_text().splitlines()
+    assert sorted(printed) == ["from Python", "native to stderr", "native to stdout"]
+    traceback = (stage.folder / "throws.txt").read_text()
+    assert "Traceback" in traceback
+    assert "in misbehave" in traceback
+    assert (stage.folder / "healthy.txt").read_text() == ""
+    capfd.readouterr()
+    Stage(tmp_path, scenario).play(["prints", "throws"])
+    assert capfd.readouterr() == ("", "")
+
+
+def test_slices_are_interleaved(ended):
+    """Engines take turns of SLICE frames and never work at the same time."""
+    stage, _ = ended
+    turns = [(name, len(list(steps))) for name, steps in groupby(stage.steps(), key=lambda step: step[1])]
+    good = [turn for turn in turns if turn[0] in ("healthy", "prints")]
+    lengths = [SLICE, SLICE, FRAMES - 2 * SLICE]
+    assert good == [(name, length) for length in lengths for name in ("prints", "healthy")]
+    # the broken ones end within their second turn; a turn that is cut in two would show as more
+    assert len(turns) == 3 * 2 + 5 * 2
+
+
+def test_progress_counts_every_frame_of_every_job(ended):
+    """Progress adds up to all frames of all jobs, also of those that failed, so that a bar ends full."""
+    assert sum(frames for _, frames in ended[0].progress) == FRAMES * len(REASONS)
+    assert ("healthy only: save", 0) in ended[0].progress
+
+
+def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
+    """One that does not answer is an error after the patience given, and another still finishes."""
+    stage = Stage(tmp_path, scenario)
+    start = time.monotonic()
+    ended = stage.play(["hangs", "healthy"], patience=PATIENCE)
+    assert ended["hangs"].status == "error"
+    assert ended["hangs"].reason == f"hung: no answer to 'play' for {PATIENCE:g} s"
+    assert ended["healthy"].status == "done"
+    assert stage.alive() == []
+    assert time.monotonic() - start > PATIENCE
+
+
+def test_an_error_in_the_parent_stops_the_children(scenario, tmp_path):
+    """An exception in the middle of the play, such as Ctrl-C, leaves no child behind."""
+    stage = Stage(tmp_path, scenario)
+
+    def interrupt(label, frames):
+        if frames:
+            raise KeyboardInterrupt
+
+    stage.progress = type("Interrupting", (), {"append": staticmethod(lambda told: interrupt(*told))})
+    with pytest.raises(KeyboardInterrupt):
+        stage.play(["healthy", "prints"])
+    assert len(list(tmp_path.glob("*.pid"))) == 2
+    assert stage.alive() == []
+
+
+def test_children_do_not_hear_ctrl_c(scenario, tmp_path):
+    """A child that is sent SIGINT, even while it is starting, plays on: Ctrl-C is the parent's to handle."""
+    stage = Stage(tmp_path, scenario)
+    hit = []
+
+    def hit_children(told):
+        if len(hit) < 40:
+            children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+            for child in map(int, children):
+                if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
+                    os.kill(child, signal.SIGINT)
+                    hit.append(child)
+
+    stage.progress = type("Hitting", (), {"append": staticmethod(hit_children)})
+    ended = stage.play(["healthy"])
+    assert hit
+    assert (ended["healthy"].status, ended["healthy"].reason) == ("done", "")
+    assert (tmp_path / "healthy.txt").read_text() == ""
+
+
+def test_no_jobs_is_no_play(scenario):
+    """Nothing to play gives nothing."""
+    assert play([], lambda label, frames: None) == []

@@ -1,0 +1,173 @@
+"""The drive of the dynamics engines: closed forms of its wrench, and a loop that cannot diverge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
+
+from adapters.drive import Drive
+from adapters.translation import translate
+from reference_impl.skeleton import joint_space_inertia, pose_links
+from scenarios.catalogue import catalogue
+from scenarios.scenario import Body, Box, Joint, Piece, Tracker
+
+DT = 1 / 240
+ROUNDING = 1e-12
+"""A few dozen operations, relative."""
+TURN = (0.8, 0.0, 0.6, 0.0)
+TENSOR = ((0.02, 0.003, -0.001), (0.003, 0.03, 0.002), (-0.001, 0.002, 0.025))
+STIFFNESS, DAMPING, MASS, TIP_MASS, HINGE = 500.0, 60.0, 1.5, 0.5, 30.0
+ROOT_CENTER, TIP_CENTER = np.array([0.1, 0.0, -0.05]), np.array([0.2, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def scenario(lab):
+    """A root that rests, turned, with an off-centre mass and one hinged link; gravity is on."""
+    box = (Piece("box", Box((0.1, 0.1, 0.1))),)
+    links = (
+        Body("tip", "driven", "wood", box, TIP_MASS, tuple(TIP_CENTER), TENSOR),
+        Body("root", "driven", "wood", box, MASS, tuple(ROOT_CENTER), TENSOR),
+    )
+    tracker = Tracker(
+        "root", ("hinge",), (0.0, 1.0), ((1.0, 2.0, 3.0),) * 2, (TURN,) * 2, ((0.0,),) * 2,
+        stiffness=STIFFNESS, damping=DAMPING, hinge_frequency=HINGE,
+    )  # fmt: skip
+    joint = Joint("hinge", "root", "tip", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0))
+    return lab.scene(*links, joints=(joint,), trackers=(tracker,))
+
+
+@pytest.fixture(scope="module")
+def drive(scenario):
+    """The drive of that body."""
+    return Drive(scenario, scenario.trackers[0], DT)
+
+
+@pytest.fixture(scope="module")
+def glove():
+    """The drive of the hand of `ball_snip`, its scene and its arrays."""
+    scenario = catalogue()["ball_snip"]
+    return Drive(scenario, scenario.trackers[0], DT), scenario, translate(scenario)
+
+
+def steiner(mass, center):
+    """Inertia of a link about a point that `center` is seen from, axes alike."""
+    return np.array(TENSOR) + mass * (center @ center * np.eye(3) - np.outer(center, center))
+
+
+def test_on_target_there_is_neither_force_nor_torque(drive):
+    """A body that is where and as fast as its tracker feels nothing, under gravity as well."""
+    wrench = drive.wrench(0, np.array([1.0, 2.0, 3.0]), np.array(TURN), np.zeros(3), np.zeros(3))
+    assert np.concatenate(wrench) == pytest.approx(np.zeros(6), abs=ROUNDING)
+    assert drive.hinge_torques(0, np.zeros(1), np.zeros(1)) == pytest.approx([0.0], abs=ROUNDING)
+
+
+def test_force_of_an_offset_in_closed_form(drive):
+    """The force is K times the missing way plus R times the missing velocity, in world axes (Eq. 6)."""
+    way, velocity = np.array([0.01, -0.02, 0.03]), np.array([0.4, 0.5, -0.6])
+    force, torque = drive.wrench(7, np.array([1.0, 2.0, 3.0]) - way, np.array(TURN), -velocity, np.zeros(3))
+    assert force == pytest.approx(STIFFNESS * way + DAMPING * velocity, rel=1e-10)  # of 3 m, 1e-2 is left
+    assert torque == pytest.approx(np.zeros(3), abs=ROUNDING)
+
+
+def test_torque_of_a_turn_in_closed_form(drive):
+    """The torque is I (w^2 theta + 2 w omega) with I about the root's origin, turned with the body."""
+    turn, omega = np.array([0.1, -0.2, 0.15]), np.array([1.0, 2.0, -3.0])
+    # the body stands turned back by `turn` from its target
+    stands = Rotation.from_rotvec(-turn) * Rotation.from_quat(TURN, scalar_first=True)
+    force, torque = drive.wrench(
+        3, np.array([1.0, 2.0, 3.0]), stands.as_quat(scalar_first=True), np.zeros(3), -omega
+    )
+    w = (STIFFNESS / (MASS + TIP_MASS)) ** 0.5
+    inertia = steiner(MASS, ROOT_CENTER) + steiner(TIP_MASS, np.array([0.1, 0.0, 0.0]) + TIP_CENTER)
+    axes = stands.as_matrix()
+    wanted = axes @ inertia @ axes.T @ (w * w * turn + 2 * w * omega)
+    assert drive.inertia == pytest.approx(inertia, rel=ROUNDING)
+    assert torque == pytest.approx(wanted, rel=1e-10)
+    assert force == pytest.approx(np.zeros(3), abs=ROUNDING)
+
+
+def test_a_half_turn_goes_the_short_way(drive):
+    """Orientations are compared up to sign: the torque of -q is that of q."""
+    stands = (Rotation.from_rotvec([0.0, 0.0, 3.0]) * Rotation.from_quat(TURN, scalar_first=True)).as_quat(
+        scalar_first=True
+    )
+    torques = [drive.wrench(0, np.zeros(3), sign * stands, np.zeros(3), np.zeros(3))[1] for sign in (1, -1)]
+    assert torques[0] == pytest.approx(torques[1], rel=ROUNDING)
+    axes = Rotation.from_quat(stands, scalar_first=True).as_matrix()
+    assert (np.linalg.solve(axes @ drive.inertia @ axes.T, torques[0]))[
+        2
+    ] < 0  # back by 3 rad, not on by 3.28
+
+
+def test_hinge_torque_in_closed_form(drive):
+    """One hinge feels its link's inertia less what the free root gives way."""
+    seat = np.array([0.1, 0.0, 0.0])
+    axis = np.array([0.0, 1.0, 0.0])
+    # momentum of a unit rate: of the tip's centre, and about the root's origin
+    linear = TIP_MASS * np.cross(axis, TIP_CENTER)
+    angular = np.array(TENSOR) @ axis + np.cross(seat + TIP_CENTER, linear)
+    held = axis @ steiner(TIP_MASS, TIP_CENTER) @ axis
+    total = MASS * ROOT_CENTER + TIP_MASS * (seat + TIP_CENTER)
+    cross = np.array([[0, total[2], -total[1]], [-total[2], 0, total[0]], [total[1], -total[0], 0]])
+    inertia = steiner(MASS, ROOT_CENTER) + steiner(TIP_MASS, seat + TIP_CENTER)
+    root = np.block([[(MASS + TIP_MASS) * np.eye(3), cross], [cross.T, inertia]])
+    across = np.concatenate([linear, angular])
+    felt = held - across @ np.linalg.solve(root, across)
+    assert 0 < felt < 0.5 * held
+    torque = drive.hinge_torques(0, np.array([-0.1]), np.array([0.3]))
+    assert torque[0] == pytest.approx(felt * (HINGE**2 * 0.1 - 2 * HINGE * 0.3), rel=1e-10)
+
+
+def test_targets_are_those_of_the_steps_end(glove):
+    """Step k aims at the tracker at (k + 1) dt; there is a target for every step of the run."""
+    drive, scenario, _ = glove
+    tracker = scenario.trackers[0]
+    assert len(drive.target.angle) == round(scenario.duration / DT)
+    # keyframes are every fourth step
+    assert drive.target.angle[3::4] == pytest.approx(np.array(tracker.angles[1:]), abs=ROUNDING)
+    assert drive.start.angle[0] == pytest.approx(tracker.angles[0], abs=ROUNDING)
+
+
+def test_gains_are_symmetric_positive_definite(glove, drive):
+    """All gains of a hinge servo and of the rotation are symmetric and positive definite."""
+    for one in (glove[0], drive):
+        for gain in (one.hinge_stiffness, one.hinge_damping, one.inertia):
+            assert gain == pytest.approx(gain.T, abs=1e-12 * np.abs(gain).max())  # rounding of a solve
+            assert np.linalg.eigvalsh((gain + gain.T) / 2).min() > 0
+
+
+def test_gains_are_published_as_used(glove):
+    """The manifest's gains are those of the drive."""
+    drive = glove[0]
+    gains = drive.gains()
+    assert gains["hinge stiffness [N m/rad]"] == drive.hinge_stiffness.tolist()
+    assert gains["rotation inertia [kg m^2]"] == drive.inertia.tolist()
+    assert gains["rotation frequency [rad/s]"] == pytest.approx(50.0, rel=ROUNDING)  # sqrt(1000 / 0.4)
+    assert (gains["stiffness [N/m]"], gains["damping [N s/m]"]) == (1000.0, 40.0)
+
+
+@pytest.mark.parametrize("dt", [1 / 240, 1 / 540, 1 / 1020])
+def test_the_explicit_loop_is_stable_in_every_posture(glove, dt):
+    """Linearised about every posture of the glove, the loop of servo and semi-implicit step contracts."""
+    drive, scenario, world = glove
+    row = world.drivers[0]
+    largest = []
+    for angles in drive.target.angle[::12]:
+        world.joints["angle"] = angles
+        pose_links(world.bodies, world.joints, row)
+        inertia = joint_space_inertia(world.bodies, world.joints, row)
+        turned = world.bodies[row["root"]]["rotation"]
+        root = turned @ drive.inertia @ turned.T
+        stiff = block_diag(drive.stiffness * np.eye(3), drive.frequency**2 * root, drive.hinge_stiffness)
+        damp = block_diag(drive.damping * np.eye(3), 2 * drive.frequency * root, drive.hinge_damping)
+        # v' = v - h M^-1 (K x + D v), x' = x + h v'
+        pull, drag = (dt * np.linalg.solve(inertia, gain) for gain in (stiff, damp))
+        one = np.eye(len(inertia))
+        loop = np.block([[one - dt * pull, dt * (one - drag)], [-pull, one - drag]])
+        largest.append(np.abs(np.linalg.eigvals(loop)).max())
+    assert len(largest) == scenario.duration * 20
+    assert max(largest) < 1
+    # and dies out: the slowest mode, critically damped at 50 rad/s, loses at least a third in 1/60 s
+    assert max(largest) ** (1 / 60 / dt) < 2 / 3

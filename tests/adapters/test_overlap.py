@@ -1,0 +1,240 @@
+"""The judge of overlap: closed forms, the explicit Minkowski difference, and no pair missed."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+pytest.importorskip("fcl", reason="python-fcl is not installed")
+pytest.importorskip("coal", reason="coal (pin) is not installed")
+from adapters.oracles import minkowski  # noqa: E402
+from adapters.oracles.overlap import (  # noqa: E402
+    MARGIN,
+    coal_shape,
+    measure,
+    signed_distance,
+)
+from scenarios.catalogue import catalogue  # noqa: E402
+from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Sphere  # noqa: E402
+from scenarios.solids import elliptic_hull, sphere_inertia  # noqa: E402
+
+ASKED = 1e-6
+"""What is asked of a depth [m]."""
+TIGHT = 1e-7
+"""Ten times the oracle's own tolerance [m]."""
+AXES = np.vstack([np.eye(3), -np.eye(3)])
+
+
+def apart(shape_a, pose_a, shape_b, pose_b):
+    """Signed distance, normal and midpoint of two shapes at (position, Rotation)."""
+    poses = [(turn.as_matrix(), np.array(position, dtype=float)) for position, turn in (pose_a, pose_b)]
+    return signed_distance(coal_shape(shape_a), poses[0], coal_shape(shape_b), poses[1])
+
+
+def random_rotation(rng):
+    return Rotation.random(rng=rng)
+
+
+def direction(rng):
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
+
+
+@pytest.mark.parametrize("gap", [-0.15, -1e-3, -1e-7, 1e-7, 1e-3, 0.5])
+def test_two_spheres(gap):
+    """Spheres: the gap along the line of centres, normal from the first to the second, point in between."""
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        n, start = direction(rng), rng.normal(size=3)
+        distance, normal, point = apart(
+            Sphere(0.1), (start, random_rotation(rng)), Sphere(0.2), (start + (0.3 + gap) * n, random_rotation(rng))
+        )  # fmt: skip
+        assert distance == pytest.approx(gap, abs=TIGHT)
+        # two spheres a hair apart: the witnesses tell the direction no better than the tolerance
+        assert normal == pytest.approx(n, abs=1e-6)
+        assert point == pytest.approx(start + (0.1 + gap / 2) * n, abs=1e-6)
+
+
+@pytest.mark.parametrize("gap", [-0.05, -1e-4, 1e-4, 0.3])
+@pytest.mark.parametrize("axis", range(6))
+def test_sphere_and_the_face_of_a_box(gap, axis):
+    """A sphere over a face, the box turned anyhow, in both orders: the gap along the face's normal."""
+    rng = np.random.default_rng(axis)
+    half, turn, center = np.array([0.3, 0.2, 0.25]), random_rotation(rng), rng.normal(size=3)
+    n = turn.apply(AXES[axis])
+    beside = turn.apply(0.05 * (1 - np.abs(AXES[axis])))  # off the middle of the face
+    ball = center + beside + (half @ np.abs(AXES[axis]) + 0.1 + gap) * n
+    box = (Box(tuple(half)), (center, turn))
+    sphere = (Sphere(0.1), (ball, random_rotation(rng)))
+    for one, two, sign in ((box, sphere, 1), (sphere, box, -1)):
+        distance, normal, _ = apart(*one, *two)
+        assert distance == pytest.approx(gap, abs=TIGHT)
+        assert normal == pytest.approx(sign * n, abs=1e-5)  # tolerance over depth
+
+
+@pytest.mark.parametrize("corner", list(product((-1, 1), repeat=3)))
+def test_sphere_and_the_corner_of_a_box(corner):
+    """A sphere off a corner is as far as the corner is from its centre, less the radius."""
+    half = np.array([0.3, 0.2, 0.25])
+    n = np.array(corner) / 3**0.5
+    for gap in (-0.01, 0.05):
+        center = half * corner + (0.1 + gap) * n
+        still = Rotation.identity()
+        distance, normal, _ = apart(Box(tuple(half)), (np.zeros(3), still), Sphere(0.1), (center, still))
+        assert distance == pytest.approx(gap, abs=TIGHT)
+        assert normal == pytest.approx(n, abs=1e-4)
+
+
+@pytest.mark.parametrize("gap", [-0.02, -1e-6, 1e-6, 0.1])
+def test_two_boxes_face_to_face_and_edge_to_edge(gap):
+    """Boxes: face on face the gap of the faces; crossed edges the gap between the edges."""
+    still, box = Rotation.identity(), Box((0.1, 0.2, 0.3))
+    distance, normal, _ = apart(box, (np.zeros(3), still), box, ([0.05, 0.1, 0.6 + gap], still))
+    assert distance == pytest.approx(gap, abs=TIGHT)
+    assert normal == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+    # two cubes on edge, the edges crossed at a right angle
+    cube, root = Box((0.1, 0.1, 0.1)), 0.1 * 2**0.5
+    lower, upper = (Rotation.from_euler(axis, 45, degrees=True) for axis in "xy")
+    distance, normal, point = apart(cube, (np.zeros(3), lower), cube, ([0, 0, 2 * root + gap], upper))
+    assert distance == pytest.approx(gap, abs=TIGHT)
+    assert normal == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+    assert point == pytest.approx([0.0, 0.0, root + gap / 2], abs=1e-6)
+
+
+def test_ellipsoids_along_their_axes():
+    """Ellipsoids along a common axis are their half axes apart."""
+    egg, turn = Ellipsoid((0.3, 0.2, 0.1)), Rotation.from_euler("z", 90, degrees=True)
+    for gap in (-0.01, 0.02):
+        distance, normal, _ = apart(
+            egg, (np.zeros(3), Rotation.identity()), egg, ([0.3 + 0.2 + gap, 0, 0], turn)
+        )
+        assert distance == pytest.approx(gap, abs=ASKED)
+        assert normal == pytest.approx([1.0, 0.0, 0.0], abs=1e-3)
+
+
+def test_hulls_against_the_explicit_minkowski_difference():
+    """Distance and depth of random elliptic hulls, near and deep, agree with the slow and obvious answer."""
+    rng = np.random.default_rng(5)
+    seen = []
+    for _ in range(60):
+        hulls = [np.array(elliptic_hull(tuple(np.sort(rng.uniform(0.007, 0.03, 3))[::-1]))) for _ in range(2)]
+        turns = [random_rotation(rng) for _ in range(2)]
+        way = rng.uniform(0.2, 2.2) * 0.02 * direction(rng)
+        places = [np.zeros(3), way]
+        world = [turn.apply(hull) + place for hull, turn, place in zip(hulls, turns, places)]
+        truth, along = minkowski.signed_distance(*world)
+        shapes = [Hull(tuple(map(tuple, hull.tolist()))) for hull in hulls]
+        distance, normal, _ = apart(shapes[0], (places[0], turns[0]), shapes[1], (places[1], turns[1]))
+        seen.append(truth)
+        assert distance == pytest.approx(truth, abs=ASKED)
+        # the normal separates: moving the second by the distance along it ends touching, whichever face it is
+        gap = (world[1] @ normal).min() - (world[0] @ normal).max()
+        assert gap == pytest.approx(truth, abs=ASKED)
+        if abs(truth) > 1e-4:
+            assert (world[1] @ along).min() - (world[0] @ along).max() == pytest.approx(truth, abs=ASKED)
+    assert min(seen) < -0.005 < 0.005 < max(seen)
+
+
+def crowd(lab, rng, count=24):
+    """A crowd of all shapes in a small room, some bodies of several turned and shifted pieces."""
+    shapes = (
+        lambda: Sphere(rng.uniform(0.02, 0.06)),
+        lambda: Box(tuple(rng.uniform(0.02, 0.08, 3))),
+        lambda: Hull(elliptic_hull(tuple(rng.uniform(0.02, 0.07, 3)))),
+        lambda: Ellipsoid(tuple(rng.uniform(0.02, 0.06, 3))),
+    )
+    bodies = []
+    for k in range(count):
+        pieces = tuple(
+            Piece(
+                f"{k} {j}",
+                shapes[rng.integers(4)](),
+                tuple(rng.uniform(-0.1, 0.1, 3)),
+                tuple(random_rotation(rng).as_quat(scalar_first=True)),
+            )
+            for j in range(rng.integers(1, 4))
+        )
+        kind = "fixed" if k % 5 == 0 else "simulated"
+        bodies.append(Body(f"b{k}", kind, "wood", pieces, 1.0, inertia=sphere_inertia(1.0, 0.1)))
+    return lab.scene(*bodies, duration=4 / 60)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_broad_phase_misses_no_pair(lab, recordings, seed):
+    """Frame by frame every body pair within the margin has the distance that trying all pairs finds."""
+    rng = np.random.default_rng(seed)
+    scenario = crowd(lab, rng)
+    shape = (scenario.frame_count + 1, len(scenario.bodies))
+    positions = rng.uniform(-0.35, 0.35, (*shape, 3))
+    positions[:, 1] = positions[:, 0]  # two bodies at one place
+    turns = Rotation.random(shape[0] * shape[1], rng=rng).as_quat(scalar_first=True).reshape(*shape, 4)
+    found = measure(recordings.recording(scenario, position=positions, orientation=turns), scenario)
+    assert set(found.distance) == set(scenario.touching_pairs())
+    close = 0
+    for (a, b), f in product(scenario.touching_pairs(), range(shape[0])):
+        placed = []
+        for k in (a, b):
+            turned = Rotation.from_quat(turns[f, k], scalar_first=True)
+            placed.append(
+                [
+                    (
+                        piece.shape,
+                        (
+                            positions[f, k] + turned.apply(piece.position),
+                            turned * Rotation.from_quat(piece.orientation, scalar_first=True),
+                        ),
+                    )
+                    for piece in scenario.bodies[k].pieces
+                ]
+            )
+        answers = [apart(*one, *two) for one in placed[0] for two in placed[1]]
+        least = min(answers, key=lambda answer: answer[0])
+        if least[0] <= MARGIN:
+            close += 1
+            assert found.distance[a, b][f] == least[0]
+            assert (found.normal[a, b][f] == least[1]).all()
+            assert (found.point[a, b][f] == least[2]).all()
+        else:
+            assert found.distance[a, b][f] in (np.inf, least[0])
+    assert close > 50
+
+
+def test_pairs_that_are_asked_for_are_followed_anywhere(lab, recordings):
+    """A pair asked for has its distance in every frame, however far; others are infinitely far there."""
+    scenario = lab.scene(lab.ball("a"), lab.ball("b", (9.0, 0.0, 1.0)), lab.ground(), duration=2 / 60)
+    found = measure(recordings.recording(scenario), scenario, [(0, 1)])
+    assert found.distance[0, 1] == pytest.approx([8.9] * 3, abs=TIGHT)
+    assert found.normal[0, 1] == pytest.approx(np.tile([1.0, 0.0, 0.0], (3, 1)), abs=1e-6)
+    assert np.isinf(found.distance[0, 2]).all()
+    assert np.isnan(found.normal[0, 2]).all()
+
+
+def test_what_may_not_touch_is_not_measured(lab, recordings):
+    """Fixed bodies among themselves and the links of one hand are no pairs, however deep they overlap."""
+    slabs = [lab.block(name, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), kind="fixed") for name in "ab"]
+    ball = lab.ball(position=(0.0, 0.0, 5.0))
+    scenario = lab.scene(*slabs, ball, duration=1 / 60)
+    found = measure(recordings.recording(scenario), scenario)
+    assert set(found.distance) == {(0, 2), (1, 2)}
+    assert found.overlap().tolist() == [0.0, 0.0]
+    scene = catalogue()["ball_snip"]
+    group = scene.groups()
+    assert all(group[a] != group[b] or group[a] < 0 for a, b in scene.touching_pairs())
+
+
+def test_overlap_is_of_the_deepest_pair(lab, recordings):
+    """Per frame the overlap is the deepest pair's depth, and never negative."""
+    scenario = lab.scene(lab.ball("a"), lab.ball("b"), lab.ground(), duration=3 / 60)
+    positions = np.array(
+        [
+            [[0, 0, 1.0], [1, 0, 1.0], [0, 0, -0.5]],  # nothing touches
+            [[0, 0, 0.03], [1, 0, 0.04], [0, 0, -0.5]],  # 20 mm and 10 mm in the ground
+            [[0, 0, 1.0], [0.07, 0, 1.0], [0, 0, -0.5]],  # 30 mm in each other
+            [[0, 0, 0.05], [0.1, 0, 0.05], [0, 0, -0.5]],  # touching
+        ]
+    )
+    found = measure(recordings.recording(scenario, position=positions), scenario)
+    assert found.overlap() == pytest.approx([0.0, 0.02, 0.03, 0.0], abs=TIGHT)

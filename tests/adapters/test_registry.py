@@ -1,0 +1,73 @@
+"""The registry: names that load, hints that help, and nothing imported before it is asked for."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from adapters import registry as module
+from adapters.engine import AdapterError, NotInstalled
+from adapters.record import substeps
+from adapters.registry import ENGINES, Entry, installed, load, missing_reason
+from scenarios.catalogue import catalogue
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_every_entry_loads_as_what_it_says(registry, name):
+    """An engine answers to the name and the profiles it is registered under."""
+    engine = registry.engine(name)
+    assert engine.name == name
+    assert engine.profiles == ENGINES[name].profiles
+    assert re.match(r"\d+(\.\d+)*", engine.version())
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_every_step_divides_the_frame_of_every_scene(name):
+    """The native step of every profile fits the frame of every scene of the catalogue."""
+    for dt in ENGINES[name].profiles.values():
+        for scenario in catalogue().values():
+            assert substeps(scenario, dt) == round(1 / scenario.frame_rate / dt)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_the_hint_names_something_pip_can_install(name):
+    """The hint for a missing engine names the project, and an extra only if it has one."""
+    asked = re.search(r"pip install '?(\w+)(?:\[(\w+)\])?'?\)", missing_reason(name))
+    assert asked[1] == PROJECT["name"]
+    assert asked[2] in (None, *PROJECT["optional-dependencies"])
+    wanted = PROJECT["optional-dependencies"].get(asked[2], PROJECT["dependencies"])
+    assert any(requirement.startswith(ENGINES[name].package) for requirement in wanted)
+
+
+def test_a_missing_package_is_told_with_the_extra(monkeypatch):
+    """An engine whose package is not there is not installed, and loading it says how to get it."""
+    entry = Entry("adapters.mujoco_engine:MujocoEngine", "no_such_package", {"recommended": 1 / 60})
+    monkeypatch.setitem(module.ENGINES, "mujoco", entry)
+    assert not installed("mujoco")
+    with pytest.raises(NotInstalled, match=r"pip install 'touchstone\[mujoco\]'"):
+        load("mujoco")
+
+
+@pytest.mark.parametrize("ask", [load, installed])
+def test_an_unknown_name_is_told_the_valid_ones(ask):
+    """A name that is not registered is an AdapterError that lists those that are."""
+    with pytest.raises(AdapterError, match=r"unknown engine 'bulet'.*reference, dart, bullet, mujoco"):
+        ask("bulet")
+
+
+def test_looking_imports_no_engine():
+    """Asking what is installed imports neither an engine nor numpy's heavy friends."""
+    text = (
+        "import sys; from adapters.registry import ENGINES, installed; [installed(n) for n in ENGINES];"
+        "print([m for m in ('mujoco', 'pybullet', 'dartpy', 'numba', 'coal', 'fcl', 'pandas') "
+        "if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

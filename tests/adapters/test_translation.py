@@ -1,0 +1,153 @@
+"""Scenario to the reference's arrays: every number lands where it belongs, and can be read back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adapters.engine import Unsupported
+from adapters.translation import matrix, translate
+from reference_impl import conventions
+from reference_impl.world import MATERIAL_CAPACITY
+from scenarios.catalogue import catalogue
+from scenarios.scenario import Body, Box, Ellipsoid, Hull, Joint, PairCoefficients, Piece, Sphere
+from scenarios.solids import sphere_inertia
+
+ROUNDING = 1e-12
+"""Products of a few rotations, absolute."""
+TURN = (0.5, 0.5, -0.5, 0.5)
+CORNERS = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))
+
+
+@pytest.fixture
+def world(lab):
+    """A turned body of every shape, another hull, and a fixed slab, in the arrays; with its scenario."""
+    pieces = (
+        Piece("ball", Sphere(0.2), (1.0, 0.0, 0.0)),
+        Piece("hull", Hull(CORNERS), (0.0, 1.0, 0.0), TURN),
+        Piece("box", Box((0.1, 0.2, 0.3))),
+        Piece("egg", Ellipsoid((0.3, 0.2, 0.1))),
+        Piece("hull 2", Hull(tuple((2 * x, y, z) for x, y, z in CORNERS))),
+    )
+    body = Body(
+        "all", "simulated", "wood", pieces, 2.0, (0.1, 0.2, 0.3), sphere_inertia(2.0, 0.2), (1.0, 2.0, 3.0), TURN,
+        linear_velocity=(4.0, 5.0, 6.0), angular_velocity=(7.0, 8.0, 9.0),
+    )  # fmt: skip
+    scenario = lab.scene(lab.ground(), body, e=0.4, mu=0.3)
+    return translate(scenario), scenario
+
+
+def test_bodies_keep_their_state(world):
+    """Mass, inertia, pose, velocity, material and kind are the scenario's; the centre is in the world."""
+    arrays, scenario = world
+    row, body = arrays.bodies[1], scenario.bodies[1]
+    assert (row["kind"], row["driver"], row["mass"], row["inverse_mass"]) == (
+        conventions.SIMULATED, -1, 2.0, 0.5,
+    )  # fmt: skip
+    assert tuple(row["velocity"]) == body.linear_velocity
+    assert tuple(row["omega"]) == body.angular_velocity
+    assert tuple(row["orientation"]) == TURN
+    assert row["inertia"] == pytest.approx(np.array(body.inertia), rel=ROUNDING)
+    # the columns: x goes to z, y to -x, z to -y
+    turned = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    assert row["rotation"] == pytest.approx(turned, abs=ROUNDING)
+    assert row["center"] == pytest.approx(body.position + row["rotation"] @ body.center_of_mass, abs=ROUNDING)
+    ground = arrays.bodies[0]
+    assert (ground["kind"], ground["inverse_mass"]) == (conventions.FIXED, 0.0)
+
+
+def test_pieces_keep_their_shape_and_vertices(world):
+    """Each shape has its kind and size; each hull finds its own vertices in the common table."""
+    arrays, scenario = world
+    rows = arrays.pieces[1:]
+    kinds = (conventions.SPHERE, conventions.HULL, conventions.BOX, conventions.ELLIPSOID, conventions.HULL)
+    assert tuple(rows["kind"]) == kinds
+    assert (rows["body"] == 1).all()
+    assert rows["order"].tolist() == [1, 2, 3, 4, 5]
+    assert rows["radius"][0] == 0.2
+    assert tuple(rows["size"][2]) == (0.1, 0.2, 0.3)
+    assert tuple(rows["size"][3]) == (0.3, 0.2, 0.1)
+    for row, piece in zip(rows, scenario.bodies[1].pieces):
+        assert tuple(row["position"]) == piece.position
+        assert row["rotation"] == pytest.approx(matrix(piece.orientation), abs=ROUNDING)
+        if isinstance(piece.shape, Hull):
+            own = arrays.vertices[row["first_vertex"] : row["first_vertex"] + row["vertex_count"]]
+            assert tuple(map(tuple, own)) == piece.shape.vertices
+
+
+def test_coefficients_are_per_pair_of_materials(world):
+    """The table of coefficients is symmetric and holds the pairs that can meet; effects switch them off."""
+    arrays, scenario = world
+    wood = arrays.bodies["material"]
+    assert arrays.state[0]["restitution"][wood[0], wood[1]] == 0.4
+    assert arrays.state[0]["friction_coefficient"][wood[0], wood[1]] == 0.3
+    off = translate(replace(scenario, effects=("gravity",))).state[0]
+    assert not off["restitution"].any()
+    assert not off["friction_coefficient"].any()
+
+
+def test_the_gallery_reads_back():
+    """Every pair that can touch in every scene reads back its own coefficients."""
+    for scenario in catalogue().values():
+        arrays = translate(scenario)
+        material = arrays.bodies["material"]
+        state = arrays.state[0]
+        for a, b in scenario.touching_pairs():
+            for one, two in ((a, b), (b, a)):
+                place = material[one], material[two]
+                read = state["restitution"][place], state["friction_coefficient"][place]
+                assert read == scenario.pair_coefficients(a, b)
+
+
+def test_driven_bodies_stand_where_their_tracker_is():
+    """Drivers and hinges start on their keyframes, with the mass of all links, parents before children."""
+    scenario = catalogue()["ball_snip"]
+    arrays, tracker = translate(scenario), catalogue()["ball_snip"].trackers[0]
+    driver = arrays.drivers[0]
+    assert driver["mass"] == pytest.approx(0.4, rel=ROUNDING)
+    assert (driver["stiffness"], driver["damping"]) == (tracker.stiffness, tracker.damping)
+    for prefix in ("", "target_", "old_target_"):
+        assert driver[f"{prefix}position"] == pytest.approx(tracker.positions[0], abs=ROUNDING)
+    for name in ("angle", "target_angle", "free_angle"):
+        assert arrays.joints[name] == pytest.approx(tracker.angles[0], abs=ROUNDING)
+    placed = {int(driver["root"])}
+    for row, name in zip(arrays.joints, tracker.joints):
+        assert int(row["parent"]) in placed
+        placed.add(int(row["child"]))
+        assert scenario.bodies[row["child"]].name == name
+    assert set(np.flatnonzero(arrays.bodies["driver"] == 0)) == placed
+
+
+def test_hinges_of_two_drivers_are_told_apart(lab):
+    """Each driver's hinges are its own stretch of the joint table, whatever the order of the joints."""
+    inertia, box = sphere_inertia(1.0, 0.1), (Piece("box", Box((0.1, 0.1, 0.1))),)
+    links = [Body(name, "driven", "wood", box, mass=1.0, inertia=inertia) for name in ("a", "b", "c", "d")]
+    joints = (
+        Joint("cd", "c", "d", (0.0, 0.0, 0.2), (0.0, 1.0, 0.0)),
+        Joint("ab", "a", "b", (0.0, 0.0, 0.1), (1.0, 0.0, 0.0)),
+    )
+    trackers = tuple(
+        replace(lab.still(root, (x, 0.0, 0.0)), joints=(joint,), angles=((angle,), (angle,)))
+        for root, x, joint, angle in (("a", 0.0, "ab", 0.25), ("c", 5.0, "cd", 0.5))
+    )
+    arrays = translate(lab.scene(*links, joints=joints, trackers=trackers))
+    assert arrays.drivers["first_joint"].tolist() == [0, 1]
+    assert arrays.drivers["root"].tolist() == [0, 2]
+    assert arrays.joints["angle"] == pytest.approx([0.25, 0.5], abs=ROUNDING)
+    assert list(zip(arrays.joints["parent"], arrays.joints["child"])) == [(0, 1), (2, 3)]
+    assert arrays.bodies["driver"].tolist() == [0, 0, 1, 1]
+
+
+def test_too_many_materials_are_unsupported(lab):
+    """More materials than the reference's table holds are Unsupported, with both numbers."""
+    count = MATERIAL_CAPACITY + 1
+    names = [f"m{k:02}" for k in range(count)]
+    balls = [replace(lab.ball(f"b{k}"), material=name) for k, name in enumerate(names)]
+    table = tuple(PairCoefficients(one, two, 0.1, 0.1) for k, one in enumerate(names) for two in names[k:])
+    scenario = replace(lab.scene(lab.ball()), bodies=tuple(balls), coefficients=table)
+    with pytest.raises(
+        Unsupported, match=f"reference: {count} materials in one scene, at most {MATERIAL_CAPACITY}"
+    ):
+        translate(scenario)

@@ -1,0 +1,181 @@
+"""Whole frames: rest, flight, bounce, rolling, and `ball_snip` twice."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from adapters.engine import Settings
+from adapters.record import record
+from adapters.reference_engine import ReferenceEngine
+from scenarios.catalogue import catalogue
+
+PROFILES = tuple(ReferenceEngine.profiles)
+SNIP_SHIFT = 0.26
+"""How much earlier the flick starts in the short variant [s]: contact falls into frames 5 to 10."""
+SNIP_FRAMES = 30
+
+
+def short_snip():
+    """The first 30 frames of `ball_snip` with the flick moved to 0.04 s."""
+    scenario = catalogue()["ball_snip"]
+    glove = scenario.trackers[0]
+    first = round(SNIP_SHIFT * scenario.frame_rate) + 1
+    kept = slice(first, first + SNIP_FRAMES + 1)
+    times = tuple(k / scenario.frame_rate for k in range(SNIP_FRAMES + 1))
+    glove = dataclasses.replace(
+        glove,
+        times=times,
+        positions=glove.positions[kept],
+        orientations=glove.orientations[kept],
+        angles=glove.angles[kept],
+    )
+    duration = SNIP_FRAMES / scenario.frame_rate
+    return dataclasses.replace(scenario, trackers=(glove,), duration=duration, expectations=())
+
+
+def trajectory(scenario, profile: str) -> np.ndarray:
+    """Poses and velocities of a run, one row per frame."""
+    run = record(ReferenceEngine(), scenario, Settings(profile, 1 / 60))
+    columns = (run.position, run.orientation, run.linear_velocity, run.angular_velocity)
+    return np.concatenate([column.reshape(len(run.time), -1) for column in columns], axis=1)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("gap", [0.0, 5e-7, -5e-7])
+def test_a_resting_ball_stays(lab: SimpleNamespace, profile: str, gap: float) -> None:
+    """Hold a ball on the ground for ten seconds within a nanometre."""
+    world = lab.build(
+        lab.scene(lab.ball("ball", (0.3, 0.2, 0.05 + gap)), lab.ground(), e=0.5, mu=0.3), profile
+    )
+    start = world.bodies[0]["position"].copy()
+    seen = lab.play(world, 600, lambda w: w.bodies[0]["position"].copy())
+    assert np.abs(np.array(seen) - start).max() < 1e-9
+    assert np.abs(world.bodies[0]["velocity"]).max() < 1e-12
+
+
+@pytest.mark.parametrize("e", [0.3, 0.8, 1.0])
+def test_a_dropped_ball_bounces_at_e(lab: SimpleNamespace, e: float) -> None:
+    """Leave the ground at e times the speed of arrival, and rise to e^2 of the height."""
+    height, rows = 0.5, []
+    world = lab.build(lab.scene(lab.ball("ball", (0.0, 0.0, 0.05 + height)), lab.ground(), e=e, mu=0.3))
+    for _ in range(20):
+        lab.play(world, 1)
+        rows += list(world.contacts[: int(world.state[0]["contact_count"])].copy())
+    first = rows[0]
+    arrival = np.sqrt(2 * 9.81 * height)
+    # the impact is found 5e-7 m early
+    assert -first["velocity_a_before"][2] == pytest.approx(arrival, rel=1e-6)
+    assert first["velocity_a_after"][2] == pytest.approx(e * arrival, rel=1e-6)
+    t = 20 / 60 - np.sqrt(2 * height / 9.81)
+    assert world.bodies[0]["position"][2] - 0.05 == pytest.approx(
+        e * arrival * t - 9.81 * t * t / 2, abs=1e-5
+    )
+
+
+def test_a_sliding_ball_comes_to_roll(lab: SimpleNamespace) -> None:
+    """Roll with 5/7 of the sliding speed after 2 v / (7 mu g), without slip."""
+    v, mu = 2.0, 0.3
+    ball = lab.ball("ball", (0.0, 0.0, 0.05), linear_velocity=(v, 0.0, 0.0))
+    world = lab.build(lab.scene(ball, lab.ground(), e=0.3, mu=mu))
+    speeds = np.array(lab.play(world, 60, lambda w: w.bodies[0]["velocity"][0]))
+    body = world.bodies[0]
+    assert body["velocity"][0] == pytest.approx(5 / 7 * v, rel=1e-9)
+    assert body["omega"][1] * 0.05 == pytest.approx(body["velocity"][0], rel=1e-9)
+    sliding = 2 * v / (7 * mu * 9.81) * 60
+    times = np.arange(1, 61)
+    before = times < sliding - 1
+    np.testing.assert_allclose(speeds[before], v - mu * 9.81 * times[before] / 60, rtol=1e-9)
+    assert body["position"][2] == pytest.approx(0.05, abs=1e-9)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_a_dropped_box_neither_explodes_nor_sinks(lab: SimpleNamespace, profile: str, tilt: float) -> None:
+    """Keep a box that lands flat or tilted above ground, with no more energy than it fell with.
+
+    A contact is one point yet; contact patches will make it lie still.
+    """
+    half = (0.1, 0.08, 0.05)
+    turn = (np.cos(tilt / 2), np.sin(tilt / 2) * 0.6, np.sin(tilt / 2) * 0.8, 0.0)
+    box = lab.block("box", half, (0.0, 0.0, 0.3), orientation=tuple(map(float, turn)))
+    world = lab.build(lab.scene(box, lab.ground(), e=0.2, mu=0.3), profile)
+    body = world.bodies[0]
+    energies, lows = [], []
+    for _ in range(180):
+        lab.play(world, 1)
+        spin = body["rotation"].T @ body["omega"]
+        energies.append(
+            9.81 * body["position"][2]
+            + (body["velocity"] @ body["velocity"] + spin @ body["inertia"] @ spin) / 2
+        )
+        lows.append(float(lab.corners(lab.scene_piece(world, 0))[:, 2].min()))
+    assert np.isfinite(energies).all()
+    assert max(energies) <= 9.81 * 0.3 * 1.01
+    assert min(lows) > -1e-4
+    assert energies[-1] < 9.81 * 0.15
+
+
+def test_stacked_balls_of_three_do_not_sink(lab: SimpleNamespace) -> None:
+    """Hold a column of balls in a frictionless shaft of walls for two seconds."""
+    balls = [lab.ball(f"ball_{k}", (0.0, 0.0, 0.05 + 0.1 * k)) for k in range(3)]
+    world = lab.build(lab.scene(*balls, lab.ground(), e=0.0))
+    lab.play(world, 120)
+    np.testing.assert_allclose(world.bodies["position"][:3, 2], (0.05, 0.15, 0.25), atol=1e-5)
+    assert np.abs(world.bodies["velocity"]).max() < 1e-6
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_ball_snip_repeats_to_the_bit(profile: str) -> None:
+    """Give the same bits twice, contacts included."""
+    hashes = set()
+    for _ in range(2):
+        run = record(ReferenceEngine(), catalogue()["ball_snip"], Settings(profile, 1 / 60))
+        digest = hashlib.sha256()
+        for name in (
+            "position",
+            "orientation",
+            "linear_velocity",
+            "angular_velocity",
+            "joint_angle",
+            "contacts",
+        ):
+            digest.update(np.ascontiguousarray(getattr(run, name)).tobytes())
+        digest.update(run.work.tobytes())
+        hashes.add(digest.hexdigest())
+    assert len(hashes) == 1
+
+
+def test_ball_snip_hides_nothing() -> None:
+    """Finish without giving up, losing pairs or leaving anything unconverged."""
+    run = record(ReferenceEngine(), catalogue()["ball_snip"], Settings("balanced", 1 / 60))
+    totals = dict(zip(run.work_names.tolist(), run.work.sum(axis=0)))
+    assert {name: totals[name] for name in ("gave_up", "lost", "unconverged")} == {
+        "gave_up": 0,
+        "lost": 0,
+        "unconverged": 0,
+    }
+    assert totals["impulses"] > 0
+
+
+def test_python_gives_what_the_compiler_gives(tmp_path) -> None:
+    """Play 30 frames with finger contact without the compiler: the same to a nanometre."""
+    scenario, out = short_snip(), tmp_path / "python.npy"
+    compiled = trajectory(scenario, "balanced")
+    ball = scenario.body_index("ball")
+    assert np.linalg.norm(compiled[-1, 3 * ball : 3 * ball + 2] - compiled[0, 3 * ball : 3 * ball + 2]) > 0.05
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "SNIP_OUT": str(out)}
+    subprocess.run([sys.executable, __file__], env=environment, check=True, timeout=120)
+    # sines and square roots may differ in the last bit; 30 frames of one contact magnify that little
+    np.testing.assert_allclose(np.load(out), compiled, atol=1e-9)
+
+
+if __name__ == "__main__":
+    np.save(os.environ["SNIP_OUT"], trajectory(short_snip(), "balanced"))

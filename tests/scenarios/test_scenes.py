@@ -1,0 +1,155 @@
+"""The hand, its solids, the trackers' motion and the catalogue."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from scenarios import families
+from scenarios.catalogue import catalogue, scene, tagged, tags
+from scenarios.families import snip
+from scenarios.hand import HAND_MASS, hand_parts
+from scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
+from scenarios.solids import box_inertia, ellipsoid_inertia, elliptic_hull, sphere_inertia
+from scenarios.tracking import sample
+
+
+def test_the_hand_has_its_mass_and_parts() -> None:
+    """Weigh 0.4 kg in a palm without shape and fifteen parts on fifteen hinges."""
+    bodies, joints = hand_parts()
+    assert sum(body.mass for body in bodies) == pytest.approx(HAND_MASS, rel=1e-15)
+    assert HAND_MASS == 0.4
+    assert [len(body.pieces) for body in bodies] == [0] + [1] * 15
+    assert len(joints) == 15
+    assert all(body.mass > 0 for body in bodies)
+
+
+@pytest.mark.parametrize("half_axes", [(1.0, 1.0, 1.0), (0.024, 0.008, 0.008), (0.5, 2.0, 3.0)])
+def test_an_elliptic_hull_lies_on_its_ellipsoid(half_axes) -> None:
+    """Have 42 vertices and 80 triangles, all corners, all on the ellipsoid."""
+    vertices = np.array(elliptic_hull(half_axes))
+    hull = ConvexHull(vertices)
+    assert (len(vertices), len(hull.vertices), len(hull.simplices)) == (42, 42, 80)
+    np.testing.assert_allclose(((vertices / half_axes) ** 2).sum(axis=1), 1, atol=1e-14)
+    # closed surface about its centre
+    np.testing.assert_allclose(vertices.mean(axis=0), 0, atol=1e-15)
+
+
+def test_inertia_of_solids_by_quadrature() -> None:
+    """Match sums over a fine grid of points."""
+    half = np.array([0.3, 0.2, 0.1])
+    ticks = (np.arange(60) + 0.5) / 30 - 1
+    grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    for inside, told in (
+        (np.ones(len(grid), bool), box_inertia(2.0, tuple(half))),
+        ((grid**2).sum(axis=1) < 1, ellipsoid_inertia(2.0, tuple(half))),
+    ):
+        points = (grid * half)[inside]
+        square = (points**2).sum(axis=1)
+        inertia = 2.0 * (square.mean() * np.eye(3) - points.T @ points / len(points))
+        # 60 cells an edge: a few 1e-3 on a curved surface
+        np.testing.assert_allclose(told, inertia, atol=3e-3 * np.max(inertia))
+    assert sphere_inertia(2.0, 0.5) == ellipsoid_inertia(2.0, (0.5, 0.5, 0.5))
+
+
+def test_tracker_velocities_are_differences() -> None:
+    """Match linear, angular and hinge velocities with central differences; rest at both ends."""
+    rng = np.random.default_rng(11)
+    times = np.linspace(0, 1, 9)
+    turns = Rotation.from_rotvec(np.cumsum(rng.normal(size=(9, 3)) * 0.3, axis=0))
+    tracker = Tracker(
+        "root",
+        ("a", "b"),
+        tuple(times),
+        tuple(map(tuple, rng.normal(size=(9, 3)))),
+        tuple(map(tuple, turns.as_quat(scalar_first=True))),
+        tuple(map(tuple, rng.normal(size=(9, 2)))),
+    )
+    t, step = np.linspace(0.01, 0.99, 40), 1e-5
+    now, before, after = sample(tracker, t), sample(tracker, t - step), sample(tracker, t + step)
+    # curvature times step squared, over rounding 1e-16 / 1e-5
+    for name, rate in (("position", "linear_velocity"), ("angle", "rate")):
+        difference = (getattr(after, name) - getattr(before, name)) / (2 * step)
+        np.testing.assert_allclose(getattr(now, rate), difference, atol=1e-5)
+    turned = Rotation.from_quat(after.orientation, scalar_first=True)
+    change = turned * Rotation.from_quat(before.orientation, scalar_first=True).inv()
+    np.testing.assert_allclose(now.angular_velocity, change.as_rotvec() / (2 * step), atol=1e-5)
+    ends = sample(tracker, np.array([0.0, 1.0]))
+    np.testing.assert_allclose(ends.linear_velocity, 0, atol=1e-12)
+    np.testing.assert_allclose(ends.rate, 0, atol=1e-12)
+
+
+def test_keyframes_are_met() -> None:
+    """Pass through every keyframe of `ball_snip`'s glove."""
+    glove = catalogue()["ball_snip"].trackers[0]
+    motion = sample(glove, np.array(glove.times))
+    np.testing.assert_allclose(motion.position, glove.positions, atol=1e-14)
+    np.testing.assert_allclose(motion.angle, glove.angles, atol=1e-14)
+    np.testing.assert_allclose(motion.orientation, glove.orientations, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_scenes_are_json(name: str) -> None:
+    """Turn every scene into JSON and read the same numbers back."""
+    fields = dataclasses.asdict(catalogue()[name])
+    read = json.loads(json.dumps(fields, allow_nan=False))
+    assert read["bodies"] == json.loads(json.dumps(fields["bodies"]))
+    assert len(read["bodies"]) == len(catalogue()[name].bodies)
+
+
+def test_the_catalogue_finds_the_families() -> None:
+    """Find `ball_snip` by name and by tag, in alphabetical order."""
+    assert "ball_snip" in catalogue()
+    assert list(catalogue()) == sorted(catalogue())
+    assert all(name == scenario.name for name, scenario in catalogue().items())
+    assert "gallery" in tags()
+    assert catalogue()["ball_snip"] in tagged("gallery")
+    assert list(tagged("no such tag")) == []
+
+
+def test_two_scenes_of_one_name_are_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reject a second scene with a name that is taken."""
+    twin = scene(lambda: snip.ball_snip())
+    monkeypatch.setattr(snip, "twin", twin, raising=False)
+    catalogue.cache_clear()
+    try:
+        with pytest.raises(ValueError, match="two scenes are called 'ball_snip'"):
+            catalogue()
+    finally:
+        monkeypatch.undo()
+        catalogue.cache_clear()
+    assert families.__name__ == "scenarios.families"
+
+
+def test_who_may_touch(lab: SimpleNamespace) -> None:
+    """Pair all bodies with pieces but fixed with fixed and links of one hand, unless self-collision is on."""
+    scenario = catalogue()["ball_snip"]
+    names = [body.name for body in scenario.bodies]
+    pairs = {frozenset((names[a], names[b])) for a, b in scenario.touching_pairs()}
+    assert frozenset(("ball", "table")) in pairs
+    assert frozenset(("ball", "index_distal")) in pairs
+    assert not any(frozenset(pair) in pairs for pair in (("floor", "table"), ("palm", "ball")))
+    assert frozenset(("index_distal", "thumb_distal")) not in pairs
+    itself = dataclasses.replace(scenario, effects=(*scenario.effects, "self_collision"))
+    more = {frozenset((names[a], names[b])) for a, b in itself.touching_pairs()} - pairs
+    assert frozenset(("index_distal", "thumb_distal")) in more
+    # 15 parts: 105 pairs, 10 of them adjacent (those at the palm have no partner with a shape)
+    assert len(more) == 95
+
+
+def test_effects_switch_coefficients_off() -> None:
+    """Take restitution, friction and gravity as zero where the effect is off."""
+    scenario = catalogue()["ball_snip"]
+    ball, table = scenario.body_index("ball"), scenario.body_index("table")
+    assert scenario.pair_coefficients(ball, table) == (0.3, 0.3)
+    bare = dataclasses.replace(scenario, effects=())
+    assert bare.pair_coefficients(ball, table) == (0.0, 0.0)
+    assert bare.acting_gravity == (0.0, 0.0, 0.0)
+    assert {Box, Hull, Sphere} == {type(p.shape) for body in scenario.bodies for p in body.pieces}
+    assert all(isinstance(p, Piece) for body in scenario.bodies for p in body.pieces)

@@ -1,0 +1,248 @@
+"""Every kind of fault is told with the path of its field, all at once."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+from math import inf, nan
+from types import SimpleNamespace
+
+import pytest
+
+from scenarios.catalogue import catalogue
+from scenarios.scenario import (
+    Body,
+    Box,
+    Ellipsoid,
+    Expectation,
+    Hull,
+    Joint,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    ScenarioError,
+    Sphere,
+    Tracker,
+)
+from scenarios.solids import sphere_inertia
+
+CUBE = tuple((float(x), float(y), float(z)) for x in (0, 1) for y in (0, 1) for z in (0, 1))
+QUIET = (1.0, 0.0, 0.0, 0.0)
+INERTIA = sphere_inertia(1.0, 0.05)
+
+
+def sound() -> dict:
+    """The fields of a sound scenario: ground, ball, and an arm of two links on one hinge."""
+    ground = Body("ground", "fixed", "wood", (Piece("slab", Box((1.0, 1.0, 0.1))),))
+    ball = Body("ball", "simulated", "wood", (Piece("ball", Sphere(0.05)),), mass=1.0, inertia=INERTIA)
+    upper, lower = (
+        Body(name, "driven", "human", (Piece(name, Hull(CUBE)),), mass=1.0, inertia=INERTIA)
+        for name in ("upper", "lower")
+    )
+    elbow = Joint("elbow", "upper", "lower", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    arm = Tracker("upper", ("elbow",), (0.0, 1.0), ((0.0, 0.0, 1.0),) * 2, (QUIET, QUIET), ((0.0,), (1.0,)))
+    return {
+        "name": "sound",
+        "summary": "nothing is wrong",
+        "tags": (),
+        "bodies": (ground, ball, upper, lower),
+        "joints": (elbow,),
+        "trackers": (arm,),
+        "coefficients": (
+            PairCoefficients("wood", "wood", 0.3, 0.3),
+            PairCoefficients("wood", "human", 0.2, 0.2),
+            PairCoefficients("human", "human", 0.1, 0.1),
+        ),
+        "duration": 1.0,
+        "expectations": (Expectation("touch", "ball", "ground", 0.0, 1.0),),
+    }
+
+
+def faults_of(fields: dict) -> dict[str, str]:
+    """Path to message of what is wrong."""
+    with pytest.raises(ScenarioError) as caught:
+        Scenario(**fields)
+    for path, message in caught.value.faults:
+        assert f"{path}: {message}" in str(caught.value)
+    return dict(caught.value.faults)
+
+
+def test_a_sound_scenario_is_accepted() -> None:
+    """Accept the scenario that all the faulty ones differ from."""
+    assert Scenario(**sound()).frame_count == 60
+
+
+TOP = [
+    # (fields that change, path, part of the message)
+    ({"name": ""}, "name", "expected a name"),
+    ({"gravity": (0.0, 0.0, nan)}, "gravity", "nan"),
+    ({"gravity": (0.0, 0.0)}, "gravity", "found 2 numbers, expected 3"),
+    ({"frame_rate": 59.94}, "frame_rate", "59.94"),
+    ({"frame_rate": 0}, "frame_rate", "whole number from 1 on"),
+    ({"seed": -1}, "seed", "-1"),
+    ({"seed": 0.5}, "seed", "whole number"),
+    ({"duration": 0.0}, "duration", "positive"),
+    ({"duration": inf}, "duration", "inf"),
+    ({"duration": 0.99}, "duration", "59.4 frames"),
+    ({"effects": ("gravity", "magnetism")}, "effects[1]", "valid: gravity"),
+    ({"effects": ("gravity", "gravity")}, "effects[1]", "twice"),
+    ({"trackers": ()}, "bodies[2]", "by no tracker"),
+    ({"trackers": ()}, "joints[0]", "posed by no tracker"),
+    ({"joints": ()}, "trackers[0].joints[0]", "unknown joint 'elbow'"),
+    ({"coefficients": ()}, "bodies[0].material", "unknown 'wood'"),
+]
+BODY = [
+    (0, {"name": "ball"}, "bodies[1].name", "twice"),
+    (0, {"name": ""}, "bodies[0].name", "expected a name"),
+    (0, {"pieces": ()}, "bodies[0].pieces", "found none"),
+    (0, {"linear_velocity": (1.0, 0.0, 0.0)}, "bodies[0].linear_velocity", "standing still"),
+    (1, {"kind": "ghost"}, "bodies[1].kind", "valid: fixed, simulated, driven"),
+    (1, {"material": "glass"}, "bodies[1].material", "unknown 'glass'; valid: human, wood"),
+    (1, {"mass": 0.0}, "bodies[1].mass", "positive"),
+    (1, {"mass": nan}, "bodies[1].mass", "nan"),
+    (1, {"mass": "heavy"}, "bodies[1].mass", "'heavy'"),
+    (1, {"orientation": (1.0, 1.0, 0.0, 0.0)}, "bodies[1].orientation", "1.41421"),
+    (1, {"orientation": (1.0, 0.0, 0.0)}, "bodies[1].orientation", "expected 4"),
+    (1, {"position": (0.0, inf, 0.0)}, "bodies[1].position", "inf"),
+    (1, {"linear_velocity": (0.0, nan, 0.0)}, "bodies[1].linear_velocity", "nan"),
+    (1, {"inertia": ((nan, 0, 0), (0, 1, 0), (0, 0, 1))}, "bodies[1].inertia[0]", "nan"),
+    (1, {"inertia": ((1, 0, 0), (0, 1, 0))}, "bodies[1].inertia", "found 2 rows"),
+    (1, {"inertia": ((1, 0), (0, 1), (0, 0))}, "bodies[1].inertia[0]", "expected 3"),
+    (1, {"inertia": ((1, 0.5, 0), (0, 1, 0), (0, 0, 1))}, "bodies[1].inertia", "asymmetric"),
+    (1, {"inertia": ((1, 0, 0), (0, -1, 0), (0, 0, 1))}, "bodies[1].inertia", "principal moment -1"),
+    (1, {"inertia": ((1, 0, 0), (0, 1, 0), (0, 0, 3))}, "bodies[1].inertia", "triangle inequality"),
+    (2, {"position": (0.0, 0.0, 1.0)}, "bodies[2].position", "by its tracker"),
+]
+SHAPE = [
+    (Sphere(0.0), "radius", "positive"),
+    (Sphere(nan), "radius", "nan"),
+    (Box((1.0, -1.0, 1.0)), "half_extents", "positive"),
+    (Box((1.0, 1.0)), "half_extents", "found 2 numbers"),
+    (Ellipsoid((1.0, 0.0, 1.0)), "half_axes", "positive"),
+    (Hull(CUBE[:3]), "vertices", "at least 4"),
+    (Hull(((nan, 0.0, 0.0), *CUBE)), "vertices[0]", "nan"),
+    (Hull((*CUBE, (0.5, 0.5, 0.5))), "vertices", "not convex: vertices [8]"),
+    (Hull((*CUBE, CUBE[0])), "vertices", "repeated"),
+    (Hull(CUBE[:4]), "vertices", "degenerate"),
+    (Hull(tuple((x, y, 1e-9 * z) for x, y, z in CUBE)), "vertices", "degenerate"),
+    (SimpleNamespace(), "", "unknown shape SimpleNamespace"),
+]
+JOINT = [
+    ({"parent": "torso"}, "joints[0].parent", "unknown body 'torso'"),
+    ({"child": "ball"}, "joints[0].child", "'ball' is simulated"),
+    ({"child": "upper"}, "joints[0].child", "its own parent"),
+    ({"axis": (0.0, 2.0, 0.0)}, "joints[0].axis", "found length 2"),
+    ({"orientation": (0.0, 0.0, 0.0, 0.0)}, "joints[0].orientation", "found length 0"),
+    ({"position": (nan, 0.0, 0.0)}, "joints[0].position", "nan"),
+    ({"lower": 4.0}, "joints[0].lower", "less than upper"),
+    ({"upper": nan}, "joints[0].lower", "nan"),
+]
+TRACKER = [
+    ({"root": "ball"}, "trackers[0].root", "not a driven body"),
+    ({"root": "lower"}, "bodies[3]", "driven by trackers[0].root and trackers[0].joints[0]"),
+    ({"joints": ("wrist",)}, "trackers[0].joints[0]", "unknown joint 'wrist'"),
+    ({"root": "lower"}, "trackers[0].joints[0]", "before the joint that leads to its parent"),
+    ({"times": (0.0, 0.5)}, "trackers[0].times", "must cover 0 to 1.0 s"),
+    ({"times": (1.0, 0.0)}, "trackers[0].times", "increasing"),
+    ({"times": (0.0, nan)}, "trackers[0].times", "nan"),
+    ({"positions": ((0.0, 0.0, 0.0),)}, "trackers[0].positions", "2 rows of 3"),
+    ({"positions": ((0.0, 0.0, inf),) * 2}, "trackers[0].positions[0]", "inf"),
+    ({"orientations": (QUIET, (1.0, 1.0, 0.0, 0.0))}, "trackers[0].orientations[1]", "expected 1"),
+    ({"angles": ((0.0, 0.0),) * 2}, "trackers[0].angles", "2 rows of 1"),
+    ({"stiffness": 0.0}, "trackers[0].stiffness", "positive"),
+    ({"damping": -1.0}, "trackers[0].damping", "positive"),
+    ({"hinge_frequency": nan}, "trackers[0].hinge_frequency", "nan"),
+]
+PAIR = [
+    ({"restitution": 1.1}, "coefficients[0].restitution", "0 to 1"),
+    ({"restitution": nan}, "coefficients[0].restitution", "nan"),
+    ({"friction": -0.1}, "coefficients[0].friction", ">= 0"),
+    ({"friction": inf}, "coefficients[0].friction", "inf"),
+    ({"material_b": "human"}, "coefficients[1]", "named twice"),
+    ({"material_a": "metal"}, "coefficients", "no coefficients for the pair wood and wood"),
+]
+EXPECTATION = [
+    ({"event": "explode"}, "expectations[0].event", "valid: touch"),
+    ({"body": "moon"}, "expectations[0].body", "unknown body 'moon'"),
+    ({"other": "moon"}, "expectations[0].other", "unknown body 'moon'"),
+    ({"other": "ball"}, "expectations[0].other", "the body itself"),
+    ({"earliest": 1.0}, "expectations[0].earliest", "earliest < latest"),
+    ({"latest": nan}, "expectations[0].earliest", "earliest < latest"),
+]
+
+
+@pytest.mark.parametrize(("change", "path", "message"), TOP)
+def test_faults_of_the_scene(change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with the scene as a whole."""
+    assert message in faults_of(sound() | change)[path]
+
+
+@pytest.mark.parametrize(("index", "change", "path", "message"), BODY)
+def test_faults_of_a_body(index: int, change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with a body."""
+    fields = sound()
+    bodies = list(fields["bodies"])
+    bodies[index] = replace(bodies[index], **change)
+    assert message in faults_of(fields | {"bodies": tuple(bodies)})[path]
+
+
+@pytest.mark.parametrize(("shape", "field", "message"), SHAPE)
+def test_faults_of_a_shape(shape, field: str, message: str) -> None:
+    """Tell what is wrong with a shape."""
+    fields = sound()
+    ground = replace(fields["bodies"][0], pieces=(Piece("slab", shape),))
+    path = "bodies[0].pieces[0].shape" + (f".{field}" if field else "")
+    assert message in faults_of(fields | {"bodies": (ground, *fields["bodies"][1:])})[path]
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "path", "message"),
+    [
+        (field, *row)
+        for field, rows in (
+            ("joints", JOINT),
+            ("trackers", TRACKER),
+            ("coefficients", PAIR),
+            ("expectations", EXPECTATION),
+        )
+        for row in rows
+    ],
+)
+def test_faults_of_the_rest(field: str, change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with a joint, a tracker, a pair of materials, an expectation."""
+    fields = sound()
+    first, *others = fields[field]
+    assert message in faults_of(fields | {field: (replace(first, **change), *others)})[path]
+
+
+def test_two_trackers_of_one_body() -> None:
+    """Tell that two trackers pull at one body."""
+    fields = sound()
+    found = faults_of(fields | {"trackers": fields["trackers"] * 2})
+    assert "driven by trackers[0].root and trackers[1].root" in found["bodies[2]"]
+
+
+def test_pieces_of_one_body_have_names_of_their_own() -> None:
+    """Tell a piece's name that is used twice in a body."""
+    fields = sound()
+    ground = replace(fields["bodies"][0], pieces=fields["bodies"][0].pieces * 2)
+    assert (
+        "twice" in faults_of(fields | {"bodies": (ground, *fields["bodies"][1:])})["bodies[0].pieces[1].name"]
+    )
+
+
+def test_all_faults_at_once() -> None:
+    """Tell faults of many kinds in one error."""
+    fields = sound()
+    ball = replace(fields["bodies"][1], mass=-1.0, orientation=(2.0, 0.0, 0.0, 0.0))
+    fields |= {"duration": -1.0, "effects": ("gravty",), "expectations": ()}
+    fields["bodies"] = (fields["bodies"][0], ball, *fields["bodies"][2:])
+    found = faults_of(fields)
+    assert {"duration", "effects[0]", "bodies[1].mass", "bodies[1].orientation"} <= set(found)
+
+
+def test_the_catalogue_is_sound_when_built_again() -> None:
+    """Validate every scene of the catalogue a second time, field by field."""
+    for scenario in catalogue().values():
+        fields = {f.name: getattr(scenario, f.name) for f in dataclasses.fields(scenario)}
+        assert Scenario(**fields) == scenario
