@@ -1,6 +1,6 @@
 """Signed distance of two convex pieces, with its normal and witness points: GJK outside, EPA inside."""
 
-from reference_impl.conventions import APART, NEAR
+from reference_impl.conventions import APART, EPA_FACES, NEAR
 from reference_impl.kernel import kernel
 from reference_impl.polytope import deepest_face
 from reference_impl.simplex import nearest_on_simplex
@@ -23,15 +23,16 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
         normal[0], normal[1], normal[2] = -x / distance, -y / distance, -z / distance
         _witnesses(state, count, out_pair)
     else:
-        has_volume, depth, expansions, converged = deepest_face(
+        face, depth, expansions, converged = deepest_face(
             piece_a, piece_b, vertices, count, scale, state, normal
         )
         iterations += expansions
-        if not has_volume:
+        if face < 0:
             # the pieces are flat or points: any normal parts them
             _witnesses(state, 1, out_pair)
         else:
-            _witnesses_in_overlap(piece_a, piece_b, vertices, depth + APART * scale, state, out_pair)
+            if face == EPA_FACES or not _witnesses_on_face(state, face, depth, out_pair):
+                _witnesses_apart(piece_a, piece_b, vertices, depth + APART * scale, state, out_pair)
             # GJK may end a rounding away from an origin that lies inside
             if distance == 0.0 or depth > 0.0:
                 distance = -depth
@@ -66,10 +67,39 @@ def _witnesses(state, count, out_pair):
 
 
 @kernel
-def _witnesses_in_overlap(piece_a, piece_b, vertices, shift, state, out_pair):
-    """Witnesses on the deepest face: B is parted from A along the normal, where the nearest points of both
-    are the witnesses. (The face's own triangle need not hold the origin's projection: faces of a Minkowski
-    difference are polygons.)"""
+def _witnesses_on_face(state, f, depth, out_pair):
+    """Witnesses from the weights of the origin's projection on a face, relative to B's origin.
+
+    Returns:
+        Whether the projection lies on the face's triangle. It need not: faces of a Minkowski difference are
+        polygons.
+    """
+    w, a, n, corner = state["w"], state["a"], state["normal"][f], state["face"][f]
+    whole = _area(n, w[corner[0]], w[corner[1]], w[corner[2]][0], w[corner[2]][1], w[corner[2]][2])
+    x, y, z = depth * n[0], depth * n[1], depth * n[2]
+    u = _area(n, w[corner[1]], w[corner[2]], x, y, z) / whole
+    v = _area(n, w[corner[2]], w[corner[0]], x, y, z) / whole
+    t = 1 - u - v
+    if not (u >= 0 and v >= 0 and t >= 0):
+        return False
+    for i in range(3):
+        on_a = u * a[corner[0], i] + v * a[corner[1], i] + t * a[corner[2], i]
+        out_pair["point_a"][i] = on_a
+        out_pair["point_b"][i] = on_a - depth * n[i]
+    return True
+
+
+@kernel
+def _area(n, p, q, x, y, z):
+    """Twice the signed area, along n, of the triangle p, q, (x, y, z)."""
+    ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    vx, vy, vz = x - p[0], y - p[1], z - p[2]
+    return n[0] * (uy * vz - uz * vy) + n[1] * (uz * vx - ux * vz) + n[2] * (ux * vy - uy * vx)
+
+
+@kernel
+def _witnesses_apart(piece_a, piece_b, vertices, shift, state, out_pair):
+    """Witnesses in overlap: the nearest points once B is parted from A along the normal."""
     normal, position = out_pair["normal"], piece_b["world_position"]
     x, y, z = position[0], position[1], position[2]
     for i in range(3):

@@ -31,21 +31,22 @@ def deepest_face(piece_a, piece_b, vertices, count, scale, state, out_normal):
         scale: size of the pair [m], for tolerances.
         out_normal: direction of least reach.
     Returns:
-        (has_volume, depth, iterations, converged): the difference's least reach [m]. Without a volume it is
-        0 in any direction: converged where the difference is a point.
+        (face, depth, iterations, converged): slot of the face of least reach (EPA_FACES where it was replaced
+        since), and that reach [m]. Without a volume face is -1 and the reach 0 in any direction: converged
+        where the difference is a point.
     """
     count = _tetrahedron(piece_a, piece_b, vertices, count, scale, state)
     if count < 4:
         out_normal[0], out_normal[1], out_normal[2] = 0.0, 0.0, 1.0
-        return False, 0.0, 0, count == 1
-    faces, vertex, depth = 4, 4, NEVER
+        return -1, 0.0, 0, count == 1
+    faces, vertex, depth, best = 4, 4, NEVER, 0
     while True:
         nearest = _nearest_face(state, faces)
         n = state["normal"][nearest]
         reach = add_vertex(piece_a, piece_b, vertices, n[0], n[1], n[2], vertex, state)
         # every reach bounds the depth from above
         if reach < depth:
-            depth = reach
+            depth, best = reach, nearest
             out_normal[0], out_normal[1], out_normal[2] = n[0], n[1], n[2]
         gap = reach - state["offset"][nearest]
         converged = gap <= DEPTH_TOLERANCE * scale
@@ -56,10 +57,10 @@ def deepest_face(piece_a, piece_b, vertices, count, scale, state, out_normal):
         vertex += 1
         if converged or vertex == EPA_VERTICES:
             break
-        faces = _expand(state, vertex - 1, faces, scale)
+        faces = _expand(state, nearest, vertex - 1, faces, scale)
         if faces < 0:
             break
-    return True, depth, vertex - 4, converged
+    return (nearest if best == nearest else EPA_FACES), depth, vertex - 4, converged
 
 
 @kernel
@@ -73,44 +74,53 @@ def _nearest_face(state, faces):
 
 
 @kernel
-def _expand(state, vertex, faces, scale):
-    """Replace the faces that see `vertex` by a cone from their horizon; returns the new face count or -1."""
-    w, face, normal, offset, edge = state["w"], state["face"], state["normal"], state["offset"], state["edge"]
-    edges = 0
-    for f in range(faces):
-        if offset[f] <= DEAD:
-            continue
-        n = normal[f]
-        height = n[0] * w[vertex, 0] + n[1] * w[vertex, 1] + n[2] * w[vertex, 2] - offset[f]
-        if offset[f] == NEVER or height <= DEGENERATE * scale:
-            continue
-        offset[f] = DEAD
+def _expand(state, first, vertex, faces, scale):
+    """Replace the faces that see `vertex`, found from face `first` on, by a cone from their horizon.
+
+    Returns:
+        The new face count, or -1 where the horizon is no simple loop or the room is used up.
+    """
+    w, face, normal, offset = state["w"], state["face"], state["normal"], state["offset"]
+    beyond, edge, stack, free = state["beyond"], state["edge"], state["stack"], state["free"]
+    x, y, z = w[vertex, 0], w[vertex, 1], w[vertex, 2]
+    # flood from the nearest face; edges to faces that do not see the vertex are the horizon
+    edges, waiting, released = 0, 1, 1
+    stack[0] = free[0] = first
+    offset[first] = DEAD
+    while waiting > 0:
+        waiting -= 1
+        f = stack[waiting]
         for k in range(3):
-            i, j = face[f, k], face[f, (k + 1) % 3]
-            # an edge seen from both sides is no horizon
-            twin = -1
-            for e in range(edges):
-                if edge[e, 0] == j and edge[e, 1] == i:
-                    twin = e
-                    break
-            if twin >= 0:
-                edges -= 1
-                edge[twin, 0], edge[twin, 1] = edge[edges, 0], edge[edges, 1]
-            elif edges < EPA_FACES:
-                edge[edges, 0], edge[edges, 1] = i, j
+            g = beyond[f, k]
+            if offset[g] == DEAD:
+                continue
+            n = normal[g]
+            if offset[g] != NEVER and n[0] * x + n[1] * y + n[2] * z - offset[g] > DEGENERATE * scale:
+                offset[g] = DEAD
+                stack[waiting] = free[released] = g
+                waiting += 1
+                released += 1
+            else:
+                edge[edges, 0], edge[edges, 1], edge[edges, 2] = face[f, k], face[f, (k + 1) % 3], g
                 edges += 1
-    if edges == 0:
+    if faces + edges - released > EPA_FACES:
         return -1
-    # new faces fill the free slots first
-    slot = 0
+    # new faces fill the released slots first
     for e in range(edges):
-        while slot < faces and offset[slot] > DEAD:
-            slot += 1
-        if slot == EPA_FACES:
+        if e >= released:
+            free[e] = faces
+            faces += 1
+        state["starts"][edge[e, 0]] = free[e]
+        _set_face(state, free[e], edge[e, 0], edge[e, 1], vertex, scale)
+    for e in range(edges):
+        i, j, g, new = edge[e, 0], edge[e, 1], edge[e, 2], free[e]
+        after = state["starts"][j]
+        if face[after, 0] != j or face[after, 2] != vertex:
             return -1
-        _set_face(state, slot, edge[e, 0], edge[e, 1], vertex, scale)
-        slot += 1
-        faces = max(faces, slot)
+        beyond[new, 0], beyond[new, 1], beyond[after, 2] = g, after, new
+        for k in range(3):
+            if face[g, k] == j and face[g, (k + 1) % 3] == i:
+                beyond[g, k] = new
     return faces
 
 
@@ -122,16 +132,14 @@ def _set_face(state, f, i, j, k, scale):
     ux, uy, uz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
     vx, vy, vz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
     x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    area = sqrt(x * x + y * y + z * z)
-    longest = sqrt(max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz))
-    if area <= DEGENERATE * scale * longest:
+    square = x * x + y * y + z * z
+    longest = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz)
+    if square <= (DEGENERATE * scale) ** 2 * longest:
         state["offset"][f] = NEVER
         return
-    n[0], n[1], n[2] = x / area, y / area, z / area
-    total = 0.0
-    for c in range(3):
-        total += n[c] * (w[i, c] + w[j, c] + w[k, c])
-    state["offset"][f] = total / 3
+    inverse = 1 / sqrt(square)
+    n[0], n[1], n[2] = x * inverse, y * inverse, z * inverse
+    state["offset"][f] = n[0] * w[i, 0] + n[1] * w[i, 1] + n[2] * w[i, 2]
 
 
 @kernel
@@ -156,6 +164,15 @@ def _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
     _set_face(state, 1, i, 3, j, scale)
     _set_face(state, 2, j, 3, 2, scale)
     _set_face(state, 3, 2, 3, i, scale)
+    for f in range(4):
+        for k in range(3):
+            for g in range(4):
+                for m in range(3):
+                    if (
+                        state["face"][f, k] == state["face"][g, (m + 1) % 3]
+                        and state["face"][g, m] == state["face"][f, (k + 1) % 3]
+                    ):
+                        state["beyond"][f, k] = g
     return count
 
 

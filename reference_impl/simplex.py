@@ -41,12 +41,11 @@ def nearest_on_simplex(piece_a, piece_b, vertices, state):
     weights[0], count = 1.0, 1
     x, y, z = w[0, 0], w[0, 1], w[0, 2]
     square = x * x + y * y + z * z
-    iterations, converged = 0, False
+    iterations, converged, largest = 0, False, 0.0
     while iterations < GJK_CAP:
         iterations += 1
-        largest = 0.0
-        for k in range(count):
-            largest = max(largest, sqrt(w[k, 0] ** 2 + w[k, 1] ** 2 + w[k, 2] ** 2))
+        newest = w[count - 1]
+        largest = max(largest, sqrt(newest[0] ** 2 + newest[1] ** 2 + newest[2] ** 2))
         distance = sqrt(square)
         # the origin is inside the simplex, or on it to rounding
         if count == 4 or distance <= DISTANCE_TOLERANCE * largest:

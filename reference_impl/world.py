@@ -157,9 +157,13 @@ STATE = _record(
     w=("f8", (EPA_VERTICES, 3)),
     a=("f8", (EPA_VERTICES, 3)),
     face=("i8", (EPA_FACES, 3)),
+    beyond=("i8", (EPA_FACES, 3)),  # faces across the edges ij, jk, ki
+    starts=("i8", (EPA_VERTICES,)),  # new face whose horizon edge starts at a vertex
+    free=("i8", (EPA_FACES,)),  # slots to use next
+    stack=("i8", (EPA_FACES,)),
     normal=("f8", (EPA_FACES, 3)),
     offset=("f8", (EPA_FACES,)),
-    edge=("i8", (EPA_FACES, 2)),
+    edge=("i8", (EPA_FACES, 3)),  # horizon: vertices i, j and the face beyond
 )
 MATERIAL_CAPACITY = 8
 """Materials a world may hold: the two tables of `STATE` have this many rows."""
