@@ -55,7 +55,10 @@ class Outcome:
 def play(
     jobs: Iterable[Job], progress: Progress, loader: Loader = load, patience: float = PATIENCE
 ) -> list[Outcome]:
-    """Play all jobs of one scene, interleaved; one that fails does not stop the others."""
+    """Play all jobs of one scene, interleaved; one that fails does not stop the others.
+
+    Raises OSError where a recording cannot be written: no engine is to blame for a full disk.
+    """
     children: list[_Child] = []
     try:
         with _interrupt_held():
@@ -78,6 +81,8 @@ def play(
             if child.outcome is None:
                 progress(f"{child.label}: save", 0)
                 child.ask("save")
+            if child.outcome and child.outcome.status == "unsaved":
+                raise OSError(child.outcome.reason)
         return [child.outcome or Outcome(child.job, "done") for child in children]
     finally:
         for child in children:
@@ -163,7 +168,12 @@ def _serve(pipe: Connection, job: Job, loader: Loader) -> None:
                 case "play" if player:
                     player.play(count)
                 case "save" if player:
-                    player.recording().save(job.recording)
+                    recording = player.recording()
+                    try:
+                        recording.save(job.recording)
+                    except OSError as error:
+                        pipe.send(("unsaved", error.strerror or str(error)))
+                        continue
             pipe.send(("ok", ""))
         except Unsupported as error:
             pipe.send(("skipped", str(error)))

@@ -79,7 +79,7 @@ def _detector(scenario: Scenario) -> Any:
     return dartpy.collision.BulletCollisionDetector()
 
 
-def _isometry(position: Any, orientation: Any) -> Any:
+def isometry(position: Any, orientation: Any) -> Any:
     """A pose, from a position [m] and a quaternion wxyz."""
     return dartpy.math.Isometry3(dartpy.math.Quaternion(*orientation), np.array(position, dtype=float))
 
@@ -107,7 +107,7 @@ def _set_mass(node: Any, body: Body) -> None:
 def _add_body(world: Any, body: Body) -> Any:
     """A fixed or free body as a skeleton of its own."""
     skeleton = dartpy.dynamics.Skeleton(body.name)
-    pose = _isometry(body.position, body.orientation)
+    pose = isometry(body.position, body.orientation)
     if body.kind == "fixed":
         joint, node = skeleton.createWeldJointAndBodyNodePair()
         joint.setTransformFromParentBodyNode(pose)
@@ -126,7 +126,7 @@ def _add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint
     """A driven body as one skeleton: its nodes per index in the scenario, weightless, posed at time 0."""
     skeleton = dartpy.dynamics.Skeleton(scenario.bodies[drive.links[0]].name)
     free, root = skeleton.createFreeJointAndBodyNodePair()
-    free.setTransform(_isometry(drive.start_position[0], drive.start_orientation[0]))
+    free.setTransform(isometry(drive.start_position[0], drive.start_orientation[0]))
     free.setAngularVelocity(drive.start.angular_velocity[0])
     free.setLinearVelocity(drive.start.linear_velocity[0])
     nodes = {drive.links[0]: root}
@@ -134,8 +134,8 @@ def _add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint
         parent = nodes[scenario.body_index(hinge.parent)]
         joint, nodes[link] = skeleton.createRevoluteJointAndBodyNodePair(parent)
         # pose of the child = position, rotation(axis, q), orientation
-        joint.setTransformFromParentBodyNode(_isometry(hinge.position, (1.0, 0.0, 0.0, 0.0)))
-        joint.setTransformFromChildBodyNode(_isometry((0.0, 0.0, 0.0), hinge.orientation).inverse())
+        joint.setTransformFromParentBodyNode(isometry(hinge.position, (1.0, 0.0, 0.0, 0.0)))
+        joint.setTransformFromChildBodyNode(isometry((0.0, 0.0, 0.0), hinge.orientation).inverse())
         joint.setAxis(np.array(hinge.axis))
         joint.setActuatorType(dartpy.dynamics.ActuatorType.FORCE)
         joint.setPositionLowerLimit(0, hinge.lower)
@@ -152,7 +152,7 @@ def _add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint
     return nodes
 
 
-def _add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: float) -> None:
+def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: float) -> None:
     match piece.shape:
         case Sphere():
             shape = _add_sphere(node, piece.shape, name)
@@ -164,7 +164,7 @@ def _add_piece(node: Any, piece: Piece, name: str, restitution: float, friction:
             shape = _add_hull(node, piece.shape, name)
         case _:
             raise Unsupported(f"dart: no shape {type(piece.shape).__name__}")
-    shape.setRelativeTransform(_isometry(piece.position, piece.orientation))
+    shape.setRelativeTransform(isometry(piece.position, piece.orientation))
     shape.createCollisionAspect()
     shape.createDynamicsAspect()
     # sets both friction directions
@@ -235,7 +235,7 @@ class World:
         for k, (node, body) in enumerate(zip(self._nodes, scenario.bodies)):
             _set_mass(node, body)
             for i, piece in enumerate(body.pieces):
-                _add_piece(node, piece, f"{k}.{i}", restitution[k], friction[k])
+                add_piece(node, piece, f"{k}.{i}", restitution[k], friction[k])
                 self._owner[f"{k}.{i}"] = k
         _filter(self._world, scenario, self._nodes)
         detector = self._world.getConstraintSolver().getCollisionDetector().getType()

@@ -151,7 +151,7 @@ def _add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
         if body.kind != "fixed":
             _set_mass(bodies[index], body)
         for k, piece in enumerate(body.pieces):
-            _add_piece(spec, bodies[index], piece, f"{index}.{k}")
+            add_piece(spec, bodies[index], piece, f"{index}.{k}")
     return bodies
 
 
@@ -165,7 +165,7 @@ def _set_mass(target: Any, body: Body) -> None:
     target.mass, target.ipos, target.fullinertia = body.mass, body.center_of_mass, (xx, yy, zz, xy, xz, yz)
 
 
-def _add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
+def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
     """A geom that touches nothing but what an explicit pair names (contype and conaffinity 0)."""
     geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
     match piece.shape:

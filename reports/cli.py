@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from reports.run import Request
     from scenarios.scenario import Scenario
 
@@ -83,26 +85,38 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress and no table.")] = False,
 ) -> None:
     """Play scenes on engines and show where they differ."""
-    from reports.run import OutputError
+    from reports.output import OutputError
     from reports.run import run as run_study
 
     request = _request(scenario or [], tag, engine or [], profile or [], metric or [], dt, out)
     try:
-        with _progress(request, quiet) as progress:
+        frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
+        with _progress(frames, quiet) as progress:
             results = run_study(request, progress)
     except OutputError as error:
         _stop(str(error), BAD_INPUT)
-    if output is Format.json:
-        print(results.frame.to_json(orient="records", indent=1))
-    elif output is Format.csv:
-        print(results.frame.to_csv(index=False), end="")
-    elif not quiet:
+    if not _printed(results.frame, output) and not quiet:
         from reports.terminal import console, show
 
         shown = set(request.columns) if profile else {c for c in request.columns if c[1] != "equal-step"}
         show(results.frame, console(), shown)
         print(f"results: {request.out}")
     _exit_for(results.frame.verdict, results.frame.reason, bool(engine))
+
+
+def _printed(frame: pd.DataFrame, output: Format) -> bool:
+    """Print the long table for machines; False where a human asked."""
+    if output is Format.json:
+        print(frame.to_json(orient="records", indent=1))
+    elif output is Format.csv:
+        print(frame.to_csv(index=False), end="")
+    return output is not Format.table
+
+
+def _folder_of_now(prefix: str = "") -> Path:
+    from datetime import datetime
+
+    return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}"
 
 
 def _exit_for(verdicts: Iterable[str], reasons: Iterable[str], by_name: bool) -> None:
@@ -123,8 +137,6 @@ def _request(
     out: Path | None,
 ) -> Request:
     """The request behind the arguments; a wrong one ends the program with a line."""
-    from datetime import datetime
-
     from adapters.registry import ENGINES
     from reports.metrics import METRICS
     from reports.run import DEFAULT_PROFILES, Request, columns_of
@@ -139,9 +151,8 @@ def _request(
     if not columns:
         _stop(f"no engine of {', '.join(engines)} has the profile {', '.join(profiles)}", BAD_INPUT)
     step = _step(dt, scenarios) if dt is not None else None
-    folder = out or Path("runs") / datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
     command = " ".join(["touchstone", *sys.argv[1:]])
-    return Request(tuple(scenarios), columns, folder, step, tuple(metrics), command)
+    return Request(tuple(scenarios), columns, out or _folder_of_now(), step, tuple(metrics), command)
 
 
 def _scenarios(names: list[str], tag: str) -> list[Scenario]:
@@ -171,13 +182,44 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
     return value
 
 
-def _progress(request: Request, quiet: bool):  # type: ignore[no-untyped-def]
+def _progress(total: int, quiet: bool):  # type: ignore[no-untyped-def]
     from reports.progress import bar, lines, silence
 
     if quiet:
         return silence()
-    total = sum(s.frame_count for s in request.scenarios) * len(request.columns)
     return bar(total) if sys.stderr.isatty() else lines(total)
+
+
+study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
+app.add_typer(study, name="study")
+
+
+@study.command("narrow-phase")
+def narrow_phase(
+    pairs: Annotated[int, typer.Option(help="Pairs of convex pieces, over all families.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/narrow-phase-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress and no table.")] = False,
+) -> None:
+    """Send the same poses through every detector; compare with the explicit Minkowski difference."""
+    from reports.output import OutputError
+    from reports.studies.narrow_phase import PairsError, run, steps
+
+    folder = out or _folder_of_now("narrow-phase-")
+    try:
+        with _progress(steps(pairs), quiet) as progress:
+            frame = run(pairs, seed, folder, progress)
+    except (PairsError, OutputError) as error:
+        _stop(str(error), BAD_INPUT)
+    if _printed(frame, output) or quiet:
+        return _exit_for(frame.verdict, frame.reason, by_name=False)
+    from reports.studies.narrow_phase_table import show as show_study
+    from reports.terminal import console
+
+    show_study(frame, console())
+    print(f"results: {folder}")
+    _exit_for(frame.verdict, frame.reason, by_name=False)
 
 
 @app.command("list")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import isnan
@@ -22,6 +20,7 @@ from reports.limits import judged
 from reports.metrics import IMPULSE_METRICS, METRICS
 from reports.metrics.contact import AUDIT_LIMIT
 from reports.metrics.evidence import Evidence, NotMeasured, Value
+from reports.output import OutputError, output_folder
 from reports.ratios import time_ratio
 from reports.results import Row, save, table, write_beside
 from scenarios.scenario import Scenario
@@ -33,11 +32,9 @@ RATIO_LIMIT = 0.5
 MACHINE_PROFILE = "recommended"
 DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
+__all__ = ["OutputError", "Request", "Results", "columns_of", "measured", "run", "step_text"]
+
 Progress = Callable[[str, int], None]
-
-
-class OutputError(Exception):
-    """The output folder cannot be used; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +59,7 @@ class Results:
 
 def run(request: Request, progress: Progress) -> Results:
     """Play, judge and store; the folder appears whole when all is done, or not at all."""
-    with _folder(request.out) as folder:
+    with output_folder(request.out) as folder:
         (folder / "recordings").mkdir()
         (folder / "output").mkdir()
         rows: list[Row] = []
@@ -78,25 +75,6 @@ def run(request: Request, progress: Progress) -> Results:
 
         write_beside(folder / "report.md", lambda part: part.write_text(report(request, results)))
     return results
-
-
-@contextmanager
-def _folder(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that takes its place at the end."""
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise OutputError(f"--out {out}: exists and is not an empty folder")
-    part = out.with_name(f"{out.name}.part")
-    try:
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        yield part
-        if out.exists():
-            out.rmdir()
-        part.rename(out)
-    except OSError as error:
-        raise OutputError(f"--out {out}: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
 
 
 def _play(

@@ -1,0 +1,87 @@
+"""Bullet's closest points through pybullet.
+
+Conventions: quaternions xyzw; a point's normal goes from B to A; distance is negative in overlap. Hulls carry
+a margin of 1 mm. pybullet prints its build time on import: the child's output is redirected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import pybullet
+
+from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
+from adapters.engine import Array, Scalar, Unsupported
+from scenarios.scenario import Box, Hull, Piece, Shape, Sphere
+
+FAR = 100.0
+"""Distance beyond which Bullet need not look [m]: more than any pair of the study has."""
+DISTANCE, NORMAL = 8, 7
+"""Places in the tuple of a closest point."""
+
+
+class BulletDetector:
+    """`getClosestPoints` of two static bodies; the deepest point of the manifold counts. `tight` asks for no
+    collision margin."""
+
+    crossings = (APART, TOUCHING)
+
+    def __init__(self, tight: bool = False) -> None:
+        self._tight = tight
+        self._client = pybullet.connect(pybullet.DIRECT)
+
+    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
+        """Add the pieces as bodies; closing the batch takes all bodies out again."""
+        return PythonBatch(self._query, pairs, lambda: pybullet.resetSimulation(physicsClientId=self._client))
+
+    def describe(self) -> Mapping[str, Scalar]:
+        """Version and call."""
+        return {
+            "version": f"{version('pybullet')} (API {pybullet.getAPIVersion()})",
+            "call": "getClosestPoints",
+            "collisionMargin": 0.0 if self._tight else "default",
+        }
+
+    def _query(self, pair: Pair) -> Query:
+        (a, b), client = map(self._body, pair), self._client
+
+        def ask() -> Any:
+            return pybullet.getClosestPoints(a, b, FAR, physicsClientId=client)
+
+        return Query(ask, _deepest)
+
+    def _body(self, piece: Piece) -> int:
+        w, x, y, z = piece.orientation
+        shape = _shape(piece.shape, self._client)
+        body: int = pybullet.createMultiBody(
+            0, shape, -1, piece.position, (x, y, z, w), physicsClientId=self._client
+        )
+        if self._tight:
+            pybullet.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=self._client)
+        return body
+
+
+def _deepest(points: Any) -> tuple[float, Array] | None:
+    if not points:
+        return None
+    point = min(points, key=lambda p: p[DISTANCE])
+    return point[DISTANCE], -np.array(point[NORMAL])
+
+
+def _shape(shape: Shape, client: int) -> int:
+    match shape:
+        case Sphere(radius):
+            made = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client)
+        case Box(half):
+            made = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+        case Hull(vertices):
+            made = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH, vertices=vertices, physicsClientId=client
+            )
+        case _:
+            raise Unsupported(f"bullet: no shape {type(shape).__name__}")
+    number: int = made
+    return number

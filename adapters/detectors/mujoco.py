@@ -1,0 +1,70 @@
+"""MuJoCo's signed distance of two geoms, by default or to rounding.
+
+Conventions: `fromto` runs from a point on geom 1 to one on geom 2, against the normal in overlap; distance is
+negative in overlap. Hulls are kept in single precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
+from adapters.engine import Array, Scalar
+from adapters.mujoco_engine import add_piece
+
+FAR = 100.0
+"""Distance beyond which MuJoCo need not look [m]: more than any pair of the study has."""
+TIGHT_TOLERANCE = 1e-12
+TIGHT_ITERATIONS = 200
+"""`ccd_tolerance` [m] and `ccd_iterations` of the tight profile: tolerance alone ends a query."""
+
+
+class MujocoDetector:
+    """`mj_geomDistance`; `tight` lowers `ccd_tolerance`."""
+
+    crossings = (APART, TOUCHING)
+
+    def __init__(self, tight: bool = False) -> None:
+        self._tight = tight
+
+    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
+        """Compile a model per pair."""
+        return PythonBatch(self._query, pairs, lambda: None)
+
+    def describe(self) -> Mapping[str, Scalar]:
+        """Version and options."""
+        spec = mujoco.MjSpec()
+        self._set_options(spec)
+        option = spec.compile().opt
+        return {
+            "version": mujoco.mj_versionString(),
+            "call": "mj_geomDistance",
+            "ccd_tolerance": float(option.ccd_tolerance),
+            "ccd_iterations": int(option.ccd_iterations),
+        }
+
+    def _set_options(self, spec: mujoco.MjSpec) -> None:
+        if self._tight:
+            spec.option.ccd_tolerance, spec.option.ccd_iterations = TIGHT_TOLERANCE, TIGHT_ITERATIONS
+
+    def _query(self, pair: Pair) -> Query:
+        spec = mujoco.MjSpec()
+        self._set_options(spec)
+        for name, piece in zip("ab", pair):
+            add_piece(spec, spec.worldbody, piece, name)
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        a, b = model.geom("a").id, model.geom("b").id
+        segment = np.zeros(6)
+
+        def ask() -> float:
+            return mujoco.mj_geomDistance(model, data, a, b, FAR, segment)
+
+        def read(distance: float) -> tuple[float, Array]:
+            return distance, unit((segment[3:] - segment[:3]) * np.sign(distance))
+
+        return Query(ask, read)

@@ -1,0 +1,100 @@
+"""The reference's `convex_depth` as a detector: a batch of pairs in one compiled call, timed inside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from adapters.detectors import UNCONVERGED, Answers, Failure, Pair
+from adapters.engine import Array, Scalar, Unsupported
+from adapters.translation import matrix
+from reference_impl import conventions
+from reference_impl.convex_depth import convex_depth
+from reference_impl.kernel import clock, kernel
+from reference_impl.shapes import place_piece
+from reference_impl.world import BODY, PAIR, PIECE, STATE
+from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
+
+
+@kernel
+def depth_batch(pieces, vertices, state, out_pairs, out_converged, out_seconds):  # type: ignore[no-untyped-def]
+    """Signed distance of pieces 2k and 2k + 1 to `out_pairs[k]`, and the seconds each took."""
+    for k in range(len(out_pairs)):
+        start = clock(state[0]["clock"])
+        _, converged = convex_depth(pieces[2 * k], pieces[2 * k + 1], vertices, state[0], out_pairs[k])
+        out_seconds[k] = clock(state[0]["clock"]) - start
+        out_converged[k] = converged
+
+
+class ReferenceDetector:
+    """GJK outside and EPA inside, to rounding."""
+
+    crossings = None
+
+    def prepare(self, pairs: Sequence[Pair]) -> ReferenceBatch:
+        """Lay pairs out as the kernel's arrays."""
+        return ReferenceBatch(pairs)
+
+    def describe(self) -> Mapping[str, Scalar]:
+        """The project's version and the tolerances of `conventions.py`."""
+        return {
+            "version": version("touchstone"),
+            "depth_tolerance": conventions.DEPTH_TOLERANCE,
+            "distance_tolerance": conventions.DISTANCE_TOLERANCE,
+        }
+
+
+class ReferenceBatch:
+    """Pieces in the kernel's arrays; `ask` is one compiled call."""
+
+    def __init__(self, pairs: Sequence[Pair]) -> None:
+        self._pieces = np.zeros(2 * len(pairs), PIECE)
+        vertices, first = [np.zeros((1, 3))], 1
+        for row, given in zip(self._pieces, [piece for pair in pairs for piece in pair]):
+            row["position"], row["rotation"] = given.position, matrix(given.orientation)
+            if isinstance(given.shape, Hull):
+                count = len(given.shape.vertices)
+                row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, first, count
+                vertices.append(np.array(given.shape.vertices))
+                first += count
+            else:
+                _set_primitive(row, given)
+        self._vertices = np.ascontiguousarray(np.vstack(vertices))
+        still = np.zeros(1, BODY)
+        still["rotation"] = np.eye(3)
+        for row in self._pieces:
+            place_piece(row, still[0], self._vertices, 0.0)
+        self._state, self._pairs = np.zeros(1, STATE), np.zeros(len(pairs), PAIR)
+        self._converged = np.zeros(len(pairs), dtype=bool)
+
+    def ask(self) -> Array:
+        """Seconds of each query, clocked inside the one compiled call."""
+        seconds = np.zeros(len(self._pairs))
+        depth_batch(self._pieces, self._vertices, self._state, self._pairs, self._converged, seconds)
+        return seconds
+
+    def answers(self) -> Answers:
+        """Distances and normals; queries that did not converge are named."""
+        failures = {
+            int(k): Failure(UNCONVERGED, "reference: room for EPA's vertices ran out, or rounding stopped it")
+            for k in np.flatnonzero(~self._converged)
+        }
+        return Answers(self._pairs["distance"].copy(), self._pairs["normal"].copy(), failures)
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+def _set_primitive(row: Any, piece: Piece) -> None:
+    match piece.shape:
+        case Sphere(radius):
+            row["kind"], row["radius"] = conventions.SPHERE, radius
+        case Box(half_extents):
+            row["kind"], row["size"] = conventions.BOX, half_extents
+        case Ellipsoid(half_axes):
+            row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
+        case _:
+            raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")

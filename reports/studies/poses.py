@@ -1,0 +1,215 @@
+"""Pairs of convex pieces for the narrow-phase study: random and adversarial poses, by family.
+
+Sizes are about 1 m. Overlap is made to measure: moving B along the normal of the deepest face changes the
+depth by just as much, so a wanted depth or gap needs one look at the explicit Minkowski difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from adapters.detectors import Pair
+from adapters.engine import Array
+from adapters.oracles.minkowski import signed_distance
+from scenarios.scenario import Box, Hull, Piece, Shape
+from scenarios.solids import elliptic_hull
+
+ELLIPTIC, FINE, RANDOM = 12, 4, 16
+"""Hulls to draw from: 80 triangles, 320 triangles, and the hull of 6 to 40 random points. Few, for loading
+a mesh takes an engine longer than a thousand queries."""
+TOUCH = 1e-6
+"""Depth or gap of a shallow touch over the size [1]."""
+NEEDLE = 0.01
+"""Thickness of a needle over its length [1]."""
+RATIO_POWERS = (3.0, 6.0)
+"""A small piece is 10^-3 to 10^-6 of the large one's size."""
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+
+
+def corners(piece: Piece) -> Array:
+    """World vertices (n, 3) of a box or a hull [m]."""
+    match piece.shape:
+        case Box(half_extents):
+            local = CORNERS * half_extents
+        case Hull(vertices):
+            local = np.array(vertices)
+        case _:
+            raise TypeError(f"{type(piece.shape).__name__} has no corners")
+    turned = Rotation.from_quat(np.array(piece.orientation), scalar_first=True).apply(local)
+    return np.asarray(turned + piece.position)
+
+
+def size_of(pair: Pair) -> float:
+    """Longest side of the two pieces' bounding boxes in the world [m]."""
+    return max(float(np.ptp(corners(piece), axis=0).max()) for piece in pair)
+
+
+class Shapes:
+    """Shapes to draw from, made once."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        fine = _subdivided(np.array(elliptic_hull((1.0, 1.0, 1.0))))
+        self._hulls = [elliptic_hull(_axes(rng)) for _ in range(ELLIPTIC)]
+        self._hulls += [_vertices(fine * _axes(rng)) for _ in range(FINE)]
+        for _ in range(RANDOM):
+            points = rng.normal(size=(rng.integers(6, 41), 3)) * 0.5
+            self._hulls.append(_vertices(points[ConvexHull(points).vertices]))
+
+    def draw(self, rng: np.random.Generator) -> Shape:
+        """A box in one case of three, or one of the hulls."""
+        if rng.random() < 1 / 3:
+            return Box(_axes(rng))
+        return Hull(self._hulls[rng.integers(len(self._hulls))])
+
+
+def _axes(rng: np.random.Generator) -> tuple[float, float, float]:
+    x, y, z = np.exp(rng.normal(size=3) * 0.4) * 0.5
+    return float(x), float(y), float(z)
+
+
+def _vertices(points: Array) -> tuple[tuple[float, float, float], ...]:
+    return tuple((float(x), float(y), float(z)) for x, y, z in points)
+
+
+def _subdivided(points: Array) -> Array:
+    """The vertices of a convex polyhedron on the unit sphere, and its edges' midpoints pushed out to it."""
+    simplices = ConvexHull(points).simplices
+    edges = {tuple(sorted((int(s[i]), int(s[j])))) for s in simplices for i, j in ((0, 1), (1, 2), (2, 0))}
+    finer = np.vstack([points, [points[i] + points[j] for i, j in sorted(edges)]])
+    return np.asarray(finer / np.linalg.norm(finer, axis=1, keepdims=True))
+
+
+def _posed(shape: Shape, position: Sequence[float] | Array, turn: Rotation) -> Piece:
+    x, y, z = map(float, position)
+    qw, qx, qy, qz = turn.as_quat(scalar_first=True).tolist()
+    return Piece("piece", shape, (x, y, z), (qw, qx, qy, qz))
+
+
+def _turn(rng: np.random.Generator) -> Rotation:
+    return Rotation.from_quat(rng.normal(size=4))
+
+
+def _moved(piece: Piece, shift: Array) -> Piece:
+    x, y, z = (np.array(piece.position) + shift).tolist()
+    return replace(piece, position=(x, y, z))
+
+
+def _parted(pair: Pair, gap: Callable[[float], float]) -> Pair:
+    """B moved along the deepest face's normal, so that an overlapping pair of depth d gets distance
+    gap(d) [m]."""
+    a, b = pair
+    distance, normal = signed_distance(corners(a), corners(b))
+    return (a, _moved(b, (gap(-distance) - distance) * normal)) if distance < 0 else pair
+
+
+def _overlapping(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """Pieces whose centres are near each other."""
+    a = _posed(shapes.draw(rng), rng.normal(size=3), _turn(rng))
+    b = _posed(shapes.draw(rng), np.array(a.position) + 0.05 * rng.normal(size=3), _turn(rng))
+    return a, b
+
+
+def overlap(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """Overlap by 2 to 50 % of the depth the pieces have when put into one another."""
+    share = rng.uniform(0.02, 0.5)
+    return _parted(_overlapping(rng, shapes), lambda depth: -share * depth)
+
+
+def apart(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """Apart by 1 mm to 1 m."""
+    gap = 10 ** rng.uniform(-3, 0)
+    return _parted(_overlapping(rng, shapes), lambda depth: gap)
+
+
+def deep(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """Put into one another."""
+    return _overlapping(rng, shapes)
+
+
+def touch(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """Touching: a millionth of the size deep, or apart."""
+    pair = _overlapping(rng, shapes)
+    gap = rng.choice((-TOUCH, TOUCH)) * size_of(pair)
+    return _parted(pair, lambda depth: gap)
+
+
+def face_face(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """Boxes with common axes, in half of all cases with flush sides too, 0.1 mm to 0.1 m deep."""
+    half_a, half_b = np.array(_axes(rng)), np.array(_axes(rng))
+    if rng.random() < 0.5:
+        half_b[:2] = half_a[:2]
+    depth = 10 ** rng.uniform(-4, -1)
+    slide = rng.uniform(-0.3, 0.3, size=2) * (half_a + half_b)[:2] * (rng.random() < 0.5)
+    return _boxes(rng, half_a, half_b, np.append(slide, half_a[2] + half_b[2] - depth))
+
+
+def edge_edge(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """Square bars edge to parallel edge, 0.1 mm to 0.1 m deep or apart: two faces are equally deep."""
+    half_a, half_b = np.array(_axes(rng)), np.array(_axes(rng))
+    half_a[1], half_b[1] = half_a[0], half_b[0]
+    depth = rng.choice((-1.0, 1.0)) * 10 ** rng.uniform(-4, -1)
+    reach = half_a[0] + half_b[0] - depth
+    return _boxes(rng, half_a, half_b, np.array([reach, reach, 0.3 * rng.normal()]))
+
+
+def _boxes(rng: np.random.Generator, half_a: Array, half_b: Array, shift: Array) -> Pair:
+    """Boxes with common axes, turned together in three of four cases."""
+    turn = _turn(rng) if rng.random() < 0.75 else Rotation.identity()
+    one, two = (Box((float(x), float(y), float(z))) for x, y, z in (half_a, half_b))
+    return _posed(one, (0.0, 0.0, 0.0), turn), _posed(two, turn.apply(shift), turn)
+
+
+def needle(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """A bar or a hull a hundred times as long as thick, against another or any piece; overlapping."""
+    axes = (1.0, NEEDLE, NEEDLE)
+    needles: tuple[Shape, Shape] = (Box(axes), Hull(elliptic_hull(axes)))
+    one = needles[rng.integers(2)]
+    two = needles[rng.integers(2)] if rng.random() < 0.5 else shapes.draw(rng)
+    position = 0.01 * rng.normal(size=3) + rng.uniform(-0.5, 0.5) * np.eye(3)[0]
+    share = rng.uniform(0.02, 0.9)
+    pair = _posed(one, (0.0, 0.0, 0.0), Rotation.identity()), _posed(two, position, _turn(rng))
+    return _parted(pair, lambda depth: -share * depth)
+
+
+def size_ratio(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """A box a thousandth to a millionth of the other's size, at a face, an edge or a vertex of it."""
+    large = _posed(shapes.draw(rng), (0.0, 0.0, 0.0), _turn(rng))
+    half = np.array(_axes(rng)) * 10 ** -rng.uniform(*RATIO_POWERS)
+    points = corners(large)
+    simplices = ConvexHull(points).simplices
+    weights = rng.random(3) * (rng.permutation(3) < rng.integers(1, 4))
+    place = weights / weights.sum() @ points[simplices[rng.integers(len(simplices))]]
+    small = Box((float(half[0]), float(half[1]), float(half[2])))
+    return large, _posed(small, place + rng.uniform(-0.7, 0.7, size=3) * half, _turn(rng))
+
+
+def coincident(rng: np.random.Generator, shapes: Shapes) -> Pair:
+    """A piece in its twin."""
+    piece = _posed(shapes.draw(rng), rng.normal(size=3), _turn(rng))
+    return piece, piece
+
+
+FAMILIES: dict[str, Callable[[np.random.Generator, Shapes], Pair]] = {
+    "overlap": overlap,
+    "apart": apart,
+    "deep": deep,
+    "touch": touch,
+    "face-face": face_face,
+    "edge-edge": edge_edge,
+    "needle": needle,
+    "size-ratio": size_ratio,
+    "coincident": coincident,
+}
+
+
+def draw(count: int, rng: np.random.Generator) -> list[tuple[str, Pair]]:
+    """`count` pairs with the names of their families, in turn, so that any stretch holds all of them."""
+    shapes = Shapes(rng)
+    names = list(FAMILIES)
+    return [(name, FAMILIES[name](rng, shapes)) for name in (names[k % len(names)] for k in range(count))]

@@ -1,0 +1,50 @@
+"""Recordings whose metrics are known in closed form."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from reports.metrics import METRICS
+from reports.metrics.evidence import Evidence
+
+G = 9.81
+RADIUS = 0.05
+"""Of the ball of `lab.ball` [m]."""
+SLOWEST = 1e-3
+"""Speed of the slowest bounce [m/s]."""
+
+
+def bouncing(times, height, restitution):
+    """Gap [m] and velocity [m/s] of a ball dropped at rest from `height` over the ground, bouncing."""
+    fall = (2 * height / G) ** 0.5
+    gaps, speeds = np.zeros(len(times)), np.zeros(len(times))
+    for k, t in enumerate(times):
+        start, up = -fall, G * fall  # as if thrown up by the ground one fall earlier
+        while t > start + 2 * up / G and up > 0:
+            start, up = start + 2 * up / G, restitution * up if restitution * up > SLOWEST else 0.0
+        if up > 0:
+            gaps[k], speeds[k] = up * (t - start) - G / 2 * (t - start) ** 2, up - G * (t - start)
+    return gaps, speeds
+
+
+def path(scenario, index, position, velocity):
+    """Columns of a recording in which one body moves and the others stand."""
+    frames, bodies = scenario.frame_count + 1, scenario.bodies
+    positions = np.tile([body.position for body in bodies], (frames, 1, 1))
+    velocities = np.zeros_like(positions)
+    positions[:, index], velocities[:, index] = position, velocity
+    return {"position": positions, "linear_velocity": velocities}
+
+
+def value(name, recording, scenario):
+    """What a metric says: subject -> value."""
+    return dict(METRICS[name].measure(Evidence(recording, scenario)))
+
+
+@pytest.fixture(scope="session")
+def known() -> SimpleNamespace:
+    """The builders of this file."""
+    return SimpleNamespace(bouncing=bouncing, path=path, value=value, g=G, radius=RADIUS)
