@@ -13,7 +13,7 @@ from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Scenario, Sphe
 from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-from adapters.mujoco_engine import MujocoEngine, World, _add_piece, restitution_of, solref_of  # noqa: E402
+from adapters.mujoco_engine import MujocoEngine, World, add_piece, restitution_of, solref_of  # noqa: E402
 
 ENGINE = MujocoEngine()
 DT = ENGINE.profiles["recommended"]
@@ -245,6 +245,6 @@ def test_unsupported_is_said() -> None:
         ENGINE.build(scene(FLOOR, ball, mu=1e-6), SETTINGS)
     spec = mujoco.MjSpec()
     with pytest.raises(Unsupported, match="mujoco: no shape"):
-        _add_piece(spec, spec.worldbody, Piece("odd", object()), "odd")  # type: ignore[arg-type]
+        add_piece(spec, spec.worldbody, Piece("odd", object()), "odd")  # type: ignore[arg-type]
     with pytest.raises(Unsupported, match="valid: recommended, equal-step"):
         ENGINE.build(scene(FLOOR, ball), Settings("tuned", DT))
