@@ -24,8 +24,21 @@ from scenarios.solids import sphere_inertia
 from scenarios.tracking import TrackerMotion, sample
 
 BUNDLES: dict[str, dict[str, int]] = {
-    "paper": {"friction": conventions.FRICTION_PAPER, "flight": conventions.FLIGHT_EULER},
-    "balanced": {"friction": conventions.FRICTION_COULOMB, "flight": conventions.FLIGHT_BALLISTIC},
+    "paper": {
+        "friction": conventions.FRICTION_PAPER,
+        "flight": conventions.FLIGHT_EULER,
+        "removal": conventions.REMOVAL_EQ1,
+    },
+    "balanced": {
+        "friction": conventions.FRICTION_COULOMB,
+        "flight": conventions.FLIGHT_BALLISTIC,
+        "removal": conventions.REMOVAL_EQ1,
+    },
+    "accurate": {
+        "friction": conventions.FRICTION_COULOMB,
+        "flight": conventions.FLIGHT_BALLISTIC,
+        "removal": conventions.REMOVAL_LEAST_MOTION,
+    },
 }
 """What each profile sets (method, section 6), nothing more."""
 
@@ -137,7 +150,7 @@ class _World:
             "friction": "mu j always" if self._state["friction"] == conventions.FRICTION_PAPER else "coulomb",
             "flight": "semi-implicit" if self._state["flight"] == conventions.FLIGHT_EULER else "ballistic",
             "depth": "exact",
-            "global depth": "Eq. 1",
+            "global depth": "Eq. 1" if self._state["removal"] == conventions.REMOVAL_EQ1 else "least motion",
             "detection": "discrete",
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,

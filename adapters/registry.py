@@ -26,7 +26,9 @@ class Entry:
 EQUAL_STEP = 1 / 240
 ENGINES: dict[str, Entry] = {
     "reference": Entry(
-        "adapters.reference_engine:ReferenceEngine", "numba", {"balanced": 1 / 60, "paper": 1 / 60}
+        "adapters.reference_engine:ReferenceEngine",
+        "numba",
+        {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60},
     ),
     "dart": Entry(
         "adapters.dart_engine:DartEngine", "dartpy", {"recommended": 1 / 1020, "equal-step": EQUAL_STEP}

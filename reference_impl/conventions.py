@@ -12,6 +12,8 @@ FRICTION_PAPER, FRICTION_COULOMB = 0, 1
 """Eq. 10 as printed (always mu j), or at most what stops the sliding."""
 FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
 """Semi-implicit Euler, or exact for constant forces."""
+REMOVAL_EQ1, REMOVAL_LEAST_MOTION = 0, 1
+"""Translation out of overlap by Eq. 1, or the smallest that meets all depths."""
 STAGES = ("drive", "collision", "removal", "impulses", "integration")
 """What the stage clocks of a step tell apart."""
 STAGE_DRIVE, STAGE_COLLISION, STAGE_REMOVAL, STAGE_IMPULSES, STAGE_INTEGRATION = range(5)
@@ -56,14 +58,24 @@ EPA_FACES = 2 * EPA_VERTICES
 OVERLAP_TOLERANCE = 1e-6
 """Depth left after removal [m]."""
 REMOVAL_ROUNDS = 32
-"""Rounds of Eq. 1 before the way back."""
+"""Rounds of translation before the way back."""
 VANISHING_SHIFT = 1e-3
 """|PD| over the largest depth below which opposing normals cancel [1]."""
+LONGEST_SHIFT = 100.0
+"""|x| over the largest depth beyond which normals count as opposing [1]: within 1.1 degrees of it."""
 STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
 WAY_BACK_STEPS = 24
 """Bisections between the last free pose and the pose at entry: 6e-8 of their distance."""
+
+# least motion
+LEAST_MOTION_PLANES = 100
+"""Planes tried before normals count as opposing; about 3 are usual."""
+PLANE_TOLERANCE = 1e-14
+"""Depth left over the sum of the largest depth and |x| that counts as met [1]: some 50 roundings."""
+PARALLEL = 1e-15
+"""Sine of an angle below which normals are parallel [1]: a few roundings, less than PLANE_TOLERANCE sees."""
 
 # impulses (method, section 5)
 TOUCH_DISTANCE = 1e-6

@@ -12,6 +12,14 @@ def is_mover(bodies, body, mover):
 
 
 @kernel
+def side_of(bodies, pair, mover):
+    """1.0 when `mover` is B of a pair, -1.0 when it is A, 0.0 when it has no part."""
+    if is_mover(bodies, pair["body_b"], mover):
+        return 1.0
+    return -1.0 if is_mover(bodies, pair["body_a"], mover) else 0.0
+
+
+@kernel
 def global_depth(bodies, pairs, first, end, mover, out_shift):
     """Eq. 1: PD = sum(d_i^2 n_i) / sum(d_i) over the mover's overlapping pairs, normals towards the mover.
 
@@ -27,14 +35,8 @@ def global_depth(bodies, pairs, first, end, mover, out_shift):
     for k in range(first, end):
         pair = pairs[k]
         depth = -pair["distance"]
-        if depth <= 0:
-            continue
-        sign = 0.0
-        if is_mover(bodies, pair["body_b"], mover):
-            sign = 1.0
-        elif is_mover(bodies, pair["body_a"], mover):
-            sign = -1.0
-        if sign == 0.0:
+        sign = side_of(bodies, pair, mover)
+        if depth <= 0 or sign == 0.0:
             continue
         deepest = max(deepest, depth)
         total += depth

@@ -1,4 +1,4 @@
-"""The driven loop: a driven body is freed of overlap by translation, or goes back to its last free pose."""
+"""The driven loop: driven bodies are freed of overlap by translation, or go back to their last free pose."""
 
 from reference_impl.conventions import (
     COUNT_GAVE_UP,
@@ -6,6 +6,8 @@ from reference_impl.conventions import (
     COUNT_WAY_BACK,
     DRIVEN,
     FIXED,
+    LONGEST_SHIFT,
+    REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
     SIMULATED,
     STALL_FALL,
@@ -14,47 +16,118 @@ from reference_impl.conventions import (
     WAY_BACK_STEPS,
 )
 from reference_impl.detection import detect, is_free, place_pieces
-from reference_impl.global_depth import global_depth, is_mover
+from reference_impl.global_depth import global_depth, side_of
 from reference_impl.kernel import kernel
+from reference_impl.least_motion import least_motion
 from reference_impl.rotation import rotation_between, turn
 from reference_impl.skeleton import place, pose_links
 
 
 @kernel
-def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state, d):
-    """Free driver d of overlap with fixed and simulated bodies (method, section 3); its links are posed.
+def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
+    """Free all drivers of overlap with fixed, simulated and driven bodies (method, section 3).
 
+    Two drivers part by half each; what is left between them is the later one's. Where that leaves one stuck
+    (the other pushed it into a wall), all go back to where they were last free, and each in turn comes as
+    far as the others let it: its own way back stays free. Giving up is counted.
+    """
+    for d in range(len(drivers)):
+        _store_entry(joints, drivers[d])
+    if len(drivers) > 1:
+        _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
+    all_free = True
+    for d in range(len(drivers)):
+        free = _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, 0.0)
+        drivers[d]["is_free"] = free
+        all_free = all_free and free
+    if not all_free and len(drivers) > 1:
+        for d in range(len(drivers)):
+            _interpolate(bodies, joints, drivers[d], 0.0)
+        for d in range(len(drivers)):
+            _interpolate(bodies, joints, drivers[d], 1.0)
+            drivers[d]["is_free"] = _free_driver(
+                bodies, pieces, joints, drivers, vertices, pairs, state, d, 1.0
+            )
+    for d in range(len(drivers)):
+        if drivers[d]["is_free"] == 1:
+            store_free_pose(joints, drivers[d])
+        else:
+            state["counters"][COUNT_GAVE_UP] += 1
+            _yield_simulated(bodies, pieces, vertices, pairs, state, -1 - d)
+
+
+@kernel
+def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
+    """One round of Eq. 1 among drivers alone: each moves by half its depths, all at once."""
+    shift = state["shift"]
+    for d in range(len(drivers)):
+        pose_links(bodies, joints, drivers[d])
+    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    for k in range(end):
+        both = bodies[pairs[k]["body_a"]]["driver"] >= 0 and bodies[pairs[k]["body_b"]]["driver"] >= 0
+        pairs[k]["distance"] *= 0.5 if both else 0.0
+    for d in range(len(drivers)):
+        deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, shift)
+        if not is_free(deepest):
+            state["counters"][COUNT_ROUNDS] += 1
+            for i in range(3):
+                drivers[d]["position"][i] += shift[i]
+            pose_links(bodies, joints, drivers[d])
+
+
+@kernel
+def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+    """Free driver d by translation or by the way back, which is counted; its links are posed.
+
+    Args:
+        later: share of its overlap with drivers whose turn comes later that it moves by, 0 or 1 [1].
     Returns:
-        Whether it is free. Way back and giving up are counted.
+        Whether it is free; if not, it stands at its pose at entry.
     """
     driver, mover = drivers[d], -1 - d
-    _store_entry(joints, driver)
     shift = state["shift"]
     previous, marked = 0.0, 0
     for rounds in range(REMOVAL_ROUNDS + 1):
         pose_links(bodies, joints, driver)
-        end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
-        deepest, size = global_depth(bodies, pairs, 0, end, mover, shift)
+        end = _detect_own(bodies, pieces, vertices, pairs, state, d, later)
+        if state["removal"] == REMOVAL_LEAST_MOTION:
+            deepest, size = least_motion(bodies, pairs, 0, end, mover, state["planes"], shift)
+        else:
+            deepest, size = global_depth(bodies, pairs, 0, end, mover, shift)
         if is_free(deepest):
-            _stop_at_obstacles(bodies, pairs, end, driver, mover)
+            _stop_at_obstacles(bodies, drivers, pairs, end, d)
             return True
-        # opposing normals cancel, or the depth falls too slowly
+        # opposing normals cancel or send it far away, or the depth falls too slowly
         stalled = rounds - marked == STALL_ROUNDS and deepest > STALL_FALL * previous
-        if size < VANISHING_SHIFT * deepest or stalled or rounds == REMOVAL_ROUNDS:
+        opposing = size < VANISHING_SHIFT * deepest or size > LONGEST_SHIFT * deepest
+        if opposing or stalled or rounds == REMOVAL_ROUNDS:
             break
         if rounds == 0 or rounds - marked == STALL_ROUNDS:
             previous, marked = deepest, rounds
         state["counters"][COUNT_ROUNDS] += 1
         for i in range(3):
             driver["position"][i] += shift[i]
-    if _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d):
-        state["counters"][COUNT_WAY_BACK] += 1
-        end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
-        _stop_at_obstacles(bodies, pairs, end, driver, mover)
-        return True
-    state["counters"][COUNT_GAVE_UP] += 1
-    _yield_simulated(bodies, pieces, vertices, pairs, state, mover)
-    return False
+    if not _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+        return False
+    state["counters"][COUNT_WAY_BACK] += 1
+    end = _detect_own(bodies, pieces, vertices, pairs, state, d, later)
+    _stop_at_obstacles(bodies, drivers, pairs, end, d)
+    return True
+
+
+@kernel
+def _detect_own(bodies, pieces, vertices, pairs, state, d, later):
+    """Detect for driven bodies; of driver d's overlap with later drivers the share `later` counts.
+
+    Returns:
+        Index after the last pair.
+    """
+    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    for k in range(end):
+        one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
+        if min(one, two) == d and max(one, two) > d:
+            pairs[k]["distance"] *= later
+    return end
 
 
 @kernel
@@ -67,7 +140,7 @@ def _store_entry(joints, driver):
 
 @kernel
 def store_free_pose(joints, driver):
-    """Remember the shown pose as the last free one."""
+    """Remember the present pose as the last free one."""
     driver["free_position"][:] = driver["position"]
     driver["free_orientation"][:] = driver["orientation"]
     driver["has_free"] = 1
@@ -76,7 +149,7 @@ def store_free_pose(joints, driver):
 
 
 @kernel
-def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d):
+def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
     """Bisect between the last free pose (t = 0) and the pose at entry (t = 1); keeps the free end.
 
     Returns:
@@ -84,36 +157,33 @@ def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d):
     """
     driver = drivers[d]
     if driver["has_free"] == 0 or not _free_at(
-        bodies, pieces, joints, drivers, vertices, pairs, state, d, 0.0
+        bodies, pieces, joints, drivers, vertices, pairs, state, d, later, 0.0
     ):
-        _interpolate(joints, driver, 1.0)
-        pose_links(bodies, joints, driver)
+        _interpolate(bodies, joints, driver, 1.0)
         detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
         return False
     free, blocked = 0.0, 1.0
     for _ in range(WAY_BACK_STEPS):
         middle = (free + blocked) / 2
-        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, middle):
+        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, middle):
             free = middle
         else:
             blocked = middle
-    _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, free)
+    _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, free)
     return True
 
 
 @kernel
-def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, t):
-    driver = drivers[d]
-    _interpolate(joints, driver, t)
-    pose_links(bodies, joints, driver)
-    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, t):
+    _interpolate(bodies, joints, drivers[d], t)
+    end = _detect_own(bodies, pieces, vertices, pairs, state, d, later)
     deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, state["shift"])
     return is_free(deepest)
 
 
 @kernel
-def _interpolate(joints, driver, t):
-    """Pose at t between the last free one (0) and that at entry (1): linear, orientation by slerp."""
+def _interpolate(bodies, joints, driver, t):
+    """Pose links at t between the last free pose (0) and that at entry (1): linear, orientation by slerp."""
     turned = driver["scratch"][0]
     for i in range(3):
         driver["position"][i] = (1 - t) * driver["free_position"][i] + t * driver["entry_position"][i]
@@ -121,25 +191,32 @@ def _interpolate(joints, driver, t):
     turn(driver["free_orientation"], t * turned[0], t * turned[1], t * turned[2], driver["orientation"])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["angle"] = (1 - t) * joints[k]["free_angle"] + t * joints[k]["entry_angle"]
+    pose_links(bodies, joints, driver)
 
 
 @kernel
-def _stop_at_obstacles(bodies, pairs, end, driver, mover):
-    """Take out the coupling velocity that points into a fixed obstacle. (A simulated one is met by an
-    impulse, which needs that velocity.)"""
+def _stop_at_obstacles(bodies, drivers, pairs, end, d):
+    """Take out the coupling velocity of driver d that points into what it touches; two drivers share it. (A
+    simulated body is met by an impulse, which needs that velocity, a later driver in its own turn.)"""
+    v = drivers[d]["velocity"]
     for k in range(end):
         pair = pairs[k]
-        sign = 0.0
-        if is_mover(bodies, pair["body_b"], mover) and bodies[pair["body_a"]]["kind"] == FIXED:
-            sign = 1.0
-        elif is_mover(bodies, pair["body_a"], mover) and bodies[pair["body_b"]]["kind"] == FIXED:
-            sign = -1.0
+        sign = side_of(bodies, pair, -1 - d)
+        other = bodies[pair["body_a"] if sign > 0 else pair["body_b"]]
+        if sign == 0.0 or other["kind"] == SIMULATED or other["driver"] > d:
+            continue
         n = pair["normal"]
-        v = driver["velocity"]
         outward = sign * (v[0] * n[0] + v[1] * n[1] + v[2] * n[2])
+        w = drivers[max(other["driver"], 0)]["velocity"]
+        share = 1.0
+        if other["driver"] >= 0:
+            share = 0.5
+            outward -= sign * (w[0] * n[0] + w[1] * n[1] + w[2] * n[2])
         if outward < 0:
             for i in range(3):
-                v[i] -= sign * outward * n[i]
+                v[i] -= share * sign * outward * n[i]
+                if other["driver"] >= 0:
+                    w[i] += share * sign * outward * n[i]
 
 
 @kernel
@@ -151,9 +228,7 @@ def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
             continue
         end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
         for k in range(end):
-            if not (
-                is_mover(bodies, pairs[k]["body_a"], mover) or is_mover(bodies, pairs[k]["body_b"], mover)
-            ):
+            if side_of(bodies, pairs[k], mover) == 0.0:
                 pairs[k]["distance"] = 0.0
         deepest, _ = global_depth(bodies, pairs, 0, end, b, shift)
         if is_free(deepest):

@@ -59,8 +59,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["counters"][:] = 0
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
-    for d in range(len(drivers)):
-        _drive(bodies, pieces, joints, drivers, vertices, pairs, s, d)
+    _drive(bodies, pieces, joints, drivers, vertices, pairs, s)
     _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
 
 
@@ -72,20 +71,20 @@ def _weigh(bodies, joints, driver):
 
 
 @kernel
-def _drive(bodies, pieces, joints, drivers, vertices, pairs, state, d):
-    """Driven loop: coupling, overlap removal, and the inertia the hand has in this frame's contacts."""
-    driver = drivers[d]
+def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
+    """Driven loop: coupling, overlap removal, and the inertia the hands have in this frame's contacts."""
     start = clock(state["clock"])
-    follow_tracker(driver, state["dt"])
-    pose_hinges(joints, driver)
+    for d in range(len(drivers)):
+        follow_tracker(drivers[d], state["dt"])
+        pose_hinges(joints, drivers[d])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
-    if remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state, d):
-        store_free_pose(joints, driver)
+    remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
     removed = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION] - collision
-    _weigh(bodies, joints, driver)
-    move_links(bodies, joints, driver)
+    for d in range(len(drivers)):
+        _weigh(bodies, joints, drivers[d])
+        move_links(bodies, joints, drivers[d])
     state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
     state["stage_seconds"][STAGE_DRIVE] += coupled - start + clock(state["clock"]) - removed
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_impl.global_depth import global_depth
+from reference_impl.global_depth import global_depth, side_of
 from reference_impl.world import BODY, PAIR
 
 
@@ -55,3 +55,11 @@ def test_a_driver_moves_with_all_its_links() -> None:
     deepest, _, shift = shift_of([(0, 1, -0.02, (0, 1, 0))], mover=-1 - 3, driver=3)
     assert deepest == 0.02
     np.testing.assert_allclose(shift, (0, 0.02, 0), rtol=1e-15)
+
+
+def test_sides() -> None:
+    """Tell B from A and from neither, for a body and for a driver."""
+    bodies, pairs = np.zeros(3, BODY), np.zeros(1, PAIR)
+    bodies["driver"] = (-1, -1, 2)
+    pairs[0]["body_a"], pairs[0]["body_b"] = 0, 2
+    assert [side_of(bodies, pairs[0], mover) for mover in (0, 1, 2, -1 - 2, -1 - 1)] == [-1, 0, 1, 1, 0]

@@ -1,0 +1,466 @@
+"""Time of impact against closed forms, dense sampling and rays: never late, never without cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from adapters.oracles.minkowski import signed_distance
+from reference_impl import conventions
+from reference_impl.conventions import FLIGHT_BALLISTIC, FLIGHT_EULER, IMPACT_SLACK, IMPACT_TARGET, SIMULATED
+from reference_impl.integrate import pose_at
+from reference_impl.sweep import (
+    MOTION,
+    SWEEP_CAP,
+    distance_at,
+    flight_motion,
+    pose_along,
+    shown_motion,
+    sweep,
+    swept_box,
+)
+from reference_impl.world import BODY, PAIR, PIECE, STATE
+from scenarios.scenario import Box, Ellipsoid, Hull, Shape, Sphere
+from scenarios.solids import elliptic_hull
+
+FRAME = 1 / 60
+NEAR = IMPACT_TARGET + IMPACT_SLACK
+"""Gap at which an impact may be reported [m]."""
+ROUNDING = 1e-12
+"""Rounding of a distance or of a way, in scenes of metres [m]."""
+CLOSE = 1e-9
+"""Rounding of a measured distance at a gap of 5e-7 m: the normal is good to 1e-16 / 5e-7 [m]."""
+
+
+Found = tuple[float, int, bool]
+
+
+class Scene:
+    """Two bodies of one piece each, and how they move over one step."""
+
+    def __init__(self, one: Shape, two: Shape) -> None:
+        self.bodies, self.pieces = np.zeros(2, BODY), np.zeros(2, PIECE)
+        self.bodies["kind"], self.pieces["rotation"] = SIMULATED, np.eye(3)
+        self.motions, self.pairs, self.state = np.zeros(2, MOTION), np.zeros(1, PAIR), np.zeros(1, STATE)
+        self.motions["old_orientation"] = (1.0, 0.0, 0.0, 0.0)
+        self.pairs["piece_b"] = self.pairs["body_b"] = 1
+        table, first = [np.zeros((1, 3))], 1
+        for k, shape in enumerate((one, two)):
+            row = self.pieces[k]
+            row["body"] = k
+            match shape:
+                case Sphere(radius):
+                    row["kind"], row["radius"] = conventions.SPHERE, radius
+                case Box(size):
+                    row["kind"], row["size"] = conventions.BOX, size
+                case Ellipsoid(size):
+                    row["kind"], row["size"] = conventions.ELLIPSOID, size
+                case Hull(points):
+                    row["kind"] = conventions.HULL
+                    row["first_vertex"], row["vertex_count"] = first, len(points)
+                    table.append(np.array(points))
+                    first += len(points)
+        self.vertices = np.ascontiguousarray(np.vstack(table))
+
+    def move(self, body: int, center=(0, 0, 0), travel=(0, 0, 0), turn=(0, 0, 0), **more: object) -> Scene:
+        """Set a body's motion; `more`: `posture` (scipy), `travel_bend` and `turn_bend` (square terms)."""
+        row = self.motions[body]
+        row["old_center"], row["travel"], row["turn"] = center, travel, turn
+        row["travel_bend"], row["turn_bend"] = more.get("travel_bend", 0.0), more.get("turn_bend", 0.0)
+        posture = more.get("posture", Rotation.identity())
+        row["old_orientation"] = posture.as_quat(scalar_first=True)
+        return self
+
+    def impact(self, start=0.0, until=1.0, target=IMPACT_TARGET, slack=IMPACT_SLACK) -> Found:
+        """(fraction, iterations, converged) of the sweep."""
+        return sweep(
+            self.bodies,
+            self.pieces,
+            self.vertices,
+            self.motions,
+            self.pairs[0],
+            self.state[0],
+            start,
+            until,
+            target,
+            slack,
+        )
+
+    def distance(self, s: float) -> float:
+        """Signed distance at a fraction: that of two witness points, so never less than the true one."""
+        distance_at(self.bodies, self.pieces, self.vertices, self.motions, self.pairs[0], self.state[0], s)
+        return float(self.pairs[0]["distance"])
+
+    def corners(self, k: int) -> np.ndarray:
+        """World vertices of the box or hull where it was last posed."""
+        row = self.pieces[k]
+        signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        first = row["first_vertex"]
+        local = self.vertices[first : first + row["vertex_count"]] if first else signs * row["size"]
+        return local @ row["world_rotation"].T + row["world_position"]
+
+
+def assert_true(scene: Scene, found: Found, fractions: np.ndarray) -> None:
+    """No sample before the fraction is nearer than the target, and an impact is as near as it claims."""
+    fraction, _, converged = found
+    assert converged
+    for s in fractions[fractions < fraction]:
+        assert scene.distance(s) >= IMPACT_TARGET - CLOSE
+    if fraction < 1:
+        assert scene.distance(fraction) <= NEAR + CLOSE
+
+
+SLOPE = np.array([2.0, -1.0, 2.0]) / 3
+
+
+@pytest.mark.parametrize("spin", [(0, 0, 0), (3, -5, 40)])
+def test_a_sphere_meets_a_plane(spin) -> None:
+    """Close a gap of 0.2 m at 0.5 m a step, whatever the spin, in a few iterations."""
+    scene = Scene(Box((3.0, 3.0, 0.5)), Sphere(0.1)).move(0, (0, 0, -0.5))
+    fraction, iterations, converged = scene.move(1, (0.3, 0.1, 0.3), (0.2, 0.1, -0.5), spin).impact()
+    assert converged
+    assert iterations <= 3
+    assert 0 <= 0.4 - IMPACT_TARGET / 0.5 - fraction + ROUNDING <= IMPACT_SLACK / 0.5
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.1, 0.29, 0.2999])
+def test_spheres_meet(aside: float) -> None:
+    """Meet where the centres are as far apart as the radii: head-on, off centre and grazing."""
+    across = np.array([1.0, 2.0, 0.0]) / 5**0.5
+    scene = Scene(Sphere(0.1), Sphere(0.2)).move(0, (0, 0, 0), 0.5 * SLOPE)
+    fraction, _, converged = scene.move(1, SLOPE + aside * across, -1.5 * SLOPE).impact()
+    early, late = (0.5 * (1 - ((0.3 + gap) ** 2 - aside**2) ** 0.5) for gap in (NEAR, IMPACT_TARGET))
+    assert converged
+    # grazing multiplies the rounding by 0.3 / sqrt(0.3^2 - aside^2) = 40
+    assert early - 1e-13 <= fraction <= late + 1e-13
+
+
+@pytest.mark.parametrize(("aside", "meets"), [(1e-6, False), (4e-7, True)])
+def test_spheres_that_pass_each_other(aside: float, meets: bool) -> None:
+    """Let spheres pass at 1e-6 m and report those that come nearer than the target."""
+    scene = Scene(Sphere(0.1), Sphere(0.2)).move(0)
+    fraction, _, converged = scene.move(1, (-1, 0.3 + aside, 0), (2, 0, 0)).impact()
+    assert converged
+    assert (fraction < 0.5) is meets
+    assert meets or fraction == 1
+
+
+@pytest.mark.parametrize(("turn", "bend"), [(2.0, 0.0), (2.0, 0.4), (0.0, 2.5), (0.01, 2.5)])
+def test_a_box_turns_its_edge_into_a_wall(turn: float, bend: float) -> None:
+    """Find the angle at which an edge at radius 0.5 m reaches a wall 0.45 m away, at a changing rate too."""
+    scene = Scene(Box((0.5, 2.0, 2.0)), Box((0.3, 0.4, 0.2))).move(0, (0.95, 0, 0))
+    scene.move(1, (0, 0, 0), turn=(0, 0, turn), turn_bend=(0, 0, bend))
+    fraction, _, converged = scene.impact()
+    # the corner (0.3, -0.4) comes up from its angle of -atan2(4, 3)
+    early, late = (np.arctan2(4, 3) - np.arccos((0.45 - gap) / 0.5) for gap in (NEAR, IMPACT_TARGET))
+    angle = turn * fraction + bend * fraction**2
+    assert converged
+    assert early - ROUNDING <= angle <= late + ROUNDING
+
+
+def test_a_thrown_ball_falls() -> None:
+    """Meet the ground after the top of the flight, and not a ceiling a micrometre above that."""
+    up, fall = 1.0, -2.0  # top of the flight: 0.125 above its start, at 0.25
+    flight = {"center": (0, 0, 0.2), "travel": (0.3, 0, up), "travel_bend": (0, 0, fall)}
+    scene = Scene(Box((3.0, 3.0, 0.5)), Sphere(0.1)).move(0, (0, 0, -0.5)).move(1, **flight)
+    fraction, iterations, converged = scene.impact()
+    roots = ((up**2 - 4 * fall * (0.1 - gap)) ** 0.5 for gap in (NEAR, IMPACT_TARGET))
+    early, late = ((up + root) / (-2 * fall) for root in roots)
+    assert converged
+    assert iterations <= 3
+    assert early - ROUNDING <= fraction <= late + ROUNDING
+    scene.move(0, (0, 0, 0.425 + 1e-6 + 0.5))
+    assert scene.impact()[::2] == (1.0, True)
+
+
+@pytest.mark.parametrize("spin", [30.0, 300.0])
+def test_a_fast_rod_hits_a_peg(spin: float) -> None:
+    """Stop a 1 m rod within its first turn at a thin peg that it would else pass dozens of times."""
+    scene = Scene(Sphere(0.001), Box((0.5, 0.005, 0.005))).move(0, (0.24, 0.32, 0))
+    fraction, _, converged = scene.move(1, turn=(0, 0, spin)).impact()
+    # the peg's centre, 0.4 m out, is then its radius and half the rod's width away from the rod's axis
+    early, late = (np.arctan2(4, 3) - np.arcsin((0.006 + gap) / 0.4) for gap in (NEAR, IMPACT_TARGET))
+    assert converged
+    assert early - ROUNDING <= fraction * spin <= late + ROUNDING
+
+
+def test_nothing_moves() -> None:
+    """Report no impact without motion, at once."""
+    scene = Scene(Box((1.0, 1.0, 1.0)), Ellipsoid((0.3, 0.2, 0.1))).move(0).move(1, (0, 0, 1.2))
+    assert scene.impact() == (1.0, 1, True)
+
+
+def test_a_pair_that_parts() -> None:
+    """Report no impact of a pair that parts, whose spin could reach back only at first."""
+    scene = Scene(Box((1.0, 1.0, 1.0)), Box((0.3, 0.2, 0.1))).move(0).move(1, (0, 0, 1.11), (0, 0, 0.7))
+    assert scene.impact()[::2] == (1.0, True)
+    scene.motions[1]["turn"] = (2.0, 0, 0)
+    assert scene.impact()[::2] == (1.0, True)
+
+
+@pytest.mark.parametrize("height", [1.05, 1.1, 1.1 + 6e-7])
+def test_a_pair_in_contact(height: float) -> None:
+    """Return the start for a pair that overlaps or touches there."""
+    scene = Scene(Box((1.0, 1.0, 1.0)), Box((0.3, 0.2, 0.1))).move(0).move(1, (0, 0, height), (0, 0, 0.7))
+    assert scene.impact() == (0.0, 1, True)
+    assert scene.impact(start=0.3)[0] == (0.3 if height + 0.21 < 1.1 else 1.0)
+
+
+def test_a_part_of_the_step() -> None:
+    """Search between `start` and `until` alone."""
+    scene = Scene(Box((1.0, 1.0, 1.0)), Sphere(0.1)).move(0).move(1, (0, 0, 2.1), (0, 0, -2.0))
+    whole, _, _ = scene.impact()
+    assert scene.impact(until=0.4)[::2] == (0.4, True)
+    fraction, _, _ = scene.impact(start=0.3)
+    assert abs(fraction - whole) <= IMPACT_SLACK / 2
+
+
+def test_a_depth_is_a_target_too() -> None:
+    """Find where a sphere has sunk a centimetre into a box."""
+    scene = Scene(Box((1.0, 1.0, 1.0)), Sphere(0.1)).move(0).move(1, (0, 0, 1.15), (0, 0, -0.2))
+    fraction, _, converged = scene.impact(target=-0.01)
+    assert converged
+    assert 0 <= 0.3 - fraction + ROUNDING <= IMPACT_SLACK / 0.2
+
+
+@pytest.mark.parametrize("half", [1e-3, 1e-6, 1e-9])
+def test_a_needle_thin_plate_stops_a_bullet(half: float) -> None:
+    """Stop a bullet of a millimetre at 100 m/s before a plate down to two nanometres thin."""
+    bullet = Hull(elliptic_hull((5e-4, 4e-4, 3e-4)))
+    scene = Scene(Box((0.5, 0.5, half)), bullet).move(0, posture=Rotation.from_rotvec([0.3, 0.2, 0.1]))
+    scene.move(1, 0.7 * SLOPE, -100 * FRAME * SLOPE, (5.0, 9.0, -20.0))
+    found = scene.impact()
+    assert found[0] < 0.42
+    assert_true(scene, found, np.linspace(0.4, 0.42, 400))
+
+
+def test_a_cap_is_reported_and_safe() -> None:
+    """Stop a hopelessly fast wheel at the cap, unconverged, at a fraction that is still free."""
+    rim = [(0.3 * np.cos(a), 0.3 * np.sin(a), z) for a in np.arange(7) for z in (-0.02, 0.02)]
+    scene = Scene(Box((1.0, 1.0, 1.0)), Hull(tuple(rim))).move(0)
+    scene.move(1, (1.31, 0, 0), (-0.02, 0, 0), (0, 0, 1e6))
+    fraction, iterations, converged = scene.impact()
+    assert not converged
+    assert iterations == SWEEP_CAP
+    assert 0 < fraction < 0.5
+    assert scene.distance(fraction) > NEAR
+
+
+numbers = st.floats(-1, 1, allow_subnormal=False)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+rotations = vectors.map(lambda v: Rotation.from_rotvec(3 * v))
+sizes = st.floats(0.02, 0.4)
+solids = st.one_of(
+    st.builds(lambda *half: Box(half), sizes, sizes, sizes),
+    st.builds(lambda *half: Hull(elliptic_hull(half)), sizes, sizes, sizes),
+)
+shapes = st.one_of(
+    solids, st.builds(Sphere, sizes), st.builds(lambda *half: Ellipsoid(half), sizes, sizes, sizes)
+)
+
+
+@st.composite
+def scenes(draw: st.DrawFn, shapes: st.SearchStrategy = shapes) -> Scene:
+    """Two shapes off their centres of mass on bent, turning ways towards each other."""
+    scene = Scene(draw(shapes), draw(shapes))
+    for k, side in enumerate((-1, 1)):
+        center = np.array([0.6 * side, 0, 0]) + 0.2 * draw(vectors)
+        travel = np.array([-0.8 * side, 0, 0]) + 0.4 * draw(vectors)
+        spin = draw(st.sampled_from([0.0, 0.1, 2.0, 10.0]))
+        bend = {"travel_bend": 0.3 * draw(vectors), "turn_bend": spin * draw(vectors) * draw(st.booleans())}
+        scene.move(k, center, travel, spin * draw(vectors), posture=draw(rotations), **bend)
+        scene.bodies[k]["center_of_mass"] = 0.1 * draw(vectors)
+        scene.pieces[k]["position"] = 0.1 * draw(vectors)
+        scene.pieces[k]["rotation"] = draw(rotations).as_matrix()
+    return scene
+
+
+@settings(max_examples=150, deadline=None)
+@given(scenes())
+def test_never_later_than_dense_sampling(scene: Scene) -> None:
+    """Report no impact later than a sample that is nearer than the target, and none without cause."""
+    found = scene.impact()
+    if found[0] == 0:
+        assert scene.distance(0.0) <= NEAR
+    else:
+        assert_true(scene, found, np.linspace(0, 1, 200))
+        # the last stretch in detail
+        assert_true(scene, found, found[0] - np.geomspace(1e-8, 0.01, 20))
+
+
+@settings(max_examples=40, deadline=None)
+@given(scenes(solids))
+def test_the_gap_of_an_impact_is_that_of_the_minkowski_difference(scene: Scene) -> None:
+    """Leave at the fraction found the gap that the explicit Minkowski difference has."""
+    fraction, _, converged = scene.impact()
+    assert converged
+    if 0 < fraction < 1:
+        scene.distance(fraction)
+        distance, _ = signed_distance(scene.corners(0), scene.corners(1))
+        assert IMPACT_TARGET - CLOSE <= distance <= NEAR + CLOSE
+
+
+@settings(max_examples=60, deadline=None)
+@given(scenes(), vectors, rotations)
+def test_swapped_or_moved_as_a_whole(scene: Scene, shift: np.ndarray, turned: Rotation) -> None:
+    """Find the same impact with A and B swapped, and with the world moved and turned."""
+    fraction, _, _ = scene.impact()
+    scene.pairs[["piece_a", "piece_b", "body_a", "body_b"]] = (1, 0, 1, 0)
+    swapped, _, _ = scene.impact()
+    for row in scene.motions:
+        posture = turned * Rotation.from_quat(row["old_orientation"], scalar_first=True)
+        row["old_center"], row["old_orientation"] = (
+            turned.apply(row["old_center"]) + shift,
+            posture.as_quat(scalar_first=True),
+        )
+        for name in ("travel", "travel_bend", "turn", "turn_bend"):
+            row[name] = turned.apply(row[name])
+    moved, _, _ = scene.impact()
+    for other in (swapped, moved):
+        # both ways stop in the slack's band: the earlier one is nearer than NEAR, and so is all between
+        early, late = min(fraction, other), max(fraction, other)
+        for s in np.linspace(early, late, 5):
+            assert scene.distance(s) <= NEAR + CLOSE or early == late
+
+
+@settings(max_examples=60, deadline=None)
+@given(scenes())
+def test_a_swept_box_holds_the_whole_motion(scene: Scene) -> None:
+    """Keep the piece inside its swept box all along, to rounding."""
+    for k in range(2):
+        row, body, motion = scene.pieces[k], scene.bodies[k], scene.motions[k]
+        swept_box(row, body, scene.vertices, motion, 0.0)
+        low, high = row["low"].copy(), row["high"].copy()
+        for s in np.linspace(0, 1, 20):
+            scene.distance(s)
+            assert (row["low"] >= low - ROUNDING).all()
+            assert (row["high"] <= high + ROUNDING).all()
+
+
+@pytest.mark.parametrize("flight", [FLIGHT_EULER, FLIGHT_BALLISTIC])
+def test_the_motion_of_a_flight_is_that_of_pose_at(flight: int) -> None:
+    """Pose a simulated body where `pose_at` does."""
+    rng = np.random.default_rng(5)
+    bodies, motions = np.zeros(1, BODY), np.zeros(1, MOTION)
+    bodies["kind"] = SIMULATED
+    for name in ("old_center", "old_velocity", "old_omega", "velocity", "omega", "center_of_mass"):
+        bodies[name] = rng.normal(size=(1, 3))
+    bodies["old_orientation"] = Rotation.random(rng=rng).as_quat(scalar_first=True)
+    flight_motion(bodies[0], 0.7, flight, motions[0])
+    for s in (0.0, 0.3, 1.0):
+        pose_at(bodies, 0.7, s, flight)
+        expected = bodies.copy()
+        pose_along(bodies[0], motions[0], s)
+        for name in ("center", "position", "orientation", "rotation"):
+            # a few roundings of numbers near 1
+            np.testing.assert_allclose(bodies[name], expected[name], rtol=0, atol=1e-14)
+
+
+def test_the_motion_between_two_shown_poses() -> None:
+    """Lead from the old pose to the present one."""
+    rng = np.random.default_rng(6)
+    bodies, motions = np.zeros(1, BODY), np.zeros(1, MOTION)
+    bodies["kind"] = conventions.DRIVEN
+    for name in ("", "old_"):
+        bodies[f"{name}center"] = rng.normal(size=(1, 3))
+        bodies[f"{name}orientation"] = Rotation.random(rng=rng).as_quat(scalar_first=True)
+    shown = bodies.copy()
+    shown_motion(bodies[0], motions[0])
+    assert np.linalg.norm(motions["turn"]) <= np.pi
+    for s, name in ((0.0, "old_"), (1.0, "")):
+        pose_along(bodies[0], motions[0], s)
+        # a few roundings of numbers near 1
+        np.testing.assert_allclose(bodies["center"], shown[f"{name}center"], atol=1e-14)
+        same = abs(float((bodies["orientation"] * shown[f"{name}orientation"]).sum()))
+        assert same == pytest.approx(1, abs=1e-14)
+
+
+PLATE = np.array([0.5, 0.4, 5e-4])
+BULLET = 5e-4
+"""A bullet of a millimetre and a plate of a millimetre: half sizes [m]."""
+
+
+def entry(origin: np.ndarray, way: np.ndarray, half: np.ndarray, radius: float) -> float:
+    """Fraction at which a ray enters a box with rounded edges; infinite if it misses.
+
+    The rounded box is the union of three boxes, twelve cylinders and eight balls.
+    """
+    found = np.inf
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    for axis in range(3):
+        grown = half + radius * np.eye(3)[axis]
+        with np.errstate(divide="ignore"):
+            sides = np.sort([(-grown - origin) / way, (grown - origin) / way], axis=0)
+        # a start inside counts as an entry at 0
+        s = max(0.0, sides[0].max())
+        if s <= sides[1].min():
+            found = min(found, s)
+        across = np.delete(np.eye(3), axis, axis=0)
+        for corner in signs * half:
+            for flat in (across, np.eye(3)):
+                o, d = flat @ (origin - corner), flat @ way
+                discriminant = (o @ d) ** 2 - (d @ d) * (o @ o - radius**2)
+                if discriminant < 0 or discriminant**0.5 < o @ d:
+                    continue
+                s = max(0.0, (-(o @ d) - discriminant**0.5) / (d @ d))
+                if len(flat) == 3 or abs(origin[axis] + s * way[axis]) <= half[axis]:
+                    found = min(found, s)
+    return found
+
+
+def shoot(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Aim a bullet at 100 m/s at a point on or near the plate, from a random side; returns start and way."""
+    way = rng.normal(size=3)
+    way *= 100 * FRAME / np.linalg.norm(way)
+    aim = rng.uniform(-1.1, 1.1, 3) * PLATE
+    origin = aim - rng.uniform(0.05, 1.05) * way
+    spin = rng.normal(size=3) * rng.choice([0, 10, 1000]) * FRAME
+    scene.move(1, origin, way, spin, posture=Rotation.from_quat(rng.normal(size=4)))
+    return origin, way
+
+
+SHOTS = [200, pytest.param(10_000, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("count", SHOTS)
+def test_no_ball_tunnels_and_none_is_stopped_for_nothing(count: int) -> None:
+    """Find for every ball the impact of a ray with the rounded plate, inside the tolerance, and no other."""
+    rng = np.random.default_rng(count)
+    scene, hits = Scene(Box(tuple(PLATE)), Sphere(BULLET)).move(0), 0
+    for _ in range(count):
+        origin, way = shoot(scene, rng)
+        early, late = (entry(origin, way, PLATE, BULLET + gap) for gap in (NEAR, IMPACT_TARGET))
+        fraction, _, converged = scene.impact()
+        assert converged
+        if late < 1:
+            # rounding of the ray's fraction, grazing included: sqrt(1e-16)
+            assert early - 1e-8 <= fraction <= late + 1e-8
+            assert fraction == 0 or IMPACT_TARGET - CLOSE <= scene.distance(fraction) <= NEAR + CLOSE
+            hits += 1
+        elif early > 1:
+            assert fraction == 1
+    assert 0.3 * count < hits < 0.9 * count
+
+
+@pytest.mark.parametrize("count", SHOTS)
+def test_no_spinning_hull_tunnels(count: int) -> None:
+    """Find every impact of a small hull that dense samples of its flight by the plate see, and no other."""
+    rng = np.random.default_rng(count)
+    hull = Hull(elliptic_hull((BULLET, 0.8 * BULLET, 0.6 * BULLET)))
+    scene, hits = Scene(Box(tuple(PLATE)), hull).move(0), 0
+    for _ in range(count):
+        origin, way = shoot(scene, rng)
+        found = scene.impact()
+        # the hull can touch only after the ball round it does
+        first = entry(origin, way, PLATE, BULLET + NEAR)
+        start = min(first, 1.0)
+        samples = np.append(np.linspace(start, start + 0.01, 60), np.linspace(start, start + 0.4, 40))
+        samples = samples[samples < 1]
+        if found[0] > 0:
+            assert_true(scene, found, samples)
+        hits += found[0] < 1
+        assert found[0] >= min(first - 1e-8, 1)
+    assert 0.3 * count < hits < 0.9 * count
