@@ -51,7 +51,10 @@ def main() -> None:
     """Entry point: every expected failure ends in one line on standard error."""
     try:
         app()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit) as end:
+        # typer turns Ctrl-C into a silent exit
+        if isinstance(end, SystemExit) and end.code != INTERRUPTED:
+            raise
         _stop("interrupted; nothing was written", INTERRUPTED)
 
 
@@ -107,7 +110,7 @@ def run(
 def _printed(frame: pd.DataFrame, output: Format) -> bool:
     """Print the long table for machines; False where a human asked."""
     if output is Format.json:
-        print(frame.to_json(orient="records", indent=1))
+        print(frame.to_json(orient="records", indent=1, double_precision=15))
     elif output is Format.csv:
         print(frame.to_csv(index=False), end="")
     return output is not Format.table
@@ -142,9 +145,9 @@ def _request(
     from reports.run import DEFAULT_PROFILES, Request, columns_of
 
     scenarios = _scenarios(names, tag)
-    engines = [_known("engine", name, ENGINES) for name in engines] or list(ENGINES)
+    engines = [_known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
-    profiles = [_known("profile", name, every) for name in profiles]
+    profiles = [_known("profile", name, every) for name in dict.fromkeys(profiles)]
     for name in metrics:
         _known("metric", name, [*METRICS, "ratio.time"])
     columns = columns_of(engines, profiles or DEFAULT_PROFILES)
@@ -161,7 +164,7 @@ def _scenarios(names: list[str], tag: str) -> list[Scenario]:
 
     try:
         if names:
-            return [catalogue()[_known("scenario", name, catalogue())] for name in names]
+            return [catalogue()[_known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
         return list(tagged(_known("tag", tag, tags())))
     except ScenarioError as error:
         _stop(str(error), BAD_INPUT)
@@ -177,7 +180,7 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
         value = float(Fraction(text))
         for scenario in scenarios:
             substeps(scenario, value)
-    except (ValueError, ZeroDivisionError) as error:
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
         _stop(f"--dt {text}: {error}", BAD_INPUT)
     return value
 

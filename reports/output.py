@@ -15,6 +15,8 @@ class OutputError(Exception):
 @contextmanager
 def output_folder(out: Path) -> Iterator[Path]:
     """A folder beside `out` that takes its place at the end."""
+    if not out.name or out.name == "..":
+        raise OutputError(f"--out {out}: give the folder a name of its own")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise OutputError(f"--out {out}: exists and is not an empty folder")
     part = out.with_name(f"{out.name}.part")

@@ -88,11 +88,13 @@ def _cell(
 
 
 def number(value: float) -> str:
-    """Three significant digits, without exponents where a reader can do without; 0 for rounding."""
+    """Three significant digits; two and an exponent below 1e-3 and from 1e4; 0 for rounding."""
     if abs(value) < 1e-12:
         return "0"
-    if 1e-3 <= abs(value) < 1e4:
-        digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    # rounding may carry into another digit: 9.999 is 10.0
+    rounded = abs(float(f"{value:.2e}") if abs(value) < 1e3 else float(f"{value:.0f}"))
+    if 1e-3 <= rounded < 1e4:
+        digits = max(0, 2 - int(np.floor(np.log10(rounded))))
         return f"{value:.{digits}f}"
     return f"{value:.1e}"
 

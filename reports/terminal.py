@@ -35,7 +35,9 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
         if ratios:
             out.print(_ratio_table(ratios))
         for line in remark_lines(scene, shown):
-            out.print(line, highlight=False, style="red" if line.startswith(("fail", "error")) else "")
+            out.print(
+                line, highlight=False, markup=False, style="red" if line.startswith(("fail", "error")) else ""
+            )
 
 
 def _table(scenario: str, cells: Grid) -> Table:

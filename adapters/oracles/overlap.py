@@ -80,7 +80,8 @@ class _Oracle:
             for p, q in self._candidates(poses):
                 pair = (self.pieces[p][0], self.pieces[q][0])
                 value, along, middle = signed_distance(self.shapes[p], poses[p], self.shapes[q], poses[q])
-                if value < distance[pair][f]:
+                # farther ones are candidates by chance: their nearest pieces may not be among them
+                if value < distance[pair][f] and (value <= MARGIN or pair in self.asked):
                     distance[pair][f], normal[pair][f], point[pair][f] = value, along, middle
         return Distances(distance, normal, point)
 

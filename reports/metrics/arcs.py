@@ -27,7 +27,8 @@ HASTE = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Bounce:
-    """A contact between two frames: its time [s], approach and departure speed [m/s] along the normal."""
+    """A contact between two frames: its time [s], approach and departure speed [m/s] along the normal, where
+    the free arcs meet gap 0."""
 
     time: float
     approach: float
@@ -86,10 +87,15 @@ def bounces(evidence: Evidence, pair: tuple[int, int]) -> list[Bounce]:
         closing, opening = _closing(g, k, h), _closing(g, m, -h)
         if closing is None or opening is None or (m == k + 1 and not _kicked(g, k, h)):
             continue
-        approach = -(g.rate[k] + g.pull[k] * closing)
-        departure = g.rate[m] + g.pull[m] * opening
+        approach = _at_contact(g.rate[k] + g.pull[k] * closing, g.pull[k])
+        departure = _at_contact(g.rate[m] + g.pull[m] * opening, g.pull[m])
         found.append(Bounce(evidence.recording.time[k] + closing, approach, departure))
     return found
+
+
+def _at_contact(rate: float, pull: float) -> float:
+    """Speed at gap 0 of an arc that meets TOUCH_GAP with `rate`: at 1 m/s the difference is 0.1 %."""
+    return float(np.sqrt(max(0.0, rate * rate - 2 * pull * TOUCH_GAP)))
 
 
 def first_closing(evidence: Evidence, g: Gap, start: float) -> float:

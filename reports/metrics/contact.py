@@ -10,6 +10,8 @@ from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
 
 AUDIT_LIMIT = 0.01
 """Impulse balance above which a recording's impulse metrics are rejected [relative]."""
+UNTOUCHED = 1e-9
+"""Change of velocity over |v| + g T, both at their largest, below which only rounding changed it [1]."""
 BOUNCE_SPEED = 1.0
 """Approach speed from which a bounce is judged [m/s]: below, engines and method fade restitution out."""
 
@@ -28,12 +30,19 @@ def impulse_balance(evidence: Evidence) -> Values:
         change = evidence.mass[body] * np.diff(evidence.recording.linear_velocity[:, body], axis=0)
         change -= evidence.mass[body] * evidence.gravity * evidence.frame
         total = np.linalg.norm(change, axis=1).sum()
-        if total > 0:
+        if total > UNTOUCHED * evidence.mass[body] * _pace(evidence, body):
             residual = np.linalg.norm(felt - change, axis=1).sum()
             found[evidence.scenario.bodies[body].name] = float(residual / total)
     if not found:
         raise NotMeasured("no simulated body is touched")
     return found
+
+
+def _pace(evidence: Evidence, body: int) -> float:
+    """The speed that a body has, or that gravity gives in the run [m/s]."""
+    r = evidence.recording
+    fastest = np.linalg.norm(r.linear_velocity[:, body], axis=1).max()
+    return float(fastest + np.linalg.norm(evidence.gravity) * r.time[-1])
 
 
 def restitution_achieved(evidence: Evidence) -> Values:

@@ -18,12 +18,18 @@ SUPPORT_REACH = 5e-3
 
 def overlap_max(evidence: Evidence) -> Values:
     """Deepest convex-pair depth of any frame [m]."""
-    return {"": float(evidence.distances.overlap().max())}
+    return {"": float(_deepest(evidence).max())}
 
 
 def overlap_p95(evidence: Evidence) -> Values:
     """95th percentile over the frames of the deepest convex-pair depth [m]."""
-    return {"": float(np.percentile(evidence.distances.overlap(), 95))}
+    return {"": float(np.percentile(_deepest(evidence), 95))}
+
+
+def _deepest(evidence: Evidence) -> Array:
+    if not evidence.distances.distance:
+        raise NotMeasured("no two bodies may touch")
+    return evidence.distances.overlap()
 
 
 def overlap_time(evidence: Evidence) -> Values:

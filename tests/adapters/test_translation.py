@@ -32,7 +32,8 @@ def world(lab):
         Piece("hull 2", Hull(tuple((2 * x, y, z) for x, y, z in CORNERS))),
     )
     body = Body(
-        "all", "simulated", "wood", pieces, 2.0, (0.1, 0.2, 0.3), sphere_inertia(2.0, 0.2), (1.0, 2.0, 3.0), TURN,
+        "all", "simulated", "wood", pieces, 2.0, (0.1, 0.2, 0.3), sphere_inertia(2.0, 0.2),
+        position=(1.0, 2.0, 3.0), orientation=TURN,
         linear_velocity=(4.0, 5.0, 6.0), angular_velocity=(7.0, 8.0, 9.0),
     )  # fmt: skip
     scenario = lab.scene(lab.ground(), body, e=0.4, mu=0.3)

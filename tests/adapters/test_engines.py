@@ -1,0 +1,197 @@
+"""Every engine of the registry speaks our conventions and simulates the scenario it was given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import State
+from adapters.record import record
+from adapters.registry import ENGINES
+from scenarios.catalogue import catalogue
+from scenarios.scenario import Body, Box, Hull, Piece, Sphere
+from scenarios.solids import box_inertia, sphere_inertia
+
+DEPTH = 5e-4
+"""Overlap at the start [m]: within every engine's tolerance for it."""
+SPEED = 1.0
+"""Approach speed [m/s]."""
+TURN = Rotation.from_rotvec([0.3, -0.5, 0.4])
+"""No axis of the box is one of the world."""
+N = TURN.apply([0.0, 0.0, 1.0])
+"""From the box to what meets its top."""
+CUBE = Hull(tuple((x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)))
+SLACK = 2e-3
+"""What a distance may be off [m]: Bullet's margin of 1 mm, and the motion up to the moment of impact."""
+MASSES = {
+    # relative
+    "reference": 0.0,  # the scenario's numbers are its arrays
+    "dart": 1e-12,  # rounding of products
+    "bullet": 1e-12,  # principal axes and back
+    "mujoco": 1e-12,  # the same
+}
+COEFFICIENTS = {"reference": 0.0, "dart": 1e-12, "bullet": 1e-12, "mujoco": 1e-12}
+"""Relative; Bullet's are products of exponentials of solved logarithms."""
+ORIGIN_BASED = {"dart": 1.0, "mujoco": 1.0}
+"""Engines that integrate a free body's origin in place of its centre of mass."""
+
+
+def simulated(name, shape, mass, inertia, position, **fields):
+    turn = tuple(TURN.as_quat(scalar_first=True).tolist())
+    piece = (Piece(name, shape),)
+    fields |= {"mass": mass, "inertia": inertia, "position": tuple(position), "orientation": turn}
+    return Body(name, "simulated", "wood", piece, **fields)
+
+
+def meeting(lab, shape, box_first):
+    """A ball or cube that presses with SPEED into the top of a heavier free box, without gravity."""
+    half = (0.2, 0.3, 0.1)
+    box = simulated("box", Box(half), 3.0, box_inertia(3.0, half), np.zeros(3))
+    place = (half[2] + 0.05 - DEPTH) * N
+    velocity = tuple((-SPEED * N).tolist())
+    small = simulated("small", shape, 1.0, sphere_inertia(1.0, 0.05), place, linear_velocity=velocity)
+    bodies = (box, small) if box_first else (small, box)
+    return lab.scene(*bodies, mu=0.1, effects=("restitution", "friction"), duration=2 / 60)
+
+
+@pytest.mark.parametrize("box_first", [True, False], ids=["box first", "box last"])
+@pytest.mark.parametrize("shape", [Sphere(0.05), CUBE], ids=["sphere", "hull"])
+@pytest.mark.parametrize("name", ENGINES)
+def test_a_touching_pair(registry, lab, name, shape, box_first):
+    """Normal from A to B, A before B, overlap negative, and B gains the impulse that A loses."""
+    scenario, settings = meeting(lab, shape, box_first), registry.settings(name)
+    world = registry.engine(name).build(scenario, settings)
+    before, after = State(scenario), State(scenario)
+    world.read(before)
+    world.drive(0)
+    world.step()
+    world.read(after)
+    rows = after.contacts[: after.contact_count]
+    assert len(rows) > 0
+    assert set(zip(rows["body_a"], rows["body_b"])) == {(0, 1)}
+    normal = N if box_first else -N
+    # hulls: Bullet keeps corners to 1e-5 m of 0.1 m
+    assert rows["normal"] == pytest.approx(np.tile(normal, (len(rows), 1)), abs=1e-3)
+    assert rows["distance"].min() < 1e-6
+    assert np.abs(rows["distance"]).max() < SLACK
+    pressed = 0.1 * N
+    heights = (rows["position"] - pressed) @ N
+    assert np.abs(heights).max() < SLACK
+    total = rows["impulse"].sum(axis=0)
+    masses = np.array([body.mass for body in scenario.bodies])
+    gained = masses[:, None] * (after.linear_velocity - before.linear_velocity)
+    # what is left of a solver's tolerance, of an impulse of 0.75 N s
+    assert gained[1] == pytest.approx(total, abs=1e-5)
+    assert gained[0] == pytest.approx(-total, abs=1e-5)
+    # e = 0 in one step, soft contacts take several: somewhere between nothing and a full reversal
+    assert 0.01 < total @ normal < 2 * 0.75 * SPEED
+    # MuJoCo's and Bullet's points on a face need not share the load: some impulse is spent on turning
+    assert np.linalg.norm(total - (total @ normal) * normal) <= 0.1 * (total @ normal) + 1e-5
+    world.close()
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_a_spinning_body_with_its_mass_off_centre(registry, lab, name):
+    """Velocity is the centre of mass's, position the origin's, spin in world axes, quaternions wxyz."""
+    center, velocity, spin = np.array([0.05, -0.02, 0.03]), np.array([1.0, -2.0, 0.5]), 3.0
+    start = Rotation.from_euler("x", 90, degrees=True)  # the world's z is the body's y
+    body = Body(
+        "body", "simulated", "wood", (Piece("box", Box((0.1, 0.1, 0.1))),), 2.0, tuple(center),
+        sphere_inertia(2.0, 0.1), (0.3, 0.2, 0.1), tuple(start.as_quat(scalar_first=True).tolist()),
+        tuple(velocity), (0.0, 0.0, spin),
+    )  # fmt: skip
+    scenario = lab.scene(body, effects=(), duration=0.5)
+    kept = record(registry.engine(name), scenario, registry.settings(name))
+    t = kept.time
+    # DART's and MuJoCo's free joint sits at the origin: to first order the centre leaves its line in a step
+    drift = ORIGIN_BASED.get(name, 0.0) * spin**3 * np.linalg.norm(center) * registry.settings(name).dt / 2
+    # rounding of up to 500 steps
+    off = np.abs(kept.linear_velocity[:, 0] - velocity).max(axis=1)
+    assert (off <= 1e-9 + drift * t).all()
+    assert kept.angular_velocity[:, 0] == pytest.approx(np.tile([0, 0, spin], (len(t), 1)), abs=1e-9)
+    truth = Rotation.from_rotvec(np.outer(spin * t, [0, 0, 1])) * start
+    off = (Rotation.from_quat(kept.orientation[:, 0], scalar_first=True) * truth.inv()).magnitude()
+    assert off.max() < 1e-6
+    slack = 1e-6 + drift * t[-1] ** 2
+    path = np.array([0.3, 0.2, 0.1]) + start.apply(center) + np.outer(t, velocity)
+    assert kept.position[:, 0] + truth.apply(center) == pytest.approx(path, abs=slack)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_gravity_is_the_scenarios(registry, lab, name):
+    """A free body falls by g t, whatever the direction of gravity; with the effect off it rests."""
+    for effects, g in (((), (0.0, 0.0, 0.0)), (("gravity",), (1.0, -2.0, -3.0))):
+        scenario = lab.scene(lab.ball(), effects=effects, gravity=(1.0, -2.0, -3.0), duration=0.25)
+        kept = record(registry.engine(name), scenario, registry.settings(name))
+        truth = np.outer(kept.time, g)
+        assert kept.linear_velocity[:, 0] == pytest.approx(truth, abs=1e-9)  # rounding of 255 steps
+
+
+@pytest.mark.parametrize("scene", list(catalogue()))
+@pytest.mark.parametrize("name", ENGINES)
+def test_the_manifest_is_the_scenario(registry, name, scene):
+    """Masses, centres, inertias and pair coefficients, read back from the engine, are those of the scene."""
+    scenario, facts = catalogue()[scene], registry.played(scene, name).facts
+    settings = registry.settings(name)
+    assert (facts["engine"], facts["profile"], facts["dt"]) == (name, settings.profile, settings.dt)
+    moving = [body for body in scenario.bodies if body.kind != "fixed"]
+    assert set(facts["bodies"]) >= {body.name for body in moving}
+    for body in moving:
+        read, slack = facts["bodies"][body.name], MASSES[name]
+        assert read["mass"] == pytest.approx(body.mass, rel=slack, abs=0)
+        # relative to the hand's size and inertia
+        assert read["center_of_mass"] == pytest.approx(body.center_of_mass, abs=0.1 * slack)
+        largest = np.abs(body.inertia).max()
+        assert np.array(read["inertia"]) == pytest.approx(np.array(body.inertia), abs=largest * slack)
+    pairs = {
+        (scenario.body_index(p["body_a"]), scenario.body_index(p["body_b"])): (
+            p["restitution"],
+            p["friction"],
+        )
+        for p in facts["pairs"]
+    }
+    assert set(pairs) == set(scenario.touching_pairs())
+    for pair, read in pairs.items():
+        assert read == pytest.approx(scenario.pair_coefficients(*pair), rel=COEFFICIENTS[name], abs=0)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_worlds_start_as_the_scenario_says(registry, name):
+    """Before the first step bodies are where the scenario puts them, links where their tracker does."""
+    scenario = catalogue()["ball_snip"]
+    first = registry.played("ball_snip", name)
+    for k, body in enumerate(scenario.bodies):
+        if body.kind != "driven":
+            # rounding of poses turned forth and back
+            assert first.position[0, k] == pytest.approx(body.position, abs=1e-12)
+            assert abs(first.orientation[0, k] @ body.orientation) == pytest.approx(1.0, abs=1e-12)
+    tracker = scenario.trackers[0]
+    assert first.position[0, scenario.body_index("palm")] == pytest.approx(tracker.positions[0], abs=1e-9)
+    assert first.joint_angle[0] == pytest.approx(tracker.angles[0], abs=1e-9)
+    assert len(first.time) == scenario.frame_count + 1
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_pairs_that_may_not_touch_never_do(registry, name):
+    """No recorded contact is between links of one hand or between fixed bodies, and all are in time order."""
+    scenario, rows = catalogue()["ball_snip"], registry.played("ball_snip", name).contacts
+    assert set(zip(rows["body_a"], rows["body_b"])) <= set(scenario.touching_pairs())
+    assert (rows["body_a"] < rows["body_b"]).all()
+    assert (np.diff(rows["time"]) >= 0).all()
+    assert np.linalg.norm(rows["normal"], axis=1) == pytest.approx(1.0, abs=1e-9)
+    pushing = np.einsum("ij,ij->i", rows["impulse"], rows["normal"])
+    assert pushing.min() >= -1e-9  # contacts push; rounding of a solver
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_playing_again_gives_the_same_motion(registry, name):
+    """An engine is repeatable: the first frames played again are the same to the bit."""
+    scenario = replace(catalogue()["ball_snip"], duration=0.5, expectations=())
+    again = record(registry.engine(name), scenario, registry.settings(name))
+    whole = registry.played("ball_snip", name)
+    count = len(again.time) - 1
+    for field in ("position", "orientation", "linear_velocity", "joint_angle"):
+        assert (getattr(again, field)[:count] == getattr(whole, field)[:count]).all(), field

@@ -1,0 +1,104 @@
+"""Every engine on every scene of the gallery: what must happen happens, and no limit is broken unawares."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from adapters.record import record
+from adapters.recording import Recording
+from adapters.registry import ENGINES
+from reports.limits import judged
+from reports.metrics import METRICS
+from reports.results import Row
+from reports.run import measured
+from scenarios.catalogue import catalogue, tagged
+
+GALLERY = [scenario.name for scenario in tagged("gallery")]
+REFERENCE_SCENES = list(catalogue())
+OF_THE_CLOCK = ("manifest", "time_frame", "time_drive", "time_read", "time_crossing", "stage_seconds")
+"""Fields of a recording that no two runs share."""
+
+
+@pytest.fixture(scope="module")
+def rows(registry):
+    """The judged rows of an engine on a scene."""
+    kept = {}
+
+    def build(engine, scene):
+        if (engine, scene) not in kept:
+            recording, scenario = registry.played(scene, engine), catalogue()[scene]
+            settings = registry.settings(engine)
+            base = Row("run", scene, engine, settings.profile, settings.dt, "run")
+            measured_rows = measured(base, scenario, recording)
+            kept[engine, scene] = [judged(row, scenario.tags) for row in measured_rows]
+        return kept[engine, scene]
+
+    return build
+
+
+@pytest.mark.parametrize("scene", GALLERY)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_no_limit_is_broken(rows, engine, scene):
+    """No row fails: every limit is met, or its breach is a known failing that still fails."""
+    failed = [
+        f"{r.metric} {r.subject} {r.value:g}: {r.reason}" for r in rows(engine, scene) if r.verdict == "fail"
+    ]
+    assert failed == []
+
+
+@pytest.mark.parametrize("scene", GALLERY)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_metric_leaves_a_row(rows, engine, scene):
+    """Each metric has at least one row, a value or a reason: never a missing one."""
+    found = rows(engine, scene)
+    assert {row.metric for row in found} == set(METRICS)
+    assert all(np.isfinite(row.value) or row.reason for row in found)
+
+
+@pytest.mark.parametrize("scene", GALLERY)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_is_expected_happens(rows, engine, scene):
+    """Every expected event has its own row, happened within its window, and passes."""
+    events = {(row.metric, row.subject): row for row in rows(engine, scene)}
+    expectations = catalogue()[scene].expectations
+    assert expectations
+    for e in expectations:
+        row = events[f"events.{e.event}", f"{e.body}-{e.other}"]
+        assert e.earliest <= row.value <= e.latest
+        assert (row.verdict, row.low, row.high) == ("pass", e.earliest, e.latest)
+
+
+@pytest.mark.parametrize("scene", GALLERY)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_states_stay_sane(registry, engine, scene):
+    """States are finite, quaternions are unit, and fixed bodies stay where they are."""
+    recording, scenario = registry.played(scene, engine), catalogue()[scene]
+    for name in (
+        "position",
+        "orientation",
+        "linear_velocity",
+        "angular_velocity",
+        "joint_angle",
+        "joint_rate",
+    ):
+        assert np.isfinite(getattr(recording, name)).all(), name
+    # rounding; Bullet normalises once a step
+    assert np.linalg.norm(recording.orientation, axis=2) == pytest.approx(1.0, abs=1e-9)
+    for k, body in enumerate(scenario.bodies):
+        if body.kind == "fixed":
+            assert np.ptp(recording.position[:, k], axis=0).max() == 0
+            assert (recording.linear_velocity[:, k] == 0).all()
+
+
+@pytest.mark.parametrize("scene", REFERENCE_SCENES)
+def test_the_reference_repeats_to_the_bit(registry, scene):
+    """Two runs of the reference leave the same recording, but for what the clock says."""
+    again = record(registry.engine("reference"), catalogue()[scene], registry.settings("reference"))
+    first = registry.played(scene, "reference")
+    for field in fields(Recording):
+        if field.name not in OF_THE_CLOCK:
+            one, two = (np.asarray(getattr(r, field.name)).tobytes() for r in (first, again))
+            assert one == two, field.name

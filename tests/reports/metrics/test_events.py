@@ -1,0 +1,130 @@
+"""Touch, roll and leave, on motions whose events are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reports.metrics.arcs import OPEN_GAP, TOUCH_GAP
+from reports.metrics.events import ROLL_SLIP
+from reports.metrics.evidence import NotMeasured
+from scenarios.scenario import Body, Expectation, Piece, Sphere
+from scenarios.solids import sphere_inertia
+
+EXACT = 1e-6
+"""The oracle's 1e-8 m at the speeds here, tenfold [s]."""
+
+
+def columns(position, velocity, spin=None):
+    found = {"position": position, "linear_velocity": velocity}
+    return found if spin is None else found | {"angular_velocity": spin}
+
+
+@pytest.mark.parametrize("hit", [0.2, 0.2 + 1 / 120, 0.2 + 1 / 75])
+def test_touch_of_a_driven_finger(lab, recordings, known, hit):
+    """A finger that flicks a resting ball away between two frames touches it when the gap is closed."""
+    finger = Body(
+        "finger", "driven", "wood", (Piece("f", Sphere(0.01)),), 0.1, inertia=sphere_inertia(0.1, 0.01)
+    )
+    ball = lab.ball(position=(0.0, 0.0, known.radius))
+    scenario = lab.scene(
+        lab.ground(), finger, ball, trackers=(lab.still("finger", (0.0, 0.0, 0.0)),), duration=0.5,
+        expectations=(Expectation("touch", "ball", "finger", 0.0, 0.5),),
+    )  # fmt: skip
+    t = np.arange(31) / 60
+    position, velocity = np.tile([b.position for b in scenario.bodies], (31, 1, 1)), np.zeros((31, 3, 3))
+    # 2 m/s, and the ball leaves at 3 m/s; level with the ball's centre
+    position[:, 1] = np.column_stack([2.0 * (t - hit) - 0.06, 0 * t, 0 * t + known.radius])
+    velocity[:, 1, 0] = 2.0
+    gone = t > hit
+    position[gone, 2, 0], velocity[gone, 2, 0] = 3.0 * (t[gone] - hit), 3.0
+    recording = recordings.recording(scenario, **columns(position, velocity))
+    touch = known.value("events.touch", recording, scenario)["ball-finger"]
+    assert touch == pytest.approx(hit - TOUCH_GAP / 2.0, abs=EXACT)
+
+
+def test_roll_is_when_slip_ends(lab, recordings, known):
+    """A ball that slides into rolling rolls when its slip falls below the limit, on a line between frames."""
+    mu, v0 = 0.2, 1.5
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), mu=mu, duration=0.5,
+        expectations=(Expectation("roll", "ball", "ground", 0.0, 0.5),),
+    )  # fmt: skip
+    t = np.arange(31) / 60
+    a = mu * known.g
+    end = 2 * v0 / (7 * a)  # textbook: slip v0 - 7/2 mu g t
+    s = np.minimum(t, end)
+    speed = v0 - a * s
+    spin = 2.5 * a * s / known.radius
+    way = v0 * s - a / 2 * s**2 + speed * (t - s)
+    zero = 0 * t
+    position = np.tile([b.position for b in scenario.bodies], (31, 1, 1))
+    position[:, 1, 0] = way
+    velocity, omega = np.zeros((31, 2, 3)), np.zeros((31, 2, 3))
+    velocity[:, 1] = np.column_stack([speed, zero, zero])
+    omega[:, 1] = np.column_stack([zero, spin, zero])
+    roll = known.value(
+        "events.roll", recordings.recording(scenario, **columns(position, velocity, omega)), scenario
+    )
+    # between the last frame that slips and the first that does not the line misses the kink
+    frame = np.searchsorted(t, end)
+    slip = v0 - 3.5 * a * t[frame - 1]
+    assert roll["ball-ground"] == pytest.approx(t[frame - 1] + (slip - ROLL_SLIP) / slip / 60, abs=EXACT)
+    assert abs(roll["ball-ground"] - end) < 1 / 60
+
+
+def test_a_ball_that_always_rolls_never_starts_to(lab, recordings, known):
+    """Rolling from the start is no event: slip must be seen before it ends."""
+    expected = (Expectation("roll", "ball", "ground", 0.0, 0.5),)
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), duration=0.5, expectations=expected
+    )
+    roll = known.value("events.roll", recordings.recording(scenario), scenario)
+    assert np.isnan(roll["ball-ground"])
+
+
+def test_leave_is_the_last_opening(lab, recordings, known):
+    """A ball that hops and is then lifted for good leaves when the second gap opens past a millimetre."""
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), duration=0.5, effects=(),
+        expectations=(Expectation("leave", "ball", "ground", 0.0, 0.5),),
+    )  # fmt: skip
+    t = np.arange(31) / 60
+    start, lift = 0.31, 0.4
+    gap = np.where(t < 0.2, np.maximum(0.0, 0.05 - np.abs(t - 0.1)), np.maximum(0.0, lift * (t - start)))
+    position = np.tile([b.position for b in scenario.bodies], (31, 1, 1))
+    position[:, 1, 2] += gap
+    leave = known.value("events.leave", recordings.recording(scenario, position=position), scenario)
+    k = np.flatnonzero(gap <= OPEN_GAP)[-1]
+    line = t[k] + (OPEN_GAP - gap[k]) / (gap[k + 1] - gap[k]) / 60
+    assert leave["ball-ground"] == pytest.approx(line, abs=EXACT)
+    assert abs(leave["ball-ground"] - (start + OPEN_GAP / lift)) < 1 / 60
+    # one that comes back has not left
+    position[-1, 1, 2] = known.radius
+    back = known.value("events.leave", recordings.recording(scenario, position=position), scenario)
+    assert np.isnan(back["ball-ground"])
+
+
+def test_place_is_where_the_body_was_at_that_time(lab, recordings, known):
+    """The place of a landing is its horizontal distance from the start, along both axes."""
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(1.0, 2.0, 0.5 + known.radius)), duration=0.5,
+        expectations=(Expectation("land", "ball", "ground", 0.0, 0.5),),
+    )  # fmt: skip
+    t = np.arange(31) / 60
+    landing = (2 * (0.5 - TOUCH_GAP) / known.g) ** 0.5
+    fallen = np.minimum(known.g / 2 * t**2, 0.5)
+    position = np.column_stack([1.0 + 3.0 * t, 2.0 - 4.0 * t, 0.5 + known.radius - fallen])
+    velocity = np.column_stack([0 * t + 3.0, 0 * t - 4.0, np.where(fallen < 0.5, -known.g * t, 0.0)])
+    recording = recordings.recording(scenario, **known.path(scenario, 1, position, velocity))
+    assert known.value("events.land", recording, scenario)["ball-ground"] == pytest.approx(landing, abs=EXACT)
+    place = known.value("events.land.place", recording, scenario)["ball-ground"]
+    assert place == pytest.approx(5.0 * landing, abs=1e-5)
+
+
+@pytest.mark.parametrize("event", ["touch", "roll", "leave", "land", "land.place"])
+def test_events_that_nobody_expects_are_not_measured(lab, recordings, known, event):
+    """A scene without the expectation has no such row, with the reason."""
+    scenario = lab.scene(lab.ground(), lab.ball(), duration=0.1)
+    with pytest.raises(NotMeasured, match=f"expects no {event.split('.')[0]}"):
+        known.value(f"events.{event}", recordings.recording(scenario), scenario)

@@ -1,0 +1,241 @@
+"""Energy, impulse balance and Coulomb's law on contact rows written by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reports.metrics.evidence import NotMeasured
+from scenarios.scenario import Body, Piece, Sphere
+from scenarios.solids import sphere_inertia
+
+ROUNDING = 1e-12
+MU, MASS, DT = 0.5, 2.0, 1 / 240
+NOISE = 1e-3 * MASS * 9.81 * DT
+"""j_0 of the definition [N s]."""
+UP = (0.0, 0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def resting(lab):
+    """A ball of 2 kg on the ground, half a second."""
+    ball = lab.ball(position=(0.0, 0.0, 0.05), mass=MASS)
+    return lab.scene(lab.ground(), ball, mu=MU, duration=0.5)
+
+
+def pressing(recordings, scenario, share=1.0, along=(0.0, 0.0, 0.0)):
+    """A contact of the ground per substep that carries `share` of the ball's weight, plus `along`."""
+    count = scenario.frame_count * 4
+    impulse = np.array([0.0, 0.0, share * MASS * 9.81 * DT]) + along
+    rows = [{"time": k * DT, "body_b": 1, "normal": UP, "impulse": impulse} for k in range(count)]
+    return recordings.recording(scenario, DT, contacts=recordings.contacts(*rows))
+
+
+@pytest.mark.parametrize(("share", "missed"), [(1.0, 0.0), (0.5, 0.5), (1.2, 0.2), (0.0, 1.0)])
+def test_impulse_balance_of_a_body_at_rest(recordings, known, resting, share, missed):
+    """Impulses that carry a share of the weight miss the motion by the rest of it."""
+    found = known.value("contact.impulse_balance", pressing(recordings, resting, share), resting)
+    assert found == {"ball": pytest.approx(missed, abs=1e-9)}  # 120 sums
+
+
+def test_impulse_balance_counts_sides_and_frames(lab, recordings, known):
+    """A body that comes first feels the impulse reversed; an impulse in the wrong frame is missed twice."""
+    ball = lab.ball(position=(0.0, 0.0, 0.05), mass=MASS)
+    scenario = lab.scene(ball, lab.ground(), effects=(), duration=0.1)
+    velocity = np.zeros((7, 2, 3))
+    velocity[3:, 0, 0] = 4.0  # hit in the third frame
+    for frame, missed in ((2, 0.0), (1, 2.0)):
+        row = {"time": frame / 60 + DT, "body_b": 1, "normal": UP, "impulse": (-4.0 * MASS, 0.0, 0.0)}
+        recording = recordings.recording(
+            scenario, linear_velocity=velocity, contacts=recordings.contacts(row)
+        )
+        found = known.value("contact.impulse_balance", recording, scenario)
+        assert found == {"ball": pytest.approx(missed, abs=1e-9)}
+
+
+@pytest.mark.parametrize("effects", [(), ("gravity",)])
+def test_a_body_in_free_flight_has_no_impulses_to_balance(lab, recordings, known, effects):
+    """A body that nothing touches is not audited: what is left of its motion is rounding."""
+    scenario = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 9.0)), effects=effects, duration=0.5)
+    t = np.arange(31) / 60
+    speed = np.full(31, 0.1)
+    for k in range(1, 31):  # as an engine adds it up
+        speed[k] = speed[k - 1] - (9.81 / 60 if effects else 0.0)
+    velocity = np.column_stack([0 * t, 0 * t, speed])
+    columns = known.path(scenario, 1, (0.0, 0.0, 9.0), velocity)
+    with pytest.raises(NotMeasured, match="no simulated body is touched"):
+        known.value("contact.impulse_balance", recordings.recording(scenario, **columns), scenario)
+
+
+def test_energy_from_nowhere_is_the_largest_rise(lab, recordings, known):
+    """A free body whose speed jumps and sags gains the largest rise over any window, spin included."""
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(0.0, 0.0, 9.0), mass=MASS), effects=(), duration=0.1
+    )
+    speed, spin = np.array([3.0, 1.0, 2.0, 2.0, 1.5, 3.5, 0.0]), np.array([0, 0, 0, 0, 0, 7.0, 0])
+    columns = known.path(scenario, 1, (0.0, 0.0, 9.0), np.outer(speed, [0.6, 0.0, 0.8]))
+    columns["angular_velocity"] = np.zeros((7, 2, 3))
+    columns["angular_velocity"][:, 1, 1] = spin
+    found = known.value("energy.injected", recordings.recording(scenario, **columns), scenario)
+    inertia = 0.4 * MASS * known.radius**2
+    risen = 0.5 * MASS * (3.5**2 - 1.0**2) + 0.5 * inertia * 7.0**2
+    assert found == {
+        "all": pytest.approx(risen, rel=ROUNDING),
+        "simulated": pytest.approx(risen, rel=ROUNDING),
+    }
+
+
+def test_falling_and_losing_inject_nothing(lab, recordings, known):
+    """Free fall trades height for speed; a ball that bounces lower only loses."""
+    scenario = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 1.05)), duration=1.5)
+    gap, speed = known.bouncing(np.arange(91) / 60, 1.0, 0.7)
+    zero = 0 * gap
+    columns = known.path(
+        scenario, 1, np.column_stack([zero, zero, gap + 0.05]), np.column_stack([zero, zero, speed])
+    )
+    found = known.value("energy.injected", recordings.recording(scenario, **columns), scenario)
+    assert max(found.values()) == pytest.approx(0.0, abs=1e-12)  # rounding of 10 J
+
+
+def test_the_drives_work_is_no_gift(lab, recordings, known):
+    """The drive's work is taken off; where it is unknown the whole is not measured, with a reason."""
+    tip = (Piece("tip", Sphere(0.01)),)
+    hand = Body("hand", "driven", "wood", tip, MASS, inertia=sphere_inertia(MASS, 0.01))
+    tracker = lab.still("hand", (0.0, 0.0, 5.0))
+    scenario = lab.scene(
+        lab.ground(), lab.ball(mass=MASS), hand, trackers=(tracker,), effects=(), duration=0.1
+    )
+    speed = np.array([0, 0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    columns = known.path(scenario, 2, (0.0, 0.0, 5.0), np.outer(speed, [1.0, 0.0, 0.0]))
+    energy = 0.5 * MASS * speed**2
+    paid = recordings.recording(scenario, driver_work=energy, **columns)
+    assert known.value("energy.injected", paid, scenario) == {
+        "all": pytest.approx(0.0, abs=ROUNDING),
+        "simulated": 0.0,
+    }
+    short = replace(paid, driver_work=0.75 * energy)
+    found = known.value("energy.injected", short, scenario)["all"]
+    assert found == pytest.approx(0.25 * energy[-1], rel=ROUNDING)
+    unknown = known.value("energy.injected", replace(paid, driver_work=np.full(7, np.nan)), scenario)["all"]
+    assert np.isnan(unknown.value)
+    assert "not known" in unknown.reason
+
+
+@pytest.mark.parametrize("ball_first", [True, False])
+def test_a_push_of_the_hand_is_no_gift(lab, recordings, known, ball_first):
+    """The work of a driven body's impulse, J (v- + v+) / 2, is taken off the simulated body's gain."""
+    tip = (Piece("tip", Sphere(0.01)),)
+    hand = Body("hand", "driven", "wood", tip, MASS, inertia=sphere_inertia(MASS, 0.01))
+    tracker = lab.still("hand", (0.0, 0.0, 5.0))
+    pair = (lab.ball(mass=MASS), hand)
+    ball = 0 if ball_first else 1
+    scenario = lab.scene(*(pair if ball_first else pair[::-1]), trackers=(tracker,), effects=(), duration=0.1)
+    v = 3.0
+    columns = known.path(scenario, ball, (0.0, 0.0, 1.0), np.outer(np.arange(7) > 2, [v, 0.0, 0.0]))
+    side, sign = ("a", -1) if ball_first else ("b", 1)
+    row = {
+        "time": 2 / 60, "body_b": 1, "normal": (sign, 0, 0), "impulse": (sign * MASS * v, 0, 0),
+        f"velocity_{side}_after": (v, 0, 0),
+    }  # fmt: skip
+    whole = recordings.recording(scenario, contacts=recordings.contacts(row), **columns)
+    assert known.value("energy.injected", whole, scenario)["simulated"] == pytest.approx(0.0, abs=ROUNDING)
+    row["impulse"] = (sign * 0.9 * MASS * v, 0, 0)
+    weak = replace(whole, contacts=recordings.contacts(row))
+    gift = known.value("energy.injected", weak, scenario)["simulated"]
+    assert gift == pytest.approx(0.1 * 0.5 * MASS * v * v, rel=ROUNDING)
+
+
+def test_the_cone_in_closed_form(recordings, known, resting):
+    """The excess over mu j_n is relative to it, plus the noise; a pull has no cone at all."""
+    for normal, tangential, excess in (
+        (2.0, 1.0, 0.0),
+        (2.0, 1.5, 0.5 / (1.0 + NOISE)),
+        (0.0, 0.25, 0.25 / NOISE),
+        (-1.0, 0.25, 0.25 / NOISE),
+    ):
+        impulse = (0.6 * tangential, -0.8 * tangential, normal)
+        rows = recordings.contacts(
+            {"body_b": 1, "normal": UP, "impulse": impulse}, {"body_b": 1, "normal": UP}
+        )
+        recording = recordings.recording(resting, DT, contacts=rows)
+        found = known.value("friction.cone", recording, resting)[""]
+        assert found == pytest.approx(excess, rel=1e-9, abs=1e-12)
+
+
+def sliding(normal, tangential, slip, turn=0.0, **changes):
+    """A contact that slides along x, its friction turned from the reverse slip."""
+    along = tangential * np.array([-np.cos(turn), -np.sin(turn), 0.0])
+    row = {"body_b": 1, "normal": UP, "impulse": along + np.array([0.0, 0.0, normal])}
+    row |= {"velocity_b_before": (slip, 0.0, -0.3), "velocity_b_after": (slip, 0.0, 0.1)}
+    return row | changes
+
+
+def test_deficit_and_direction_in_closed_form(recordings, known, resting):
+    """Deficit and angle are means over the sliding contacts, weighted by j_n; the rest does not count."""
+    rows = recordings.contacts(
+        sliding(1.0, 0.5, 1.0),  # just so
+        sliding(3.0, 0.9, 0.2, turn=0.2),  # 60 % of mu, askew
+        sliding(5.0, 0.0, 0.04),  # too slow
+        sliding(0.5 * NOISE, 0.0, 1.0),  # too weak
+        sliding(5.0, 0.0, 1.0, velocity_b_after=(0.01, 0.0, 0.0)),  # caught within the step
+        sliding(2.0, 0.3, 1.0, velocity_a_before=(1.0, 0.0, 0.0)),  # no slip before: both move
+    )
+    recording = recordings.recording(resting, DT, contacts=rows)
+    deficit = known.value("friction.deficit", recording, resting)
+    assert deficit == {"ground-ball": pytest.approx(1 - (0.5 + 0.9) / (MU * 4.0), rel=1e-9)}
+    angle = known.value("friction.direction", recording, resting)
+    assert angle == {"ground-ball": pytest.approx(3 * 0.2 / 4, rel=1e-9)}
+
+
+def test_full_reversal_is_half_a_turn(recordings, known, resting):
+    """Friction that pushes along the slip is pi off; friction of the right size has no deficit."""
+    recording = recordings.recording(
+        resting, DT, contacts=recordings.contacts(sliding(1.0, 0.5, 1.0, turn=np.pi))
+    )
+    assert known.value("friction.direction", recording, resting)["ground-ball"] == pytest.approx(
+        np.pi, abs=1e-9
+    )
+    assert known.value("friction.deficit", recording, resting)["ground-ball"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("friction.cone", "no contact"),
+        ("friction.deficit", "no contact slides faster than 0.05 m/s"),
+        ("friction.direction", "no contact slides faster than 0.05 m/s"),
+        ("time.share", "the engine tells no stages"),
+        ("work", "the engine counts nothing"),
+    ],
+)
+def test_what_did_not_happen_is_not_measured(recordings, known, resting, name, reason):
+    """A recording without contacts, stages or counters has no such value, with the reason."""
+    with pytest.raises(NotMeasured, match=reason):
+        known.value(name, recordings.recording(resting), resting)
+
+
+def test_time_and_work_in_closed_form(recordings, known, resting):
+    """Statistics of known times; shares of stages add up to one; counters are means per frame."""
+    frames = resting.frame_count
+    times = np.arange(1, frames + 1) * 1e-6
+    recording = replace(
+        recordings.recording(resting),
+        time_frame=times[::-1],
+        time_drive=3 * times,
+        time_read=np.full(frames, 2e-6),
+        stage_names=np.array(["a", "b"]),
+        stage_seconds=np.column_stack([times, 3 * times]),
+        work_names=np.array(["pairs"]),
+        work=np.arange(frames)[:, None] * 2.0,
+    )
+    wanted = {"median": 15.5e-6, "p95": 28.55e-6, "p99": 29.71e-6, "max": 30e-6}
+    for name, value in wanted.items():
+        assert known.value(f"time.frame.{name}", recording, resting)[""] == pytest.approx(value, rel=1e-9)
+    assert known.value("time.drive", recording, resting)[""] == pytest.approx(46.5e-6, rel=1e-9)
+    assert known.value("time.read", recording, resting)[""] == pytest.approx(2e-6, rel=1e-9)
+    assert known.value("time.crossing", recording, resting)[""] == pytest.approx(1e-6, rel=1e-9)
+    share = known.value("time.share", recording, resting)
+    assert share == {"a": pytest.approx(0.25, rel=1e-9), "b": pytest.approx(0.75, rel=1e-9)}
+    assert known.value("work", recording, resting) == {"pairs": 29.0}

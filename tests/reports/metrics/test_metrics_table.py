@@ -1,0 +1,63 @@
+"""The METRICS table: every metric is named, dimensioned, explained, and runs over a real recording."""
+
+from __future__ import annotations
+
+import re
+from math import isfinite, isnan
+
+import pytest
+
+from adapters.registry import ENGINES
+from reports.metrics import IMPULSE_METRICS, METRICS
+from reports.metrics.evidence import Evidence, NotMeasured, Value
+from scenarios.catalogue import catalogue
+
+UNITS = {"s", "m", "m s", "1", "J", "rad"}
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_every_metric_is_defined(name):
+    """A metric has its own name, an SI unit, a direction and a one-line formula with that unit."""
+    metric = METRICS[name]
+    assert metric.name == name
+    assert re.fullmatch(r"[a-z]+(\.[a-z0-9_]+)*", name)
+    assert metric.unit in UNITS
+    assert metric.better in ("lower", "higher", "none")
+    assert metric.formula[0].isupper() or metric.formula[0].isdigit() or metric.formula[0] == "-"
+    assert len(metric.formula) <= 110
+    if metric.shown:
+        assert metric.shown[1] in (1e3, 1e6)
+        assert metric.shown[0].endswith(metric.unit)
+
+
+def test_formulas_are_told_apart():
+    """No two metrics are explained by the same words."""
+    assert len({metric.formula for metric in METRICS.values()}) == len(METRICS)
+
+
+def test_impulse_metrics_exist():
+    """Every metric that the audit rejects is in the table."""
+    assert set(IMPULSE_METRICS) <= set(METRICS)
+
+
+@pytest.mark.parametrize("scene", list(catalogue()))
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_metric_runs_over_a_real_recording(registry, engine, scene):
+    """Each metric gives finite values, or says in one line why not."""
+    missed = {}
+    evidence = Evidence(registry.played(scene, engine), catalogue()[scene])
+    for name, metric in METRICS.items():
+        try:
+            values = metric.measure(evidence)
+        except NotMeasured as reason:
+            missed[name] = str(reason)
+            continue
+        assert values, name
+        for subject, value in values.items():
+            assert isinstance(subject, str)
+            if isinstance(value, Value):
+                assert isfinite(value.value) or (isnan(value.value) and value.reason), (name, subject)
+            else:
+                assert isfinite(value), (name, subject)
+    assert all(re.fullmatch(r"[^\n]{5,}", reason) for reason in missed.values())
+    assert set(missed) <= {"time.share", "work", "contact.gap"}

@@ -1,0 +1,105 @@
+"""Overlap, hovering and tunnelling of known size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reports.metrics.evidence import NotMeasured
+
+EXACT = 1e-7
+"""Ten times the oracle's tolerance [m]."""
+ROUNDING = 1e-9
+
+
+@pytest.fixture(scope="module")
+def sinking(lab, recordings):
+    """A block and a ball on the ground; the block's depth over the 11 frames, the ball stays 1 mm deep."""
+    block = lab.block("block", (0.1, 0.1, 0.1), (0.0, 0.0, 0.1))
+    ball = lab.ball(position=(1.0, 0.0, 0.049))
+    scenario = lab.scene(lab.ground(), block, ball, duration=10 / 60)
+    depth = np.array([0, 0, 2, 3, 8, 3, 2, 0, 0, 0, 0]) * 1e-3
+    position = np.tile([body.position for body in scenario.bodies], (11, 1, 1))
+    position[:, 1, 2] -= depth
+    return recordings.recording(scenario, position=position), scenario, depth
+
+
+def test_overlap_of_known_depth(sinking, known):
+    """The deepest frame, the 95th percentile of the deepest pair, and the sum over pairs and time."""
+    recording, scenario, depth = sinking
+    deepest = np.maximum(depth, 1e-3)
+    assert known.value("overlap.max", recording, scenario)[""] == pytest.approx(8e-3, abs=EXACT)
+    p95 = np.sort(deepest)[9] / 2 + np.sort(deepest)[10] / 2
+    assert known.value("overlap.p95", recording, scenario)[""] == pytest.approx(p95, abs=EXACT)
+    total = (depth.sum() + 11 * 1e-3) / 60
+    assert known.value("overlap.time", recording, scenario)[""] == pytest.approx(total, abs=11 * EXACT / 60)
+
+
+def test_a_lone_body_overlaps_nothing(lab, recordings, known):
+    """In a scene where nothing may touch there is no overlap to measure, and no error."""
+    scenario = lab.scene(lab.ball(), duration=0.1)
+    recording = recordings.recording(scenario)
+    for name in ("overlap.max", "overlap.p95"):
+        with pytest.raises(NotMeasured, match="no two bodies may touch"):
+            known.value(name, recording, scenario)
+    assert known.value("overlap.time", recording, scenario)[""] == 0.0
+    assert known.value("energy.injected", recording, scenario)["simulated"] == 0.0
+
+
+@pytest.mark.parametrize("gap", [3e-4, -2e-3])
+def test_the_gap_of_a_body_at_rest_is_signed(lab, recordings, known, gap):
+    """A resting body's hovering or sinking is its median gap over the frames in which it rests."""
+    scenario = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 0.05 + gap)), duration=1.0)
+    columns = known.path(scenario, 1, scenario.bodies[1].position, np.zeros(3))
+    columns["linear_velocity"][:20, 1] = (0.5, 0.0, 0.0)  # a third of the time it moves
+    columns["position"][:20, 1, 2] += 2e-3
+    recording = recordings.recording(scenario, **columns)
+    assert known.value("contact.gap", recording, scenario) == {"ground-ball": pytest.approx(gap, abs=EXACT)}
+
+
+def test_what_never_rests_has_no_gap(lab, recordings, known):
+    """A body that hangs in the air, or moves on its support, has no gap at rest."""
+    for height, speed in ((1.0, 0.0), (0.05, 0.5)):
+        scenario = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, height)), duration=0.5)
+        columns = known.path(scenario, 1, scenario.bodies[1].position, (speed, 0.0, 0.0))
+        with pytest.raises(NotMeasured, match="no body rests"):
+            known.value("contact.gap", recordings.recording(scenario, **columns), scenario)
+
+
+FAST = 30.0
+"""Half a metre a frame [m/s]."""
+
+
+@pytest.mark.parametrize(
+    ("start", "way", "passages"),
+    [
+        ((0.0, 0.0, 0.75), (0.0, 0.0, -0.5), 1),  # straight through, within one frame
+        ((0.9, 0.0, 0.75), (0.15, 0.0, -0.5), 1),  # slanted, through the rim
+        ((1.0, 0.0, 0.75), (0.15, 0.0, -0.5), 0),  # slanted, past the rim
+        ((1.2, 0.0, 0.75), (0.0, 0.0, -0.5), 0),  # beside it
+        ((0.0, 0.0, 0.75), (0.0, 0.0, -0.01), 1),  # slowly, its centre goes in and out once
+        ((0.0, 0.0, 0.51), (0.3, 0.0, 0.0), 0),  # along the surface, half sunk
+        ((0.0, 0.0, 0.25), (0.0, 0.0, 0.5), 1),  # from below
+    ],
+)
+def test_tunnelling_through_a_thin_plate(lab, recordings, known, start, way, passages):
+    """A centre that passes through a plate of 1 cm is counted, however fast; one that passes by is not."""
+    plate = lab.block("plate", (1.0, 1.0, 0.005), (0.0, 0.0, 0.5), kind="fixed")
+    duration = 1.0 if way[2] == -0.01 else 2 / 60
+    scenario = lab.scene(plate, lab.ball(position=start), effects=(), duration=duration)
+    frames = np.arange(scenario.frame_count + 1)
+    position = np.array(start) + np.outer(frames, way)
+    columns = known.path(scenario, 1, position, np.zeros(3))
+    found = known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)
+    assert found[""] == passages
+
+
+def test_tunnelling_is_seen_in_the_pieces_frame(lab, recordings, known):
+    """A turned and shifted piece of a turned and shifted body is where it is, there and back."""
+    turn = (0.5**0.5, 0.5**0.5, 0.0, 0.0)
+    plate = lab.block("plate", (1.0, 1.0, 0.005), (0.0, 0.0, 0.5), kind="fixed", orientation=turn)
+    # the plate stands upright in the plane y = 0
+    scenario = lab.scene(plate, lab.ball(position=(0.0, 0.2, 0.5)), effects=(), duration=2 / 60)
+    position = np.array([[0.0, 0.2, 0.5], [0.0, -0.2, 0.5], [0.0, 0.2, 0.5]])
+    columns = known.path(scenario, 1, position, np.zeros(3))
+    assert known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)[""] == 2

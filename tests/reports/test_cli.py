@@ -1,0 +1,385 @@
+"""The command line: one clear line for every wrong input, exit codes that mean something, whole folders."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from adapters.children import Outcome
+from adapters.registry import ENGINES, missing_reason
+from reports import cli, limits
+from reports import run as study
+from reports.limits import Limit
+from reports.metrics import METRICS
+from reports.results import COLUMNS
+from scenarios.catalogue import catalogue
+
+HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
+RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
+
+
+@pytest.fixture
+def touchstone(monkeypatch, capfd, tmp_path):
+    """Call the program in this process, in an empty folder: (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["touchstone", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capfd.readouterr()
+        return end.value.code or 0, out, err
+
+    return call
+
+
+@pytest.fixture
+def quick(monkeypatch, registry):
+    """Children that hand over the session's recordings in place of playing."""
+
+    def play(jobs, progress):
+        outcomes = []
+        for job in jobs:
+            progress(f"{job.engine} {job.settings.profile}", 0)
+            registry.played(job.scenario.name, job.engine).save(job.recording)
+            outcomes.append(Outcome(job, "done"))
+        return outcomes
+
+    monkeypatch.setattr(study, "play", play)
+
+
+def left(folder):
+    return sorted(path.name for path in Path(folder).iterdir())
+
+
+def test_help_imports_nothing_heavy():
+    """`touchstone --help` names the commands and imports neither numpy, pandas, numba nor any engine."""
+    code = (
+        "import sys; sys.argv = ['touchstone', '--help']\n"
+        "from reports.cli import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n"
+        f"    print([m for m in {HEAVY} if m in sys.modules], end.code or 0, file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert done.stderr.strip() == "[] 0"
+    for command in ("run", "list", "show", "doctor"):
+        assert command in done.stdout
+
+
+def test_the_program_is_installed():
+    """The console script runs, and a wrong name ends it with one line and no traceback."""
+    program = Path(sys.executable).with_name("touchstone")
+    if not program.exists():
+        pytest.skip("the project is not installed with its script")
+    done = subprocess.run([program, "run", "bal_snip"], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "")
+    valid = ", ".join(catalogue())
+    said = f"unknown scenario 'bal_snip'; did you mean 'ball_snip'? (valid: {valid})"
+    assert done.stderr == f"touchstone: {said}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip'?"),
+        (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
+        (["--engine", "zzz"], "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco)"),
+        (["--metric", "overlp.max"], "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
+        (["--tag", "galery"], "unknown tag 'galery'; did you mean 'gallery'?"),
+        (["--profile", "equal_step"], "unknown profile 'equal_step'; did you mean 'equal-step'?"),
+        (["--engine", "dart", "--profile", "paper"], "no engine of dart has the profile paper"),
+        (["--dt", "1/7"], "--dt 1/7: dt = 0.142857 s does not divide the frame of 1/60 s"),
+        (["--dt", "x"], "--dt x: "),
+        (["--dt", "1/0"], "--dt 1/0: "),
+        (["--dt", "0"], "--dt 0: "),
+        (["--dt", "-1/60"], "--dt -1/60: "),
+        (["--dt", "nan"], "--dt nan: "),
+        (["--dt", "1e400"], "--dt 1e400: "),
+    ],
+)
+def test_wrong_input_is_one_line(touchstone, tmp_path, arguments, said):
+    """A wrong argument ends in exit 2 and one line with it and the nearest valid; nothing is written."""
+    code, out, err = touchstone("run", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+    assert left(tmp_path) == []
+
+
+@pytest.mark.parametrize("arguments", [["--engien", "dart"], ["rnu"], ["list", "things"], ["show"], []])
+def test_wrong_usage_shows_no_traceback(touchstone, arguments):
+    """Unknown options, commands and kinds of lists are usage errors, never tracebacks."""
+    code, out, err = touchstone(*arguments)
+    assert code == 2
+    assert "Traceback" not in out + err
+
+
+def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path):
+    """A run leaves table, CSV, manifest, report, recordings and outputs, and nothing beside them."""
+    code, out, err = touchstone(*RUN, "--out", "here/results")
+    assert code == 0
+    assert left(tmp_path) == ["here"]
+    assert left("here") == ["results"]
+    wanted = ["manifest.json", "output", "recordings", "report.md", "results.csv", "results.parquet"]
+    assert left("here/results") == wanted
+    assert left("here/results/recordings") == ["ball_snip-reference-balanced.npz"]
+    assert "results: here/results" in out
+    assert "overlap.max" in out
+    assert "reference balanced: judge" in err
+    manifest = json.loads(Path("here/results/manifest.json").read_text())
+    assert manifest["command"] == " ".join(["touchstone", *RUN, "--out", "here/results"])
+    assert manifest["engines"]["ball_snip/reference/balanced"]["engine"] == "reference"
+    report = Path("here/results/report.md").read_text()
+    assert all(f"`{name}`" in report for name in METRICS if name not in ("work", "time.share"))
+
+
+@pytest.mark.parametrize("form", ["json", "csv"])
+def test_machine_output_parses_and_stands_alone(touchstone, quick, form):
+    """Standard output is the table and nothing else, columns in order, with every digit of the file's."""
+    code, out, _ = touchstone(*RUN, "--out", "r", "--format", form)
+    assert code == 0
+    rows = json.loads(out) if form == "json" else list(csv.DictReader(io.StringIO(out)))
+    assert all(tuple(row) == COLUMNS for row in rows)
+    kept = pd.read_parquet("r/results.parquet")
+    assert [row["metric"] for row in rows] == kept.metric.tolist()
+    assert {row["metric"] for row in rows} >= set(METRICS)
+    for row, value in zip(rows, kept.value):
+        if value == value:
+            # JSON shows 15 decimals: a femtometre
+            assert float(row["value"]) == pytest.approx(value, rel=1e-12, abs=1e-15)
+        else:
+            assert row["value"] in (None, "")
+
+
+def test_quiet_says_nothing(touchstone, quick):
+    """`--quiet` prints neither progress nor table."""
+    assert touchstone(*RUN, "--out", "r", "--quiet") == (0, "", "")
+
+
+def test_chosen_metrics_alone_are_reported(touchstone, quick):
+    """`--metric` leaves only its rows."""
+    _, out, _ = touchstone(
+        *RUN, "--out", "r", "--format", "json", "--metric", "overlap.max", "--metric", "work"
+    )
+    assert {row["metric"] for row in json.loads(out)} == {"overlap.max", "work"}
+
+
+def test_asking_twice_is_asking_once(touchstone, quick):
+    """Engines, profiles and scenes named twice are played once."""
+    again = ("ball_snip", "--engine", "reference", "--profile", "balanced", "--metric", "overlap.max")
+    _, out, _ = touchstone(*RUN, *again, "--out", "r", "--format", "json")
+    assert len(json.loads(out)) == 1
+
+
+def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch):
+    """A limit that is not met ends in exit 1, with the row and its reason shown; the folder is there."""
+    impossible = Limit("time.frame.median", 0.0, "nothing takes no time")
+    monkeypatch.setattr(limits, "LIMITS", (impossible,))
+    monkeypatch.setattr(limits, "KNOWN", ())
+    code, out, _ = touchstone(*RUN, "--out", "r")
+    assert code == 1
+    assert "fail: reference balanced: time.frame.median" in out
+    assert "nothing takes no time" in " ".join(out.split())
+    assert "results.csv" in left("r")
+
+
+def test_an_engine_that_dies_is_exit_1(touchstone, monkeypatch):
+    """An engine that dies is a row with its reason, and exit 1."""
+    said = "died during 'play': signal SIGSEGV"
+    monkeypatch.setattr(study, "play", lambda jobs, progress: [Outcome(job, "error", said) for job in jobs])
+    code, out, _ = touchstone(*RUN, "--out", "r", "--format", "json")
+    rows = json.loads(out)
+    assert code == 1
+    assert [(row["metric"], row["verdict"], row["reason"]) for row in rows] == [("run", "error", said)]
+
+
+@pytest.mark.parametrize(("named", "wanted"), [(False, 0), (True, 3)])
+def test_a_missing_engine_is_skipped_with_a_hint(touchstone, quick, monkeypatch, named, wanted):
+    """A missing engine is a skipped row with pip's hint: exit 0 by default, 3 when asked for by name."""
+    monkeypatch.setattr(study, "installed", lambda name: name == "reference")
+    chosen = ["--engine", "reference", "--engine", "mujoco"] if named else []
+    options = ("--profile", "balanced", "--profile", "recommended", "--out", "r")
+    code, out, err = touchstone("run", "ball_snip", *chosen, *options)
+    assert code == wanted
+    for name in ("mujoco",) if named else ("dart", "bullet", "mujoco"):
+        assert f"skipped: {name} recommended: {missing_reason(name)}" in out
+    assert "Traceback" not in err
+
+
+def test_a_folder_in_use_is_refused(touchstone, tmp_path):
+    """A folder that is not empty, or a file, is refused in one line before anything is played; it stays."""
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "thesis.txt").write_text("kept")
+    for out in (full, full / "thesis.txt"):
+        code, _, err = touchstone(*RUN, "--out", out)
+        assert code == 2
+        assert err == f"touchstone: --out {out}: exists and is not an empty folder\n"
+    assert (full / "thesis.txt").read_text() == "kept"
+    assert left(tmp_path) == ["full"]
+
+
+def test_an_empty_folder_is_used(touchstone, quick, tmp_path):
+    """A folder that exists and is empty is filled."""
+    (tmp_path / "empty").mkdir()
+    code, *_ = touchstone(*RUN, "--out", "empty", "--quiet")
+    assert code == 0
+    assert "results.csv" in left("empty")
+
+
+@pytest.mark.parametrize("out", ["file/below", ".", "..", "file/deep/er"])
+def test_a_folder_that_cannot_be_is_one_line(touchstone, tmp_path, out):
+    """A place where no folder can be is exit 2 and one line, and nothing is left."""
+    (tmp_path / "file").write_text("a file")
+    code, _, err = touchstone(*RUN, "--out", out)
+    assert code == 2
+    assert err.startswith(f"touchstone: --out {out}: ")
+    assert err.count("\n") == 1
+    assert left(tmp_path) == ["file"]
+
+
+def test_a_full_disk_leaves_nothing_half_written(touchstone, quick, monkeypatch, tmp_path):
+    """When the disk fills up while results are written: exit 2, one line, no part of the folder."""
+
+    def full(self, path, **options):
+        Path(path).write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", full)
+    code, out, err = touchstone(*RUN, "--out", "r", "--quiet")
+    assert (code, out, err) == (2, "", "touchstone: --out r: No space left on device\n")
+    assert left(tmp_path) == []
+
+
+def interrupted(tmp_path, marker):
+    """Run two engines in a session of their own, and send all of it SIGINT once `marker` is told."""
+    arguments = [
+        "run",
+        "ball_snip",
+        "--engine",
+        "reference",
+        "--engine",
+        "mujoco",
+        "--out",
+        str(tmp_path / "r"),
+    ]
+    code = f"import sys; sys.argv = ['touchstone', *{arguments}]; from reports.cli import main; main()"
+    program = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    told = []
+    for line in program.stderr:
+        told.append(line)
+        if marker in line:
+            break
+    os.killpg(program.pid, signal.SIGINT)
+    out, err = program.communicate(timeout=60)
+    return program, out, told, err.splitlines()
+
+
+def alive(session):
+    """Processes of a session that still run."""
+    found = []
+    for process in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session and fields[0] not in "ZX":
+            found.append(int(process))
+    return found
+
+
+@pytest.mark.parametrize("marker", ["reference balanced: build", "mujoco recommended: start"])
+def test_ctrl_c_ends_everything_in_one_line(tmp_path, marker):
+    """Ctrl-C, while children start or play: exit 130, one line, no folder, no child left."""
+    program, out, told, err = interrupted(tmp_path, marker)
+    assert program.returncode == 130
+    assert out == ""
+    # progress that was told meanwhile, then the one line
+    assert err[-1] == "touchstone: interrupted; nothing was written"
+    assert all(line.startswith(("reference ", "mujoco ")) for line in err[:-1])
+    assert marker in told[-1]
+    assert left(tmp_path) == []
+    # multiprocessing's own tracker of resources ends a moment after its parent
+    patience = time.monotonic() + 5
+    while alive(program.pid) and time.monotonic() < patience:
+        time.sleep(0.02)
+    assert alive(program.pid) == []
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv"])
+@pytest.mark.parametrize("what", ["scenarios", "engines", "metrics", "profiles"])
+def test_lists_in_every_format(touchstone, what, form):
+    """Each list names all there is, parses in its format, and writes nothing else."""
+    code, out, err = touchstone("list", what, "--format", form)
+    assert (code, err) == (0, "")
+    wanted = {
+        "scenarios": list(catalogue()),
+        "engines": list(ENGINES),
+        "metrics": list(METRICS),
+        "profiles": [profile for entry in ENGINES.values() for profile in entry.profiles],
+    }[what]
+    if form == "json":
+        names = [next(iter(row.values())) for row in json.loads(out)]
+    elif form == "csv":
+        names = [row[0] for row in csv.reader(io.StringIO(out))][1:]
+    else:
+        names = [line.split()[0] for line in out.splitlines()][1:]
+    assert names == wanted
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv"])
+def test_show_in_every_format(touchstone, form):
+    """A scene is shown with all its bodies; JSON is the whole scenario."""
+    code, out, err = touchstone("show", "ball_snip", "--format", form)
+    assert (code, err) == (0, "")
+    scenario = catalogue()["ball_snip"]
+    bodies = [body.name for body in scenario.bodies]
+    if form == "json":
+        shown = json.loads(out)
+        assert [body["name"] for body in shown["bodies"]] == bodies
+        assert shown["trackers"][0]["times"] == list(scenario.trackers[0].times)
+    elif form == "csv":
+        assert [row["body"] for row in csv.DictReader(io.StringIO(out))] == bodies
+    else:
+        assert [line.split()[0] for line in out.splitlines()][-len(bodies) :] == bodies
+        assert "expects land ball-floor from 1 to 1.8 s" in out
+
+
+def test_show_knows_the_nearest_name(touchstone):
+    """An unknown scene is one line there too."""
+    code, out, err = touchstone("show", "ball_snap")
+    assert (code, out) == (2, "")
+    assert "did you mean 'ball_snip'?" in err
+
+
+def test_a_closed_pipe_is_no_error():
+    """A reader that stops reading, as `head` does, sees no traceback."""
+    arguments = ["touchstone", "show", "ball_snip", "--format", "json"]
+    code = f"import sys; sys.argv = {arguments}; from reports.cli import main; main()"
+    program = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    program.stdout.read(10)
+    program.stdout.close()
+    err = program.stderr.read()
+    program.wait(30)
+    program.stderr.close()
+    assert "Traceback" not in err

@@ -1,0 +1,143 @@
+"""Limits: the most specific wins, known failings are strict, and every row names something that exists."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, nan
+
+import pytest
+
+from adapters.registry import ENGINES
+from reports import limits as module
+from reports.limits import KNOWN, LIMITS, Known, Limit, judged
+from reports.metrics import METRICS
+from reports.results import VERDICTS, Row
+from scenarios.catalogue import catalogue, tags
+
+ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")
+
+
+@pytest.fixture
+def limits(monkeypatch):
+    """Put limits and known failings in the place of the real ones."""
+
+    def put(limits=(), known=()):
+        monkeypatch.setattr(module, "LIMITS", tuple(limits))
+        monkeypatch.setattr(module, "KNOWN", tuple(known))
+
+    return put
+
+
+@pytest.mark.parametrize("entry", [*LIMITS, *KNOWN], ids=lambda entry: entry.metric)
+def test_every_entry_names_what_exists(entry):
+    """Metric, engine, scene or tag, and profile of every limit and known failing exist; reasons are lines."""
+    spread = tuple(f"{name}.spread" for name in METRICS if name.startswith("events."))
+    assert entry.metric in (*METRICS, *spread)
+    assert entry.engine in ("", *ENGINES)
+    assert entry.scenario in ("", *catalogue(), *tags())
+    profiles = (
+        ENGINES[entry.engine].profiles if entry.engine else {p for e in ENGINES.values() for p in e.profiles}
+    )
+    assert entry.profile in ("", *profiles)
+    assert len(entry.reason) > 8
+    assert "\n" not in entry.reason
+    bodies = {body.name for scenario in catalogue().values() for body in scenario.bodies}
+    assert set(filter(None, entry.subject.split("-"))) <= bodies
+
+
+@pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: limit.metric)
+def test_limits_are_of_metrics_with_a_direction(limit):
+    """A limit bounds a size from above: never of a metric that is better higher, never negative."""
+    assert limit.largest >= 0
+    metric = METRICS.get(limit.metric)
+    assert metric is None or metric.better == "lower"
+
+
+@pytest.mark.parametrize("known", KNOWN, ids=lambda known: f"{known.engine} {known.metric}")
+def test_known_failings_say_how_to_see_them(known):
+    """Every known failing names one engine and a command that shows it, and a limit it breaks exists."""
+    assert known.engine in ENGINES
+    command = known.reason.partition(": touchstone run ")[2].split()
+    assert command[0] in catalogue()
+    options = dict(zip(command[1::2], command[2::2]))
+    assert options["--engine"] == known.engine
+    assert options["--metric"] == known.metric or options["--metric"] in METRICS
+    assert any(limit.metric == known.metric for limit in LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict"),
+    [(1.0, "pass"), (-1.0, "pass"), (1.1, "fail"), (-1.1, "fail"), (inf, "fail"), (nan, "fail")],
+)
+def test_a_limit_bounds_the_size(limits, value, verdict):
+    """A value is judged by its size, the limit included; what is no number fails."""
+    limits([Limit("overlap.max", 1.0, "why")])
+    row = judged(replace(ROW, value=value), ())
+    assert (row.verdict, row.limit, row.reason) == (verdict, 1.0, "why")
+
+
+def test_the_most_specific_limit_wins(limits):
+    """More named fields win, wherever the limit stands; among equals the last; others do not apply."""
+    ladder = [
+        Limit(
+            "overlap.max",
+            4.0,
+            "four",
+            engine="mujoco",
+            scenario="gallery",
+            profile="recommended",
+            subject="a-b",
+        ),
+        Limit("overlap.max", 3.0, "three", engine="mujoco", scenario="ball_snip", profile="recommended"),
+        Limit("overlap.max", 2.0, "two", engine="mujoco", subject="a-b"),
+        Limit("overlap.max", 1.0, "one", engine="mujoco"),
+        Limit("overlap.max", 0.0, "none"),
+    ]
+    strangers = [
+        Limit("overlap.p95", 9.0, "metric", "mujoco", "ball_snip", "recommended", "a-b"),
+        Limit("overlap.max", 9.0, "engine", "dart", "ball_snip", "recommended", "a-b"),
+        Limit("overlap.max", 9.0, "scene", "mujoco", "other", "recommended", "a-b"),
+        Limit("overlap.max", 9.0, "profile", "mujoco", "ball_snip", "equal-step", "a-b"),
+        Limit("overlap.max", 9.0, "subject", "mujoco", "ball_snip", "recommended", "a-c"),
+    ]
+    for first in range(len(ladder)):
+        for order in (1, -1):
+            limits([*ladder[first:], *strangers][::order])
+            assert judged(ROW, ("gallery",)).reason == ladder[first].reason
+    limits(
+        [Limit("overlap.max", 1.0, "old", engine="mujoco"), Limit("overlap.max", 3.0, "new", subject="a-b")]
+    )
+    assert judged(ROW, ()).reason == "new"
+    limits(strangers)
+    assert judged(ROW, ("gallery",)) == ROW
+
+
+def test_known_failings_are_strict(limits):
+    """A known failing is known while it fails; once its limit is met the row fails and says what to do."""
+    limits([Limit("overlap.max", 1.0, "why")], [Known("overlap.max", "mujoco", "soft", scenario="gallery")])
+    assert judged(ROW, ("gallery",)).verdict == "known"
+    assert judged(ROW, ("gallery",)).reason == "soft"
+    assert judged(ROW, ()).verdict == "fail"
+    mended = judged(replace(ROW, value=0.5), ("gallery",))
+    assert mended.verdict == "fail"
+    assert "a known failing is gone: take it out of limits.py (soft)" in mended.reason
+
+
+def test_a_known_failing_has_to_be_measured(limits):
+    """A value that is no number is not the known failing: it fails."""
+    limits([Limit("overlap.max", 1.0, "why")], [Known("overlap.max", "mujoco", "soft")])
+    assert judged(replace(ROW, value=nan), ()).verdict == "fail"
+
+
+@pytest.mark.parametrize("verdict", [v for v in VERDICTS if v])
+def test_what_is_judged_stays_judged(limits, verdict):
+    """Rows that were skipped, that failed to run or that an expectation judged keep their verdict."""
+    limits([Limit("overlap.max", 1.0, "why")])
+    row = replace(ROW, verdict=verdict, reason="before")
+    assert judged(row, ()) == row
+
+
+def test_remarks_are_kept(limits):
+    """A row's own remark comes before the limit's reason."""
+    limits([Limit("overlap.max", 3.0, "why")])
+    assert judged(replace(ROW, reason="outlier x"), ()).reason == "outlier x; why"

@@ -1,0 +1,66 @@
+"""The long table and its files: fixed columns, whole or absent."""
+
+from __future__ import annotations
+
+import errno
+from math import isnan
+
+import pandas as pd
+import pytest
+
+from reports.results import COLUMNS, Row, save, table, write_beside
+
+ROW = Row(
+    "run", "scene", "mujoco", "recommended", 1 / 540, "overlap.max", 1 / 3, "m", "a, b", reason='so "so"\n'
+)
+
+
+def test_columns_are_fixed():
+    """The columns are those, in that order, whatever the rows, and with none at all."""
+    names = (
+        "study scenario engine profile dt seed repeat metric subject value unit low high limit verdict reason"
+    )
+    wanted = tuple(names.split())
+    assert wanted == COLUMNS
+    for rows in ([], [ROW], [ROW, ROW]):
+        frame = table(rows)
+        assert tuple(frame.columns) == COLUMNS
+        assert len(frame) == len(rows)
+    assert table([ROW]).iloc[0].subject == "a, b"
+
+
+def test_files_hold_the_table(tmp_path):
+    """CSV and parquet read back the rows: every digit, awkward texts, absent numbers."""
+    frame = table([ROW, Row("run", "scene", "all", "", float("nan"), "run", verdict="skipped")])
+    save(frame, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["results.csv", "results.parquet"]
+    parquet = pd.read_parquet(tmp_path / "results.parquet")
+    pd.testing.assert_frame_equal(parquet, frame)
+    texts = {name: str for name in COLUMNS if frame[name].dtype == object or name in ("reason", "subject")}
+    back = pd.read_csv(
+        tmp_path / "results.csv", keep_default_na=False, dtype=texts, na_values={"dt": [""], "value": [""]}
+    )
+    assert tuple(back.columns) == COLUMNS
+    assert back.value[0] == 1 / 3
+    assert back.reason[0] == ROW.reason
+    assert isnan(back.value[1])
+    assert back.verdict[1] == "skipped"
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path):
+    """When writing fails half-way the old file is whole, and no part of the new one is left."""
+    path = tmp_path / "kept.txt"
+    write_beside(path, lambda part: part.write_text("old"))
+
+    def full(part):
+        part.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(OSError, match="No space"):
+        write_beside(path, full)
+    with pytest.raises(OSError, match="No space"):
+        write_beside(tmp_path / "new.txt", full)
+    assert [p.name for p in tmp_path.iterdir()] == ["kept.txt"]
+    assert path.read_text() == "old"
+    write_beside(path, lambda part: part.write_text("new"))
+    assert path.read_text() == "new"
