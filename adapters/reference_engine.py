@@ -104,6 +104,7 @@ class _World:
         times = np.minimum(times, scenario.duration)
         self._motions = [sample(tracker, times) for tracker in scenario.trackers]
         self._next = 0
+        self._stages = np.zeros(len(conventions.STAGES))
         prepare(*self._world)
 
     def drive(self, step: int) -> None:
@@ -131,6 +132,7 @@ class _World:
     def read(self, state: State) -> None:
         """Copy the arrays out."""
         bodies, joints = self._world.bodies, self._world.joints
+        self._stages += self._state["stage_seconds"]
         state.position[:], state.orientation[:] = bodies["position"], bodies["orientation"]
         state.linear_velocity[:], state.angular_velocity[:] = bodies["velocity"], bodies["omega"]
         state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
@@ -197,8 +199,10 @@ class _World:
         _nothing(*self._world)
 
     def stage_seconds(self) -> Mapping[str, float]:
-        """Seconds per stage of the last frame."""
-        return dict(zip(conventions.STAGES, self._state["stage_seconds"].tolist()))
+        """Seconds per stage since the last call."""
+        told = dict(zip(conventions.STAGES, self._stages.tolist()))
+        self._stages[:] = 0.0
+        return told
 
     def work(self) -> Mapping[str, float]:
         """Counters of the last frame."""

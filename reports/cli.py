@@ -148,8 +148,9 @@ def _request(
     engines = [_known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
     profiles = [_known("profile", name, every) for name in dict.fromkeys(profiles)]
+    spreads = [f"{name}.spread" for name in METRICS if name.startswith("events.")]
     for name in metrics:
-        _known("metric", name, [*METRICS, "ratio.time"])
+        _known("metric", name, [*METRICS, *spreads, "ratio.time"])
     columns = columns_of(engines, profiles or DEFAULT_PROFILES)
     if not columns:
         _stop(f"no engine of {', '.join(engines)} has the profile {', '.join(profiles)}", BAD_INPUT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,9 +20,9 @@ def output_folder(out: Path) -> Iterator[Path]:
         raise OutputError(f"--out {out}: give the folder a name of its own")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise OutputError(f"--out {out}: exists and is not an empty folder")
-    part = out.with_name(f"{out.name}.part")
+    part = out.with_name(f".{out.name}.part-{os.getpid()}")
+    new_parent = not out.parent.exists()
     try:
-        shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
         yield part
         if out.exists():
@@ -31,3 +32,5 @@ def output_folder(out: Path) -> Iterator[Path]:
         raise OutputError(f"--out {out}: {error.strerror or error}") from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
+        if new_parent and out.parent.exists() and not any(out.parent.iterdir()):
+            out.parent.rmdir()

@@ -67,7 +67,7 @@ def run(request: Request, progress: Progress) -> Results:
         for scenario in request.scenarios:
             outcomes, missing = _play(request, scenario, folder, progress)
             rows += missing + _judge(scenario, outcomes, recordings, progress)
-        wanted = [row for row in rows if not request.metrics or row.metric in request.metrics]
+        wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
         results = Results(table(wanted), recordings)
         save(results.frame, folder)
         _save_manifest(request, recordings, folder)
@@ -127,6 +127,9 @@ def measured(base: Row, scenario: Scenario, recording: Recording) -> list[Row]:
             values = metric.measure(evidence)
         except NotMeasured as reason:
             rows.append(replace(row, verdict="skipped", reason=str(reason)))
+            continue
+        except Exception as error:  # one metric that fails must not take the run with it
+            rows.append(replace(row, verdict="error", reason=f"{type(error).__name__}: {error}"))
             continue
         for subject, value in values.items():
             number, remark = (value.value, value.reason) if isinstance(value, Value) else (value, "")

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
-from adapters.oracles.overlap import Distances, measure
 from adapters.recording import Recording
 from scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from adapters.oracles.overlap import Distances
 
 
 class NotMeasured(Exception):
@@ -77,7 +79,11 @@ class Evidence:
 
     @cached_property
     def distances(self) -> Distances:
-        """Signed distances by the overlap oracle."""
+        """Signed distances by the overlap oracle; raises NotMeasured where its packages are missing."""
+        try:
+            from adapters.oracles.overlap import measure
+        except ModuleNotFoundError as error:
+            raise NotMeasured("not installed (pip install 'touchstone[fcl,pin]')") from error
         asked = [pair for pairs in self.expected_pairs.values() for pair in pairs]
         return measure(self.recording, self.scenario, asked)
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.detectors.children import Child, Times
 from adapters.detectors import DETECTORS, missing_reason
+from adapters.detectors.children import Child, Times
 from adapters.oracles.minkowski import signed_distance
 from reports.limits import judged
 from reports.output import output_folder

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.detectors.children import Child
 from adapters.detectors import (
     DETECTORS,
     REFERENCE,
@@ -21,6 +20,7 @@ from adapters.detectors import (
     load,
     missing_reason,
 )
+from adapters.detectors.children import Child
 from adapters.engine import AdapterError, Unsupported
 from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull

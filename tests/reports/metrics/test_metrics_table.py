@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from math import isfinite, isnan
 
 import pytest
@@ -61,3 +62,14 @@ def test_every_metric_runs_over_a_real_recording(registry, engine, scene):
                 assert isfinite(value), (name, subject)
     assert all(re.fullmatch(r"[^\n]{5,}", reason) for reason in missed.values())
     assert set(missed) <= {"time.share", "work", "contact.gap"}
+
+
+def test_a_missing_oracle_is_told(registry, monkeypatch):
+    """Without coal what needs distances is not measured, with the line that installs it; the rest is."""
+    scene = catalogue()["ball_snip"]
+    evidence = Evidence(registry.played("ball_snip", "reference"), scene)
+    monkeypatch.delitem(sys.modules, "adapters.oracles.overlap", raising=False)
+    monkeypatch.setitem(sys.modules, "coal", None)
+    with pytest.raises(NotMeasured, match=r"pip install 'touchstone\[fcl,pin\]'"):
+        METRICS["overlap.max"].measure(evidence)
+    assert METRICS["friction.cone"].measure(evidence)[""] < 1e-12  # Coulomb's inequality, to rounding
