@@ -92,9 +92,20 @@ SLIP_MIN = 1e-9
 """Sliding speed without a direction [m/s]."""
 IMPULSE_CAP = 200
 """Impulses of one event."""
+LANDING_DEPTH = 1e-7
+"""Sinking of a touching pair at which one more of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
+LANDING_CAP = 32
+"""Events of one frame after which touching pairs are left to sink: half of EVENT_CAP."""
+PATCH_HEIGHT = 4e-6
+"""Height over the supporting plane below which a vertex belongs to the touching face, edge or corner, and
+least extent of a patch [m]: some TOUCH_DISTANCE, for the tilt that leaves a face's far end touching."""
+PATCH_VERTICES = 64
+"""Vertices of a face that count in a patch."""
 EVENT_CAP = 64
 """Events of one frame."""
-HOLD_SWEEPS = 50
+HOLD_MEMORY = 256
+"""Points of patches whose forces the next hold starts from."""
+HOLD_SWEEPS = 200
 HOLD_RESIDUAL = 1e-12
 """Sweeps over held contacts, and the change of velocity that ends them [m/s]."""
 TIME_MIN = 1e-12

@@ -12,13 +12,18 @@ from reference_impl.contact import (
 from reference_impl.conventions import (
     APPROACH_MIN,
     COUNT_IMPULSES,
+    FLIGHT_BALLISTIC,
     FRICTION_PAPER,
+    HOLD_MEMORY,
     HOLD_RESIDUAL,
     HOLD_SWEEPS,
     IMPULSE_CAP,
     SLIP_MIN,
 )
 from reference_impl.kernel import kernel
+
+ALL = -2
+"""In place of a patch: every row, also those without one (-1)."""
 
 
 @kernel
@@ -136,8 +141,14 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
         pair = pairs[fastest]
         point = pair["point"]
         v_n = _relative_velocity(bodies, pair, state)
-        contact_mobility(bodies, drivers, pair, point, mobility)
         e = resting_restitution(pair["restitution"], -v_n, v_rest)
+        if _begin_patch(bodies, pairs, count, pair["patch"], e):
+            _settle(bodies, joints, drivers, pairs, count, pair["patch"], state)
+            _log_held(bodies, pairs, count, pair["patch"], contacts, state, time)
+            state["counters"][COUNT_IMPULSES] += 1
+            _set_keys(bodies, pairs, count, pair, state)
+            continue
+        contact_mobility(bodies, drivers, pair, point, mobility)
         contact_impulse(v, pair["normal"], mobility, e, pair["friction"], state["friction"], p)
         _apply(bodies, joints, drivers, pair, point, p)
         state["counters"][COUNT_IMPULSES] += 1
@@ -146,10 +157,40 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
             contacts[row]["velocity_a_before"][:] = state["velocity_a"]
             contacts[row]["velocity_b_before"][:] = state["velocity_b"]
             _close_row(bodies, contacts[row], p)
-        for k in range(count):
-            if _share_body(bodies, pairs[k], pair):
-                _set_key(bodies, pairs[k], state)
+        _set_keys(bodies, pairs, count, pair, state)
     return False
+
+
+@kernel
+def _set_keys(bodies, pairs, count, pair, state):
+    """Approach speeds after an impulse on `pair`."""
+    for k in range(count):
+        if _share_body(bodies, pairs[k], pair):
+            _set_key(bodies, pairs[k], state)
+
+
+@kernel
+def _begin_patch(bodies, pairs, count, patch, e):
+    """Ready a patch of two points or more for its impact; returns whether it is one.
+
+    All its points resolve as one, each by Newton's law against its own velocity before: n.v+ >= -e n.v-, with
+    an impulse only where equality holds. (v+ + e v-) / (1 + e) is then the projection of v- on the velocities
+    that do not approach: without friction the energy never rises.
+    """
+    points = 0
+    for k in range(count if patch >= 0 else 0):
+        if pairs[k]["patch"] == patch:
+            points += 1
+            _begin_row(bodies, pairs[k], e * pairs[k]["key"])
+    return points > 1
+
+
+@kernel
+def _begin_row(bodies, pair, floor):
+    pair["held"][:] = 0.0
+    pair["floor"] = floor
+    surface_velocity(bodies[pair["body_a"]], pair["point"], pair["before_a"])
+    surface_velocity(bodies[pair["body_b"]], pair["point"], pair["before_b"])
 
 
 @kernel
@@ -179,44 +220,94 @@ def _share_body(bodies, pair, other):
 
 
 @kernel
-def begin_hold(bodies, pairs, count):
-    """Before forces act: surface velocities of the touching pairs, and no impulse yet."""
+def begin_hold(bodies, pairs, count, state):
+    """Before forces act: surface velocities of the touching pairs, and no impulse yet.
+
+    A polyhedron's contact that separates may come back as fast as it left: its mean velocity over the substep
+    is 0 then, and so is the work of its impulse. (Not under FLIGHT_EULER, which takes the last for the mean.)
+    """
     for k in range(count):
-        pair = pairs[k]
-        pair["held"][:] = 0.0
-        contact_point(pair, pair["point"])
-        surface_velocity(bodies[pair["body_a"]], pair["point"], pair["before_a"])
-        surface_velocity(bodies[pair["body_b"]], pair["point"], pair["before_b"])
+        _set_key(bodies, pairs[k], state)
+        keeps = pairs[k]["patch"] >= 0 and state["flight"] == FLIGHT_BALLISTIC
+        _begin_row(bodies, pairs[k], min(0.0, pairs[k]["key"]) if keeps else 0.0)
 
 
 @kernel
-def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time):
+def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, h):
     """After forces acted: impulses that keep touching pairs from approaching, within the friction cone.
 
-    Projected Gauss-Seidel with accumulated impulses; exact after one sweep where a body has one contact.
-
+    Args:
+        time, h: start of the substep in the frame, and its length [s].
     Returns:
         Whether the sweeps converged.
     """
-    converged = False
+    for k in range(count):
+        if _recall(pairs[k], state, h):
+            _apply(bodies, joints, drivers, pairs[k], pairs[k]["point"], pairs[k]["held"])
+    converged = _settle(bodies, joints, drivers, pairs, count, ALL, state)
+    _log_held(bodies, pairs, count, ALL, contacts, state, time)
+    _remember(pairs, count, state, h)
+    return converged
+
+
+@kernel
+def _recall(pair, state, h):
+    """Start a point of a patch from the force that held the nearest one of its pair; whether any did."""
+    nearest, least = -1, 0.0
+    for m in range(state["held_count"] if pair["patch"] >= 0 else 0):
+        if state["held_pieces"][m, 0] == pair["piece_a"] and state["held_pieces"][m, 1] == pair["piece_b"]:
+            distance = 0.0
+            for i in range(3):
+                distance += (state["held_point"][m, i] - pair["point"][i]) ** 2
+            if nearest < 0 or distance < least:
+                nearest, least = m, distance
+    if nearest >= 0:
+        for i in range(3):
+            pair["held"][i] = h * state["held_force"][nearest, i]
+    return nearest >= 0
+
+
+@kernel
+def _remember(pairs, count, state, h):
+    """Forces at the points of patches, for the next hold."""
+    kept = 0
+    for k in range(count):
+        pair = pairs[k]
+        if pair["patch"] >= 0 and kept < HOLD_MEMORY:
+            state["held_pieces"][kept, 0], state["held_pieces"][kept, 1] = pair["piece_a"], pair["piece_b"]
+            for i in range(3):
+                state["held_point"][kept, i] = pair["point"][i]
+                state["held_force"][kept, i] = pair["held"][i] / h
+            kept += 1
+    state["held_count"] = kept
+
+
+@kernel
+def _settle(bodies, joints, drivers, pairs, count, patch, state):
+    """Impulses that keep the rows of a patch, or ALL, at their floor: projected Gauss-Seidel with accumulated
+    impulses; exact after one sweep where a body has one contact. Returns whether the sweeps converged."""
     for _ in range(HOLD_SWEEPS):
         change = 0.0
         for k in range(count):
-            change = max(change, _hold(bodies, joints, drivers, pairs[k], state))
+            if patch == ALL or pairs[k]["patch"] == patch:
+                change = max(change, _hold(bodies, joints, drivers, pairs[k], state))
         if change <= HOLD_RESIDUAL:
-            converged = True
-            break
+            return True
+    return False
+
+
+@kernel
+def _log_held(bodies, pairs, count, patch, contacts, state, time):
     for k in range(count):
         pair = pairs[k]
         p = pair["held"]
-        if p[0] == 0 and p[1] == 0 and p[2] == 0:
+        if (p[0] == 0 and p[1] == 0 and p[2] == 0) or (patch != ALL and pair["patch"] != patch):
             continue
         row = log_contact(contacts, state, pair, pair["point"], time)
         if row >= 0:
             contacts[row]["velocity_a_before"][:] = pair["before_a"]
             contacts[row]["velocity_b_before"][:] = pair["before_b"]
             _close_row(bodies, contacts[row], p)
-    return converged
 
 
 @kernel
@@ -237,14 +328,14 @@ def _hold(bodies, joints, drivers, pair, state):
     v, p, tangent, mobility = state["velocity"], state["impulse"], state["tangent"], state["mobility"]
     n, held, point = pair["normal"], pair["held"], pair["point"]
     v_n = _relative_velocity(bodies, pair, state)
-    if v_n >= 0 and held[0] == 0 and held[1] == 0 and held[2] == 0:
+    if v_n >= pair["floor"] and held[0] == 0 and held[1] == 0 and held[2] == 0:
         return 0.0
     contact_mobility(bodies, drivers, pair, point, mobility)
     normal_mobility = _along(mobility, n, n[0], n[1], n[2])
     # the mean mobility across the normal: exact for spheres, a relaxation for the rest
     across = (mobility[0, 0] + mobility[1, 1] + mobility[2, 2] - normal_mobility) / 2
     j_old = held[0] * n[0] + held[1] * n[1] + held[2] * n[2]
-    j = max(0.0, j_old - v_n / normal_mobility)
+    j = max(0.0, j_old - (v_n - pair["floor"]) / normal_mobility)
     # what would stop the sliding, cut off at the cone (or always the whole cone, Eq. 10)
     sliding = 0.0
     for i in range(3):

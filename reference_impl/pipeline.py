@@ -1,5 +1,6 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
+from reference_impl.contact_patch import expand_patches
 from reference_impl.conventions import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
@@ -93,19 +94,19 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
 def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     """Simulated loop: advance to the earliest impact, resolve, go on with the rest of the frame."""
     left = state["dt"]
-    drifted = False
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
         # impacts change velocities at once; forces and held contacts over the time that is left
         start = clock(state["clock"])
+        touching = expand_patches(pieces, vertices, pairs, touching, state)
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
             state["counters"][COUNT_GAVE_UP] += 1
         begin_substep(bodies, drivers)
-        begin_hold(bodies, pairs, touching)
+        begin_hold(bodies, pairs, touching, state)
         apply_forces(bodies, state["gravity"], left)
         first_held = state["contact_count"]
-        if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
+        if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, left):
             state["counters"][COUNT_UNCONVERGED] += 1
         resolved = clock(state["clock"])
         pose_at(bodies, left, 1.0, state["flight"])
@@ -113,11 +114,12 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         state["stage_seconds"][STAGE_IMPULSES] += resolved - start
         end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
         detected = clock(state["clock"])
-        fraction, drift = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state, left)
-        drifted = drifted or drift
+        fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state, left)
         end_substep(bodies, joints, drivers, fraction)
         cut_holds(contacts, first_held, state["contact_count"], fraction)
         state["stage_seconds"][STAGE_INTEGRATION] += posed - resolved + clock(state["clock"]) - detected
+        if drifted:
+            part_simulated(bodies, pieces, vertices, pairs, state)
         left *= 1 - fraction
         if left <= TIME_MIN:
             break
@@ -125,5 +127,3 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
     if left > TIME_MIN:
         state["counters"][COUNT_GAVE_UP] += 1
         place_pieces(bodies, pieces, vertices, SIMULATED)
-    if drifted:
-        part_simulated(bodies, pieces, vertices, pairs, state)

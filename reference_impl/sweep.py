@@ -35,6 +35,9 @@ from reference_impl.simplex import add_vertex
 SWEEP_CAP = 500
 """Advances of one sweep; 3 are usual for a bullet, 6 to 50 for a spin of several radians."""
 
+LEAP_CUT = 0.5
+"""Factor between the leaps tried [1]; a trial takes one support of each piece, not a whole distance."""
+
 MOTION = np.dtype(
     [
         ("old_center", "f8", (3,)),  # of mass, at fraction 0, world [m]
@@ -84,8 +87,9 @@ def sweep(bodies, pieces, vertices, motions, pair, state, start, until, target, 
         advance = _time_to_close(gap, speed_a - speed_b + turns, bend)
         if turns > 0 and s + advance < until:
             curl = 2 * abs(bend) + _curl(motion_a, lever_a, s, until) + _curl(motion_b, lever_b, s, until)
-            leap = _leap(bodies, pieces, vertices, motions, pair, state, s, until, gap, target, curl)
-            advance = max(advance, leap)
+            advance = _leap(
+                bodies, pieces, vertices, motions, pair, state, s, until, gap, target, curl, advance
+            )
         s += advance
         if s >= until:
             return until, iterations, True
@@ -145,8 +149,8 @@ def _gap_along(pieces, vertices, pair, state):
 
 
 @kernel
-def _leap(bodies, pieces, vertices, motions, pair, state, s, until, gap, target, curl):
-    """An advance that is proved safe at its end; 0 where it is not.
+def _leap(bodies, pieces, vertices, motions, pair, state, s, until, gap, target, curl, advance):
+    """An advance that is proved safe at its end; `advance` where that goes farther.
 
     Args:
         gap: distance at s less the target [m], positive.
@@ -158,11 +162,15 @@ def _leap(bodies, pieces, vertices, motions, pair, state, s, until, gap, target,
     closing = _point_speed(n, motions[a], bodies[a], pair["point_a"], s)
     closing -= _point_speed(n, motions[b], bodies[b], pair["point_b"], s)
     leap = min(_time_to_close(gap, closing, curl), until - s)
-    dip = curl * leap * leap / 8
-    if dip > gap:
-        return 0.0
-    _place_pair(bodies, pieces, vertices, motions, pair, s + leap)
-    return leap if _gap_along(pieces, vertices, pair, state) - target >= dip else 0.0
+    # where another point comes nearer, a shorter leap
+    while leap > advance:
+        dip = curl * leap * leap / 8
+        if dip <= gap:
+            _place_pair(bodies, pieces, vertices, motions, pair, s + leap)
+            if _gap_along(pieces, vertices, pair, state) - target >= dip:
+                return leap
+        leap *= LEAP_CUT
+    return advance
 
 
 @kernel

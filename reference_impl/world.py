@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference_impl.conventions import COUNTERS, EPA_FACES, EPA_VERTICES, STAGES
+from reference_impl.conventions import COUNTERS, EPA_FACES, EPA_VERTICES, HOLD_MEMORY, STAGES
 
 _VECTOR = ("f8", (3,))
 _QUATERNION = ("f8", (4,))
@@ -115,6 +115,8 @@ PAIR = _record(
     normal=_VECTOR,
     point_a=_VECTOR,  # witnesses, world
     point_b=_VECTOR,
+    patch="i8",  # first row of the pair's patch, or -1
+    floor="f8",  # speed along the normal that a hold or a patch's impact leaves at least [m/s]
     key="f8",  # approach speed in the priority queue [m/s]
     point=_VECTOR,  # contact point of its impulses
     held=_VECTOR,  # impulse on B while the contact holds [N s]
@@ -147,6 +149,11 @@ STATE = _record(
     stage_seconds=("f8", (len(STAGES),)),
     counters=("i8", (len(COUNTERS),)),
     clock=("i8", (2,)),
+    # points of patches that were held last: the next hold starts from their forces [N]
+    held_count="i8",
+    held_pieces=("i8", (HOLD_MEMORY, 2)),
+    held_point=("f8", (HOLD_MEMORY, 3)),
+    held_force=("f8", (HOLD_MEMORY, 3)),
     # scratch of overlap removal, and of impulses: B against A, both surfaces, across the normal
     shift=_VECTOR,
     planes=("f8", (4, 4)),

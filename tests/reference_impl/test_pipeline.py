@@ -99,10 +99,7 @@ def test_a_sliding_ball_comes_to_roll(lab: SimpleNamespace) -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_a_dropped_box_neither_explodes_nor_sinks(lab: SimpleNamespace, profile: str, tilt: float) -> None:
-    """Keep a box that lands flat or tilted above ground, with no more energy than it fell with.
-
-    A contact is one point yet; contact patches will make it lie still.
-    """
+    """Keep a box that lands flat or tilted above ground, with no more energy than it fell with."""
     half = (0.1, 0.08, 0.05)
     turn = (np.cos(tilt / 2), np.sin(tilt / 2) * 0.6, np.sin(tilt / 2) * 0.8, 0.0)
     box = lab.block("box", half, (0.0, 0.0, 0.3), orientation=tuple(map(float, turn)))
