@@ -42,11 +42,15 @@ CONTACT_FIELDS = np.dtype(
 
 
 class AdapterError(Exception):
-    """Base of what adapters raise on purpose."""
+    """Base of what adapters raise on purpose; `status` is how a run that raises it ends."""
+
+    status: ClassVar[str] = "error"
 
 
 class Unsupported(AdapterError):
     """The engine cannot represent the scene; the message starts with the engine's name."""
+
+    status = "skipped"
 
 
 class NotInstalled(AdapterError):

@@ -18,7 +18,7 @@ from reference_impl.world import (
     STATE,
     World,
 )
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Sphere
+from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Shape, Sphere
 from scenarios.tracking import sample
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
@@ -74,20 +74,27 @@ def _pieces(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     for k, (row, (body, piece)) in enumerate(zip(pieces, rows)):
         row["body"], row["order"] = body, k
         row["position"], row["rotation"] = piece.position, matrix(piece.orientation)
-        match piece.shape:
-            case Sphere(radius):
-                row["kind"], row["radius"] = conventions.SPHERE, radius
-            case Box(half_extents):
-                row["kind"], row["size"] = conventions.BOX, half_extents
-            case Ellipsoid(half_axes):
-                row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
-            case Hull(corners):
-                row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, count, len(corners)
-                hulls.append(np.array(corners))
-                count += len(corners)
-            case _:
-                raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
+        if isinstance(piece.shape, Hull):
+            corners = np.array(piece.shape.vertices)
+            row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, count, len(corners)
+            hulls.append(corners)
+            count += len(corners)
+        else:
+            set_primitive(row, piece.shape)
     return pieces, np.ascontiguousarray(np.vstack(hulls) if hulls else np.zeros((1, 3)))
+
+
+def set_primitive(row: np.void, shape: Shape) -> None:
+    """Write a sphere, box or ellipsoid into a row of PIECE."""
+    match shape:
+        case Sphere(radius):
+            row["kind"], row["radius"] = conventions.SPHERE, radius
+        case Box(half_extents):
+            row["kind"], row["size"] = conventions.BOX, half_extents
+        case Ellipsoid(half_axes):
+            row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
+        case _:
+            raise Unsupported(f"reference: no shape {type(shape).__name__}")
 
 
 def _joints(scenario: Scenario) -> np.ndarray:

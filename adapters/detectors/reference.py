@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 
 from adapters.detectors import UNCONVERGED, Answers, Failure, Pair
-from adapters.engine import Array, Scalar, Unsupported
-from adapters.translation import matrix
+from adapters.engine import Array, Scalar
+from adapters.translation import matrix, set_primitive
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import clock, kernel
 from reference_impl.shapes import place_piece
 from reference_impl.world import BODY, PAIR, PIECE, STATE
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
+from scenarios.scenario import Hull
 
 
 @kernel
@@ -61,7 +60,7 @@ class ReferenceBatch:
                 vertices.append(np.array(given.shape.vertices))
                 first += count
             else:
-                _set_primitive(row, given)
+                set_primitive(row, given.shape)
         self._vertices = np.ascontiguousarray(np.vstack(vertices))
         still = np.zeros(1, BODY)
         still["rotation"] = np.eye(3)
@@ -86,15 +85,3 @@ class ReferenceBatch:
 
     def close(self) -> None:
         """Nothing to free."""
-
-
-def _set_primitive(row: Any, piece: Piece) -> None:
-    match piece.shape:
-        case Sphere(radius):
-            row["kind"], row["radius"] = conventions.SPHERE, radius
-        case Box(half_extents):
-            row["kind"], row["size"] = conventions.BOX, half_extents
-        case Ellipsoid(half_axes):
-            row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
-        case _:
-            raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")

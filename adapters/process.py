@@ -1,0 +1,127 @@
+"""A spawned child process that obeys commands: the parent's end, and the child's.
+
+A crash, a hang or an exception in the child ends in a failure with its reason, never in the parent. The
+child's standard output and error, native code's included, go to a file of its own.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from adapters.engine import AdapterError
+
+PATIENCE = 300.0
+"""Seconds a child may take for one command before it counts as hung: a cold compilation takes about 40."""
+
+
+@contextmanager
+def interrupt_held() -> Iterator[None]:
+    """Hold Ctrl-C back. Children that start meanwhile inherit this for good: it is the parent's to handle."""
+    resource_tracker.ensure_running()  # starting it would let Ctrl-C through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class ChildProcess:
+    """The parent's end. `failure` is None, or the status and the reason of the first command that failed."""
+
+    def __init__(self, serve: Callable[..., None], arguments: tuple[Any, ...], patience: float) -> None:
+        """Start `serve(pipe, *arguments)`; hold Ctrl-C back meanwhile (`interrupt_held`)."""
+        context = multiprocessing.get_context("spawn")
+        self.failure: tuple[str, str] | None = None
+        self._patience = patience
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=serve, args=(theirs, *arguments), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def send(self, command: str, argument: object = None) -> None:
+        """Send a command; several children may work at what is not timed."""
+        if self.failure is None:
+            self._command = command
+            try:
+                self._pipe.send((command, argument))
+            except OSError:
+                self._died()
+
+    def receive(self) -> Any:
+        """The answer to the last command; None where the child failed, now or before."""
+        if self.failure is not None:
+            return None
+        try:
+            if not self._pipe.poll(self._patience):
+                self._fail("error", f"hung: no answer to '{self._command}' for {self._patience:g} s")
+                return None
+            status, answer = self._pipe.recv()
+        except (EOFError, OSError):
+            self._died()
+            return None
+        if status != "ok":
+            self._fail(status, answer)
+            return None
+        return answer
+
+    def ask(self, command: str, argument: object = None) -> Any:
+        """Send a command and wait for its answer."""
+        self.send(command, argument)
+        return self.receive()
+
+    def _died(self) -> None:
+        self._process.join(5)
+        code = self._process.exitcode
+        end = f"signal {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
+        self._fail("error", f"died during '{self._command}': {end}")
+
+    def _fail(self, status: str, reason: str) -> None:
+        self.failure = (status, reason)
+        self.stop()
+
+    def stop(self) -> None:
+        """End the process, by force if need be."""
+        self._pipe.close()
+        self._process.join(0.5)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def obey(pipe: Connection, output: Path, handle: Callable[[str, Any], object]) -> None:
+    """The child's end: answer commands by `handle(command, argument)` until the pipe closes."""
+    _divert_output(output)
+    while True:
+        try:
+            command, argument = pipe.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            pipe.send(("ok", handle(command, argument)))
+        except AdapterError as error:
+            pipe.send((error.status, str(error)))
+        except ImportError as error:
+            pipe.send(("skipped", f"cannot be imported: {error}".splitlines()[0]))
+        except Exception as error:
+            import traceback
+
+            traceback.print_exc()
+            pipe.send(("error", f"{type(error).__name__}: {error}".splitlines()[0]))
+
+
+def _divert_output(path: Path) -> None:
+    sys.stdout.flush()
+    sys.stderr.flush()
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    os.dup2(file, 1)
+    os.dup2(file, 2)
+    os.close(file)
