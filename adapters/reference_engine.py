@@ -102,7 +102,10 @@ class _World:
             self._state[name] = value
         times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
         times = np.minimum(times, scenario.duration)
-        self._motions = [sample(tracker, times) for tracker in scenario.trackers]
+        self._targets: list[tuple[np.ndarray, np.ndarray, int]] = []
+        first = 0
+        for driver, tracker in enumerate(scenario.trackers):
+            first = self._aim(driver, first, sample(tracker, times))
         self._next = 0
         self._stages = np.zeros(len(conventions.STAGES))
         prepare(*self._world)
@@ -113,21 +116,24 @@ class _World:
 
     def step(self) -> None:
         """One frame: hand the tracker over, then the compiled step."""
-        first = 0
-        for driver, motion in zip(self._world.drivers, self._motions):
-            first = self._hand_over(driver, motion, first)
+        for target, motion, ahead in self._targets:
+            target[:] = motion[self._next + ahead]
         step(*self._world)
 
-    def _hand_over(self, driver: np.void, motion: TrackerMotion, first: int) -> int:
-        now, then = self._next, self._next + 1
-        driver["old_target_position"] = motion.position[now]
-        driver["old_target_orientation"] = motion.orientation[now]
-        driver["target_position"] = motion.position[then]
-        driver["target_orientation"] = motion.orientation[then]
-        joints = self._world.joints[first : first + motion.angle.shape[1]]
-        joints["target_angle"] = motion.angle[then]
-        joints["target_rate"] = motion.rate[then]
-        return first + len(joints)
+    def _aim(self, driver: int, first: int, motion: TrackerMotion) -> int:
+        """Pair each target of a driver, as a view of the arrays, with its motion and with the frames it looks
+        ahead: a view is found once, not in every frame. Returns the first joint after the driver's."""
+        drivers = self._world.drivers
+        last = first + motion.angle.shape[1]
+        self._targets += [
+            (drivers["old_target_position"][driver], motion.position, 0),
+            (drivers["old_target_orientation"][driver], motion.orientation, 0),
+            (drivers["target_position"][driver], motion.position, 1),
+            (drivers["target_orientation"][driver], motion.orientation, 1),
+            (self._world.joints["target_angle"][first:last], motion.angle, 1),
+            (self._world.joints["target_rate"][first:last], motion.rate, 1),
+        ]
+        return last
 
     def read(self, state: State) -> None:
         """Copy the arrays out."""
