@@ -198,7 +198,7 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
                 f"{column[0]} {column[1]}",
                 low=ratio.low,
                 high=ratio.high,
-                reason=f"overlap {'larger' if deeper else 'equal or smaller'}",
+                reason=f"overlap {'larger' if deeper else 'no larger'}",
             )
             if column == fastest and profile == "balanced":
                 verdict = "pass" if ratio.value <= RATIO_LIMIT and not deeper else "fail"
