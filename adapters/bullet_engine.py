@@ -15,83 +15,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from itertools import combinations, product
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
+from adapters.bullet_tables import BASE, LINK, MULTIBODY, NO_SHAPE, SOLVER, UNTURNED, Links, Multibody, Part
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import frictions, product_factors, restitutions
 from adapters.registry import ENGINES
 from scenarios.scenario import ORIGIN, Body, Box, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
-Links = tuple[int, ...]
 Joints = tuple[Joint, ...]
-
-BASE = -1
-"""Bullet's number of a multibody's base; its links count from 0."""
-NO_SHAPE = -1
-UNTURNED = (0.0, 0.0, 0.0, 1.0)
-"""The unit quaternion, xyzw."""
-SPEED_LIMIT = 1e9
-"""Bound on every generalised velocity [m/s, rad/s], out of reach: Bullet's 100 cuts momentum."""
-
-SOLVER: dict[str, int | float] = {
-    # pybullet's defaults, set on purpose: leaving them out changes no bit of a run
-    "numSubSteps": 0,
-    "numSolverIterations": 50,
-    "numNonContactInnerIterations": 1,
-    "constraintSolverType": pybullet.CONSTRAINT_SOLVER_LCP_SI,
-    "solverResidualThreshold": 1e-7,
-    "warmStartingFactor": 0.1,
-    "enableConeFriction": 1,
-    "erp": 0.2,
-    "contactERP": 0.08,
-    "frictionERP": 0.2,
-    "globalCFM": 0.0,
-    "contactSlop": 1e-5,
-    "useSplitImpulse": 1,
-    "splitImpulsePenetrationThreshold": -0.04,
-    "restitutionVelocityThreshold": 0.2,
-    "contactBreakingThreshold": 0.02,
-    "allowedCcdPenetration": 0.04,
-    "minimumSolverIslandSize": 0,
-    "deterministicOverlappingPairs": 0,
-    "enableSAT": 0,
-}
-MULTIBODY: dict[str, int | float] = {
-    # changeDynamics with any of these goes to the base, whatever link it names: never mix with LINK
-    "linearDamping": 0.0,
-    "angularDamping": 0.0,
-    "maxJointVelocity": SPEED_LIMIT,
-    "activationState": pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-}
-LINK: dict[str, int | float] = {"jointDamping": 0.0, "rollingFriction": 0.0, "spinningFriction": 0.0}
-
-
-class Part(NamedTuple):
-    """A link, field by field an argument of createMultiBody; on its own fixed in the frame of its parent."""
-
-    linkMasses: float
-    linkCollisionShapeIndices: int
-    linkInertialFramePositions: tuple[float, ...] = ORIGIN
-    linkInertialFrameOrientations: tuple[float, ...] = UNTURNED
-    linkPositions: tuple[float, ...] = ORIGIN
-    linkOrientations: tuple[float, ...] = UNTURNED
-    linkParentIndices: int = 0  # 0 = base
-    linkJointTypes: int = pybullet.JOINT_FIXED
-    linkJointAxis: tuple[float, ...] = (0.0, 0.0, 1.0)
-    linkVisualShapeIndices: int = NO_SHAPE
-
-
-class Multibody(NamedTuple):
-    """A base with its links: its id in Bullet, its bodies (base first), its hinges among all hinges."""
-
-    id: int
-    bodies: Links
-    hinges: slice
 
 
 class BulletEngine:
