@@ -66,7 +66,7 @@ def run(request: Request, progress: Progress) -> Results:
         recordings: dict[tuple[str, str, str], Recording] = {}
         for scenario in request.scenarios:
             outcomes, missing = _play(request, scenario, folder, progress)
-            rows += missing + _judge(scenario, outcomes, recordings, progress)
+            rows += _judge(scenario, outcomes, recordings, progress) + missing
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
         results = Results(table(wanted), recordings)
         save(results.frame, folder)

@@ -107,4 +107,7 @@ def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -
         lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value}: {row.reason}")
     for row in rows_of(scene[(scene.verdict == "skipped") & (scene.metric == "run")]):
         lines.append(f"skipped: {row.engine} {row.profile}: {row.reason}")
+    unjudged = scene[(scene.metric != "run") & scene.reason.str.startswith("not installed")]
+    for reason, part in unjudged.groupby("reason", sort=False):
+        lines.append(f"skipped: {', '.join(dict.fromkeys(part.metric))}: {reason}")
     return lines
