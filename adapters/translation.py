@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -18,7 +20,7 @@ from reference_impl.world import (
     STATE,
     World,
 )
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Shape, Sphere
+from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Sphere
 from scenarios.tracking import sample
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
@@ -67,34 +69,31 @@ def _bodies(scenario: Scenario) -> np.ndarray:
 
 
 def _pieces(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
-    rows: list[tuple[int, Piece]] = [(i, piece) for i, b in enumerate(scenario.bodies) for piece in b.pieces]
-    pieces = np.zeros(len(rows), PIECE)
+    return piece_arrays([(i, piece) for i, b in enumerate(scenario.bodies) for piece in b.pieces])
+
+
+def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.ndarray]:
+    """Pieces with the index of their body as rows of PIECE, and the vertices (n, 3) of all hulls."""
+    pieces = np.zeros(len(owned), PIECE)
     hulls: list[np.ndarray] = []
     count = 0
-    for k, (row, (body, piece)) in enumerate(zip(pieces, rows)):
+    for k, (row, (body, piece)) in enumerate(zip(pieces, owned)):
         row["body"], row["order"] = body, k
         row["position"], row["rotation"] = piece.position, matrix(piece.orientation)
-        if isinstance(piece.shape, Hull):
-            corners = np.array(piece.shape.vertices)
-            row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, count, len(corners)
-            hulls.append(corners)
-            count += len(corners)
-        else:
-            set_primitive(row, piece.shape)
+        match piece.shape:
+            case Sphere(radius):
+                row["kind"], row["radius"] = conventions.SPHERE, radius
+            case Box(half_extents):
+                row["kind"], row["size"] = conventions.BOX, half_extents
+            case Ellipsoid(half_axes):
+                row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
+            case Hull(corners):
+                row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, count, len(corners)
+                hulls.append(np.array(corners))
+                count += len(corners)
+            case _:
+                raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
     return pieces, np.ascontiguousarray(np.vstack(hulls) if hulls else np.zeros((1, 3)))
-
-
-def set_primitive(row: np.void, shape: Shape) -> None:
-    """Write a sphere, box or ellipsoid into a row of PIECE."""
-    match shape:
-        case Sphere(radius):
-            row["kind"], row["radius"] = conventions.SPHERE, radius
-        case Box(half_extents):
-            row["kind"], row["size"] = conventions.BOX, half_extents
-        case Ellipsoid(half_axes):
-            row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
-        case _:
-            raise Unsupported(f"reference: no shape {type(shape).__name__}")
 
 
 def _joints(scenario: Scenario) -> np.ndarray:

@@ -17,17 +17,16 @@ from adapters.record import record, scenario_json
 from adapters.recording import Recording
 from adapters.reference_engine import BUNDLES
 from adapters.registry import ENGINES, installed, load, missing_reason
-from adapters.translation import translate
+from adapters.translation import piece_arrays, translate
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.pipeline import prepare, step
 from reference_impl.shapes import place_piece
-from reference_impl.world import BODY, PAIR, PIECE, STATE, World
+from reference_impl.world import BODY, PAIR, STATE, World
 from scenarios.catalogue import catalogue
 from scenarios.scenario import (
     Body,
     Box,
-    Ellipsoid,
     Hull,
     PairCoefficients,
     Piece,
@@ -73,24 +72,9 @@ def corners(one: Piece) -> np.ndarray:
 
 def measure(one: Piece, two: Piece) -> Depth:
     """Run `convex_depth` on two pieces."""
-    bodies, pieces = np.zeros(2, BODY), np.zeros(2, PIECE)
+    bodies = np.zeros(2, BODY)
     bodies["rotation"] = np.eye(3)
-    vertices, first = [np.zeros((1, 3))], 1
-    for k, (row, given) in enumerate(zip(pieces, (one, two))):
-        row["body"], row["position"] = k, given.position
-        row["rotation"] = Rotation.from_quat(np.array(given.orientation), scalar_first=True).as_matrix()
-        match given.shape:
-            case Sphere(radius):
-                row["kind"], row["radius"] = conventions.SPHERE, radius
-            case Box(half_extents):
-                row["kind"], row["size"] = conventions.BOX, half_extents
-            case Ellipsoid(half_axes):
-                row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
-            case Hull(points):
-                row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, first, len(points)
-                vertices.append(np.array(points))
-                first += len(points)
-    table = np.ascontiguousarray(np.vstack(vertices))
+    pieces, table = piece_arrays([(0, one), (1, two)])
     state, pairs = np.zeros(1, STATE), np.zeros(1, PAIR)
     for k in range(2):
         place_piece(pieces[k], bodies[k], table, 0.0)

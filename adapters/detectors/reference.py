@@ -9,13 +9,12 @@ import numpy as np
 
 from adapters.detectors import UNCONVERGED, Answers, Failure, Pair
 from adapters.engine import Array, Scalar
-from adapters.translation import matrix, set_primitive
+from adapters.translation import piece_arrays
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import clock, kernel
 from reference_impl.shapes import place_piece
-from reference_impl.world import BODY, PAIR, PIECE, STATE
-from scenarios.scenario import Hull
+from reference_impl.world import BODY, PAIR, STATE
 
 
 @kernel
@@ -50,18 +49,7 @@ class ReferenceBatch:
     """Pieces in the kernel's arrays; `ask` is one compiled call."""
 
     def __init__(self, pairs: Sequence[Pair]) -> None:
-        self._pieces = np.zeros(2 * len(pairs), PIECE)
-        vertices, first = [np.zeros((1, 3))], 1
-        for row, given in zip(self._pieces, [piece for pair in pairs for piece in pair]):
-            row["position"], row["rotation"] = given.position, matrix(given.orientation)
-            if isinstance(given.shape, Hull):
-                count = len(given.shape.vertices)
-                row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, first, count
-                vertices.append(np.array(given.shape.vertices))
-                first += count
-            else:
-                set_primitive(row, given.shape)
-        self._vertices = np.ascontiguousarray(np.vstack(vertices))
+        self._pieces, self._vertices = piece_arrays([(0, piece) for pair in pairs for piece in pair])
         still = np.zeros(1, BODY)
         still["rotation"] = np.eye(3)
         for row in self._pieces:

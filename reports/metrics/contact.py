@@ -20,7 +20,7 @@ def impulse_balance(evidence: Evidence) -> Values:
     """Sum over frames of |sum J - (m dv - m g h)| over the sum of |m dv - m g h|, per simulated body."""
     rows = evidence.recording.contacts
     frames = len(evidence.recording.time) - 1
-    frame = np.minimum((rows["time"] / evidence.frame + 1e-9).astype(int), frames - 1)
+    frame = evidence.contact_frame
     found = {}
     for body in evidence.simulated:
         felt = np.zeros((frames, 3))

@@ -66,8 +66,5 @@ def _work_of_driven_contacts(evidence: Evidence) -> Array:
         chosen = (kind[rows[f"body_{side}"]] == "simulated") & (kind[rows[f"body_{other}"]] == "driven")
         mean = (rows[f"velocity_{side}_before"] + rows[f"velocity_{side}_after"]) / 2
         work += np.where(chosen, sign * np.einsum("ij,ij->i", rows["impulse"], mean), 0.0)
-    # a contact belongs to the frame whose end follows it
-    frame = np.minimum(
-        (rows["time"] / evidence.frame + 1e-9).astype(int) + 1, len(evidence.recording.time) - 1
-    )
-    return np.cumsum(np.bincount(frame, weights=work, minlength=len(evidence.recording.time)))
+    by_frame = np.bincount(evidence.contact_frame + 1, weights=work, minlength=len(evidence.recording.time))
+    return np.cumsum(by_frame)

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
@@ -16,6 +17,10 @@ from scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from adapters.oracles.overlap import Distances
+
+
+ROUNDING = 1e-9
+"""Share of a frame by which a contact at its very start may seem to fall into the one before [1]."""
 
 
 class NotMeasured(Exception):
@@ -115,6 +120,12 @@ class Evidence:
         rows = self.recording.contacts
         normal = np.einsum("ij,ij->i", rows["impulse"], rows["normal"])
         return normal, rows["impulse"] - normal[:, None] * rows["normal"]
+
+    @cached_property
+    def contact_frame(self) -> NDArray[np.int64]:
+        """Per contact row the displayed step (of s = frames - 1) in which it acted."""
+        step = self.recording.contacts["time"] / self.frame + ROUNDING
+        return np.minimum(step.astype(np.int64), len(self.recording.time) - 2)
 
     def slip(self, moment: Literal["before", "after"]) -> Array:
         """Tangential velocity of B against A per contact row (c, 3) [m/s]."""

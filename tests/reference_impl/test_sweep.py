@@ -9,8 +9,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from adapters.oracles.minkowski import signed_distance
+from adapters.translation import piece_arrays
 from reference_impl import conventions
-from reference_impl.conventions import FLIGHT_BALLISTIC, FLIGHT_EULER, IMPACT_SLACK, IMPACT_TARGET, SIMULATED
+from reference_impl.conventions import (
+    FLIGHT_BALLISTIC,
+    FLIGHT_EULER,
+    HULL,
+    IMPACT_SLACK,
+    IMPACT_TARGET,
+    SIMULATED,
+)
 from reference_impl.integrate import pose_at
 from reference_impl.sweep import (
     MOTION,
@@ -22,8 +30,8 @@ from reference_impl.sweep import (
     sweep,
     swept_box,
 )
-from reference_impl.world import BODY, PAIR, PIECE, STATE
-from scenarios.scenario import Box, Ellipsoid, Hull, Shape, Sphere
+from reference_impl.world import BODY, PAIR, STATE
+from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Shape, Sphere
 from scenarios.solids import elliptic_hull
 
 FRAME = 1 / 60
@@ -42,28 +50,12 @@ class Scene:
     """Two bodies of one piece each, and how they move over one step."""
 
     def __init__(self, one: Shape, two: Shape) -> None:
-        self.bodies, self.pieces = np.zeros(2, BODY), np.zeros(2, PIECE)
-        self.bodies["kind"], self.pieces["rotation"] = SIMULATED, np.eye(3)
+        self.bodies = np.zeros(2, BODY)
+        self.bodies["kind"] = SIMULATED
+        self.pieces, self.vertices = piece_arrays([(0, Piece("one", one)), (1, Piece("two", two))])
         self.motions, self.pairs, self.state = np.zeros(2, MOTION), np.zeros(1, PAIR), np.zeros(1, STATE)
         self.motions["old_orientation"] = (1.0, 0.0, 0.0, 0.0)
         self.pairs["piece_b"] = self.pairs["body_b"] = 1
-        table, first = [np.zeros((1, 3))], 1
-        for k, shape in enumerate((one, two)):
-            row = self.pieces[k]
-            row["body"] = k
-            match shape:
-                case Sphere(radius):
-                    row["kind"], row["radius"] = conventions.SPHERE, radius
-                case Box(size):
-                    row["kind"], row["size"] = conventions.BOX, size
-                case Ellipsoid(size):
-                    row["kind"], row["size"] = conventions.ELLIPSOID, size
-                case Hull(points):
-                    row["kind"] = conventions.HULL
-                    row["first_vertex"], row["vertex_count"] = first, len(points)
-                    table.append(np.array(points))
-                    first += len(points)
-        self.vertices = np.ascontiguousarray(np.vstack(table))
 
     def move(self, body: int, center=(0, 0, 0), travel=(0, 0, 0), turn=(0, 0, 0), **more: object) -> Scene:
         """Set a body's motion; `more`: `posture` (scipy), `travel_bend` and `turn_bend` (square terms)."""
@@ -99,7 +91,9 @@ class Scene:
         row = self.pieces[k]
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         first = row["first_vertex"]
-        local = self.vertices[first : first + row["vertex_count"]] if first else signs * row["size"]
+        local = (
+            self.vertices[first : first + row["vertex_count"]] if row["kind"] == HULL else signs * row["size"]
+        )
         return local @ row["world_rotation"].T + row["world_position"]
 
 
