@@ -229,4 +229,5 @@ def _grow_triangle(piece_a, piece_b, vertices, scale, state):
         add_vertex(piece_a, piece_b, vertices, x, y, z, 3, state)
     else:
         state["w"][3, :], state["a"][3, :] = state["w"][4], state["a"][4]
+        state["corner"][3, :] = state["corner"][4]
     return 4 if max(up, down) > GROWTH * scale else 3

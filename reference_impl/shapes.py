@@ -40,7 +40,12 @@ def place_piece(piece, body, vertices, margin):
 
 @kernel
 def support(piece, vertices, x, y, z, out_point):
-    """Point of the core farthest along (x, y, z), relative to the piece's origin, world axes [m]."""
+    """Point of the core farthest along (x, y, z), relative to the piece's origin, world axes [m].
+
+    Returns:
+        Which corner it is: the hull's vertex, the box' octant (bits: x, y, z not negative), 0 for a point,
+        -1 on a smooth core.
+    """
     rotation = piece["world_rotation"]
     kind, size = piece["kind"], piece["size"]
     # direction in the piece's frame
@@ -56,7 +61,9 @@ def support(piece, vertices, x, y, z, out_point):
             if along > most:
                 most, best = along, k
         u, v, w = vertices[best, 0], vertices[best, 1], vertices[best, 2]
+        corner = best - first
     elif kind == BOX:
+        corner = (1 if u >= 0 else 0) + (2 if v >= 0 else 0) + (4 if w >= 0 else 0)
         u = size[0] if u >= 0 else -size[0]
         v = size[1] if v >= 0 else -size[1]
         w = size[2] if w >= 0 else -size[2]
@@ -64,8 +71,11 @@ def support(piece, vertices, x, y, z, out_point):
         u, v, w = u * size[0], v * size[1], w * size[2]
         length = sqrt(u * u + v * v + w * w)
         scale = 1 / length if length > 0 else 0.0
+        corner = -1
         u, v, w = u * size[0] * scale, v * size[1] * scale, w * size[2] * scale
     else:
         u = v = w = 0.0
+        corner = 0
     for i in range(3):
         out_point[i] = rotation[i, 0] * u + rotation[i, 1] * v + rotation[i, 2] * w
+    return corner

@@ -1,7 +1,8 @@
 """GJK: the point of a Minkowski difference nearest to the origin, or the simplex that holds it.
 
 The Minkowski difference of A and B is {a - b}; w are its points relative to the pieces' offset. A simplex
-of up to four vertices lies in `state["w"]` and `state["a"]`, with the points of A its vertices come from.
+of up to four vertices lies in `state["w"]`, with the points of A they come from in `state["a"]` and the
+corners of A and B in `state["corner"]`.
 """
 
 from math import sqrt
@@ -17,9 +18,9 @@ INSIDE = 15
 @kernel
 def add_vertex(piece_a, piece_b, vertices, x, y, z, k, state):
     """Write the difference's support along (x, y, z) into vertex k; returns its reach along it."""
-    w, a = state["w"][k], state["a"][k]
-    support(piece_a, vertices, x, y, z, a)
-    support(piece_b, vertices, -x, -y, -z, w)
+    w, a, corner = state["w"][k], state["a"][k], state["corner"][k]
+    corner[0] = support(piece_a, vertices, x, y, z, a)
+    corner[1] = support(piece_b, vertices, -x, -y, -z, w)
     for i in range(3):
         a[i] += piece_a["world_position"][i] - piece_b["world_position"][i]
         w[i] = a[i] - w[i]
@@ -80,7 +81,7 @@ def repeats(w, count):
 @kernel
 def _keep(state, choice):
     """Keep the vertices that carry the nearest point; returns (count, x, y, z)."""
-    w, a, weights = state["w"], state["a"], state["offset"]
+    w, a, corner, weights = state["w"], state["a"], state["corner"], state["offset"]
     mask, p, q, r, s = choice
     kept = 0
     x = y = z = 0.0
@@ -88,6 +89,7 @@ def _keep(state, choice):
         if mask & (1 << k):
             share = p if k == 0 else (q if k == 1 else (r if k == 2 else s))
             weights[kept] = share
+            corner[kept, 0], corner[kept, 1] = corner[k, 0], corner[k, 1]
             for i in range(3):
                 w[kept, i], a[kept, i] = w[k, i], a[k, i]
             x += share * w[kept, 0]

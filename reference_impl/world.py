@@ -166,6 +166,7 @@ STATE = _record(
     # scratch of EPA: vertices of the Minkowski difference, and the points of A they come from
     w=("f8", (EPA_VERTICES, 3)),
     a=("f8", (EPA_VERTICES, 3)),
+    corner=("i8", (EPA_VERTICES, 2)),  # which corners of A and B: see shapes.support
     face=("i8", (EPA_FACES, 3)),
     beyond=("i8", (EPA_FACES, 3)),  # faces across the edges ij, jk, ki
     starts=("i8", (EPA_VERTICES,)),  # new face whose horizon edge starts at a vertex

@@ -77,6 +77,21 @@ def test_support_is_the_farthest_point(lab: SimpleNamespace, name: str) -> None:
         assert reach == pytest.approx((points @ direction).max() / length, abs=slack)
 
 
+@pytest.mark.parametrize("name", SHAPES)
+def test_support_names_its_corner(lab: SimpleNamespace, name: str) -> None:
+    """Tell the hull's vertex or the box' octant; a point is corner 0, a smooth core has none."""
+    world, _ = placed(lab, SHAPES[name], 0.0)
+    row, out = world.pieces[0], np.zeros(3)
+    bits = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)]) * 2 - 1
+    corners = world.vertices if name == "hull" else bits * row["size"]
+    for direction in np.random.default_rng(2).normal(size=(20, 3)):
+        corner = support(row, world.vertices, *direction, out)
+        if name == "ellipsoid":
+            assert corner == -1
+        else:
+            np.testing.assert_allclose(out, row["world_rotation"] @ corners[corner], atol=1e-15)
+
+
 def test_support_without_a_direction_is_finite(lab: SimpleNamespace) -> None:
     """Give a finite point of an ellipsoid along the zero vector."""
     world, _ = placed(lab, SHAPES["ellipsoid"], 0.0)
