@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Unsupported
+from adapters.hull_table import hull_rows
 from reference_impl import conventions
 from reference_impl.world import (
     BODY,
@@ -18,9 +19,10 @@ from reference_impl.world import (
     PAIR,
     PIECE,
     STATE,
+    VERTEX,
     World,
 )
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Sphere
+from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 from scenarios.tracking import sample
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
@@ -73,9 +75,10 @@ def _pieces(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
 
 
 def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.ndarray]:
-    """Pieces with the index of their body as rows of PIECE, and the vertices (n, 3) of all hulls."""
+    """Pieces with the index of their body as rows of PIECE, and rows of VERTEX: those of equal hulls once."""
     pieces = np.zeros(len(owned), PIECE)
     hulls: list[np.ndarray] = []
+    first: dict[tuple[Vector, ...], int] = {}
     count = 0
     for k, (row, (body, piece)) in enumerate(zip(pieces, owned)):
         row["body"], row["order"] = body, k
@@ -88,12 +91,16 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
             case Ellipsoid(half_axes):
                 row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
             case Hull(corners):
-                row["kind"], row["first_vertex"], row["vertex_count"] = conventions.HULL, count, len(corners)
-                hulls.append(np.array(corners))
-                count += len(corners)
+                rows, row["cells"], row["size"] = hull_rows(corners)
+                if corners not in first:
+                    first[corners] = count
+                    hulls.append(rows)
+                    count += len(rows)
+                row["kind"], row["first_vertex"] = conventions.HULL, first[corners]
+                row["vertex_count"] = len(corners)
             case _:
                 raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
-    return pieces, np.ascontiguousarray(np.vstack(hulls) if hulls else np.zeros((1, 3)))
+    return pieces, np.concatenate(hulls) if hulls else np.zeros(1, VERTEX)
 
 
 def _joints(scenario: Scenario) -> np.ndarray:

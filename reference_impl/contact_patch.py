@@ -113,7 +113,8 @@ def _feature(piece, vertices, sign, origin, frame, out_points):
                 v = size[1] if k & 2 else -size[1]
                 w = size[2] if k & 4 else -size[2]
             else:
-                u, v, w = vertices[first + k, 0], vertices[first + k, 1], vertices[first + k, 2]
+                corner = vertices[first + k]["position"]
+                u, v, w = corner[0], corner[1], corner[2]
             # from the piece's frame to the contact's
             point = out_points[kept]
             point[:] = 0.0

@@ -3,11 +3,14 @@
 A piece is a core plus a `radius` round it: a sphere is a point with a radius. The other kinds have none.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 from reference_impl.conventions import BOX, ELLIPSOID, HULL
 from reference_impl.kernel import kernel
 from reference_impl.rotation import multiply, rotate
+
+FAINT, HUGE = 1e-290, 1e290
+"""Sums of a direction's components between which its shares are neither lost nor infinite [1]."""
 
 
 @kernel
@@ -19,23 +22,66 @@ def place_piece(piece, body, vertices, margin):
     low, high, size = piece["low"], piece["high"], piece["size"]
     for i in range(3):
         position[i] += body["position"][i]
-    if piece["kind"] == HULL:
-        first = piece["first_vertex"]
-        for i in range(3):
-            x, y, z = rotation[i, 0], rotation[i, 1], rotation[i, 2]
-            least = greatest = 0.0
-            for k in range(first, first + piece["vertex_count"]):
-                along = x * vertices[k, 0] + y * vertices[k, 1] + z * vertices[k, 2]
-                if k == first:
-                    least = greatest = along
-                least, greatest = min(least, along), max(greatest, along)
+    for i in range(3):
+        x, y, z = rotation[i, 0], rotation[i, 1], rotation[i, 2]
+        if piece["kind"] == HULL:
+            top = vertices[corner_of_hull(piece, vertices, x, y, z)]["position"]
+            bottom = vertices[corner_of_hull(piece, vertices, -x, -y, -z)]["position"]
+            greatest = x * top[0] + y * top[1] + z * top[2]
+            least = x * bottom[0] + y * bottom[1] + z * bottom[2]
             low[i], high[i] = position[i] + least - margin, position[i] + greatest + margin
-    else:
-        for i in range(3):
-            x, y, z = rotation[i, 0] * size[0], rotation[i, 1] * size[1], rotation[i, 2] * size[2]
+        else:
+            x, y, z = x * size[0], y * size[1], z * size[2]
             reach = abs(x) + abs(y) + abs(z) if piece["kind"] == BOX else sqrt(x * x + y * y + z * z)
             reach += piece["radius"] + margin
             low[i], high[i] = position[i] - reach, position[i] + reach
+
+
+@kernel
+def corner_of_hull(piece, vertices, u, v, w):
+    """Row of the hull's vertex farthest along (u, v, w), piece frame; the first of equally far ones.
+
+    Tries all vertices, or the candidates of the direction's cell: see `adapters/hull_table.py`.
+    """
+    first, count, cells, size = piece["first_vertex"], piece["vertex_count"], piece["cells"], piece["size"]
+    p, q = abs(u) * size[0], abs(v) * size[1]
+    total = p + q + abs(w) * size[2]
+    best = first
+    if cells == 0 or not FAINT < total < HUGE:
+        most = _along(vertices, first, u, v, w)
+        for k in range(first + 1, first + count):
+            along = _along(vertices, k, u, v, w)
+            if along > most:
+                most, best = along, k
+        return best
+    scale = cells / total
+    octant = (1 if u < 0 else 0) + (2 if v < 0 else 0) + (4 if w < 0 else 0)
+    row = first + (octant * cells + min(int(p * scale), cells - 1)) * cells + min(int(q * scale), cells - 1)
+    most = -inf
+    while True:
+        candidate = vertices[row]["candidate"]
+        # a fourth that is no vertex is the row at which the list goes on
+        more = candidate[3] >= count
+        i, j, k = first + candidate[0], first + candidate[1], first + candidate[2]
+        m = k if more else first + candidate[3]
+        along, other = _along(vertices, i, u, v, w), _along(vertices, j, u, v, w)
+        third, fourth = _along(vertices, k, u, v, w), _along(vertices, m, u, v, w)
+        # two by two: the processor needs not wait for one comparison to do the next
+        i, along = (j, other) if other > along else (i, along)
+        k, third = (m, fourth) if fourth > third else (k, third)
+        i, along = (k, third) if third > along else (i, along)
+        if along > most:
+            most, best = along, i
+        if not more:
+            return best
+        row = first + candidate[3]
+
+
+@kernel
+def _along(vertices, row, u, v, w):
+    """Height of a vertex along (u, v, w) [m]."""
+    position = vertices[row]["position"]
+    return u * position[0] + v * position[1] + w * position[2]
 
 
 @kernel
@@ -43,39 +89,39 @@ def support(piece, vertices, x, y, z, out_point):
     """Point of the core farthest along (x, y, z), relative to the piece's origin, world axes [m].
 
     Returns:
-        Which corner it is: the hull's vertex, the box' octant (bits: x, y, z not negative), 0 for a point,
-        -1 on a smooth core.
+        Which corner it is: see `local_support`.
     """
     rotation = piece["world_rotation"]
-    kind, size = piece["kind"], piece["size"]
-    # direction in the piece's frame
     u = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
     v = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
     w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
-    if kind == HULL:
-        first = piece["first_vertex"]
-        best = first
-        most = u * vertices[first, 0] + v * vertices[first, 1] + w * vertices[first, 2]
-        for k in range(first + 1, first + piece["vertex_count"]):
-            along = u * vertices[k, 0] + v * vertices[k, 1] + w * vertices[k, 2]
-            if along > most:
-                most, best = along, k
-        u, v, w = vertices[best, 0], vertices[best, 1], vertices[best, 2]
-        corner = best - first
-    elif kind == BOX:
-        corner = (1 if u >= 0 else 0) + (2 if v >= 0 else 0) + (4 if w >= 0 else 0)
-        u = size[0] if u >= 0 else -size[0]
-        v = size[1] if v >= 0 else -size[1]
-        w = size[2] if w >= 0 else -size[2]
-    elif kind == ELLIPSOID:
-        u, v, w = u * size[0], v * size[1], w * size[2]
-        length = sqrt(u * u + v * v + w * w)
-        scale = 1 / length if length > 0 else 0.0
-        corner = -1
-        u, v, w = u * size[0] * scale, v * size[1] * scale, w * size[2] * scale
-    else:
-        u = v = w = 0.0
-        corner = 0
+    corner, u, v, w = local_support(piece, vertices, u, v, w)
     for i in range(3):
         out_point[i] = rotation[i, 0] * u + rotation[i, 1] * v + rotation[i, 2] * w
     return corner
+
+
+@kernel
+def local_support(piece, vertices, u, v, w):
+    """Point of the core farthest along (u, v, w), piece frame [m].
+
+    Returns:
+        (corner, x, y, z): the point, and which corner it is: the hull's vertex, the box' octant (bits: x, y,
+        z not negative), 0 for a point, -1 on a smooth core.
+    """
+    kind, size = piece["kind"], piece["size"]
+    if kind == HULL:
+        row = corner_of_hull(piece, vertices, u, v, w)
+        position = vertices[row]["position"]
+        return row - piece["first_vertex"], position[0], position[1], position[2]
+    if kind == BOX:
+        corner = (1 if u >= 0 else 0) + (2 if v >= 0 else 0) + (4 if w >= 0 else 0)
+        x = size[0] if u >= 0 else -size[0]
+        y = size[1] if v >= 0 else -size[1]
+        return corner, x, y, size[2] if w >= 0 else -size[2]
+    if kind == ELLIPSOID:
+        x, y, z = u * size[0], v * size[1], w * size[2]
+        length = sqrt(x * x + y * y + z * z)
+        scale = 1 / length if length > 0 else 0.0
+        return -1, x * size[0] * scale, y * size[1] * scale, z * size[2] * scale
+    return 0, 0.0, 0.0, 0.0

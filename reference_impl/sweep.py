@@ -293,7 +293,7 @@ def _farthest(body, piece, vertices, u, v, w):
             py = size[1] if k & 2 else -size[1]
             pz = size[2] if k & 4 else -size[2]
         else:
-            corner = vertices[piece["first_vertex"] + k]
+            corner = vertices[piece["first_vertex"] + k]["position"]
             px, py, pz = corner[0], corner[1], corner[2]
         x = cx + rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz
         y = cy + rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz

@@ -1,6 +1,6 @@
 """The structured arrays a scene lives in: the border between Python and the compiled step.
 
-Eight arrays hold everything: bodies, pieces, joints, drivers, vertices (n, 3), pairs, contacts (the log of a
+Eight arrays hold everything: bodies, pieces, joints, drivers, vertices, pairs, contacts (the log of a
 frame) and one record of `state` with settings, clocks, counters and scratch. Units as in `conventions.py`.
 """
 
@@ -49,6 +49,7 @@ PIECE = _record(
     kind="i8",
     first_vertex="i8",
     vertex_count="i8",
+    cells="i8",  # a hull's table of directions has so many along a side; 0: none
     size=_VECTOR,  # half extents or half axes
     radius="f8",  # round a core: the core of a sphere is its centre
     position=_VECTOR,  # body frame
@@ -58,6 +59,13 @@ PIECE = _record(
     low=_VECTOR,  # bounding box, world
     high=_VECTOR,
     order="i8",  # index of the piece at this place of the sweep along x
+)
+VERTEX = _record(
+    position=_VECTOR,  # piece frame
+    candidate=(
+        "u2",
+        (4,),
+    ),  # farthest vertices in the directions of the table's cell: see shapes.corner_of_hull
 )
 JOINT = _record(
     parent="i8",
@@ -187,7 +195,7 @@ class World(NamedTuple):
     pieces: np.ndarray  # PIECE
     joints: np.ndarray  # JOINT
     drivers: np.ndarray  # DRIVER
-    vertices: np.ndarray  # (n, 3) of all hulls, piece frames
+    vertices: np.ndarray  # VERTEX, rows of all hulls
     pairs: np.ndarray  # PAIR, capacity
     contacts: np.ndarray  # CONTACT, capacity
     state: np.ndarray  # STATE, one record

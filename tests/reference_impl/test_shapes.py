@@ -6,10 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.translation import translate
-from reference_impl.shapes import place_piece, support
+from adapters.hull_table import BRUTE, hull_rows
+from adapters.translation import piece_arrays, translate
+from reference_impl.shapes import corner_of_hull, place_piece, support
 from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull, sphere_inertia
 
@@ -83,7 +85,7 @@ def test_support_names_its_corner(lab: SimpleNamespace, name: str) -> None:
     world, _ = placed(lab, SHAPES[name], 0.0)
     row, out = world.pieces[0], np.zeros(3)
     bits = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)]) * 2 - 1
-    corners = world.vertices if name == "hull" else bits * row["size"]
+    corners = world.vertices["position"] if name == "hull" else bits * row["size"]
     for direction in np.random.default_rng(2).normal(size=(20, 3)):
         corner = support(row, world.vertices, *direction, out)
         if name == "ellipsoid":
@@ -98,3 +100,83 @@ def test_support_without_a_direction_is_finite(lab: SimpleNamespace) -> None:
     out = np.full(3, np.nan)
     support(world.pieces[0], world.vertices, 0.0, 0.0, 0.0, out)
     assert np.isfinite(out).all()
+
+
+def on_a_ball(count: int) -> np.ndarray:
+    """Random points (count, 3) on the unit sphere: all are corners of their hull."""
+    points = np.random.default_rng(count).normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def prism(sides: int) -> np.ndarray:
+    """A regular prism: all corners of an end are equally far along its axis."""
+    turn = 2 * np.pi * np.arange(sides) / sides
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    return np.vstack([np.column_stack([ring, np.full(sides, z)]) for z in (-1.0, 1.0)])
+
+
+CLOUDS = {
+    **{f"ball {count}": on_a_ball(count) for count in (4, BRUTE, BRUTE + 1, 42, 162, 1000, 5000)},
+    "icosphere": np.array(elliptic_hull((1.0, 1.0, 1.0))),
+    "needle": on_a_ball(60) * (1.0, 1e-3, 1e-3),
+    "flat": on_a_ball(60) * (1.0, 0.7, 1e-4),
+    "clustered": np.vstack([on_a_ball(30), on_a_ball(31) * 1e-3 + (2.0, 0.0, 0.0)]),
+    "off its origin": on_a_ball(60) + (100.0, -3.0, 7.0),
+    "prism": prism(32),
+}
+
+
+def directions(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Random directions, the axes, and face normals, their sums over edges, and edges themselves (n, 3)."""
+    hull = ConvexHull(points)
+    chosen = rng.permutation(len(hull.simplices))[:300]
+    normals = hull.equations[chosen, :3]
+    beside = hull.equations[hull.neighbors[chosen, 0], :3]
+    edges = points[hull.simplices[chosen, 1]] - points[hull.simplices[chosen, 0]]
+    signs = rng.integers(-1, 2, size=(100, 3)).astype(float)
+    spread = rng.normal(size=(300, 3)) / np.ptp(points, axis=0)
+    return np.vstack([rng.normal(size=(300, 3)), spread, signs, normals, normals + beside, edges])
+
+
+@pytest.mark.parametrize("name", CLOUDS)
+def test_the_table_finds_the_farthest_of_all_vertices(name: str) -> None:
+    """Give the vertex that trying all gives, to the bit: the first of those equally far."""
+    points = CLOUDS[name]
+    pieces, vertices = piece_arrays([(0, Piece("hull", Hull(tuple(map(tuple, points.tolist())))))])
+    assert (pieces[0]["cells"] > 0) == (len(points) > BRUTE)
+    for u, v, w in directions(points, np.random.default_rng(3)):
+        farthest = np.argmax(u * points[:, 0] + v * points[:, 1] + w * points[:, 2])
+        assert corner_of_hull(pieces[0], vertices, u, v, w) == farthest
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_the_table_holds_at_any_scale(scale: float) -> None:
+    """Give the same vertex of a hull and a direction of any size."""
+    points = CLOUDS["ball 162"]
+    shape = Hull(tuple(map(tuple, (points * scale).tolist())))
+    pieces, vertices = piece_arrays([(0, Piece("hull", shape))])
+    for direction in np.random.default_rng(4).normal(size=(100, 3)):
+        farthest = np.argmax(points @ direction)
+        for factor in (1e-200, 1.0, 1e200):
+            assert corner_of_hull(pieces[0], vertices, *(direction * factor)) == farthest
+
+
+@pytest.mark.parametrize("bad", [0.0, 5e-324, 1e-310, 1e308, np.inf, np.nan])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_direction_that_is_none_stays_in_the_hull(bad: float, axis: int) -> None:
+    """Give some vertex of the hull along zero, denormal, huge, infinite and undefined directions."""
+    points = CLOUDS["ball 42"]
+    pieces, vertices = piece_arrays([(0, Piece("hull", Hull(tuple(map(tuple, points.tolist())))))])
+    for rest in (0.0, bad):
+        direction = np.full(3, rest)
+        direction[axis] = bad
+        assert 0 <= corner_of_hull(pieces[0], vertices, *direction) < len(points)
+
+
+def test_equal_hulls_share_their_rows() -> None:
+    """Keep the rows of equal hulls once, and few candidates in most cells of the finest table."""
+    shape = Hull(tuple(map(tuple, CLOUDS["ball 5000"].tolist())))
+    pieces, vertices = piece_arrays([(0, Piece("one", shape)), (1, Piece("two", shape))])
+    rows, cells, _ = hull_rows(shape.vertices)
+    assert pieces["first_vertex"].tolist() == [0, 0]
+    assert len(vertices) == len(rows) < 8 * cells**2 + 4 * len(shape.vertices)

@@ -91,9 +91,8 @@ class Scene:
         row = self.pieces[k]
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         first = row["first_vertex"]
-        local = (
-            self.vertices[first : first + row["vertex_count"]] if row["kind"] == HULL else signs * row["size"]
-        )
+        hull = self.vertices["position"][first : first + row["vertex_count"]]
+        local = hull if row["kind"] == HULL else signs * row["size"]
         return local @ row["world_rotation"].T + row["world_position"]
 
 
