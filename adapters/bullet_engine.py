@@ -5,8 +5,9 @@ the centre of mass, axes along the principal moments), while `createMultiBody` t
 frame from link frame and wants a hinge's axis in the child's. Velocities are the world's, the linear one that
 of the centre of mass. A contact's normal points from B to A and its distance is negative in overlap, both of
 the start of the step; it has a witness on each body (we take the midpoint) and three forces on A, along the
-normal and two tangents. Impulse = force * step, and ours acts on B: negated. Coefficients multiply. Spheres
-and boxes of a body share a compound, hulls cannot: its further hulls hang on massless links fixed to it.
+normal and two tangents. Impulse = force * step, and ours acts on B: negated. Coefficients multiply. Spheres,
+boxes and capsules of a body share a compound, hulls cannot: its further hulls hang on massless links fixed to
+it.
 pybullet prints its build time on import: the child's stdout is redirected.
 """
 
@@ -26,9 +27,10 @@ from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import frictions, product_factors, restitutions
 from adapters.registry import ENGINES
-from scenarios.scenario import ORIGIN, Body, Box, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+from scenarios.scenario import ORIGIN, Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 Joints = tuple[Joint, ...]
+PRIMITIVES = {Sphere: pybullet.GEOM_SPHERE, Box: pybullet.GEOM_BOX, Capsule: pybullet.GEOM_CAPSULE}
 
 
 class BulletEngine:
@@ -154,18 +156,18 @@ class World:
         return Part(mass, shape, given.center_of_mass, tuple(self._axes[body]))
 
     def _add_shapes(self, body: Body) -> list[int]:
-        """Bullet's shapes of a body: one for its spheres and boxes, one for each hull."""
+        """Bullet's shapes of a body: a compound of its primitives, and one for each hull."""
         plain = [piece for piece in body.pieces if not isinstance(piece.shape, Hull)]
-        shapes = [self._add_spheres_and_boxes(plain)] if plain else []
+        shapes = [self._add_primitives(plain)] if plain else []
         shapes += [self._add_hull(p, p.shape) for p in body.pieces if isinstance(p.shape, Hull)]
         return shapes or [NO_SHAPE]
 
-    def _add_spheres_and_boxes(self, pieces: list[Piece]) -> int:
-        boxes = [isinstance(piece.shape, Box) for piece in pieces]
+    def _add_primitives(self, pieces: list[Piece]) -> int:
         shapes = [piece.shape for piece in pieces]
         return pybullet.createCollisionShapeArray(
-            shapeTypes=[pybullet.GEOM_BOX if box else pybullet.GEOM_SPHERE for box in boxes],
-            radii=[shape.radius if isinstance(shape, Sphere) else 0.0 for shape in shapes],
+            shapeTypes=[PRIMITIVES[type(shape)] for shape in shapes],
+            radii=[shape.radius if isinstance(shape, Sphere | Capsule) else 0.0 for shape in shapes],
+            lengths=[2 * shape.half_length if isinstance(shape, Capsule) else 0.0 for shape in shapes],
             halfExtents=[shape.half_extents if isinstance(shape, Box) else ORIGIN for shape in shapes],
             collisionFramePositions=[piece.position for piece in pieces],
             collisionFrameOrientations=[_xyzw(piece.orientation) for piece in pieces],

@@ -14,8 +14,9 @@ a temporary OBJ file, deleted at once, and end in single precision. Every detect
 triangle soup, a shell without an inside.
 
 Detector: FCL, DART's default, wherever it works. FCL 0.7 gives a sphere against a triangle its depth with the
-wrong sign and DART drops contacts of negative depth: a sphere passes through a hull. Scenes in which the two
-can meet use DART's Bullet detector, exact for that pair; it makes ellipsoids 1 cm too large all round, so a
+wrong sign and DART drops contacts of negative depth: a sphere passes through a hull. In place of a capsule
+DART hands it a ball of 10 cm, and only prints an error. Scenes in which a sphere can meet a hull, or a
+capsule anything, use DART's Bullet detector, exact for those; it makes ellipsoids 1 cm too large all round: a
 scene that needs both is Unsupported.
 """
 
@@ -34,7 +35,7 @@ from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import frictions, minimum_factors, product_factors, restitutions
 from adapters.registry import ENGINES
-from scenarios.scenario import Body, Box, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 ROOT_DOFS = 6
 """Coordinates of a free joint; those of the hinges follow in the tracker's order."""
@@ -69,14 +70,29 @@ class DartEngine:
 
 
 def _detector(scenario: Scenario) -> Any:
-    """FCL, or Bullet where a sphere can meet a hull."""
-    kinds = [{type(piece.shape) for piece in body.pieces} for body in scenario.bodies]
-    pairs = [(kinds[a], kinds[b]) for a, b in scenario.touching_pairs()]
-    if not any((Sphere in a and Hull in b) or (Hull in a and Sphere in b) for a, b in pairs):
+    """FCL, or Bullet where a sphere can meet a hull or a capsule anything."""
+    reason = _fault_of_fcl(scenario)
+    if not reason:
         return dartpy.collision.FCLCollisionDetector()
-    if any(Ellipsoid in a | b for a, b in pairs):
-        raise Unsupported("dart: no detector has both spheres against hulls and true ellipsoids")
+    shapes = _meeting_shapes(scenario)
+    if any(Ellipsoid in a | b for a, b in shapes):
+        raise Unsupported(f"dart: {reason}, and no detector has both that and true ellipsoids")
     return dartpy.collision.BulletCollisionDetector()
+
+
+def _meeting_shapes(scenario: Scenario) -> list[tuple[set[type], set[type]]]:
+    """Kinds of shape of the two bodies of each touching pair."""
+    kinds = [{type(piece.shape) for piece in body.pieces} for body in scenario.bodies]
+    return [(kinds[a], kinds[b]) for a, b in scenario.touching_pairs()]
+
+
+def _fault_of_fcl(scenario: Scenario) -> str:
+    """What of a scene DART's default detector gets wrong, or ""."""
+    pairs = _meeting_shapes(scenario)
+    if any(Capsule in a | b for a, b in pairs):
+        return "capsules meet"
+    spheres_on_hulls = any((Sphere in a and Hull in b) or (Hull in a and Sphere in b) for a, b in pairs)
+    return "spheres meet hulls" if spheres_on_hulls else ""
 
 
 def isometry(position: Any, orientation: Any) -> Any:
@@ -158,6 +174,8 @@ def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: 
             shape = _add_sphere(node, piece.shape, name)
         case Box():
             shape = _add_box(node, piece.shape, name)
+        case Capsule():
+            shape = _add_capsule(node, piece.shape, name)
         case Ellipsoid():
             shape = _add_ellipsoid(node, piece.shape, name)
         case Hull():
@@ -178,6 +196,10 @@ def _add_sphere(node: Any, shape: Sphere, name: str) -> Any:
 
 def _add_box(node: Any, shape: Box, name: str) -> Any:
     return node.createShapeNode(dartpy.dynamics.BoxShape(2 * np.array(shape.half_extents)), name)
+
+
+def _add_capsule(node: Any, shape: Capsule, name: str) -> Any:
+    return node.createShapeNode(dartpy.dynamics.CapsuleShape(shape.radius, 2 * shape.half_length), name)
 
 
 def _add_ellipsoid(node: Any, shape: Ellipsoid, name: str) -> Any:
@@ -330,7 +352,7 @@ class World:
         ]
         facts: dict[str, Scalar] = {
             "detector": detector.getType(),
-            "detector_reason": "spheres meet hulls" if self._to_midpoint else "DART's default",
+            "detector_reason": _fault_of_fcl(self._scenario) or "DART's default",
             "solver": type(solver).__name__,
             "lcp_solver": solver.getBoxedLcpSolver().getType(),
             "lcp_solver_fallback": solver.getSecondaryBoxedLcpSolver().getType(),

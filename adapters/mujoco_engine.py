@@ -39,7 +39,18 @@ from adapters.engine import (
     Unsupported,
 )
 from adapters.registry import ENGINES
-from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Quaternion, Scenario, Sphere, Vector
+from scenarios.scenario import (
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Piece,
+    Quaternion,
+    Scenario,
+    Sphere,
+    Vector,
+)
 
 TIME_CONSTANT = 0.02
 """MuJoCo's default time constant of a contact, 1 / (zeta w) [s]."""
@@ -173,6 +184,8 @@ def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
             _add_sphere(geom, piece.shape)
         case Box():
             _add_box(geom, piece.shape)
+        case Capsule():
+            _add_capsule(geom, piece.shape)
         case Ellipsoid():
             _add_ellipsoid(geom, piece.shape)
         case Hull():
@@ -187,6 +200,10 @@ def _add_sphere(geom: Any, shape: Sphere) -> None:
 
 def _add_box(geom: Any, shape: Box) -> None:
     geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, shape.half_extents
+
+
+def _add_capsule(geom: Any, shape: Capsule) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CAPSULE, (shape.radius, shape.half_length, 0.0)
 
 
 def _add_ellipsoid(geom: Any, shape: Ellipsoid) -> None:

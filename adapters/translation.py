@@ -22,7 +22,7 @@ from reference_impl.world import (
     VERTEX,
     World,
 )
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 from scenarios.tracking import sample
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
@@ -88,6 +88,9 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
                 row["kind"], row["radius"] = conventions.SPHERE, radius
             case Box(half_extents):
                 row["kind"], row["size"] = conventions.BOX, half_extents
+            case Capsule(radius, half_length):
+                row["kind"], row["radius"] = conventions.CAPSULE, radius
+                row["size"] = (0.0, 0.0, half_length)
             case Ellipsoid(half_axes):
                 row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
             case Hull(corners):

@@ -1,5 +1,7 @@
 """The contact patch of two polyhedra: up to four points where a face meets a face, an edge or a corner.
 
+A capsule's side counts as an edge, its end as a corner.
+
 Conventions: the work is done in the contact's frame `state["mobility"]` (rows are its axes in the world):
 origin at A's witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of the
 face is z = p[0] x + p[1] y + p[2].
@@ -7,7 +9,7 @@ face is z = p[0] x + p[1] y + p[2].
 
 from math import sqrt
 
-from reference_impl.conventions import BOX, HULL, PATCH_HEIGHT, PATCH_VERTICES, TOUCH_DISTANCE
+from reference_impl.conventions import BOX, CAPSULE, HULL, PATCH_HEIGHT, PATCH_VERTICES, TOUCH_DISTANCE
 from reference_impl.kernel import kernel
 
 NEVER = 1e300
@@ -50,9 +52,10 @@ def expand_patches(pieces, vertices, pairs, touching, state):
 
 @kernel
 def is_polyhedral(piece_a, piece_b):
-    """Whether two pieces can meet in more than one point."""
+    """Whether two pieces can meet in more than one point: a face with a face, or with a capsule's side."""
     a, b = piece_a["kind"], piece_b["kind"]
-    return (a == BOX or a == HULL) and (b == BOX or b == HULL)
+    faces_a, faces_b = a == BOX or a == HULL, b == BOX or b == HULL
+    return (faces_a and (faces_b or b == CAPSULE)) or (faces_b and a == CAPSULE)
 
 
 @kernel
@@ -104,17 +107,22 @@ def _frame(n, out_frame):
 def _feature(piece, vertices, sign, origin, frame, out_points):
     """Vertices of a polyhedron within PATCH_HEIGHT of its end along sign z; returns their count."""
     rotation, position, size = piece["world_rotation"], piece["world_position"], piece["size"]
-    is_box, first = piece["kind"] == BOX, piece["first_vertex"]
-    count, kept, top = 8 if is_box else piece["vertex_count"], 0, -NEVER
+    is_hull, first, radius = piece["kind"] == HULL, piece["first_vertex"], piece["radius"]
+    # the corners of a capsule's core are those of a box in pairs: one of each will do
+    count, stride = (
+        (piece["vertex_count"], 1) if is_hull else ((2, 4) if piece["kind"] == CAPSULE else (8, 1))
+    )
+    kept, top = 0, -NEVER
     for gather in range(2):
-        for k in range(count):
-            if is_box:
+        for c in range(count):
+            k = c * stride
+            if is_hull:
+                corner = vertices[first + k]["position"]
+                u, v, w = corner[0], corner[1], corner[2]
+            else:
                 u = size[0] if k & 1 else -size[0]
                 v = size[1] if k & 2 else -size[1]
                 w = size[2] if k & 4 else -size[2]
-            else:
-                corner = vertices[first + k]["position"]
-                u, v, w = corner[0], corner[1], corner[2]
             # from the piece's frame to the contact's
             point = out_points[kept]
             point[:] = 0.0
@@ -122,6 +130,8 @@ def _feature(piece, vertices, sign, origin, frame, out_points):
                 world = rotation[i, 0] * u + rotation[i, 1] * v + rotation[i, 2] * w + position[i] - origin[i]
                 for j in range(3):
                     point[j] += frame[j, i] * world
+            # from the core to the surface
+            point[2] += sign * radius
             height = sign * point[2]
             if gather == 0:
                 top = max(top, height)

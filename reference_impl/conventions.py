@@ -6,7 +6,7 @@ A to B. Signed distance is negative in overlap; depth = max(0, -distance). Impul
 
 FIXED, SIMULATED, DRIVEN = 0, 1, 2
 """Kinds of body."""
-SPHERE, BOX, ELLIPSOID, HULL = 0, 1, 2, 3
+SPHERE, BOX, ELLIPSOID, HULL, CAPSULE = 0, 1, 2, 3, 4
 """Kinds of convex piece."""
 FRICTION_PAPER, FRICTION_COULOMB = 0, 1
 """Eq. 10 as printed (always mu j), or at most what stops the sliding."""
@@ -75,7 +75,7 @@ LEAST_MOTION_PLANES = 100
 PLANE_TOLERANCE = 1e-14
 """Depth left over the sum of the largest depth and |x| that counts as met [1]: some 50 roundings."""
 PARALLEL = 1e-15
-"""Sine of an angle below which normals are parallel [1]: a few roundings, less than PLANE_TOLERANCE sees."""
+"""Sine of an angle below which directions are one [1]: a few roundings, less than PLANE_TOLERANCE sees."""
 
 # impulses (method, section 5)
 TOUCH_DISTANCE = 1e-6

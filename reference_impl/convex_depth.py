@@ -3,6 +3,7 @@
 from reference_impl.conventions import APART, EPA_FACES, NEAR
 from reference_impl.kernel import kernel
 from reference_impl.polytope import deepest_face
+from reference_impl.segments import have_segments, segment_distance
 from reference_impl.simplex import nearest_on_simplex
 
 
@@ -16,6 +17,9 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
     Returns:
         (iterations, converged)
     """
+    if have_segments(piece_a, piece_b):
+        segment_distance(piece_a, piece_b, out_pair)
+        return 1, True
     count, distance, x, y, z, iterations, converged = nearest_on_simplex(piece_a, piece_b, vertices, state)
     scale = _size(piece_a) + _size(piece_b)
     normal = out_pair["normal"]

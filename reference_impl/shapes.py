@@ -1,11 +1,12 @@
 """Convex pieces: pose in the world, bounding box, and support function of the core.
 
-A piece is a core plus a `radius` round it: a sphere is a point with a radius. The other kinds have none.
+A piece is a core plus a `radius` round it: a sphere is a point, a capsule a segment along z of half length
+`size[2]`. The other kinds have none.
 """
 
 from math import inf, sqrt
 
-from reference_impl.conventions import BOX, ELLIPSOID, HULL
+from reference_impl.conventions import BOX, CAPSULE, ELLIPSOID, HULL
 from reference_impl.kernel import kernel
 from reference_impl.rotation import multiply, rotate
 
@@ -107,7 +108,7 @@ def local_support(piece, vertices, u, v, w):
 
     Returns:
         (corner, x, y, z): the point, and which corner it is: the hull's vertex, the box' octant (bits: x, y,
-        z not negative), 0 for a point, -1 on a smooth core.
+        z not negative; a capsule's end alike), 0 for a point, -1 on a smooth core.
     """
     kind, size = piece["kind"], piece["size"]
     if kind == HULL:
@@ -119,6 +120,8 @@ def local_support(piece, vertices, u, v, w):
         x = size[0] if u >= 0 else -size[0]
         y = size[1] if v >= 0 else -size[1]
         return corner, x, y, size[2] if w >= 0 else -size[2]
+    if kind == CAPSULE:
+        return (4, 0.0, 0.0, size[2]) if w >= 0 else (0, 0.0, 0.0, -size[2])
     if kind == ELLIPSOID:
         x, y, z = u * size[0], v * size[1], w * size[2]
         length = sqrt(x * x + y * y + z * z)

@@ -25,7 +25,7 @@ from math import sqrt
 
 import numpy as np
 
-from reference_impl.conventions import APART, BOX, ELLIPSOID, FIXED, FLIGHT_EULER, HULL
+from reference_impl.conventions import APART, BOX, CAPSULE, ELLIPSOID, FIXED, FLIGHT_EULER, HULL
 from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import kernel
 from reference_impl.rotation import matrix_of, rotate, rotation_between, turn
@@ -282,13 +282,13 @@ def _farthest(body, piece, vertices, u, v, w):
     cx = piece["position"][0] - body["center_of_mass"][0]
     cy = piece["position"][1] - body["center_of_mass"][1]
     cz = piece["position"][2] - body["center_of_mass"][2]
-    if kind != HULL and kind != BOX:
+    if kind != HULL and kind != BOX and kind != CAPSULE:
         along = u * cx + v * cy + w * cz
         off = sqrt((cx - along * u) ** 2 + (cy - along * v) ** 2 + (cz - along * w) ** 2)
         return off + max(size[0], size[1], size[2]) if kind == ELLIPSOID else off
     most = 0.0
-    for k in range(8 if kind == BOX else piece["vertex_count"]):
-        if kind == BOX:
+    for k in range(piece["vertex_count"] if kind == HULL else 8):
+        if kind != HULL:
             px = size[0] if k & 1 else -size[0]
             py = size[1] if k & 2 else -size[1]
             pz = size[2] if k & 4 else -size[2]

@@ -48,6 +48,14 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True)
+class Capsule:
+    """All within `radius` [m] of a segment of `half_length` [m] to either side along the piece's z axis."""
+
+    radius: float
+    half_length: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ellipsoid:
     """An ellipsoid with `half_axes` [m] along the piece's axes."""
 
@@ -61,7 +69,7 @@ class Hull:
     vertices: tuple[Vector, ...]
 
 
-Shape = Sphere | Box | Ellipsoid | Hull
+Shape = Sphere | Box | Capsule | Ellipsoid | Hull
 
 
 @dataclass(frozen=True, slots=True)

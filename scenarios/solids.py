@@ -28,6 +28,15 @@ def box_inertia(mass: float, half_extents: Vector) -> Matrix:
     return _diagonal(mass * (b2 + c2) / 3, mass * (a2 + c2) / 3, mass * (a2 + b2) / 3)
 
 
+def capsule_inertia(mass: float, radius: float, half_length: float) -> Matrix:
+    """Inertia [kg m^2] of a uniform solid capsule along z about its centre; radius and half length in m."""
+    r, h = radius, half_length
+    ends = mass * 2 * r / (3 * h + 2 * r)
+    middle = mass - ends
+    across = middle * (r * r / 4 + h * h / 3) + ends * (2 * r * r / 5 + h * h + 3 * h * r / 4)
+    return _diagonal(across, across, middle * r * r / 2 + ends * 2 * r * r / 5)
+
+
 def elliptic_hull(half_axes: Vector) -> tuple[Vector, ...]:
     """The 42 vertices (80 triangles) of an icosphere, subdivided once, on an ellipsoid.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from math import isfinite
+from typing import get_args
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -15,6 +16,7 @@ from scenarios.scenario import (
     ORIGIN,
     Body,
     Box,
+    Capsule,
     Ellipsoid,
     Hull,
     Joint,
@@ -26,6 +28,7 @@ from scenarios.scenario import (
 )
 
 Report = Callable[[str, str], None]
+SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
 
 UNIT_TOLERANCE = 1e-9
 """Deviation of a quaternion or an axis from length 1 that rounding explains [1]."""
@@ -168,13 +171,16 @@ def _check_shape(shape: Shape, path: str, report: Report) -> None:
             _positive([radius], f"{path}.radius", report)
         case Box(half_extents):
             _positive(half_extents, f"{path}.half_extents", report, 3)
+        case Capsule(radius, half_length):
+            _positive([radius], f"{path}.radius", report)
+            _positive([half_length], f"{path}.half_length", report)
         case Ellipsoid(half_axes):
             _positive(half_axes, f"{path}.half_axes", report, 3)
         case Hull(vertices):
             if _finite_rows(vertices, f"{path}.vertices", report, 3):
                 _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
         case _:
-            report(path, f"unknown shape {type(shape).__name__}; valid: Sphere, Box, Ellipsoid, Hull")
+            report(path, f"unknown shape {type(shape).__name__}; valid: {', '.join(SHAPES)}")
 
 
 def _check_hull(vertices: np.ndarray, path: str, report: Report) -> None:

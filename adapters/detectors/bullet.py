@@ -15,7 +15,7 @@ import pybullet
 
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
 from adapters.engine import Array, Scalar, Unsupported
-from scenarios.scenario import Box, Hull, Piece, Shape, Sphere
+from scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
 
 FAR = 100.0
 """Distance beyond which Bullet need not look [m]: more than any pair of the study has."""
@@ -77,6 +77,10 @@ def _shape(shape: Shape, client: int) -> int:
             made = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client)
         case Box(half):
             made = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+        case Capsule(radius, half_length):
+            made = pybullet.createCollisionShape(
+                pybullet.GEOM_CAPSULE, radius=radius, height=2 * half_length, physicsClientId=client
+            )
         case Hull(vertices):
             made = pybullet.createCollisionShape(
                 pybullet.GEOM_MESH, vertices=vertices, physicsClientId=client

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
 from adapters.engine import Array, Scalar, Unsupported
 from adapters.translation import matrix
-from scenarios.scenario import Box, Hull, Piece, Shape, Sphere
+from scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
 
 
 class FclCollide:
@@ -96,6 +96,8 @@ def _shape(shape: Shape) -> Any:
             return fcl.Sphere(radius)
         case Box(half_extents):
             return fcl.Box(*(2 * extent for extent in half_extents))
+        case Capsule(radius, half_length):
+            return fcl.Capsule(radius, 2 * half_length)
         case Hull(vertices):
             points = np.array(vertices)
             faces = outward_faces(points)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import AdapterError, Array
 from adapters.recording import Recording
-from scenarios.scenario import Box, Ellipsoid, Hull, Scenario, Shape, Sphere
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
@@ -142,6 +142,8 @@ def coal_shape(shape: Shape) -> object:
             return coal.Sphere(radius)
         case Box(half_extents):
             return coal.Box(*(2 * extent for extent in half_extents))
+        case Capsule(radius, half_length):
+            return coal.Capsule(radius, 2 * half_length)
         case Ellipsoid(half_axes):
             return coal.Ellipsoid(*half_axes)
         case Hull(vertices):
@@ -158,6 +160,8 @@ def _inflated(shape: Shape) -> Array:
             half = np.full(3, radius)
         case Box(half):
             half = np.array(half)
+        case Capsule(radius, half_length):
+            half = np.array((radius, radius, half_length + radius))
         case Ellipsoid(half):
             half = np.array(half)
         case Hull(vertices):

@@ -12,7 +12,18 @@ from scipy.spatial.transform import Rotation
 from adapters.engine import Settings, State, Unsupported
 from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
-from scenarios.scenario import Body, Box, Ellipsoid, Hull, PairCoefficients, Piece, Scenario, Sphere, Tracker
+from scenarios.scenario import (
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Sphere,
+    Tracker,
+)
 from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
 from scenarios.tracking import sample
 
@@ -251,7 +262,7 @@ def test_unsupported() -> None:
     with pytest.raises(Unsupported, match="dart: no friction per body gives the pairs ball-other"):
         engine.build(scene(BALL, *others, coefficients=rough), SETTINGS)
     egg = solid("egg", Ellipsoid(HALF_AXES), (0.0, 0.0, 1.0))
-    with pytest.raises(Unsupported, match="dart: no detector"):
+    with pytest.raises(Unsupported, match="dart: spheres meet hulls, and no detector has"):
         engine.build(scene(BALL, tip(0.0), egg), SETTINGS)
     with pytest.raises(Unsupported, match="dart: no profile 'tuned'"):
         engine.build(scene(BALL), Settings("tuned", DT))
@@ -265,6 +276,20 @@ def test_fault_of_fcl(monkeypatch: pytest.MonkeyPatch) -> None:
     fcl = dart_engine.dartpy.collision.FCLCollisionDetector
     monkeypatch.setattr(dart_engine, "_detector", lambda scenario: fcl())
     assert last(scenario, 200).position[1, 2] < 0
+
+
+def test_fault_of_fcl_with_capsules(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rest a capsule on its side; notice when DART no longer hands FCL a ball of 10 cm in its place."""
+    lying = {"orientation": turn(0.0, np.pi / 2, 0.0)}
+    low, high = (
+        scene(FLOOR, solid("pill", Capsule(RADIUS, 0.2), (0.0, 0.0, z), **lying))
+        for z in (RADIUS + 1e-3, 0.05 - OVERLAP)
+    )
+    assert last(low, 200).position[1, 2] == pytest.approx(RADIUS, abs=1e-4)
+    fcl = dart_engine.dartpy.collision.FCLCollisionDetector
+    monkeypatch.setattr(dart_engine, "_detector", lambda scenario: fcl())
+    state = last(high, 1)
+    assert state.contacts[: state.contact_count]["distance"].min() == pytest.approx(-OVERLAP, abs=1e-6)
 
 
 def test_fault_of_bullet(monkeypatch: pytest.MonkeyPatch) -> None:

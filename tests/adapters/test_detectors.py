@@ -22,7 +22,7 @@ from adapters.detectors import (
 )
 from adapters.detectors.children import Child
 from adapters.engine import AdapterError, Unsupported
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull
 
 DEPTH, GAP = 0.15, 0.25
@@ -92,6 +92,17 @@ def test_hulls_are_posed_like_boxes(name: str) -> None:
         # Bullet's margin is 1 mm
         assert found.distance[0] == pytest.approx(-DEPTH, abs=2e-3)
         assert found.normal[0] @ UP > 0.999
+
+
+def test_a_capsule_lies_along_its_z(name: str) -> None:
+    """Sink a capsule's end, 0.7 m from its middle, into the box by the depth."""
+    found = answers(name, (LOWER, Piece("b", Capsule(0.2, 0.5), (0.1, 0.05, 1.2 - DEPTH))))
+    if name == "dart.fcl":
+        # DART hands FCL a ball of 10 cm in its place, and only prints an error
+        assert np.isnan(found.distance[0])
+    else:
+        assert found.distance[0] == pytest.approx(-DEPTH, abs=DEFAULT_ACCURACY)
+        np.testing.assert_allclose(found.normal[0], UP, atol=1e-5)
 
 
 def test_crossings_are_answered(name: str) -> None:

@@ -12,7 +12,7 @@ from adapters.engine import State
 from adapters.record import record
 from adapters.registry import ENGINES
 from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, Box, Hull, Piece, Sphere
+from scenarios.scenario import Body, Box, Capsule, Hull, Piece, Sphere
 from scenarios.solids import box_inertia, sphere_inertia
 
 DEPTH = 5e-4
@@ -58,7 +58,9 @@ def meeting(lab, shape, box_first):
 
 
 @pytest.mark.parametrize("box_first", [True, False], ids=["box first", "box last"])
-@pytest.mark.parametrize("shape", [Sphere(0.05), CUBE], ids=["sphere", "hull"])
+@pytest.mark.parametrize(
+    "shape", [Sphere(0.05), CUBE, Capsule(0.03, 0.02)], ids=["sphere", "hull", "capsule on end"]
+)
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_touching_pair(registry, lab, name, shape, box_first):
     """Normal from A to B, A before B, overlap negative, and B gains the impulse that A loses."""

@@ -19,7 +19,7 @@ from adapters.oracles.overlap import (
 )
 from adapters.translation import matrix
 from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Sphere
+from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull, sphere_inertia
 
 ASKED = 1e-6
@@ -115,6 +115,22 @@ def test_ellipsoids_along_their_axes():
         assert normal == pytest.approx([1.0, 0.0, 0.0], abs=1e-3)
 
 
+@pytest.mark.parametrize("gap", [-0.02, 0.05])
+def test_capsules(gap):
+    """Crossed capsules are as far as their cores are, less the radii; one over a box as its lower side is."""
+    still, lying = Rotation.identity(), Rotation.from_euler("y", 90, degrees=True)
+    thin, thick = Capsule(0.1, 0.5), Capsule(0.2, 0.3)
+    across = (np.array((0.1, 0.3 + gap, 0.2)), lying)
+    above = (np.array((0.1, 0.0, 0.4 + gap)), lying)
+    for shape, pose, other, n in (
+        (thin, across, thick, (0, 1, 0)),
+        (Box((1.0, 1.0, 0.2)), above, thick, (0, 0, 1)),
+    ):
+        distance, normal, _ = apart(shape, (np.zeros(3), still), other, pose)
+        assert distance == pytest.approx(gap, abs=TIGHT)
+        assert normal == pytest.approx(n, abs=1e-5)
+
+
 def test_hulls_against_the_explicit_minkowski_difference():
     """Distance and depth of random elliptic hulls, near and deep, agree with the slow and obvious answer."""
     rng = np.random.default_rng(5)
@@ -145,13 +161,14 @@ def crowd(lab, rng, count=24):
         lambda: Box(tuple(rng.uniform(0.02, 0.08, 3))),
         lambda: Hull(elliptic_hull(tuple(rng.uniform(0.02, 0.07, 3)))),
         lambda: Ellipsoid(tuple(rng.uniform(0.02, 0.06, 3))),
+        lambda: Capsule(*rng.uniform(0.02, 0.05, 2)),
     )
     bodies = []
     for k in range(count):
         pieces = tuple(
             Piece(
                 f"{k} {j}",
-                shapes[rng.integers(4)](),
+                shapes[rng.integers(len(shapes))](),
                 tuple(rng.uniform(-0.1, 0.1, 3) * (j > 0)),
                 tuple(random_rotation(rng).as_quat(scalar_first=True)),
             )

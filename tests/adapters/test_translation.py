@@ -12,7 +12,7 @@ from adapters.translation import matrix, translate
 from reference_impl import conventions
 from reference_impl.world import MATERIAL_CAPACITY
 from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, Box, Ellipsoid, Hull, Joint, PairCoefficients, Piece, Sphere
+from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, PairCoefficients, Piece, Sphere
 from scenarios.solids import sphere_inertia
 
 ROUNDING = 1e-12
@@ -29,6 +29,7 @@ def world(lab):
         Piece("hull", Hull(CORNERS), (0.0, 1.0, 0.0), TURN),
         Piece("box", Box((0.1, 0.2, 0.3))),
         Piece("egg", Ellipsoid((0.3, 0.2, 0.1))),
+        Piece("pill", Capsule(0.1, 0.4)),
         Piece("hull 2", Hull(tuple((2 * x, y, z) for x, y, z in CORNERS))),
     )
     body = Body(
@@ -63,13 +64,14 @@ def test_pieces_keep_their_shape_and_vertices(world):
     """Each shape has its kind and size; each hull finds its own vertices in the common table."""
     arrays, scenario = world
     rows = arrays.pieces[1:]
-    kinds = (conventions.SPHERE, conventions.HULL, conventions.BOX, conventions.ELLIPSOID, conventions.HULL)
-    assert tuple(rows["kind"]) == kinds
+    kinds = ("SPHERE", "HULL", "BOX", "ELLIPSOID", "CAPSULE", "HULL")
+    assert rows["kind"].tolist() == [getattr(conventions, kind) for kind in kinds]
     assert (rows["body"] == 1).all()
-    assert rows["order"].tolist() == [1, 2, 3, 4, 5]
+    assert rows["order"].tolist() == [1, 2, 3, 4, 5, 6]
     assert rows["radius"][0] == 0.2
     assert tuple(rows["size"][2]) == (0.1, 0.2, 0.3)
     assert tuple(rows["size"][3]) == (0.3, 0.2, 0.1)
+    assert (rows["radius"][4], tuple(rows["size"][4])) == (0.1, (0.0, 0.0, 0.4))
     for row, piece in zip(rows, scenario.bodies[1].pieces):
         assert tuple(row["position"]) == piece.position
         assert row["rotation"] == pytest.approx(matrix(piece.orientation), abs=ROUNDING)

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from reference_impl.contact_patch import expand_patches
 from reference_impl.conventions import SIMULATED, TOUCH_DISTANCE
 from reference_impl.detection import detect
-from scenarios.scenario import Body, Hull, Piece
-from scenarios.solids import box_inertia
+from scenarios.scenario import Body, Capsule, Hull, Piece
+from scenarios.solids import box_inertia, capsule_inertia
 
 HALF = (0.1, 0.08, 0.05)
 G = 9.81
@@ -324,3 +324,70 @@ def test_a_cradle_of_boxes_passes_the_blow_on(lab: SimpleNamespace) -> None:
     lab.play(world, 20)
     np.testing.assert_allclose(world.bodies["velocity"][:, 0], (0, 0, 1, 0), atol=1e-9)
     assert np.abs(world.bodies["omega"]).max() < 1e-9
+
+
+LYING = quaternion(0.0, np.pi / 2, 0.0)
+"""A capsule's axis, its own z, turned to the world's x."""
+
+
+def capsule(position, orientation=LYING, **fields) -> Body:
+    """A capsule of 1 kg, radius 5 cm and half length 15 cm."""
+    shape, inertia = (Piece("capsule", Capsule(0.05, 0.15)),), capsule_inertia(1.0, 0.05, 0.15)
+    return Body(
+        "capsule",
+        "simulated",
+        "wood",
+        shape,
+        1.0,
+        inertia=inertia,
+        position=position,
+        orientation=orientation,
+        **fields,
+    )
+
+
+@pytest.mark.parametrize("tables", [0, 1])
+def test_a_lying_capsule_touches_at_the_ends_of_its_side(lab: SimpleNamespace, tables: int) -> None:
+    """Give both ends of the side, cut off where the table ends, whichever body comes first."""
+    for x, ends in ((0.1, (-0.05, 0.25)), (0.45, (0.3, 0.5))):
+        bodies = [capsule((x, 0.02, 0.05 + GAP))]
+        bodies.insert(tables, table(lab))
+        rows = rows_of(lab, *bodies)
+        touching = (rows["point_a"] + rows["point_b"]) / 2
+        np.testing.assert_allclose(np.sort(touching[:, 0]), ends, atol=ROUNDING)
+        np.testing.assert_allclose(touching[:, 1:], [(0.02, GAP / 2)] * 2, atol=ROUNDING)
+        np.testing.assert_allclose(rows["distance"], GAP, atol=ROUNDING)
+
+
+def test_a_standing_capsule_touches_at_its_end(lab: SimpleNamespace) -> None:
+    """Give one point under the axis."""
+    rows = rows_of(lab, table(lab), capsule((0.1, 0.02, 0.2 + GAP), (1.0, 0.0, 0.0, 0.0)))
+    assert_points(rows, [(0.1, 0.02)])
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 1.2])
+def test_a_dropped_capsule_comes_to_rest_on_its_side(lab: SimpleNamespace, turn: float) -> None:
+    """Lie level and still two seconds after a fall at any tilt, on its side, without a gain of energy."""
+    pill = capsule((0.0, 0.0, 0.25), quaternion(0.0, np.pi / 2 - turn, 0.0))
+    world = lab.build(lab.scene(pill, lab.ground(), e=0.3, mu=0.3))
+    energies = lab.play(world, 120, energy)
+    axis = world.bodies[0]["rotation"][:, 2]
+    # both ends touch: at most 2 TOUCH_DISTANCE apart in height
+    assert abs(axis[2]) < 2 * TOUCH_DISTANCE / 0.3
+    assert world.bodies[0]["position"][2] == pytest.approx(0.05, abs=2 * TOUCH_DISTANCE)
+    assert speed(world) < 1e-6
+    assert_energy_never_rises(energies, 1e-9)
+
+
+def test_a_sliding_capsule_rolls_as_coulomb_says(lab: SimpleNamespace) -> None:
+    """Turn sliding across the axis into rolling at v0 / (1 + I / m r^2), and keep it level and straight."""
+    world = lab.build(
+        lab.scene(capsule((0.0, 0.0, 0.05), linear_velocity=(0.0, 1.0, 0.0)), lab.ground(), mu=0.3)
+    )
+    lab.play(world, 60)
+    body = world.bodies[0]
+    # friction keeps the spin about the contact: m v0 r = (m r^2 + I) w
+    rolling = 1 / (1 + body["inertia"][2, 2] / 0.05**2)
+    np.testing.assert_allclose(body["velocity"], (0, rolling, 0), atol=1e-9)
+    np.testing.assert_allclose(body["omega"], (-rolling / 0.05, 0, 0), atol=1e-7)
+    assert abs(body["rotation"][2, 2]) < 1e-9

@@ -12,15 +12,17 @@ from scipy.spatial.transform import Rotation
 from adapters.hull_table import BRUTE, hull_rows
 from adapters.translation import piece_arrays, translate
 from reference_impl.shapes import corner_of_hull, place_piece, support
-from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Sphere
+from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull, sphere_inertia
 
 SHAPES = {
     "sphere": Sphere(0.3),
     "box": Box((0.3, 0.2, 0.1)),
+    "capsule": Capsule(0.2, 0.3),
     "ellipsoid": Ellipsoid((0.3, 0.2, 0.1)),
     "hull": Hull(elliptic_hull((0.3, 0.2, 0.1))),
 }
+ROUND = ("sphere", "capsule", "ellipsoid")
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.6])
 OWN = Rotation.from_rotvec([-0.2, 0.3, 0.9])
 
@@ -34,6 +36,8 @@ def surface(shape) -> np.ndarray:
             return np.array(vertices)
     u = np.random.default_rng(0).normal(size=(200_000, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
+    if isinstance(shape, Capsule):
+        return u * shape.radius + np.sign(u) * (0.0, 0.0, shape.half_length)
     return u * (shape.radius if isinstance(shape, Sphere) else shape.half_axes)
 
 
@@ -61,21 +65,21 @@ def test_boxes_hold_the_piece_and_no_more(lab: SimpleNamespace, name: str) -> No
     """Bound every point, by the margin and not farther."""
     world, points = placed(lab, SHAPES[name], 0.01)
     # random points miss the extremes of a smooth surface by about 1e-5 of its size
-    slack = 1e-5 if name in ("sphere", "ellipsoid") else 1e-14
+    slack = 1e-5 if name in ROUND else 1e-14
     np.testing.assert_allclose(world.pieces[0]["low"], points.min(axis=0) - 0.01, atol=slack)
     np.testing.assert_allclose(world.pieces[0]["high"], points.max(axis=0) + 0.01, atol=slack)
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_support_is_the_farthest_point(lab: SimpleNamespace, name: str) -> None:
-    """Reach as far as the farthest point of the surface, less the radius of a sphere."""
+    """Reach as far as the farthest point of the surface, with the radius round the core."""
     world, points = placed(lab, SHAPES[name], 0.0)
     row, out = world.pieces[0], np.zeros(3)
     for direction in np.random.default_rng(1).normal(size=(20, 3)):
         support(row, world.vertices, *direction, out)
         length = np.linalg.norm(direction)
         reach = (row["world_position"] + out) @ direction / length + row["radius"]
-        slack = 1e-4 if name in ("sphere", "ellipsoid") else 1e-14
+        slack = 1e-4 if name in ROUND else 1e-14
         assert reach == pytest.approx((points @ direction).max() / length, abs=slack)
 
 

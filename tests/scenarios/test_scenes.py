@@ -16,7 +16,7 @@ from scenarios.catalogue import catalogue, scene, tagged, tags
 from scenarios.families import snip
 from scenarios.hand import HAND_MASS, hand_parts
 from scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
-from scenarios.solids import box_inertia, ellipsoid_inertia, elliptic_hull, sphere_inertia
+from scenarios.solids import box_inertia, capsule_inertia, ellipsoid_inertia, elliptic_hull, sphere_inertia
 from scenarios.tracking import sample
 
 
@@ -46,16 +46,21 @@ def test_inertia_of_solids_by_quadrature() -> None:
     half = np.array([0.3, 0.2, 0.1])
     ticks = (np.arange(60) + 0.5) / 30 - 1
     grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
-    for inside, told in (
-        (np.ones(len(grid), bool), box_inertia(2.0, tuple(half))),
-        ((grid**2).sum(axis=1) < 1, ellipsoid_inertia(2.0, tuple(half))),
+    # a capsule of radius 0.2 and half length 0.3 in a box of half extents (0.2, 0.2, 0.5)
+    pill, reach = (0.2, 0.2, 0.5), np.maximum(0, np.abs(grid[:, 2]) * 0.5 - 0.3)
+    in_pill = (grid[:, :2] ** 2).sum(axis=1) * 0.04 + reach**2 < 0.04
+    for size, inside, told in (
+        (half, np.ones(len(grid), bool), box_inertia(2.0, tuple(half))),
+        (half, (grid**2).sum(axis=1) < 1, ellipsoid_inertia(2.0, tuple(half))),
+        (pill, in_pill, capsule_inertia(2.0, 0.2, 0.3)),
     ):
-        points = (grid * half)[inside]
+        points = (grid * size)[inside]
         square = (points**2).sum(axis=1)
         inertia = 2.0 * (square.mean() * np.eye(3) - points.T @ points / len(points))
         # 60 cells an edge: a few 1e-3 on a curved surface
         np.testing.assert_allclose(told, inertia, atol=3e-3 * np.max(inertia))
     assert sphere_inertia(2.0, 0.5) == ellipsoid_inertia(2.0, (0.5, 0.5, 0.5))
+    np.testing.assert_allclose(capsule_inertia(2.0, 0.5, 1e-15), sphere_inertia(2.0, 0.5), atol=1e-14)
 
 
 def test_tracker_velocities_are_differences() -> None:

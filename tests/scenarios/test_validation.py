@@ -13,6 +13,7 @@ from scenarios.catalogue import catalogue
 from scenarios.scenario import (
     Body,
     Box,
+    Capsule,
     Ellipsoid,
     Expectation,
     Hull,
@@ -118,6 +119,8 @@ SHAPE = [
     (Sphere(nan), "radius", "nan"),
     (Box((1.0, -1.0, 1.0)), "half_extents", "positive"),
     (Box((1.0, 1.0)), "half_extents", "found 2 numbers"),
+    (Capsule(0.0, 1.0), "radius", "positive"),
+    (Capsule(1.0, -1.0), "half_length", "positive"),
     (Ellipsoid((1.0, 0.0, 1.0)), "half_axes", "positive"),
     (Hull(CUBE[:3]), "vertices", "at least 4"),
     (Hull(((nan, 0.0, 0.0), *CUBE)), "vertices[0]", "nan"),
@@ -125,7 +128,7 @@ SHAPE = [
     (Hull((*CUBE, CUBE[0])), "vertices", "repeated"),
     (Hull(CUBE[:4]), "vertices", "degenerate"),
     (Hull(tuple((x, y, 1e-9 * z) for x, y, z in CUBE)), "vertices", "degenerate"),
-    (SimpleNamespace(), "", "unknown shape SimpleNamespace"),
+    (SimpleNamespace(), "", "unknown shape SimpleNamespace; valid: Sphere, Box, Capsule, Ellipsoid, Hull"),
 ]
 JOINT = [
     ({"parent": "torso"}, "joints[0].parent", "unknown body 'torso'"),
