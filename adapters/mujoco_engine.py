@@ -7,20 +7,12 @@ MuJoCo orders the two geoms by type (a sphere comes before a box), so each geom 
 those of the start of the step: force times dt is the impulse. A free joint's qvel holds the world velocity of
 the body's *origin* and the angular velocity along the *body's* axes; `cvel` is taken at the subtree's centre
 of mass. A hinge's axis lies in the child's frame. `xpos` lags behind `qpos` after a step: `read` runs the
-kinematics again, which leaves the state alone.
-
-Restitution: MuJoCo has springs instead of e. With zeta = -ln e / sqrt(pi^2 + ln^2 e) a pair gets the direct
-form solref = (-w^2, -2 zeta w), w = 1 / max(0.02 zeta, 2 dt): the default time constant of 20 ms at damping
-ratio zeta (e = 0 is MuJoCo's default contact), but never stiffer than the floor MuJoCo itself keeps for a
-critically damped contact (timeconst >= 2 dt; the positive form has no such floor for zeta < 1 and gains
-energy). Friction is given per pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal
-cone share the pair's damping: friction is Coulomb's for e up to about .8, fades above, and is none at e = 1.
+kinematics again, which leaves the state alone. How e and mu are told stands in `mujoco_contacts.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import exp, hypot, log, pi, sqrt
 from typing import Any, ClassVar
 
 import mujoco
@@ -38,26 +30,11 @@ from adapters.engine import (
     State,
     Unsupported,
 )
+from adapters.mujoco_contacts import add_pairs, restitution_of
+from adapters.mujoco_model import add_bodies, inverse, set_options, turned
 from adapters.registry import ENGINES
-from scenarios.scenario import (
-    Body,
-    Box,
-    Capsule,
-    Ellipsoid,
-    Hull,
-    Piece,
-    Quaternion,
-    Scenario,
-    Sphere,
-    Vector,
-)
+from scenarios.scenario import Scenario
 
-TIME_CONSTANT = 0.02
-"""MuJoCo's default time constant of a contact, 1 / (zeta w) [s]."""
-FLOOR_STEPS = 2.0
-"""MuJoCo's floor of a contact's time constant [steps] (its flag refsafe)."""
-FRICTION_MIN = 1e-5
-"""Smallest friction of a contact with condim > 1 (mjMINMU) [1]: smaller values are raised to it."""
 OPTIONS = (
     *("timestep", "iterations", "tolerance", "ls_iterations", "ls_tolerance", "noslip_iterations"),
     *("noslip_tolerance", "impratio", "ccd_iterations", "ccd_tolerance", "density", "viscosity"),
@@ -74,19 +51,6 @@ TIMER = mujoco.mjtTimer
 IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
 LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWARN_CNSTRFULL))
 """Warnings of MuJoCo that mean contacts were dropped for want of memory."""
-
-
-def solref_of(restitution: float, dt: float) -> tuple[float, float]:
-    """(-stiffness, -damping) per unit mass of a contact with restitution e."""
-    zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
-    w = 1 / max(TIME_CONSTANT * zeta, FLOOR_STEPS * dt)
-    return -w * w, -2 * zeta * w
-
-
-def restitution_of(solref: Array) -> float:
-    """Restitution e of a contact with (-stiffness, -damping), the inverse of `solref_of`."""
-    zeta = -solref[1] / (2 * sqrt(-solref[0]))
-    return exp(-pi * zeta / sqrt(1 - zeta * zeta)) if zeta < 1 else 0.0
 
 
 def _write_no_log_file() -> None:
@@ -108,9 +72,9 @@ class MujocoEngine:
             raise Unsupported(f"mujoco: no profile {settings.profile!r}; valid: {', '.join(self.profiles)}")
         _write_no_log_file()
         spec = mujoco.MjSpec()
-        _set_options(spec, scenario, settings.dt)
-        bodies = _add_bodies(spec, scenario)
-        _add_pairs(spec, scenario, settings.dt)
+        set_options(spec, scenario, settings.dt)
+        bodies = add_bodies(spec, scenario)
+        add_pairs(spec, scenario, settings.dt)
         try:
             model = spec.compile()
         except ValueError as error:
@@ -120,130 +84,6 @@ class MujocoEngine:
     def version(self) -> str:
         """The version of the loaded library."""
         return mujoco.mj_versionString()
-
-
-def _set_options(spec: Any, scenario: Scenario, dt: float) -> None:
-    """Every hidden default on purpose; what is not named here keeps MuJoCo's default and is published."""
-    spec.compiler.degree = False
-    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    spec.compiler.balanceinertia = spec.compiler.fusestatic = spec.compiler.alignfree = False
-    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
-    spec.option.timestep = dt
-    spec.option.gravity = scenario.acting_gravity
-    spec.option.density = spec.option.viscosity = 0.0
-    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    spec.option.enableflags = 0
-
-
-def _add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
-    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree."""
-    bodies: dict[int, Any] = {}
-    for index, body in enumerate(scenario.bodies):
-        if body.kind != "driven":
-            bodies[index] = spec.worldbody.add_body(pos=body.position, quat=body.orientation)
-            if body.kind == "simulated":
-                _add_free_joint(bodies[index])
-    hinges = {joint.name: joint for joint in scenario.joints}
-    for tracker in scenario.trackers:
-        root, *children = scenario.links(tracker)
-        bodies[root] = spec.worldbody.add_body(gravcomp=1.0)
-        _add_free_joint(bodies[root])
-        for child, joint in zip(children, (hinges[name] for name in tracker.joints)):
-            parent = bodies[scenario.body_index(joint.parent)]
-            bodies[child] = parent.add_body(pos=joint.position, quat=joint.orientation, gravcomp=1.0)
-            bodies[child].add_joint(
-                name=joint.name,
-                type=mujoco.mjtJoint.mjJNT_HINGE,
-                axis=_turned(joint.axis, _inverse(joint.orientation)),
-                limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-                range=(joint.lower, joint.upper),
-            )
-    for index, body in enumerate(scenario.bodies):
-        if body.kind != "fixed":
-            _set_mass(bodies[index], body)
-        for k, piece in enumerate(body.pieces):
-            add_piece(spec, bodies[index], piece, f"{index}.{k}")
-    return bodies
-
-
-def _add_free_joint(body: Any) -> None:
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE, align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
-
-
-def _set_mass(target: Any, body: Body) -> None:
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
-    target.explicitinertial = True
-    target.mass, target.ipos, target.fullinertia = body.mass, body.center_of_mass, (xx, yy, zz, xy, xz, yz)
-
-
-def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
-    """A geom that touches nothing but what an explicit pair names (contype and conaffinity 0)."""
-    geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
-    match piece.shape:
-        case Sphere():
-            _add_sphere(geom, piece.shape)
-        case Box():
-            _add_box(geom, piece.shape)
-        case Capsule():
-            _add_capsule(geom, piece.shape)
-        case Ellipsoid():
-            _add_ellipsoid(geom, piece.shape)
-        case Hull():
-            _add_hull(spec, geom, piece.shape)
-        case _:
-            raise Unsupported(f"mujoco: no shape {type(piece.shape).__name__}")
-
-
-def _add_sphere(geom: Any, shape: Sphere) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, (shape.radius, 0.0, 0.0)
-
-
-def _add_box(geom: Any, shape: Box) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, shape.half_extents
-
-
-def _add_capsule(geom: Any, shape: Capsule) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CAPSULE, (shape.radius, shape.half_length, 0.0)
-
-
-def _add_ellipsoid(geom: Any, shape: Ellipsoid) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_ELLIPSOID, shape.half_axes
-
-
-def _add_hull(spec: Any, geom: Any, shape: Hull) -> None:
-    """A mesh of its own; MuJoCo keeps its vertices in single precision, in the mesh's inertial frame."""
-    mesh = spec.add_mesh(name=geom.name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
-    mesh.uservert = np.ravel(shape.vertices)
-    geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
-
-
-def _add_pairs(spec: Any, scenario: Scenario, dt: float) -> None:
-    """An explicit pair for every two pieces that may touch."""
-    for a, b in scenario.touching_pairs():
-        e, mu = scenario.pair_coefficients(a, b)
-        if 0 < mu < FRICTION_MIN:
-            names = f"{scenario.bodies[a].name}-{scenario.bodies[b].name}"
-            raise Unsupported(f"mujoco: friction {mu:g} of {names} is below the least, {FRICTION_MIN:g}")
-        for first in range(len(scenario.bodies[a].pieces)):
-            for second in range(len(scenario.bodies[b].pieces)):
-                spec.add_pair(
-                    geomname1=f"{a}.{first}",
-                    geomname2=f"{b}.{second}",
-                    condim=3 if mu > 0 else 1,
-                    friction=(mu, mu, 0.0, 0.0, 0.0),
-                    solref=solref_of(e, dt),
-                )
-
-
-def _inverse(quaternion: Quaternion | Array) -> Array:
-    return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
-
-
-def _turned(vector: Vector | Array, quaternion: Quaternion | Array) -> Array:
-    """`vector` rotated by `quaternion`."""
-    out = np.zeros(3)
-    mujoco.mju_rotVecQuat(out, np.array(vector), np.array(quaternion))
-    return out
 
 
 class World:
@@ -277,14 +117,14 @@ class World:
             if source.kind == "simulated":
                 qpos, qvel, _ = self._free_joint(body)
                 omega = np.array(source.angular_velocity)
-                arm = _turned(source.center_of_mass, qpos[3:])
+                arm = turned(source.center_of_mass, qpos[3:])
                 qvel[:3] = source.linear_velocity - np.cross(omega, arm)
-                qvel[3:] = _turned(omega, _inverse(qpos[3:]))
+                qvel[3:] = turned(omega, inverse(qpos[3:]))
         for drive, root, angles, dofs in zip(self._drives, self._root, self._hinge_qpos, self._hinge_dof):
             qpos, qvel, _ = self._free_joint(root)
             qpos[:3], qpos[3:] = drive.start_position[0], drive.start_orientation[0]
             qvel[:3] = drive.start.linear_velocity[0]
-            qvel[3:] = _turned(drive.start.angular_velocity[0], _inverse(qpos[3:]))
+            qvel[3:] = turned(drive.start.angular_velocity[0], inverse(qpos[3:]))
             self._data.qpos[angles], self._data.qvel[dofs] = drive.start.angle[0], drive.start.rate[0]
 
     def drive(self, step: int) -> None:
@@ -292,10 +132,10 @@ class World:
         data = self._data
         for k, drive in enumerate(self._drives):
             qpos, qvel, root = self._free_joint(self._root[k])
-            omega = _turned(qvel[3:], qpos[3:])
+            omega = turned(qvel[3:], qpos[3:])
             force, torque = drive.wrench(step, qpos[:3], qpos[3:], qvel[:3], omega)
             self._force[k], self._torque[k] = force, torque
-            data.qfrc_applied[root] = *force, *_turned(torque, _inverse(qpos[3:]))
+            data.qfrc_applied[root] = *force, *turned(torque, inverse(qpos[3:]))
             dofs = self._hinge_dof[k]
             angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
             data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)

@@ -13,7 +13,7 @@ import numpy as np
 
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
 from adapters.engine import Array, Scalar
-from adapters.mujoco_engine import add_piece
+from adapters.mujoco_model import add_piece
 
 FAR = 100.0
 """Distance beyond which MuJoCo need not look [m]: more than any pair of the study has."""

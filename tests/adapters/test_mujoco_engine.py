@@ -13,7 +13,9 @@ from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Scenario, Sphe
 from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-from adapters.mujoco_engine import MujocoEngine, World, add_piece, restitution_of, solref_of  # noqa: E402
+from adapters.mujoco_contacts import restitution_of, solref_of  # noqa: E402
+from adapters.mujoco_engine import MujocoEngine, World  # noqa: E402
+from adapters.mujoco_model import add_piece  # noqa: E402
 
 ENGINE = MujocoEngine()
 DT = ENGINE.profiles["recommended"]
