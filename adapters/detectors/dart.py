@@ -1,7 +1,7 @@
 """DART's collision detectors through dartpy: fcl, bullet, and its own, dart.
 
 Conventions: a contact's normal goes from its object 2 to its object 1, in any order; depth is positive in
-overlap. Hulls are triangle meshes, as in `dart_engine.py`: shells without an inside, in single precision.
+overlap. Hulls are triangle meshes, as in `dart_model.py`: shells without an inside, in single precision.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from adapters.dart_engine import add_piece, isometry
+from adapters.dart_model import add_piece, isometry
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
 from adapters.engine import Array, Scalar
 from scenarios.scenario import Piece, Shape

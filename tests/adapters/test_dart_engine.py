@@ -274,7 +274,7 @@ def test_fault_of_fcl(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = scene(solid("hull", HULL, (0.0, 0.0, 0.0), kind="fixed"), ball)
     assert last(scenario, 200).position[1, 2] > HALF_AXES[2] + RADIUS - 1e-3
     fcl = dart_engine.dartpy.collision.FCLCollisionDetector
-    monkeypatch.setattr(dart_engine, "_detector", lambda scenario: fcl())
+    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario: fcl())
     assert last(scenario, 200).position[1, 2] < 0
 
 
@@ -287,7 +287,7 @@ def test_fault_of_fcl_with_capsules(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     assert last(low, 200).position[1, 2] == pytest.approx(RADIUS, abs=1e-4)
     fcl = dart_engine.dartpy.collision.FCLCollisionDetector
-    monkeypatch.setattr(dart_engine, "_detector", lambda scenario: fcl())
+    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario: fcl())
     state = last(high, 1)
     assert state.contacts[: state.contact_count]["distance"].min() == pytest.approx(-OVERLAP, abs=1e-6)
 
@@ -298,6 +298,6 @@ def test_fault_of_bullet(monkeypatch: pytest.MonkeyPatch) -> None:
     # FCL's iterative depth of ellipsoids: within 1e-6 m
     assert last(scenario, 1).contacts[0]["distance"] == pytest.approx(-OVERLAP, abs=1e-6)
     bullet = dart_engine.dartpy.collision.BulletCollisionDetector
-    monkeypatch.setattr(dart_engine, "_detector", lambda scenario: bullet())
+    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario: bullet())
     state = last(scenario, 1)
     assert state.contacts[: state.contact_count]["distance"].min() == pytest.approx(-0.01 - OVERLAP, abs=1e-6)
