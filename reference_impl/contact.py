@@ -1,6 +1,5 @@
 """A contact between two bodies: velocities and mobility at its point, and what an impulse does to both."""
 
-from reference_impl.conventions import COUNT_LOST
 from reference_impl.kernel import kernel
 from reference_impl.skeleton import move_links
 
@@ -16,10 +15,28 @@ def surface_velocity(body, point, out_velocity):
 
 
 @kernel
+def relative_velocity(bodies, pair, state):
+    """Velocities of both surfaces and of B against A at a pair's contact point, to `state`; returns n . v."""
+    a, b, v, n = state["velocity_a"], state["velocity_b"], state["velocity"], pair["normal"]
+    surface_velocity(bodies[pair["body_a"]], pair["point"], a)
+    surface_velocity(bodies[pair["body_b"]], pair["point"], b)
+    for i in range(3):
+        v[i] = b[i] - a[i]
+    return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
+
+
+@kernel
 def contact_point(pair, out_point):
     """Midpoint of the two witnesses."""
     for i in range(3):
         out_point[i] = (pair["point_a"][i] + pair["point_b"][i]) / 2
+
+
+@kernel
+def approach_speed(bodies, pair, state):
+    """Contact point and approach speed of a pair."""
+    contact_point(pair, pair["point"])
+    pair["key"] = -relative_velocity(bodies, pair, state)
 
 
 @kernel
@@ -75,6 +92,13 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
 
 
 @kernel
+def apply_to_both(bodies, joints, drivers, pair, point, p):
+    """Equal and opposite impulses on both bodies of a pair."""
+    apply_impulse(bodies, joints, drivers, pair["body_b"], point, p[0], p[1], p[2])
+    apply_impulse(bodies, joints, drivers, pair["body_a"], point, -p[0], -p[1], -p[2])
+
+
+@kernel
 def _kick(inverse_mass, inverse_inertia, c, reference, point, px, py, pz, out_v, out_w):
     """Change velocity (of the point `reference`) and omega of what has its centre of mass at c."""
     m = inverse_inertia
@@ -90,20 +114,3 @@ def _kick(inverse_mass, inverse_inertia, c, reference, point, px, py, pz, out_v,
     out_w[0] += dx
     out_w[1] += dy
     out_w[2] += dz
-
-
-@kernel
-def log_contact(contacts, state, pair, point, time):
-    """Open a row of the frame's contact log; returns its index, or -1 (counted) when the log is full."""
-    row = state["contact_count"]
-    if row == len(contacts):
-        state["counters"][COUNT_LOST] += 1
-        return -1
-    contact = contacts[row]
-    contact["time"] = time
-    contact["body_a"], contact["body_b"] = pair["body_a"], pair["body_b"]
-    contact["distance"] = pair["distance"]
-    contact["position"][:] = point
-    contact["normal"][:] = pair["normal"]
-    state["contact_count"] = row + 1
-    return row

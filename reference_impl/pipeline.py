@@ -1,5 +1,6 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
+from reference_impl.contact_log import cut_holds
 from reference_impl.contact_patch import expand_patches
 from reference_impl.conventions import (
     COUNT_EVENTS,
@@ -18,8 +19,9 @@ from reference_impl.conventions import (
 )
 from reference_impl.detection import detect, is_free, place_pieces
 from reference_impl.global_depth import global_depth
+from reference_impl.hold import begin_hold, hold_contacts
+from reference_impl.impact import resolve_impacts
 from reference_impl.impact_time import earliest_impact
-from reference_impl.impulse import begin_hold, cut_holds, hold_contacts, resolve_impacts
 from reference_impl.integrate import apply_forces, begin_substep, end_substep, pose_at, refresh_inertia
 from reference_impl.kernel import clock, kernel
 from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
