@@ -4,6 +4,7 @@ from reference_impl.contact import surface_velocity
 from reference_impl.contact_solver import ALL
 from reference_impl.conventions import COUNT_LOST
 from reference_impl.kernel import kernel
+from reference_impl.rotation import copy_vector
 
 
 @kernel
@@ -17,15 +18,15 @@ def log_contact(contacts, state, pair, point, time):
     contact["time"] = time
     contact["body_a"], contact["body_b"] = pair["body_a"], pair["body_b"]
     contact["distance"] = pair["distance"]
-    contact["position"][:] = point
-    contact["normal"][:] = pair["normal"]
+    copy_vector(point, contact["position"])
+    copy_vector(pair["normal"], contact["normal"])
     state["contact_count"] = row + 1
     return row
 
 
 @kernel
 def close_row(bodies, contact, p):
-    contact["impulse"][:] = p
+    copy_vector(p, contact["impulse"])
     surface_velocity(bodies[contact["body_a"]], contact["position"], contact["velocity_a_after"])
     surface_velocity(bodies[contact["body_b"]], contact["position"], contact["velocity_b_after"])
 
@@ -39,8 +40,8 @@ def log_held(bodies, pairs, count, patch, contacts, state, time):
             continue
         row = log_contact(contacts, state, pair, pair["point"], time)
         if row >= 0:
-            contacts[row]["velocity_a_before"][:] = pair["before_a"]
-            contacts[row]["velocity_b_before"][:] = pair["before_b"]
+            copy_vector(pair["before_a"], contacts[row]["velocity_a_before"])
+            copy_vector(pair["before_b"], contacts[row]["velocity_b_before"])
             close_row(bodies, contacts[row], p)
 
 

@@ -8,6 +8,7 @@ from reference_impl.contact_solver import begin_row, settle
 from reference_impl.conventions import APPROACH_MIN, COUNT_IMPULSES, IMPULSE_CAP
 from reference_impl.impulse import contact_impulse, resting_restitution
 from reference_impl.kernel import kernel
+from reference_impl.rotation import copy_vector
 
 
 @kernel
@@ -45,8 +46,8 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
         state["counters"][COUNT_IMPULSES] += 1
         row = log_contact(contacts, state, pair, point, time)
         if row >= 0:
-            contacts[row]["velocity_a_before"][:] = state["velocity_a"]
-            contacts[row]["velocity_b_before"][:] = state["velocity_b"]
+            copy_vector(state["velocity_a"], contacts[row]["velocity_a_before"])
+            copy_vector(state["velocity_b"], contacts[row]["velocity_b_before"])
             close_row(bodies, contacts[row], p)
         _refresh_keys(bodies, pairs, count, pair, state)
     return False

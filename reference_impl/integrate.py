@@ -2,7 +2,15 @@
 
 from reference_impl.conventions import FLIGHT_EULER, SIMULATED
 from reference_impl.kernel import kernel
-from reference_impl.rotation import conjugate_by, invert_symmetric, matrix_of, rotate, turn
+from reference_impl.rotation import (
+    conjugate_by,
+    copy_quaternion,
+    copy_vector,
+    invert_symmetric,
+    matrix_of,
+    rotate,
+    turn,
+)
 from reference_impl.skeleton import move_links
 
 
@@ -19,11 +27,13 @@ def begin_substep(bodies, drivers):
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
-            body["old_center"][:], body["old_orientation"][:] = body["center"], body["orientation"]
-            body["old_velocity"][:], body["old_omega"][:] = body["velocity"], body["omega"]
+            copy_vector(body["center"], body["old_center"])
+            copy_quaternion(body["orientation"], body["old_orientation"])
+            copy_vector(body["velocity"], body["old_velocity"])
+            copy_vector(body["omega"], body["old_omega"])
     for d in range(len(drivers)):
-        drivers[d]["old_velocity"][:] = drivers[d]["velocity"]
-        drivers[d]["old_omega"][:] = drivers[d]["omega"]
+        copy_vector(drivers[d]["velocity"], drivers[d]["old_velocity"])
+        copy_vector(drivers[d]["omega"], drivers[d]["old_omega"])
 
 
 @kernel
@@ -49,14 +59,14 @@ def _free_spin(body, h):
     momentum, rate = body["momentum"], body["spin"]
     conjugate_by(body["rotation"], inertia, body["scratch"])
     rotate(body["scratch"], omega, momentum)
-    rate[:] = omega
+    copy_vector(omega, rate)
     for step in range(2):
         half = h if step else h / 2
         turn(body["old_orientation"], rate[0] * half, rate[1] * half, rate[2] * half, body["orientation"])
         matrix_of(body["orientation"], body["rotation"])
         refresh_inertia(body)
         rotate(body["inverse_inertia"], momentum, rate)
-    omega[:] = rate
+    copy_vector(rate, omega)
 
 
 @kernel

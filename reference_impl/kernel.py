@@ -58,8 +58,12 @@ KERNELS = []
 
 
 def kernel(function):
-    """Compile `function` to machine code: cached, no fastmath, x / 0 as in IEEE 754, no parallel parts."""
-    compiled = numba.njit(cache=CACHE_FOLDER is not None, error_model="numpy")(function)
+    """Compile `function` to machine code: cached, no fastmath, x / 0 as in IEEE 754, no parallel parts.
+
+    Without Numba's runtime (`_nrt`): kernels own no memory, and counting references to the arrays they pass
+    on took half of a depth's time. One that allocates, or assigns an array to a slice, does not compile.
+    """
+    compiled = numba.njit(cache=CACHE_FOLDER is not None, error_model="numpy", _nrt=False)(function)
     if JIT:
         _forget_literals(compiled)
     KERNELS.append(compiled)

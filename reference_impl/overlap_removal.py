@@ -19,7 +19,7 @@ from reference_impl.detection import detect, is_free, place_pieces
 from reference_impl.global_depth import global_depth, side_of
 from reference_impl.kernel import kernel
 from reference_impl.least_motion import least_motion
-from reference_impl.rotation import rotation_between, turn
+from reference_impl.rotation import copy_quaternion, copy_vector, rotation_between, turn
 from reference_impl.skeleton import place, pose_links
 
 
@@ -132,8 +132,8 @@ def _detect_own(bodies, pieces, vertices, pairs, state, d, later):
 
 @kernel
 def _store_entry(joints, driver):
-    driver["entry_position"][:] = driver["position"]
-    driver["entry_orientation"][:] = driver["orientation"]
+    copy_vector(driver["position"], driver["entry_position"])
+    copy_quaternion(driver["orientation"], driver["entry_orientation"])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["entry_angle"] = joints[k]["angle"]
 
@@ -141,8 +141,8 @@ def _store_entry(joints, driver):
 @kernel
 def store_free_pose(joints, driver):
     """Remember the present pose as the last free one."""
-    driver["free_position"][:] = driver["position"]
-    driver["free_orientation"][:] = driver["orientation"]
+    copy_vector(driver["position"], driver["free_position"])
+    copy_quaternion(driver["orientation"], driver["free_orientation"])
     driver["has_free"] = 1
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["free_angle"] = joints[k]["angle"]

@@ -228,6 +228,8 @@ def _grow_triangle(piece_a, piece_b, vertices, scale, state):
     if up >= down:
         add_vertex(piece_a, piece_b, vertices, x, y, z, 3, state)
     else:
-        state["w"][3, :], state["a"][3, :] = state["w"][4], state["a"][4]
-        state["corner"][3, :] = state["corner"][4]
+        for i in range(3):
+            state["w"][3, i], state["a"][3, i] = state["w"][4, i], state["a"][4, i]
+        for i in range(2):
+            state["corner"][3, i] = state["corner"][4, i]
     return 4 if max(up, down) > GROWTH * scale else 3

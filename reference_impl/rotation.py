@@ -9,6 +9,20 @@ SMALL_ANGLE = 1e-8
 
 
 @kernel
+def copy_vector(v, out_vector):
+    """Copy (3,) element by element: assigning a slice may allocate, which kernels cannot."""
+    for i in range(3):
+        out_vector[i] = v[i]
+
+
+@kernel
+def copy_quaternion(q, out_q):
+    """Copy (4,)."""
+    for i in range(4):
+        out_q[i] = q[i]
+
+
+@kernel
 def matrix_of(q, out_matrix):
     """Rotation matrix (3, 3) of the unit quaternion q."""
     w, x, y, z = q[0], q[1], q[2], q[3]

@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 
 from reference_impl.kernel import kernel
-from reference_impl.rotation import conjugate_by, matrix_of, multiply, quaternion_of, rotate
+from reference_impl.rotation import conjugate_by, copy_vector, matrix_of, multiply, quaternion_of, rotate
 
 
 @kernel
@@ -56,7 +56,7 @@ def move_links(bodies, joints, driver):
     """World velocities of a driver's links from its coupling velocity and its hinges' rates."""
     root = bodies[driver["root"]]
     _velocity_at(driver["velocity"], driver["omega"], driver["position"], root["center"], root["velocity"])
-    root["omega"][:] = driver["omega"]
+    copy_vector(driver["omega"], root["omega"])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         parent, child = bodies[joint["parent"]], bodies[joint["child"]]

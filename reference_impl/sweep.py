@@ -28,7 +28,7 @@ import numpy as np
 from reference_impl.conventions import APART, BOX, CAPSULE, ELLIPSOID, FIXED, FLIGHT_EULER, HULL
 from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import kernel
-from reference_impl.rotation import matrix_of, rotate, rotation_between, turn
+from reference_impl.rotation import copy_quaternion, copy_vector, matrix_of, rotate, rotation_between, turn
 from reference_impl.shapes import place_piece
 from reference_impl.simplex import add_vertex
 
@@ -306,8 +306,8 @@ def _farthest(body, piece, vertices, u, v, w):
 @kernel
 def flight_motion(body, h, flight, out_motion):
     """Motion of a simulated body over a substep of length h, the one that `pose_at` poses."""
-    out_motion["old_center"][:] = body["old_center"]
-    out_motion["old_orientation"][:] = body["old_orientation"]
+    copy_vector(body["old_center"], out_motion["old_center"])
+    copy_quaternion(body["old_orientation"], out_motion["old_orientation"])
     early = 0.0 if flight == FLIGHT_EULER else h
     late, bend = h - early, early / 2
     v0, v1, w0, w1 = body["old_velocity"], body["velocity"], body["old_omega"], body["omega"]
@@ -321,8 +321,8 @@ def flight_motion(body, h, flight, out_motion):
 @kernel
 def shown_motion(body, out_motion):
     """Motion of a driven body to its present pose from that in `old_*`: straight, and the short way round."""
-    out_motion["old_center"][:] = body["old_center"]
-    out_motion["old_orientation"][:] = body["old_orientation"]
+    copy_vector(body["old_center"], out_motion["old_center"])
+    copy_quaternion(body["old_orientation"], out_motion["old_orientation"])
     rotation_between(body["old_orientation"], body["orientation"], out_motion["turn"])
     for i in range(3):
         out_motion["travel"][i] = body["center"][i] - body["old_center"][i]
