@@ -26,8 +26,13 @@ from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, S
 from scenarios.tracking import sample
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
-PAIR_CAPACITY = 4096
 CONTACT_CAPACITY = 512
+PAIRS_PER_PIECE = 32
+"""Room for pairs per piece in large scenes: a sphere among equals has 12 neighbours, at the start of a
+substep and again at its end."""
+PAIRS_AT_LEAST = 4096
+PATCH_POINTS = 4
+"""Rows a touching pair may take."""
 
 
 def matrix(quaternion: tuple[float, ...]) -> np.ndarray:
@@ -45,12 +50,21 @@ def translate(scenario: Scenario) -> World:
         joints=joints,
         drivers=_drivers(scenario),
         vertices=vertices,
-        pairs=np.zeros(PAIR_CAPACITY, PAIR),
+        pairs=np.zeros(pair_capacity(scenario), PAIR),
         contacts=np.zeros(CONTACT_CAPACITY, CONTACT),
         state=np.zeros(1, STATE),
     )
     _set_coefficients(scenario, world)
     return world
+
+
+def pair_capacity(scenario: Scenario) -> int:
+    """Rows for pairs: all that can meet at the start of a substep, with their patches, and at its end; in
+    large scenes, where not all can at once, a number per piece."""
+    fixed = sum(len(body.pieces) for body in scenario.bodies if body.kind == "fixed")
+    pieces = sum(len(body.pieces) for body in scenario.bodies)
+    meeting = (pieces * (pieces - 1) - fixed * (fixed - 1)) // 2
+    return min((PATCH_POINTS + 1) * meeting, max(PAIRS_AT_LEAST, PAIRS_PER_PIECE * pieces))
 
 
 def _bodies(scenario: Scenario) -> np.ndarray:
@@ -80,8 +94,8 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
     hulls: list[np.ndarray] = []
     first: dict[tuple[Vector, ...], int] = {}
     count = 0
-    for k, (row, (body, piece)) in enumerate(zip(pieces, owned)):
-        row["body"], row["order"] = body, k
+    for row, (body, piece) in zip(pieces, owned):
+        row["body"] = body
         row["position"], row["rotation"] = piece.position, matrix(piece.orientation)
         match piece.shape:
             case Sphere(radius):

@@ -31,6 +31,20 @@ COUNTERS = ("pairs", "contacts", "rounds", "way_back", "gave_up", "events", "imp
     COUNT_LOST,
 ) = range(9)
 
+# broad phase
+FEW_PIECES = 64
+"""Pieces of a kind that make one strip: with more, sweeping each past all others along x costs more."""
+STRIP_SHARE = 0.9
+"""Share of the pieces that fit the smallest squares [1]: smaller ones would hold less than a piece each."""
+STRIP_SLACK = 1.05
+"""Width of the smallest squares over the widest box that is to fit [1]: kept while pieces turn a little."""
+STRIP_WIDTH = 2.0**-16
+"""Least width of a square [m]: far below any piece."""
+STRIP_LEVELS = 64
+"""Widths of squares, each twice the one before: from the least to beyond any scene."""
+STRIP_FAR = 2.0**30
+"""Rows of squares that are told apart, on either side of the origin."""
+
 # convex depth
 DEPTH_TOLERANCE = 1e-13
 """Gap between EPA's bounds, over the pair's size, that ends it [1]: some hundred roundings."""

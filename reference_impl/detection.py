@@ -35,7 +35,7 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     """
     since = clock(state["clock"])
     place_pieces(bodies, pieces, vertices, kind)
-    found, lost = find_pairs(bodies, pieces, kind, first, pairs)
+    found, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
     end, deepest = first, 0.0

@@ -27,6 +27,7 @@ from reference_impl.kernel import clock, kernel
 from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
 from reference_impl.rotation import invert_symmetric
 from reference_impl.skeleton import composite_inertia, move_links, place, pose_links
+from reference_impl.strips import list_pieces
 from reference_impl.virtual_coupling import follow_tracker, pose_hinges
 
 
@@ -43,6 +44,7 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         move_links(bodies, joints, drivers[d])
     place_pieces(bodies, pieces, vertices, FIXED)
     place_pieces(bodies, pieces, vertices, SIMULATED)
+    list_pieces(bodies, pieces, state[0])
     end, _ = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
     for d in range(len(drivers)):
         store_free_pose(joints, drivers[d])

@@ -8,7 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference_impl.conventions import COUNTERS, EPA_FACES, EPA_VERTICES, HOLD_MEMORY, STAGES
+from reference_impl.conventions import (
+    COUNTERS,
+    EPA_FACES,
+    EPA_VERTICES,
+    HOLD_MEMORY,
+    STAGES,
+    STRIP_LEVELS,
+)
 
 _VECTOR = ("f8", (3,))
 _QUATERNION = ("f8", (4,))
@@ -44,6 +51,34 @@ BODY = _record(
     spin=_VECTOR,
     scratch=_MATRIX,
 )
+SLOT = _record(
+    low=_VECTOR,  # bounding box of the piece
+    high=_VECTOR,
+    piece="i8",
+    owner="i8",
+)
+STRIP = _record(
+    y="i8",  # its square of the y-z plane, in units of its level's width
+    z="i8",
+    level="i8",
+    first="i8",  # slots first to end - 1
+    end="i8",
+    next="i8",  # strip with the same hash, or -1
+    bucket="i8",  # first strip with the hash of this place, or -1
+    low=("f8", (2,)),  # bounds of its boxes along y and z
+    high=("f8", (2,)),
+)
+GROUP = _record(
+    first="i8",  # slots, and room for strips, first to end - 1
+    end="i8",
+    few="i8",  # 1: all in one strip
+    owners="i8",  # changes of owner along the list, and 1
+    strips="i8",
+    levels="i8",  # highest one in use, and 1
+    width="f8",  # of the squares of level 0 [m]
+    tally=("i8", (STRIP_LEVELS,)),  # strips of each level
+    widest=("f8", (STRIP_LEVELS,)),  # scratch
+)
 PIECE = _record(
     body="i8",
     kind="i8",
@@ -58,7 +93,12 @@ PIECE = _record(
     world_rotation=_MATRIX,
     low=_VECTOR,  # bounding box, world
     high=_VECTOR,
-    order="i8",  # index of the piece at this place of the sweep along x
+    owner="i8",  # pieces of one owner never meet: its body, or -1 - its driver
+    # scratch of the broad phase: row k holds slot k and strip k, whatever piece k is
+    slot=SLOT,
+    order="i8",  # piece that this slot is to hold
+    strip_of="i8",  # strip of the piece that this slot held
+    strip=STRIP,
 )
 VERTEX = _record(
     position=_VECTOR,  # piece frame
@@ -157,6 +197,7 @@ STATE = _record(
     stage_seconds=("f8", (len(STAGES),)),
     counters=("i8", (len(COUNTERS),)),
     clock=("i8", (2,)),
+    groups=(GROUP, (3,)),  # of the broad phase: pieces of fixed, simulated and driven bodies
     # points of patches that were held last: the next hold starts from their forces [N]
     held_count="i8",
     held_pieces=("i8", (HOLD_MEMORY, 2)),

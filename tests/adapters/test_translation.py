@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from adapters.engine import Unsupported
-from adapters.translation import matrix, translate
+from adapters.translation import PAIRS_AT_LEAST, PAIRS_PER_PIECE, matrix, pair_capacity, translate
 from reference_impl import conventions
 from reference_impl.world import MATERIAL_CAPACITY
 from scenarios.catalogue import catalogue
@@ -67,7 +67,6 @@ def test_pieces_keep_their_shape_and_vertices(world):
     kinds = ("SPHERE", "HULL", "BOX", "ELLIPSOID", "CAPSULE", "HULL")
     assert rows["kind"].tolist() == [getattr(conventions, kind) for kind in kinds]
     assert (rows["body"] == 1).all()
-    assert rows["order"].tolist() == [1, 2, 3, 4, 5, 6]
     assert rows["radius"][0] == 0.2
     assert tuple(rows["size"][2]) == (0.1, 0.2, 0.3)
     assert tuple(rows["size"][3]) == (0.3, 0.2, 0.1)
@@ -154,3 +153,14 @@ def test_too_many_materials_are_unsupported(lab):
         Unsupported, match=f"reference: {count} materials in one scene, at most {MATERIAL_CAPACITY}"
     ):
         translate(scenario)
+
+
+def test_room_for_pairs_follows_the_scene(lab):
+    """Small scenes hold every pair that can meet, with patches; large ones a number per piece."""
+    two = lab.scene(lab.ground(), *(lab.block(f"b{k}", (0.1, 0.1, 0.1), (k, 0.0, 0.1)) for k in range(2)))
+    # three pairs of boxes: four points each at the start, and the pairs again at the end
+    assert len(translate(two).pairs) == 3 * 5
+    assert len(translate(lab.scene(lab.ground())).pairs) == 0
+    balls = [lab.ball(f"b{k}", (k, 0.0, 1.0)) for k in range(300)]
+    sizes = [pair_capacity(lab.scene(*balls[:count])) for count in (50, 300)]
+    assert sizes == [PAIRS_AT_LEAST, 300 * PAIRS_PER_PIECE]

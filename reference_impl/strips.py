@@ -1,0 +1,226 @@
+"""Pieces in strips along x, each sorted along x: what the broad phase sweeps.
+
+Pieces of fixed, simulated and driven bodies are three groups. Few pieces of a group make one strip. Of many,
+those make one that share a square of the y-z plane: the square where the low corner of a piece's box lies. It
+is at least as wide as the boxes in it, so boxes that meet lie in neighbouring squares. Boxes too wide for the
+smallest squares (level 0) go to squares twice as wide, and so on; a hash finds them (Teschner et al. 2003,
+Optimized spatial hashing). The order along x is kept from frame to frame.
+
+Work is linear in the number of pieces. One list along x is not: in a cloud of n pieces each would be swept
+past n^(2/3) others.
+"""
+
+from math import floor, frexp, inf, ldexp
+
+from reference_impl.conventions import (
+    DRIVEN,
+    FEW_PIECES,
+    FIXED,
+    SIMULATED,
+    STRIP_FAR,
+    STRIP_LEVELS,
+    STRIP_SHARE,
+    STRIP_SLACK,
+    STRIP_WIDTH,
+)
+from reference_impl.kernel import kernel
+
+HASH_Y, HASH_Z, HASH_LEVEL = 73856093, 19349663, 83492791
+"""Primes of Teschner et al."""
+
+
+@kernel
+def list_pieces(bodies, pieces, state):
+    """List the pieces by kind of body, and sort the fixed ones, which must be placed, for good."""
+    groups = state["groups"]
+    k = 0
+    for kind in range(len(groups)):
+        first = k
+        for p in range(len(pieces)):
+            body = bodies[pieces[p]["body"]]
+            if body["kind"] == kind:
+                # pieces of one body never meet, nor do those of one driver's links
+                pieces[p]["owner"] = pieces[p]["body"] if body["driver"] < 0 else -1 - body["driver"]
+                pieces[k]["order"] = p
+                pieces[k]["slot"]["piece"] = p
+                k += 1
+        _one_strip(pieces, groups[kind], first, k)
+    # where few move, one list of the fixed ones is swept fastest
+    if groups[SIMULATED]["few"] == 1 and groups[DRIVEN]["few"] == 1:
+        groups[FIXED]["few"] = 1
+    arrange(pieces, groups[FIXED])
+
+
+@kernel
+def _one_strip(pieces, group, first, end):
+    """All pieces of a group in one strip without bounds."""
+    group["first"], group["end"] = first, end
+    group["few"] = 1 if end - first <= FEW_PIECES else 0
+    group["strips"] = 1 if end > first else 0
+    group["owners"] = 0
+    for k in range(first, end):
+        if k == first or pieces[pieces[k]["order"]]["owner"] != pieces[pieces[k - 1]["order"]]["owner"]:
+            group["owners"] += 1
+    if end > first:
+        strip = pieces[first]["strip"]
+        strip["first"], strip["end"] = first, end
+        for i in range(2):
+            strip["low"][i], strip["high"][i] = -inf, inf
+
+
+@kernel
+def arrange(pieces, group):
+    """Put the pieces of a group, as they are placed now, into strips, each in the order of its low x."""
+    if group["few"] == 1:
+        _sort(pieces, group["first"], group["end"])
+        return
+    _choose_width(pieces, group)
+    _assign(pieces, group)
+    for s in range(group["first"], group["first"] + group["strips"]):
+        strip = pieces[s]["strip"]
+        _sort(pieces, strip["first"], strip["end"])
+        bound(pieces, strip)
+
+
+@kernel
+def row(x, width):
+    """Row of squares in which a coordinate lies; what is farther than STRIP_FAR rows, or NaN, shares one."""
+    t = x / width
+    if not t > -STRIP_FAR:
+        t = -STRIP_FAR
+    if t > STRIP_FAR:
+        t = STRIP_FAR
+    return floor(t)
+
+
+@kernel
+def find_strip(pieces, group, level, y, z):
+    """Number of the strip at a level's square (y, z), or -1."""
+    s = pieces[_bucket(group, level, y, z)]["strip"]["bucket"]
+    while s >= 0:
+        strip = pieces[s]["strip"]
+        if strip["y"] == y and strip["z"] == z and strip["level"] == level:
+            break
+        s = strip["next"]
+    return s
+
+
+@kernel
+def _bucket(group, level, y, z):
+    hashed = y * HASH_Y + z * HASH_Z + level * HASH_LEVEL
+    return group["first"] + hashed % (group["end"] - group["first"])
+
+
+@kernel
+def _choose_width(pieces, group):
+    """Width of the smallest squares: STRIP_SHARE of the boxes fit; kept while it is neither too small nor
+    much too large."""
+    tally, widest = group["tally"], group["widest"]
+    for k in range(STRIP_LEVELS):
+        tally[k], widest[k] = 0, 0.0
+    # boxes by powers of two
+    for k in range(group["first"], group["end"]):
+        extent = _extent(pieces[pieces[k]["order"]])
+        _, power = frexp(extent)
+        power = min(max(power + STRIP_LEVELS // 2, 0), STRIP_LEVELS - 1)
+        tally[power] += 1
+        widest[power] = max(widest[power], extent)
+    wanted, seen = STRIP_WIDTH, 0
+    for k in range(STRIP_LEVELS):
+        if seen < STRIP_SHARE * (group["end"] - group["first"]):
+            seen += tally[k]
+            wanted = max(wanted, widest[k])
+    if not wanted <= group["width"] <= STRIP_SLACK**2 * wanted:
+        group["width"] = STRIP_SLACK * wanted
+
+
+@kernel
+def _extent(piece):
+    """The larger of a box's sides along y and z [m]."""
+    low, high = piece["low"], piece["high"]
+    return max(high[1] - low[1], high[2] - low[2])
+
+
+@kernel
+def _assign(pieces, group):
+    """Give every piece its strip, and write the pieces to `order` strip by strip."""
+    first, end = group["first"], group["end"]
+    group["strips"], group["levels"] = 0, 0
+    for k in range(STRIP_LEVELS):
+        group["tally"][k] = 0
+    for k in range(first, end):
+        pieces[k]["strip"]["bucket"] = -1
+    # count the pieces of each strip, in the order of the last frame
+    s = first
+    for k in range(first, end):
+        s = _strip_of(pieces, group, pieces[pieces[k]["slot"]["piece"]], s)
+        pieces[s]["strip"]["end"] += 1
+        pieces[k]["strip_of"] = s
+    # strips stand one behind the other
+    place = first
+    for s in range(first, first + group["strips"]):
+        strip = pieces[s]["strip"]
+        count = strip["end"]
+        strip["first"], strip["end"] = place, place
+        place += count
+    for k in range(first, end):
+        strip = pieces[pieces[k]["strip_of"]]["strip"]
+        pieces[strip["end"]]["order"] = pieces[k]["slot"]["piece"]
+        strip["end"] += 1
+
+
+@kernel
+def _strip_of(pieces, group, piece, s):
+    """Number of the strip a piece belongs to, a new one if need be; `s` is looked at first."""
+    extent, width = _extent(piece), group["width"]
+    level = 0
+    if extent > width:
+        _, level = frexp(extent / width)
+        level = min(max(level, 0), STRIP_LEVELS - 1)
+        width = ldexp(width, level)
+    y, z = row(piece["low"][1], width), row(piece["low"][2], width)
+    strip = pieces[s]["strip"]
+    if group["strips"] > 0 and strip["y"] == y and strip["z"] == z and strip["level"] == level:
+        return s
+    s = find_strip(pieces, group, level, y, z)
+    if s < 0:
+        s = group["first"] + group["strips"]
+        strip, head = pieces[s]["strip"], pieces[_bucket(group, level, y, z)]["strip"]
+        strip["y"], strip["z"], strip["level"], strip["end"] = y, z, level, 0
+        strip["next"], head["bucket"] = head["bucket"], s
+        group["strips"] += 1
+        group["levels"] = max(group["levels"], level + 1)
+        group["tally"][level] += 1
+    return s
+
+
+@kernel
+def _sort(pieces, first, end):
+    """Insertion sort of slots by the boxes' low x, nearly linear while the motion is coherent; a slot holds a
+    copy of its piece's box, so that a sweep reads memory in order."""
+    for k in range(first, end):
+        p = pieces[k]["order"]
+        piece = pieces[p]
+        low, high = piece["low"], piece["high"]
+        place = k
+        while place > first and pieces[place - 1]["slot"]["low"][0] > low[0]:
+            pieces[place]["slot"] = pieces[place - 1]["slot"]
+            pieces[place]["order"] = pieces[place - 1]["order"]
+            place -= 1
+        pieces[place]["order"] = p
+        slot = pieces[place]["slot"]
+        slot["piece"], slot["owner"] = p, piece["owner"]
+        for i in range(3):
+            slot["low"][i], slot["high"][i] = low[i], high[i]
+
+
+@kernel
+def bound(pieces, strip):
+    """Bounds of a strip's boxes along y and z."""
+    low, high = strip["low"], strip["high"]
+    for i in range(2):
+        least, greatest = inf, -inf
+        for k in range(strip["first"], strip["end"]):
+            slot = pieces[k]["slot"]
+            least, greatest = min(least, slot["low"][i + 1]), max(greatest, slot["high"][i + 1])
+        low[i], high[i] = least, greatest
