@@ -122,7 +122,7 @@ def test_pieces_may_teleport(counts: tuple[int, int, int]) -> None:
         scene.check()
 
 
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
+@pytest.mark.parametrize("counts", [*SIZES.values(), (1, 2, 6)], ids=[*SIZES, "two of a kind"])
 def test_coincident_boxes(counts: tuple[int, int, int]) -> None:
     """Pair all with all where every box is the same, points included."""
     scene = Scene(np.random.default_rng(5), counts, pieces_per_body=1)
