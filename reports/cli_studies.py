@@ -1,0 +1,50 @@
+"""`touchstone study`: what is measured beside the scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from reports.command import (
+    BAD_INPUT,
+    Format,
+    FormatOption,
+    QuietOption,
+    exit_for,
+    folder_of_now,
+    printed,
+    progress_for,
+    stop,
+)
+
+study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
+
+
+@study.command("narrow-phase")
+def narrow_phase(
+    pairs: Annotated[int, typer.Option(help="Pairs of convex pieces, over all families.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/narrow-phase-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Send the same poses through every detector; compare with the explicit Minkowski difference."""
+    from reports.output import OutputError
+    from reports.studies.narrow_phase import PairsError, run, steps
+
+    folder = out or folder_of_now("narrow-phase-")
+    try:
+        with progress_for(steps(pairs), quiet) as progress:
+            frame = run(pairs, seed, folder, progress)
+    except (PairsError, OutputError) as error:
+        stop(str(error), BAD_INPUT)
+    if printed(frame, output) or quiet:
+        return exit_for(frame.verdict, frame.reason, by_name=False)
+    from reports.studies.narrow_phase_table import show as show_study
+    from reports.terminal import console
+
+    show_study(frame, console())
+    print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, by_name=False)

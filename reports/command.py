@@ -1,0 +1,79 @@
+"""What all commands of `touchstone` share: exit codes, formats, one line for wrong input, progress."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Iterable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LIMIT_BROKEN, BAD_INPUT, NOT_INSTALLED, INTERRUPTED = 1, 2, 3, 130
+
+
+class Format(StrEnum):
+    """Formats of machine and human output."""
+
+    table = "table"
+    json = "json"
+    csv = "csv"
+
+
+FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress and no table.")]
+
+
+def stop(message: str, code: int) -> NoReturn:
+    """End with one line on standard error."""
+    print(f"touchstone: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+def known(kind: str, name: str, valid: Iterable[str]) -> str:
+    """The name, if valid; else one line with the nearest valid names, exit 2."""
+    names = list(valid)
+    if name in names:
+        return name
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f"; did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
+    stop(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})", BAD_INPUT)
+
+
+def printed(frame: pd.DataFrame, output: Format) -> bool:
+    """Print the long table for machines; False where a human asked."""
+    if output is Format.json:
+        print(frame.to_json(orient="records", indent=1, double_precision=15))
+    elif output is Format.csv:
+        print(frame.to_csv(index=False), end="")
+    return output is not Format.table
+
+
+def folder_of_now(prefix: str = "") -> Path:
+    """Where results go by default: runs/<prefix><time>."""
+    from datetime import datetime
+
+    return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}"
+
+
+def exit_for(verdicts: Iterable[str], reasons: Iterable[str], by_name: bool) -> None:
+    """End with the exit code that the verdicts call for; `by_name`: engines were asked for by name."""
+    pairs = list(zip(verdicts, reasons))
+    if by_name and any(v == "skipped" and r.startswith("not installed") for v, r in pairs):
+        raise typer.Exit(NOT_INSTALLED)
+    if any(v in ("fail", "error") for v, _ in pairs):
+        raise typer.Exit(LIMIT_BROKEN)
+
+
+def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
+    """Progress on standard error over a total of steps."""
+    from reports.progress import bar, lines, silence
+
+    if quiet:
+        return silence()
+    return bar(total) if sys.stderr.isatty() else lines(total)
