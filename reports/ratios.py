@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,3 +31,25 @@ def time_ratio(ours: Array, theirs: Array, seed: int = 0) -> Ratio:
     ratios = np.median(ours[drawn], axis=1) / np.median(theirs[drawn], axis=1)
     low, high = np.percentile(ratios, [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
     return Ratio(float(np.median(ours) / np.median(theirs)), float(low), float(high))
+
+
+def median_interval(sample: Array, seed: int = 0) -> tuple[float, float, float]:
+    """Median of a sample with its bootstrap interval."""
+    drawn = np.random.default_rng(seed).integers(len(sample), size=(RESAMPLES, len(sample)))
+    low, high = np.percentile(np.median(sample[drawn], axis=1), [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
+    return float(np.median(sample)), float(low), float(high)
+
+
+def exponent(sizes: Sequence[float], times: Sequence[Array], seed: int = 0) -> tuple[float, float, float]:
+    """Exponent of a power law with its bootstrap interval: the slope of log median time over log size, by
+    least squares; the repetitions of each size, `times`, are resampled."""
+    rng = np.random.default_rng(seed)
+    x = np.log(np.asarray(sizes, dtype=float))
+    weights = (x - x.mean()) / np.sum((x - x.mean()) ** 2)
+    medians = [
+        np.append(np.median(t[rng.integers(len(t), size=(RESAMPLES, len(t)))], axis=1), np.median(t))
+        for t in times
+    ]
+    slopes = weights @ np.log(medians)
+    low, high = np.percentile(slopes[:-1], [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
+    return float(slopes[-1]), float(low), float(high)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from adapters.detectors import DETECTORS, FAILURES, REFERENCE, UNCONVERGED, Failure, Pair
 from adapters.engine import Array
-from reports.ratios import CONFIDENCE, RESAMPLES, time_ratio
+from reports.ratios import median_interval, time_ratio
 from reports.results import Row
 from reports.studies.poses import FAMILIES
 
@@ -78,7 +78,7 @@ def rows_of_study(truth: Truth, measured: Mapping[str, Measured]) -> list[Row]:
         remark = "" if np.any(mine.crossing) else "one crossing for a whole batch"
         cross = replace(base, metric="time.crossing", unit="s", reason=remark)
         for subject, sample in zip(("apart", "touching"), np.concatenate(mine.crossing).T):
-            middle, low, high = _median(sample)
+            middle, low, high = median_interval(sample)
             rows.append(replace(cross, subject=subject, value=middle, low=low, high=high))
     return rows + _ratios(truth, measured, errors)
 
@@ -111,7 +111,7 @@ def _family(base: Row, chosen: Mask, truth: Truth, mine: Measured, errors: Array
     for metric, sample in (("time.query", mine.seconds), ("time.net", _net(truth, mine))):
         row, seconds = replace(base, metric=metric, unit="s"), sample[chosen][np.isfinite(sample[chosen])]
         if len(seconds):
-            middle, low, high = _median(seconds)
+            middle, low, high = median_interval(seconds)
             rows.append(replace(row, value=middle, low=low, high=high))
         else:
             rows.append(replace(row, verdict="skipped", reason=reason))
@@ -177,10 +177,3 @@ def _net(truth: Truth, mine: Measured) -> Array:
     apart, touching = np.median(np.concatenate(mine.crossing), axis=0)
     contact = np.isfinite(mine.distance) & (truth.distance < 0)
     return mine.seconds - np.where(contact, touching, apart)
-
-
-def _median(sample: Array) -> tuple[float, float, float]:
-    """Median with its bootstrap interval."""
-    drawn = np.random.default_rng(0).integers(len(sample), size=(RESAMPLES, len(sample)))
-    low, high = np.percentile(np.median(sample[drawn], axis=1), [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
-    return float(np.median(sample)), float(low), float(high)
