@@ -54,6 +54,8 @@ DEGENERATE = 1e-14
 """Height over the pair's size below which a face has no area, or does not see a vertex [1]."""
 STAGNATION = 1e-12
 """Either gap where rounding stops the descent or the expansion earlier: still converged below it [1]."""
+SLIVER = 1e-2
+"""Squared sine between two edges of a face below which its normal is taken from its shorter ones [1]."""
 FLAT = 1e-12
 """Height of a tetrahedron over its edge below which the sides of its faces are rounding [1]."""
 GROWTH = 1e-9
@@ -65,8 +67,9 @@ APART = 1e-3
 GJK_CAP = 64
 """Iterations of GJK; about 6 are usual."""
 EPA_VERTICES = 256
-EPA_FACES = 2 * EPA_VERTICES
-"""Room for EPA's polytope: iterations are capped by it; about 30 are usual for hulls of 80 triangles."""
+EPA_FACES = 8 * EPA_VERTICES
+"""Room for EPA's polytope: iterations are capped by it; about 10 are usual for hulls of 80 triangles, and 6
+new faces for each, whose slots are not used again."""
 
 # overlap removal (method, section 3)
 OVERLAP_TOLERANCE = 1e-6

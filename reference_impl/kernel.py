@@ -63,7 +63,17 @@ def kernel(function):
     Without Numba's runtime (`_nrt`): kernels own no memory, and counting references to the arrays they pass
     on took half of a depth's time. One that allocates, or assigns an array to a slice, does not compile.
     """
-    compiled = numba.njit(cache=CACHE_FOLDER is not None, error_model="numpy", _nrt=False)(function)
+    return _compiled(function)
+
+
+def inlined_kernel(function):
+    """A kernel that is copied into its callers: for a few lines that are called in a hot loop."""
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function, **options):
+    options |= {"cache": CACHE_FOLDER is not None, "error_model": "numpy", "_nrt": False}
+    compiled = numba.njit(**options)(function)
     if JIT:
         _forget_literals(compiled)
     KERNELS.append(compiled)

@@ -1,10 +1,18 @@
-"""EPA: from a simplex round the origin to the nearest face of the Minkowski difference.
+"""EPA: the nearest face of the Minkowski difference, from a polytope that grows inside it.
 
-The polytope always lies inside the difference, so its nearest face bounds the depth from below; the
-difference's support along that face's normal bounds it from above. Both meet at the exact depth.
+The polytope's nearest face bounds the depth from below; the difference's support along any direction bounds
+it from above. Faces as far as the least reach seen, to rounding, need no look; when none nearer is left, the
+bounds have met. The origin need not lie inside at first: a face that has it before itself is expanded first.
+
+Frame: that of B. Face f has the half-edges 4f, 4f + 1, 4f + 2, counter-clockwise from outside: `start` is
+the vertex a half-edge leaves, `twin` the half-edge beyond. Normals are as long as twice the face's area, and
+squares are compared, so that no root delays the next support. `level` is how far a vertex must reach along the
+normal for the face to see it.
 """
 
-from math import sqrt
+from math import inf, sqrt
+
+import numpy as np
 
 from reference_impl.conventions import (
     DEGENERATE,
@@ -12,168 +20,257 @@ from reference_impl.conventions import (
     EPA_FACES,
     EPA_VERTICES,
     GROWTH,
+    NEAR,
+    SLIVER,
     STAGNATION,
 )
-from reference_impl.kernel import kernel
-from reference_impl.simplex import add_vertex, repeats
+from reference_impl.kernel import inlined_kernel, kernel
+from reference_impl.simplex import add_support, inward, repeats
 
+DEAD = inf
+"""Key of a face that is no more."""
 NEVER = 1e300
-"""Offset of a face without area: it closes the surface but is never the nearest."""
-DEAD = -NEVER
-"""Offset that marks a free slot of the face list."""
+"""Key of a face without area: it closes the surface but is never the nearest."""
+RING = ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75)))
+"""Three directions in a plane, 120 degrees apart."""
+NEXT, LAST = 9, 18
+"""Two bits for each k in 0, 1, 2: the next and the last half-edge of a face."""
 
 
 @kernel
-def deepest_face(piece_a, piece_b, vertices, count, scale, state, out_normal):
-    """Expand the simplex in `state` (its first `count` vertices) to the nearest face.
+def deepest_face(piece_a, piece_b, vertices, scale, state, out_normal):
+    """Expand a tetrahedron to the nearest face of the difference.
 
     Args:
         scale: size of the pair [m], for tolerances.
-        out_normal: direction of least reach.
+        state: holds the frame; vertex 0 is the difference's farthest towards its own origin.
+        out_normal: unit direction of least reach, B's frame.
     Returns:
-        (face, depth, iterations, converged): slot of the face of least reach (EPA_FACES where it was replaced
-        since), and that reach [m]. Without a volume face is -1 and the reach 0 in any direction: converged
-        where the difference is a point.
+        (face, depth, iterations, converged): the face of least reach, or -1 where that was no face's, and
+        that reach [m]: negative as soon as it parts the pieces by NEAR. Without a volume the depth is 0 in
+        any direction: converged where the difference is a point.
     """
-    count = _tetrahedron(piece_a, piece_b, vertices, count, scale, state)
+    count = _tetrahedron(piece_a, piece_b, vertices, scale, state)
     if count < 4:
         out_normal[0], out_normal[1], out_normal[2] = 0.0, 0.0, 1.0
         return -1, 0.0, 0, count == 1
-    faces, vertex, depth, best = 4, 4, NEVER, 0
-    while True:
-        nearest = _nearest_face(state, faces)
-        n = state["normal"][nearest]
-        reach = add_vertex(piece_a, piece_b, vertices, n[0], n[1], n[2], vertex, state)
+    n, key = out_normal, state["key"]
+    n[0], n[1], n[2] = inward(state)
+    best, upper = (
+        -1,
+        _signed_square(n[0] * state["w"][0, 0] + n[1] * state["w"][0, 1] + n[2] * state["w"][0, 2]),
+    )
+    tolerance, apart = DEPTH_TOLERANCE * scale, -NEAR * scale * NEAR * scale
+    cut = _signed_square(_signed_root(upper) - tolerance)
+    faces, waiting, vertex, stalled = 4, 4, 4, False
+    while upper >= apart and vertex < EPA_VERTICES and faces < EPA_FACES:
+        f, waiting = _nearest_open(state, waiting, cut)
+        if waiting < 0:
+            break
+        x, y, z = state["normal"][f, 0], state["normal"][f, 1], state["normal"][f, 2]
+        reach = add_support(piece_a, piece_b, vertices, x, y, z, vertex, state)
         # every reach bounds the depth from above
-        if reach < depth:
-            depth, best = reach, nearest
-            out_normal[0], out_normal[1], out_normal[2] = n[0], n[1], n[2]
-        gap = reach - state["offset"][nearest]
-        converged = gap <= DEPTH_TOLERANCE * scale
-        # a vertex that is there already adds nothing: what is left of the gap is rounding
-        if repeats(state["w"], vertex):
-            converged = gap <= STAGNATION * scale
-            break
+        square = x * x + y * y + z * z
+        if _signed_square(reach) < upper * square:
+            upper, best = _signed_square(reach) / square, f
+            n[0], n[1], n[2] = x, y, z
+            cut = _signed_square(_signed_root(upper) - tolerance)
+        if key[f] >= cut:
+            continue
+        # it is passed over: a farther one has been found
+        best = -1 if best == f else best
+        # what is left of this gap is rounding
+        if reach <= state["level"][f] or repeats(state["w"], vertex):
+            stalled = True
+            continue
+        added = _expand(state, f, vertex, faces, waiting, scale)
         vertex += 1
-        if converged or vertex == EPA_VERTICES:
+        if added < 0:
             break
-        faces = _expand(state, nearest, vertex - 1, faces, scale)
-        if faces < 0:
-            break
-    return (nearest if best == nearest else EPA_FACES), depth, vertex - 4, converged
+        faces, waiting = faces + added, waiting + added
+    depth = _signed_root(upper)
+    converged = waiting < 0
+    if converged and stalled:
+        converged = depth - _signed_root(_least(state, faces)) <= STAGNATION * scale
+    inverse = 1 / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    n[0], n[1], n[2] = n[0] * inverse, n[1] * inverse, n[2] * inverse
+    return best, depth, vertex - 4, converged
+
+
+@inlined_kernel
+def _signed_square(x):
+    return x * abs(x)
+
+
+@inlined_kernel
+def _signed_root(x):
+    return sqrt(x) if x > 0 else -sqrt(-x)
+
+
+@inlined_kernel
+def _nearest_open(state, waiting, cut):
+    """Take the nearest face off the list of those to be looked at, and all that lie beyond the cut.
+
+    Returns:
+        (face, count left), a count of -1 where there was none.
+    """
+    key, listed = state["key"], state["open"]
+    kept = place = nearest = 0
+    least = cut
+    # without branches: what is written beyond the count is written over
+    for k in range(waiting):
+        f = listed[k]
+        offset = key[f]
+        listed[kept] = f
+        place = kept if offset < least else place
+        nearest = f if offset < least else nearest
+        least = min(least, offset)
+        kept += 1 if offset < cut else 0
+    kept -= 1
+    if kept >= 0:
+        listed[place] = listed[kept]
+    return nearest, kept
 
 
 @kernel
-def _nearest_face(state, faces):
-    offset = state["offset"]
-    nearest, least = 0, NEVER * 10
+def _least(state, faces):
+    """Least key of all faces."""
+    least = NEVER
     for f in range(faces):
-        if DEAD < offset[f] < least:
-            nearest, least = f, offset[f]
-    return nearest
+        least = min(least, state["key"][f])
+    return least
 
 
 @kernel
-def _expand(state, first, vertex, faces, scale):
+def _expand(state, first, vertex, faces, waiting, scale):
     """Replace the faces that see `vertex`, found from face `first` on, by a cone from their horizon.
 
     Returns:
-        The new face count, or -1 where the horizon is no simple loop or the room is used up.
+        How many faces were added, or -1 where the horizon is no simple loop or the room is used up.
     """
-    w, face, normal, offset = state["w"], state["face"], state["normal"], state["offset"]
-    beyond, edge, stack, free = state["beyond"], state["edge"], state["stack"], state["free"]
+    w, normal, level, key = state["w"], state["normal"], state["level"], state["key"]
+    start, twin, stack, listed = state["start"], state["twin"], state["stack"], state["open"]
     x, y, z = w[vertex, 0], w[vertex, 1], w[vertex, 2]
-    # flood from the nearest face; edges to faces that do not see the vertex are the horizon
-    edges, waiting, released = 0, 1, 1
-    stack[0] = free[0] = first
-    offset[first] = DEAD
-    while waiting > 0:
-        waiting -= 1
-        f = stack[waiting]
-        for k in range(3):
-            g = beyond[f, k]
-            if offset[g] == DEAD:
-                continue
-            n = normal[g]
-            if offset[g] != NEVER and n[0] * x + n[1] * y + n[2] * z - offset[g] > DEGENERATE * scale:
-                offset[g] = DEAD
-                stack[waiting] = free[released] = g
-                waiting += 1
-                released += 1
-            else:
-                edge[edges, 0], edge[edges, 1], edge[edges, 2] = face[f, k], face[f, (k + 1) % 3], g
-                edges += 1
-    if faces + edges - released > EPA_FACES:
-        return -1
-    # new faces fill the released slots first
-    for e in range(edges):
-        if e >= released:
-            free[e] = faces
-            faces += 1
-        state["starts"][edge[e, 0]] = free[e]
-        _set_face(state, free[e], edge[e, 0], edge[e, 1], vertex, scale)
-    for e in range(edges):
-        i, j, g, new = edge[e, 0], edge[e, 1], edge[e, 2], free[e]
-        after = state["starts"][j]
-        if face[after, 0] != j or face[after, 2] != vertex:
+    # flood depth first: half-edges of faces that do not see the vertex are the horizon, in order
+    key[first] = DEAD
+    stack[0], stack[1], stack[2] = twin[4 * first + 2], twin[4 * first + 1], twin[4 * first]
+    new, top, begin, end = faces, 3, -1, -1
+    while top > 0:
+        top -= 1
+        h = np.int64(stack[top])
+        g, k = h >> 2, 2 * (h & 3)
+        if key[g] == DEAD:
+            continue
+        if normal[g, 0] * x + normal[g, 1] * y + normal[g, 2] * z > level[g]:
+            key[g] = DEAD
+            stack[top], stack[top + 1] = twin[4 * g + (LAST >> k & 3)], twin[4 * g + (NEXT >> k & 3)]
+            top += 2
+            continue
+        # a face from there to the vertex, next to the one before it
+        i, j = np.int64(start[4 * g + (NEXT >> k & 3)]), np.int64(start[h])
+        if new == faces:
+            begin = i
+        elif i != end or new == EPA_FACES:
             return -1
-        beyond[new, 0], beyond[new, 1], beyond[after, 2] = g, after, new
-        for k in range(3):
-            if face[g, k] == j and face[g, (k + 1) % 3] == i:
-                beyond[g, k] = new
-    return faces
+        _set_face(state, new, i, j, vertex, scale)
+        twin[4 * new], twin[h] = h, 4 * new
+        twin[4 * new + 1], twin[4 * new + 2] = 4 * new + 6, 4 * new - 3
+        listed[waiting + new - faces] = new
+        new, end = new + 1, j
+    twin[4 * new - 3], twin[4 * faces + 2] = 4 * faces + 2, 4 * new - 3
+    return new - faces if end == begin else -1
 
 
-@kernel
+@inlined_kernel
 def _set_face(state, f, i, j, k, scale):
-    """Face ijk, counter-clockwise from outside: its unit normal and its offset from the origin."""
-    w, n = state["w"], state["normal"][f]
-    state["face"][f, 0], state["face"][f, 1], state["face"][f, 2] = i, j, k
-    ux, uy, uz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
-    vx, vy, vz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    square = x * x + y * y + z * z
-    longest = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz)
-    if square <= (DEGENERATE * scale) ** 2 * longest:
-        state["offset"][f] = NEVER
-        return
-    inverse = 1 / sqrt(square)
-    n[0], n[1], n[2] = x * inverse, y * inverse, z * inverse
-    state["offset"][f] = n[0] * w[i, 0] + n[1] * w[i, 1] + n[2] * w[i, 2]
+    """Face ijk, counter-clockwise from outside: its normal, level and key."""
+    w, n, start = state["w"], state["normal"][f], state["start"]
+    start[4 * f], start[4 * f + 1], start[4 * f + 2] = i, j, k
+    px, py, pz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
+    qx, qy, qz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
+    x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+    square, longest = x * x + y * y + z * z, px * px + py * py + pz * pz
+    other = qx * qx + qy * qy + qz * qz
+    if square < SLIVER * longest * other:
+        # from the two shorter edges: rounding grows with their lengths
+        rx, ry, rz = w[k, 0] - w[j, 0], w[k, 1] - w[j, 1], w[k, 2] - w[j, 2]
+        third = rx * rx + ry * ry + rz * rz
+        if longest > other and longest > third:
+            px, py, pz = qx, qy, qz
+        if third < longest or third < other:
+            qx, qy, qz = rx, ry, rz
+        x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+        square = x * x + y * y + z * z
+    n[0], n[1], n[2] = x, y, z
+    offset = x * w[i, 0] + y * w[i, 1] + z * w[i, 2]
+    if square > (DEGENERATE * scale) ** 2 * max(longest, other):
+        state["key"][f] = _signed_square(offset) / square
+        state["level"][f] = offset + DEGENERATE * scale * sqrt(square)
+    else:
+        state["key"][f], state["level"][f] = NEVER, inf
 
 
 @kernel
-def _tetrahedron(piece_a, piece_b, vertices, count, scale, state):
-    """Grow the simplex to a tetrahedron with volume, faces turned outward; returns its vertex count."""
-    w = state["w"]
-    if count == 1:
+def _tetrahedron(piece_a, piece_b, vertices, scale, state):
+    """Make vertices 1 to 3 of a tetrahedron with volume, faces turned outward; returns its vertex count."""
+    w, start, twin = state["w"], state["start"], state["twin"]
+    # along the other corners of a regular tetrahedron; the supports do not wait for one another
+    x, y, z = inward(state)
+    px, py, pz = _across(x, y, z)
+    qx, qy, qz = y * pz - z * py, z * px - x * pz, x * py - y * px
+    for k in range(3):
+        p, q = RING[k]
+        dx, dy, dz = p * px + q * qx, p * py + q * qy, p * pz + q * qz
+        add_support(piece_a, piece_b, vertices, dx, dy, dz, k + 1, state)
+    height, area = _volume(w)
+    if abs(height) <= GROWTH * scale * area:
         count = _grow_point(piece_a, piece_b, vertices, scale, state)
-    if count == 2:
-        count = _grow_segment(piece_a, piece_b, vertices, scale, state)
-    if count == 3:
-        count = _grow_triangle(piece_a, piece_b, vertices, scale, state)
-    if count < 4:
-        return count
-    # orient: the fourth vertex lies behind the face of the first three
+        if count == 2:
+            count = _grow_segment(piece_a, piece_b, vertices, scale, state)
+        if count == 3:
+            count = _grow_triangle(piece_a, piece_b, vertices, scale, state)
+        if count < 4:
+            return count
+        height, area = _volume(w)
+    # the fourth vertex lies behind the face of the first three
+    i, j = (0, 1) if height < 0 else (1, 0)
+    _set_face(state, 0, i, j, 2, scale)
+    _set_face(state, 1, j, i, 3, scale)
+    _set_face(state, 2, i, 2, 3, scale)
+    _set_face(state, 3, 2, j, 3, scale)
+    twin[0], twin[4] = 4, 0
+    twin[1], twin[12] = 12, 1
+    twin[2], twin[8] = 8, 2
+    twin[5], twin[10] = 10, 5
+    twin[6], twin[13] = 13, 6
+    twin[9], twin[14] = 14, 9
+    for f in range(4):
+        state["open"][f] = f
+    return 4
+
+
+@kernel
+def _across(x, y, z):
+    """A unit vector across (x, y, z) and the axis least along it."""
+    ax, ay, az = abs(x), abs(y), abs(z)
+    if ax <= ay and ax <= az:
+        p, q, r = 0.0, z, -y
+    elif ay <= az:
+        p, q, r = -z, 0.0, x
+    else:
+        p, q, r = y, -x, 0.0
+    inverse = 1 / sqrt(p * p + q * q + r * r)
+    return p * inverse, q * inverse, r * inverse
+
+
+@kernel
+def _volume(w):
+    """Six times the signed volume of the first four vertices, and twice the area of the first three."""
     ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
     vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
     x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     height = x * (w[3, 0] - w[0, 0]) + y * (w[3, 1] - w[0, 1]) + z * (w[3, 2] - w[0, 2])
-    i, j = (0, 1) if height < 0 else (1, 0)
-    _set_face(state, 0, i, j, 2, scale)
-    _set_face(state, 1, i, 3, j, scale)
-    _set_face(state, 2, j, 3, 2, scale)
-    _set_face(state, 3, 2, 3, i, scale)
-    for f in range(4):
-        for k in range(3):
-            for g in range(4):
-                for m in range(3):
-                    if (
-                        state["face"][f, k] == state["face"][g, (m + 1) % 3]
-                        and state["face"][g, m] == state["face"][f, (k + 1) % 3]
-                    ):
-                        state["beyond"][f, k] = g
-    return count
+    return height, sqrt(x * x + y * y + z * z)
 
 
 @kernel
@@ -183,7 +280,7 @@ def _grow_point(piece_a, piece_b, vertices, scale, state):
         sign = 1.0 if n % 2 == 0 else -1.0
         axis = n // 2
         x, y, z = (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
-        add_vertex(piece_a, piece_b, vertices, x, y, z, 1, state)
+        add_support(piece_a, piece_b, vertices, x, y, z, 1, state)
         dx, dy, dz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
         if dx * dx + dy * dy + dz * dz > (GROWTH * scale) ** 2:
             return 2
@@ -195,17 +292,12 @@ def _grow_segment(piece_a, piece_b, vertices, scale, state):
     w = state["w"]
     dx, dy, dz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
     length = sqrt(dx * dx + dy * dy + dz * dz)
-    # the axis least along the segment gives two directions across it
-    ax, ay, az = abs(dx), abs(dy), abs(dz)
-    ex = 1.0 if ax <= ay and ax <= az else 0.0
-    ey = 1.0 if ex == 0.0 and ay <= az else 0.0
-    ez = 1.0 - ex - ey
-    x, y, z = dy * ez - dz * ey, dz * ex - dx * ez, dx * ey - dy * ex
+    x, y, z = _across(dx, dy, dz)
     for n in range(4):
         sign = 1.0 if n % 2 == 0 else -1.0
         if n == 2:
             x, y, z = (dy * z - dz * y) / length, (dz * x - dx * z) / length, (dx * y - dy * x) / length
-        add_vertex(piece_a, piece_b, vertices, sign * x, sign * y, sign * z, 2, state)
+        add_support(piece_a, piece_b, vertices, sign * x, sign * y, sign * z, 2, state)
         px, py, pz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
         cx, cy, cz = dy * pz - dz * py, dz * px - dx * pz, dx * py - dy * px
         if cx * cx + cy * cy + cz * cz > (GROWTH * scale * length) ** 2:
@@ -223,13 +315,10 @@ def _grow_triangle(piece_a, piece_b, vertices, scale, state):
     x, y, z = x / area, y / area, z / area
     base = x * w[0, 0] + y * w[0, 1] + z * w[0, 2]
     # the side that reaches farther holds the origin's volume
-    up = add_vertex(piece_a, piece_b, vertices, x, y, z, 3, state) - base
-    down = add_vertex(piece_a, piece_b, vertices, -x, -y, -z, 4, state) + base
+    up = add_support(piece_a, piece_b, vertices, x, y, z, 3, state) - base
+    down = add_support(piece_a, piece_b, vertices, -x, -y, -z, 4, state) + base
     if up >= down:
-        add_vertex(piece_a, piece_b, vertices, x, y, z, 3, state)
+        add_support(piece_a, piece_b, vertices, x, y, z, 3, state)
     else:
-        for i in range(3):
-            state["w"][3, i], state["a"][3, i] = state["w"][4, i], state["a"][4, i]
-        for i in range(2):
-            state["corner"][3, i] = state["corner"][4, i]
+        add_support(piece_a, piece_b, vertices, -x, -y, -z, 3, state)
     return 4 if max(up, down) > GROWTH * scale else 3

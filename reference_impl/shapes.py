@@ -6,8 +6,10 @@ A piece is a core plus a `radius` round it: a sphere is a point, a capsule a seg
 
 from math import inf, sqrt
 
+import numpy as np
+
 from reference_impl.conventions import BOX, CAPSULE, ELLIPSOID, HULL
-from reference_impl.kernel import kernel
+from reference_impl.kernel import inlined_kernel, kernel
 from reference_impl.rotation import multiply, rotate
 
 FAINT, HUGE = 1e-290, 1e290
@@ -38,13 +40,15 @@ def place_piece(piece, body, vertices, margin):
             low[i], high[i] = position[i] - reach, position[i] + reach
 
 
-@kernel
+@inlined_kernel
 def corner_of_hull(piece, vertices, u, v, w):
     """Row of the hull's vertex farthest along (u, v, w), piece frame; the first of equally far ones.
 
     Tries all vertices, or the candidates of the direction's cell: see `adapters/hull_table.py`.
     """
-    first, count, cells, size = piece["first_vertex"], piece["vertex_count"], piece["cells"], piece["size"]
+    # known not to be negative: spares Numba's check for negative indices
+    first, count = np.int64(piece["first_vertex"]), np.int64(piece["vertex_count"])
+    cells, size = np.int64(piece["cells"]), piece["size"]
     p, q = abs(u) * size[0], abs(v) * size[1]
     total = p + q + abs(w) * size[2]
     best = first
@@ -78,31 +82,14 @@ def corner_of_hull(piece, vertices, u, v, w):
         row = first + candidate[3]
 
 
-@kernel
+@inlined_kernel
 def _along(vertices, row, u, v, w):
     """Height of a vertex along (u, v, w) [m]."""
     position = vertices[row]["position"]
     return u * position[0] + v * position[1] + w * position[2]
 
 
-@kernel
-def support(piece, vertices, x, y, z, out_point):
-    """Point of the core farthest along (x, y, z), relative to the piece's origin, world axes [m].
-
-    Returns:
-        Which corner it is: see `local_support`.
-    """
-    rotation = piece["world_rotation"]
-    u = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
-    v = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
-    w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
-    corner, u, v, w = local_support(piece, vertices, u, v, w)
-    for i in range(3):
-        out_point[i] = rotation[i, 0] * u + rotation[i, 1] * v + rotation[i, 2] * w
-    return corner
-
-
-@kernel
+@inlined_kernel
 def local_support(piece, vertices, u, v, w):
     """Point of the core farthest along (u, v, w), piece frame [m].
 

@@ -1,75 +1,102 @@
 """GJK: the point of a Minkowski difference nearest to the origin, or the simplex that holds it.
 
-The Minkowski difference of A and B is {a - b}; w are its points relative to the pieces' offset. A simplex
-of up to four vertices lies in `state["w"]`, with the points of A they come from in `state["a"]` and the
-corners of A and B in `state["corner"]`.
+The Minkowski difference of A and B is {a - b}, in B's frame. A simplex of up to four vertices lies in
+`state["w"]`, with the points of A they come from in `state["a"]` and the corners of A and B in
+`state["corner"]`.
 """
 
 from math import sqrt
 
 from reference_impl.conventions import DISTANCE_TOLERANCE, FLAT, GJK_CAP, STAGNATION
-from reference_impl.kernel import kernel
-from reference_impl.shapes import support
+from reference_impl.kernel import inlined_kernel, kernel
+from reference_impl.shapes import local_support
 
 INSIDE = 15
 """Mask of all four vertices: the tetrahedron holds the origin."""
 
 
 @kernel
-def add_vertex(piece_a, piece_b, vertices, x, y, z, k, state):
-    """Write the difference's support along (x, y, z) into vertex k; returns its reach along it."""
-    w, a, corner = state["w"][k], state["a"][k], state["corner"][k]
-    corner[0] = support(piece_a, vertices, x, y, z, a)
-    corner[1] = support(piece_b, vertices, -x, -y, -z, w)
+def enter_frame(piece_a, piece_b, state):
+    """Lay down A's pose in B's frame, where all queries run: one rotation less for each support."""
+    m, n, turn, gap = piece_a["world_rotation"], piece_b["world_rotation"], state["turn"], state["gap"]
+    p, q = piece_a["world_position"], piece_b["world_position"]
+    x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
     for i in range(3):
-        a[i] += piece_a["world_position"][i] - piece_b["world_position"][i]
-        w[i] = a[i] - w[i]
-    return x * w[0] + y * w[1] + z * w[2]
+        for j in range(3):
+            turn[i, j] = n[0, i] * m[0, j] + n[1, i] * m[1, j] + n[2, i] * m[2, j]
+        gap[i] = n[0, i] * x + n[1, i] * y + n[2, i] * z
 
 
 @kernel
-def nearest_on_simplex(piece_a, piece_b, vertices, state):
-    """GJK to convergence.
+def inward(state):
+    """Unit direction from A's origin to B's, or x where they coincide."""
+    gap = state["gap"]
+    x, y, z = gap[0], gap[1], gap[2]
+    length = sqrt(x * x + y * y + z * z)
+    if not length > 0:
+        return 1.0, 0.0, 0.0
+    return -x / length, -y / length, -z / length
+
+
+@kernel
+def add_support(piece_a, piece_b, vertices, x, y, z, k, state):
+    """Write the difference's support along (x, y, z) into vertex k; returns its reach along it."""
+    turn, gap = state["turn"], state["gap"]
+    w, a, corner = state["w"][k], state["a"][k], state["corner"][k]
+    u = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
+    v = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
+    t = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
+    corner[0], u, v, t = local_support(piece_a, vertices, u, v, t)
+    corner[1], p, q, r = local_support(piece_b, vertices, -x, -y, -z)
+    a[0] = turn[0, 0] * u + turn[0, 1] * v + turn[0, 2] * t + gap[0]
+    a[1] = turn[1, 0] * u + turn[1, 1] * v + turn[1, 2] * t + gap[1]
+    a[2] = turn[2, 0] * u + turn[2, 1] * v + turn[2, 2] * t + gap[2]
+    p, q, r = a[0] - p, a[1] - q, a[2] - r
+    w[0], w[1], w[2] = p, q, r
+    return x * p + y * q + z * r
+
+
+@kernel
+def nearest_on_simplex(piece_a, piece_b, vertices, count, state):
+    """GJK to convergence, from the first `count` vertices of `state`, 1 or 3.
 
     Returns:
         (count, distance, x, y, z, iterations, converged): vertices left in the simplex, distance of the
         difference from the origin [m] and its nearest point; count 4 and distance 0 when it holds the
-        origin. `state["offset"][:4]` are the nearest point's barycentric weights.
+        origin. `state["weights"]` are the nearest point's barycentric ones.
     """
-    w, weights = state["w"], state["offset"]
-    x, y, z = 1.0, 0.0, 0.0
-    add_vertex(piece_a, piece_b, vertices, x, y, z, 0, state)
-    weights[0], count = 1.0, 1
-    x, y, z = w[0, 0], w[0, 1], w[0, 2]
+    w, largest = state["w"], 0.0
+    for k in range(count):
+        largest = max(largest, w[k, 0] ** 2 + w[k, 1] ** 2 + w[k, 2] ** 2)
+    count, x, y, z = _keep(state, _place(0, -1, -1, 1.0, 0.0, 0.0) if count == 1 else _triangle(w, 0, 1, 2))
     square = x * x + y * y + z * z
-    iterations, converged, largest = 0, False, 0.0
+    iterations, converged = 0, False
     while iterations < GJK_CAP:
         iterations += 1
-        newest = w[count - 1]
-        largest = max(largest, sqrt(newest[0] ** 2 + newest[1] ** 2 + newest[2] ** 2))
-        distance = sqrt(square)
         # the origin is inside the simplex, or on it to rounding
-        if count == 4 or distance <= DISTANCE_TOLERANCE * largest:
+        if count == 4 or square <= DISTANCE_TOLERANCE * DISTANCE_TOLERANCE * largest:
             return count, 0.0, x, y, z, iterations, True
-        reach = add_vertex(piece_a, piece_b, vertices, -x, -y, -z, count, state)
+        reach = add_support(piece_a, piece_b, vertices, -x, -y, -z, count, state)
+        rounding = sqrt(square * largest)
         # no point of the difference is nearer than the plane through the new vertex
-        if square + reach <= DISTANCE_TOLERANCE * distance * largest or repeats(w, count):
+        if square + reach <= DISTANCE_TOLERANCE * rounding or repeats(w, count):
             converged = True
             break
+        largest = max(largest, w[count, 0] ** 2 + w[count, 1] ** 2 + w[count, 2] ** 2)
         choice = (
             _segment(w, 0, 1) if count == 1 else (_triangle(w, 0, 1, 2) if count == 2 else _tetrahedron(w))
         )
         nearer = _square(w, choice)
         # rounding ends progress: the last simplex stands
         if nearer >= square and choice[0] != INSIDE:
-            converged = square + reach <= STAGNATION * distance * largest
+            converged = square + reach <= STAGNATION * rounding
             break
         count, x, y, z = _keep(state, choice)
         square = nearer
     return count, sqrt(square), x, y, z, iterations, converged
 
 
-@kernel
+@inlined_kernel
 def repeats(w, count):
     """Whether vertex `count` is already among the `count` before it."""
     for k in range(count):
@@ -81,7 +108,7 @@ def repeats(w, count):
 @kernel
 def _keep(state, choice):
     """Keep the vertices that carry the nearest point; returns (count, x, y, z)."""
-    w, a, corner, weights = state["w"], state["a"], state["corner"], state["offset"]
+    w, a, corner, weights = state["w"], state["a"], state["corner"], state["weights"]
     mask, p, q, r, s = choice
     kept = 0
     x = y = z = 0.0

@@ -30,7 +30,7 @@ from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_quaternion, copy_vector, matrix_of, rotate, rotation_between, turn
 from reference_impl.shapes import place_piece
-from reference_impl.simplex import add_vertex
+from reference_impl.simplex import add_support, enter_frame
 
 SWEEP_CAP = 500
 """Advances of one sweep; 3 are usual for a bullet, 6 to 50 for a spin of several radians."""
@@ -145,7 +145,12 @@ def _place_pair(bodies, pieces, vertices, motions, pair, s):
 def _gap_along(pieces, vertices, pair, state):
     """Gap [m] of the placed pieces along the pair's normal: no more than their distance."""
     one, two, n = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["normal"]
-    return -add_vertex(one, two, vertices, n[0], n[1], n[2], 0, state) - one["radius"] - two["radius"]
+    enter_frame(one, two, state)
+    m = two["world_rotation"]
+    x = m[0, 0] * n[0] + m[1, 0] * n[1] + m[2, 0] * n[2]
+    y = m[0, 1] * n[0] + m[1, 1] * n[1] + m[2, 1] * n[2]
+    z = m[0, 2] * n[0] + m[1, 2] * n[1] + m[2, 2] * n[2]
+    return -add_support(one, two, vertices, x, y, z, 0, state) - one["radius"] - two["radius"]
 
 
 @kernel

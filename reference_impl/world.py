@@ -82,9 +82,9 @@ GROUP = _record(
 PIECE = _record(
     body="i8",
     kind="i8",
-    first_vertex="i8",
-    vertex_count="i8",
-    cells="i8",  # a hull's table of directions has so many along a side; 0: none
+    first_vertex="u4",
+    vertex_count="u4",
+    cells="u4",  # a hull's table of directions has so many along a side; 0: none
     size=_VECTOR,  # half extents, half axes, or (0, 0, half length)
     radius="f8",  # round a core: of a sphere its centre, of a capsule a segment
     position=_VECTOR,  # body frame
@@ -212,18 +212,23 @@ STATE = _record(
     tangent=_VECTOR,
     impulse=_VECTOR,
     mobility=_MATRIX,
-    # scratch of EPA: vertices of the Minkowski difference, and the points of A they come from
+    # scratch of convex depth: A's pose in B's frame, vertices of the Minkowski difference, and the points and
+    # corners they come from
+    turn=_MATRIX,
+    gap=_VECTOR,
+    weights=("f8", (4,)),  # barycentric, of the nearest point
     w=("f8", (EPA_VERTICES, 3)),
     a=("f8", (EPA_VERTICES, 3)),
-    corner=("i8", (EPA_VERTICES, 2)),  # which corners of A and B: see shapes.support
-    face=("i8", (EPA_FACES, 3)),
-    beyond=("i8", (EPA_FACES, 3)),  # faces across the edges ij, jk, ki
-    starts=("i8", (EPA_VERTICES,)),  # new face whose horizon edge starts at a vertex
-    free=("i8", (EPA_FACES,)),  # slots to use next
-    stack=("i8", (EPA_FACES,)),
+    corner=("i8", (EPA_VERTICES, 2)),
+    # of EPA's polytope: see polytope.py. 16 bits without a sign spare Numba's check for negative indices
+    start=("u2", (4 * EPA_FACES,)),
+    twin=("u2", (4 * EPA_FACES,)),
     normal=("f8", (EPA_FACES, 3)),
-    offset=("f8", (EPA_FACES,)),
-    edge=("i8", (EPA_FACES, 3)),  # horizon: vertices i, j and the face beyond
+    level=("f8", (EPA_FACES,)),
+    key=("f8", (EPA_FACES,)),
+    open=("u2", (EPA_FACES,)),  # faces to be looked at
+    stack=("u2", (EPA_FACES,)),  # half-edges of the flood, and of the horizon
+    edge=("u2", (EPA_FACES,)),
 )
 MATERIAL_CAPACITY = 8
 """Materials a world may hold: the two tables of `STATE` have this many rows."""

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.hull_table import BRUTE, hull_rows
 from adapters.translation import piece_arrays, translate
-from reference_impl.shapes import corner_of_hull, place_piece, support
+from reference_impl.shapes import corner_of_hull, local_support, place_piece
 from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull, sphere_inertia
 
@@ -74,11 +74,11 @@ def test_boxes_hold_the_piece_and_no_more(lab: SimpleNamespace, name: str) -> No
 def test_support_is_the_farthest_point(lab: SimpleNamespace, name: str) -> None:
     """Reach as far as the farthest point of the surface, with the radius round the core."""
     world, points = placed(lab, SHAPES[name], 0.0)
-    row, out = world.pieces[0], np.zeros(3)
+    row, turn = world.pieces[0], world.pieces[0]["world_rotation"]
     for direction in np.random.default_rng(1).normal(size=(20, 3)):
-        support(row, world.vertices, *direction, out)
+        _, *point = local_support(row, world.vertices, *direction @ turn)
         length = np.linalg.norm(direction)
-        reach = (row["world_position"] + out) @ direction / length + row["radius"]
+        reach = (row["world_position"] + turn @ point) @ direction / length + row["radius"]
         slack = 1e-4 if name in ROUND else 1e-14
         assert reach == pytest.approx((points @ direction).max() / length, abs=slack)
 
@@ -87,23 +87,21 @@ def test_support_is_the_farthest_point(lab: SimpleNamespace, name: str) -> None:
 def test_support_names_its_corner(lab: SimpleNamespace, name: str) -> None:
     """Tell the hull's vertex or the box' octant; a point is corner 0, a smooth core has none."""
     world, _ = placed(lab, SHAPES[name], 0.0)
-    row, out = world.pieces[0], np.zeros(3)
+    row = world.pieces[0]
     bits = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)]) * 2 - 1
     corners = world.vertices["position"] if name == "hull" else bits * row["size"]
     for direction in np.random.default_rng(2).normal(size=(20, 3)):
-        corner = support(row, world.vertices, *direction, out)
+        corner, *point = local_support(row, world.vertices, *direction)
         if name == "ellipsoid":
             assert corner == -1
         else:
-            np.testing.assert_allclose(out, row["world_rotation"] @ corners[corner], atol=1e-15)
+            assert point == corners[corner].tolist()
 
 
 def test_support_without_a_direction_is_finite(lab: SimpleNamespace) -> None:
     """Give a finite point of an ellipsoid along the zero vector."""
     world, _ = placed(lab, SHAPES["ellipsoid"], 0.0)
-    out = np.full(3, np.nan)
-    support(world.pieces[0], world.vertices, 0.0, 0.0, 0.0, out)
-    assert np.isfinite(out).all()
+    assert np.isfinite(local_support(world.pieces[0], world.vertices, 0.0, 0.0, 0.0)).all()
 
 
 def on_a_ball(count: int) -> np.ndarray:
