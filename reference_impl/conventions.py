@@ -46,14 +46,16 @@ STRIP_FAR = 2.0**30
 """Rows of squares that are told apart, on either side of the origin."""
 
 # convex depth
-DEPTH_TOLERANCE = 1e-13
-"""Gap between EPA's bounds, over the pair's size, that ends it [1]: some hundred roundings."""
+DEPTH_TOLERANCE = 1e-15
+"""Gap between EPA's bounds, over the pair's size, that ends it [1]: a few roundings."""
+ROUND_TOLERANCE = 1e-13
+"""The same where a core is round [1]: there every fourth part of the gap takes some three vertices more."""
 DISTANCE_TOLERANCE = 1e-15
 """Gap of GJK's distance over the simplex' size that ends it [1]: a few roundings."""
-DEGENERATE = 1e-14
-"""Height over the pair's size below which a face has no area, or does not see a vertex [1]."""
+DEGENERATE = 2e-15
+"""Height over the pair's size below which a face has no area, or does not see a vertex [1]: roundings."""
 STAGNATION = 1e-12
-"""Either gap where rounding stops the descent or the expansion earlier: still converged below it [1]."""
+"""Gap between proven bounds, over the pair's size, up to which a depth or a distance has converged [1]."""
 SLIVER = 1e-2
 """Squared sine between two edges of a face below which its normal is taken from its shorter ones [1]."""
 FLAT = 1e-12
@@ -61,7 +63,7 @@ FLAT = 1e-12
 GROWTH = 1e-9
 """Reach of a new vertex over the pair's size by which a simplex gains a dimension [1]."""
 NEAR = 1e-8
-"""Distance over the pair's size below which GJK's nearest point is too short to give a normal [1]."""
+"""Distance over the pair's size below which EPA gives the normal where GJK's bounds do not meet [1]."""
 APART = 1e-3
 """Gap over the pair's size at which witnesses of overlapping pieces are read off [1]."""
 GJK_CAP = 64

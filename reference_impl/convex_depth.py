@@ -1,11 +1,18 @@
-"""Signed distance of two convex pieces, with its normal and witness points: GJK outside, EPA inside."""
+"""Signed distance of two convex pieces, with its normal and witness points: EPA inside, GJK outside.
 
-from reference_impl.conventions import APART, NEAR
+Converged means that proven bounds meet, within STAGNATION of the pair's size. In overlap EPA's polytope
+bounds the depth from below, the reach along the normal from above; apart the gap along the normal bounds the
+distance from below, the witnesses from above.
+"""
+
+from math import isfinite, sqrt
+
+from reference_impl.conventions import APART, NEAR, STAGNATION
 from reference_impl.kernel import kernel
 from reference_impl.polytope import deepest_face
-from reference_impl.rotation import rotate
+from reference_impl.rotation import copy_vector, rotate
 from reference_impl.segments import have_segments, segment_distance
-from reference_impl.simplex import add_support, enter_frame, inward, nearest_on_simplex
+from reference_impl.simplex import add_support, enter_frame, inward, nearest_on_simplex, shift_simplex
 
 
 @kernel
@@ -22,61 +29,104 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
         segment_distance(piece_a, piece_b, out_pair)
         return 1, True
     enter_frame(piece_a, piece_b, state)
-    scale, iterations = _size(piece_a) + _size(piece_b), 0
-    distance, normal = 0.0, out_pair["normal"]
+    scale, small = _scale(piece_a, piece_b)
     x, y, z = inward(state)
-    overlap = add_support(piece_a, piece_b, vertices, x, y, z, 0, state) >= 0
-    # along the line of centres nothing parts the pieces: perhaps they overlap
-    if overlap:
-        face, depth, iterations, converged = deepest_face(piece_a, piece_b, vertices, scale, state, normal)
-        overlap = depth > 0 and converged
+    # where the line of centres does not part the pieces, they are taken to overlap until EPA knows better
+    tried = add_support(piece_a, piece_b, vertices, x, y, z, 0, state) >= 0
+    face, depth, iterations, converged, distance = -1, 0.0, 0, False, 0.0
+    if tried:
+        face, depth, iterations, converged = deepest_face(piece_a, piece_b, vertices, scale, state)
+    overlap = converged and depth > 0
     if not overlap:
-        add_support(piece_a, piece_b, vertices, x, y, z, 0, state)
-        count, distance, x, y, z, steps, converged = nearest_on_simplex(piece_a, piece_b, vertices, 1, state)
+        distance, steps, met = _outside(piece_a, piece_b, vertices, APART * small, scale, state, out_pair)
         iterations += steps
-        if distance > NEAR * scale:
-            normal[0], normal[1], normal[2] = -x / distance, -y / distance, -z / distance
-            _witnesses(state, count, out_pair)
-        else:
-            x, y, z = inward(state)
+        # too near for a normal from the nearest points: one from the polytope
+        overlap = not met and distance <= NEAR * scale
+        if overlap and not tried:
             add_support(piece_a, piece_b, vertices, x, y, z, 0, state)
-            face, depth, steps, converged = deepest_face(piece_a, piece_b, vertices, scale, state, normal)
+            face, depth, steps, converged = deepest_face(piece_a, piece_b, vertices, scale, state)
             iterations += steps
-            overlap = True
+        elif overlap:
+            face = -1
+        else:
+            converged = met
     if overlap:
+        copy_vector(state["deepest"], out_pair["normal"])
         _witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, APART * scale, state, out_pair)
         # GJK may end a rounding away from an origin that lies inside
-        if distance == 0.0 or depth > 0.0:
+        if distance > 0 and depth <= 0:
+            converged = converged and distance + depth <= STAGNATION * scale
+        else:
             distance = -depth
-    _leave_frame(piece_b, normal, out_pair)
-    # from the cores to the surfaces
-    distance -= piece_a["radius"] + piece_b["radius"]
-    for i in range(3):
-        out_pair["point_a"][i] += piece_a["radius"] * normal[i]
-        out_pair["point_b"][i] -= piece_b["radius"] * normal[i]
-    out_pair["distance"] = distance
-    return iterations, converged
+    return iterations, _leave_frame(piece_a, piece_b, distance, out_pair) and converged
 
 
 @kernel
-def _leave_frame(piece_b, normal, out_pair):
-    """Turn the normal and the witnesses from B's frame to the world."""
+def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
+    """Distance [m] of two cores by GJK, with its normal and witnesses; 0 where they overlap.
+
+    Next to a round surface rounding tilts the normal of a tiny gap, and the bounds do not meet. Then B is
+    moved off along it: a shift t leaves t / (R + t) of the tilt, R being the radius of curvature (a step of
+    the proximal point method).
+
+    Returns:
+        (distance, iterations, whether the bounds met)
+    """
+    n, point = out_pair["normal"], out_pair["point_a"]
+    x, y, z = inward(state)
+    add_support(piece_a, piece_b, vertices, x, y, z, 0, state)
+    count, distance, bound, x, y, z, iterations = nearest_on_simplex(piece_a, piece_b, vertices, 1, state)
+    if distance == 0:
+        return 0.0, iterations, False
+    n[0], n[1], n[2] = -x / distance, -y / distance, -z / distance
+    _witnesses(state, count, out_pair)
+    if distance - bound <= STAGNATION * scale:
+        return distance, iterations, True
+    dx, dy, dz = shift * n[0], shift * n[1], shift * n[2]
+    shift_simplex(state, count, dx, dy, dz)
+    count, far, _, x, y, z, steps = nearest_on_simplex(piece_a, piece_b, vertices, count, state)
+    if far > 0:
+        n[0], n[1], n[2] = -x / far, -y / far, -z / far
+        _witnesses(state, count, out_pair)
+        point[0], point[1], point[2] = point[0] + dx, point[1] + dy, point[2] + dz
+        x, y, z = x + dx, y + dy, z + dz
+        distance = sqrt(x * x + y * y + z * z)
+    shift_simplex(state, 0, -dx, -dy, -dz)
+    bound = -add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], 0, state)
+    return distance, iterations + steps, distance - bound <= STAGNATION * scale
+
+
+@kernel
+def _leave_frame(piece_a, piece_b, distance, out_pair):
+    """Write distance, normal and witnesses for the surfaces in the world; returns whether all are finite."""
     m, origin = piece_b["world_rotation"], piece_b["world_position"]
-    n, a, b = normal, out_pair["point_a"], out_pair["point_b"]
+    n, a, b = out_pair["normal"], out_pair["point_a"], out_pair["point_b"]
     rotate(m, n, n)
     rotate(m, a, a)
     rotate(m, b, b)
+    distance -= piece_a["radius"] + piece_b["radius"]
+    total = distance
     for i in range(3):
-        a[i] += origin[i]
-        b[i] += origin[i]
+        a[i] += origin[i] + piece_a["radius"] * n[i]
+        b[i] += origin[i] - piece_b["radius"] * n[i]
+        total += n[i] + a[i] + b[i]
+    out_pair["distance"] = distance
+    if isfinite(total):
+        return True
+    out_pair["distance"] = 0.0
+    for i in range(3):
+        n[i], a[i], b[i] = 1.0 if i == 2 else 0.0, 0.0, 0.0
+    return False
 
 
 @kernel
-def _size(piece):
-    size = 0.0
+def _scale(piece_a, piece_b):
+    """Sum of the pieces' sizes, and the smaller one [m]."""
+    a = b = 0.0
     for i in range(3):
-        size = max(size, piece["high"][i] - piece["low"][i])
-    return size
+        a = max(a, piece_a["high"][i] - piece_a["low"][i])
+        b = max(b, piece_b["high"][i] - piece_b["low"][i])
+    return a + b, min(a, b)
 
 
 @kernel
@@ -96,28 +146,22 @@ def _witnesses(state, count, out_pair):
 def _witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state, out_pair):
     """Witnesses on the deepest face: from the weights of the origin's projection on it.
 
-    That need not lie on the face's triangle, for faces of a Minkowski difference are polygons. Then: the nearest
-    points once B is parted from A along the normal, up to a gap.
+    That need not lie on the face's triangle, for faces of a Minkowski difference are polygons. Then: the
+    nearest points once B is parted from A along the normal, up to a gap.
     """
-    n, w, a, gap = out_pair["normal"], state["w"], state["a"], state["gap"]
-    x, y, z = (depth + parted) * n[0], (depth + parted) * n[1], (depth + parted) * n[2]
-    count = 1
+    n, point = out_pair["normal"], out_pair["point_a"]
     if face >= 0:
         _bring_to_front(state, face)
-        if _on_triangle(w, n, depth, state["weights"]):
+        if _on_triangle(state["w"], n, depth, state["weights"]):
             _witnesses(state, 3, out_pair)
             return
-        count = 3
-    gap[0], gap[1], gap[2] = gap[0] - x, gap[1] - y, gap[2] - z
-    if face >= 0:
-        for k in range(3):
-            a[k, 0], a[k, 1], a[k, 2] = a[k, 0] - x, a[k, 1] - y, a[k, 2] - z
-            w[k, 0], w[k, 1], w[k, 2] = w[k, 0] - x, w[k, 1] - y, w[k, 2] - z
-    else:
+    x, y, z = (depth + parted) * n[0], (depth + parted) * n[1], (depth + parted) * n[2]
+    shift_simplex(state, 3, x, y, z)
+    if face < 0:
         add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], 0, state)
+    count = 3 if face >= 0 else 1
     count, _, _, _, _, _, _ = nearest_on_simplex(piece_a, piece_b, vertices, count, state)
     _witnesses(state, count, out_pair)
-    point = out_pair["point_a"]
     point[0], point[1], point[2] = point[0] + x, point[1] + y, point[2] + z
 
 
@@ -136,7 +180,7 @@ def _bring_to_front(state, face):
 
 @kernel
 def _on_triangle(w, n, depth, out_weights):
-    """Weights of the origin's projection on the triangle of the first three vertices; whether it lies on it."""
+    """Weights of the origin's projection on the first three vertices; whether it lies on their triangle."""
     x, y, z = depth * n[0], depth * n[1], depth * n[2]
     whole = _area(n, w[0], w[1], w[2, 0], w[2, 1], w[2, 2])
     u = _area(n, w[1], w[2], x, y, z) / whole

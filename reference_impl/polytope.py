@@ -6,8 +6,8 @@ bounds have met. The origin need not lie inside at first: a face that has it bef
 
 Frame: that of B. Face f has the half-edges 4f, 4f + 1, 4f + 2, counter-clockwise from outside: `start` is
 the vertex a half-edge leaves, `twin` the half-edge beyond. Normals are as long as twice the face's area, and
-squares are compared, so that no root delays the next support. `level` is how far a vertex must reach along the
-normal for the face to see it.
+squares are compared, so that no root delays the next support. `key` is the signed square of a face's offset
+from the origin, `level` how far a vertex must reach along the normal for the face to see it.
 """
 
 from math import inf, sqrt
@@ -21,11 +21,11 @@ from reference_impl.conventions import (
     EPA_VERTICES,
     GROWTH,
     NEAR,
-    SLIVER,
+    ROUND_TOLERANCE,
     STAGNATION,
 )
 from reference_impl.kernel import inlined_kernel, kernel
-from reference_impl.simplex import add_support, inward, repeats
+from reference_impl.simplex import add_support, inward, repeats, triangle_normal
 
 DEAD = inf
 """Key of a face that is no more."""
@@ -38,29 +38,28 @@ NEXT, LAST = 9, 18
 
 
 @kernel
-def deepest_face(piece_a, piece_b, vertices, scale, state, out_normal):
+def deepest_face(piece_a, piece_b, vertices, scale, state):
     """Expand a tetrahedron to the nearest face of the difference.
 
     Args:
         scale: size of the pair [m], for tolerances.
-        state: holds the frame; vertex 0 is the difference's farthest towards its own origin.
-        out_normal: unit direction of least reach, B's frame.
+        state: holds the frame, and in vertex 0 the difference's farthest towards B's origin. Takes the unit
+            direction of least reach, `deepest`.
     Returns:
         (face, depth, iterations, converged): the face of least reach, or -1 where that was no face's, and
-        that reach [m]: negative as soon as it parts the pieces by NEAR. Without a volume the depth is 0 in
-        any direction: converged where the difference is a point.
+        that reach [m]: negative as soon as it parts the pieces by NEAR.
     """
+    w, n, key = state["w"], state["deepest"], state["key"]
     count = _tetrahedron(piece_a, piece_b, vertices, scale, state)
     if count < 4:
-        out_normal[0], out_normal[1], out_normal[2] = 0.0, 0.0, 1.0
-        return -1, 0.0, 0, count == 1
-    n, key = out_normal, state["key"]
+        _flat_normal(w, count, n)
+        reach = add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], count, state)
+        return -1, reach, 0, abs(reach) <= STAGNATION * scale
     n[0], n[1], n[2] = inward(state)
-    best, upper = (
-        -1,
-        _signed_square(n[0] * state["w"][0, 0] + n[1] * state["w"][0, 1] + n[2] * state["w"][0, 2]),
-    )
-    tolerance, apart = DEPTH_TOLERANCE * scale, -NEAR * scale * NEAR * scale
+    best, upper = -1, _signed_square(n[0] * w[0, 0] + n[1] * w[0, 1] + n[2] * w[0, 2])
+    is_round = state["corner"][0, 0] < 0 or state["corner"][0, 1] < 0
+    tolerance = (ROUND_TOLERANCE if is_round else DEPTH_TOLERANCE) * scale
+    apart = _signed_square(-NEAR * scale)
     cut = _signed_square(_signed_root(upper) - tolerance)
     faces, waiting, vertex, stalled = 4, 4, 4, False
     while upper >= apart and vertex < EPA_VERTICES and faces < EPA_FACES:
@@ -77,12 +76,12 @@ def deepest_face(piece_a, piece_b, vertices, scale, state, out_normal):
             cut = _signed_square(_signed_root(upper) - tolerance)
         if key[f] >= cut:
             continue
-        # it is passed over: a farther one has been found
-        best = -1 if best == f else best
         # what is left of this gap is rounding
-        if reach <= state["level"][f] or repeats(state["w"], vertex):
+        if reach <= state["level"][f] or repeats(w, vertex):
             stalled = True
             continue
+        # the face is passed over: the least reach seen was farther out than its plane
+        best = -1 if best == f else best
         added = _expand(state, f, vertex, faces, waiting, scale)
         vertex += 1
         if added < 0:
@@ -95,6 +94,22 @@ def deepest_face(piece_a, piece_b, vertices, scale, state, out_normal):
     inverse = 1 / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     n[0], n[1], n[2] = n[0] * inverse, n[1] * inverse, n[2] * inverse
     return best, depth, vertex - 4, converged
+
+
+@kernel
+def _flat_normal(w, count, out_normal):
+    """Unit normal of a difference without a volume, of which `count` vertices are known: a point's is z."""
+    n = out_normal
+    ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
+    if count == 1:
+        n[0], n[1], n[2] = 0.0, 0.0, 1.0
+    elif count == 2:
+        n[0], n[1], n[2] = _across(ux, uy, uz)
+    else:
+        vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = sqrt(x * x + y * y + z * z)
+        n[0], n[1], n[2] = x / length, y / length, z / length
 
 
 @inlined_kernel
@@ -186,24 +201,10 @@ def _set_face(state, f, i, j, k, scale):
     """Face ijk, counter-clockwise from outside: its normal, level and key."""
     w, n, start = state["w"], state["normal"][f], state["start"]
     start[4 * f], start[4 * f + 1], start[4 * f + 2] = i, j, k
-    px, py, pz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
-    qx, qy, qz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
-    x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
-    square, longest = x * x + y * y + z * z, px * px + py * py + pz * pz
-    other = qx * qx + qy * qy + qz * qz
-    if square < SLIVER * longest * other:
-        # from the two shorter edges: rounding grows with their lengths
-        rx, ry, rz = w[k, 0] - w[j, 0], w[k, 1] - w[j, 1], w[k, 2] - w[j, 2]
-        third = rx * rx + ry * ry + rz * rz
-        if longest > other and longest > third:
-            px, py, pz = qx, qy, qz
-        if third < longest or third < other:
-            qx, qy, qz = rx, ry, rz
-        x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
-        square = x * x + y * y + z * z
+    x, y, z, square, longest = triangle_normal(w, i, j, k)
     n[0], n[1], n[2] = x, y, z
     offset = x * w[i, 0] + y * w[i, 1] + z * w[i, 2]
-    if square > (DEGENERATE * scale) ** 2 * max(longest, other):
+    if square > (DEGENERATE * scale) ** 2 * longest:
         state["key"][f] = _signed_square(offset) / square
         state["level"][f] = offset + DEGENERATE * scale * sqrt(square)
     else:
@@ -213,8 +214,8 @@ def _set_face(state, f, i, j, k, scale):
 @kernel
 def _tetrahedron(piece_a, piece_b, vertices, scale, state):
     """Make vertices 1 to 3 of a tetrahedron with volume, faces turned outward; returns its vertex count."""
-    w, start, twin = state["w"], state["start"], state["twin"]
-    # along the other corners of a regular tetrahedron; the supports do not wait for one another
+    w, twin = state["w"], state["twin"]
+    # across the first and 120 degrees apart; the supports do not wait for one another
     x, y, z = inward(state)
     px, py, pz = _across(x, y, z)
     qx, qy, qz = y * pz - z * py, z * px - x * pz, x * py - y * px
@@ -315,10 +316,8 @@ def _grow_triangle(piece_a, piece_b, vertices, scale, state):
     x, y, z = x / area, y / area, z / area
     base = x * w[0, 0] + y * w[0, 1] + z * w[0, 2]
     # the side that reaches farther holds the origin's volume
+    down = add_support(piece_a, piece_b, vertices, -x, -y, -z, 3, state) + base
     up = add_support(piece_a, piece_b, vertices, x, y, z, 3, state) - base
-    down = add_support(piece_a, piece_b, vertices, -x, -y, -z, 4, state) + base
-    if up >= down:
-        add_support(piece_a, piece_b, vertices, x, y, z, 3, state)
-    else:
+    if up < down:
         add_support(piece_a, piece_b, vertices, -x, -y, -z, 3, state)
     return 4 if max(up, down) > GROWTH * scale else 3

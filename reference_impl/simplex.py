@@ -7,7 +7,7 @@ The Minkowski difference of A and B is {a - b}, in B's frame. A simplex of up to
 
 from math import sqrt
 
-from reference_impl.conventions import DISTANCE_TOLERANCE, FLAT, GJK_CAP, STAGNATION
+from reference_impl.conventions import DISTANCE_TOLERANCE, FLAT, GJK_CAP, SLIVER
 from reference_impl.kernel import inlined_kernel, kernel
 from reference_impl.shapes import local_support
 
@@ -57,43 +57,58 @@ def add_support(piece_a, piece_b, vertices, x, y, z, k, state):
 
 
 @kernel
+def shift_simplex(state, count, x, y, z):
+    """Move B by (x, y, z) against A, and with it the first `count` vertices."""
+    w, a, gap = state["w"], state["a"], state["gap"]
+    gap[0], gap[1], gap[2] = gap[0] - x, gap[1] - y, gap[2] - z
+    for k in range(count):
+        w[k, 0], w[k, 1], w[k, 2] = w[k, 0] - x, w[k, 1] - y, w[k, 2] - z
+        a[k, 0], a[k, 1], a[k, 2] = a[k, 0] - x, a[k, 1] - y, a[k, 2] - z
+
+
+@kernel
 def nearest_on_simplex(piece_a, piece_b, vertices, count, state):
-    """GJK to convergence, from the first `count` vertices of `state`, 1 or 3.
+    """GJK until rounding ends it, from the first `count` vertices of `state`, at most 3.
 
     Returns:
-        (count, distance, x, y, z, iterations, converged): vertices left in the simplex, distance of the
-        difference from the origin [m] and its nearest point; count 4 and distance 0 when it holds the
-        origin. `state["weights"]` are the nearest point's barycentric ones.
+        (count, distance, bound, x, y, z, iterations): vertices left in the simplex; distance of the
+        difference from the origin [m], a lower bound on it, and its nearest point. Count 4 and distance 0
+        when it holds the origin. `state["weights"]` are the nearest point's barycentric ones.
     """
     w, largest = state["w"], 0.0
     for k in range(count):
         largest = max(largest, w[k, 0] ** 2 + w[k, 1] ** 2 + w[k, 2] ** 2)
-    count, x, y, z = _keep(state, _place(0, -1, -1, 1.0, 0.0, 0.0) if count == 1 else _triangle(w, 0, 1, 2))
-    square = x * x + y * y + z * z
-    iterations, converged = 0, False
+    count, x, y, z = _keep(state, _nearest(w, count))
+    square, bound, iterations = x * x + y * y + z * z, 0.0, 0
     while iterations < GJK_CAP:
         iterations += 1
         # the origin is inside the simplex, or on it to rounding
         if count == 4 or square <= DISTANCE_TOLERANCE * DISTANCE_TOLERANCE * largest:
-            return count, 0.0, x, y, z, iterations, True
+            return count, 0.0, 0.0, x, y, z, iterations
         reach = add_support(piece_a, piece_b, vertices, -x, -y, -z, count, state)
-        rounding = sqrt(square * largest)
         # no point of the difference is nearer than the plane through the new vertex
-        if square + reach <= DISTANCE_TOLERANCE * rounding or repeats(w, count):
-            converged = True
+        bound = -reach / sqrt(square)
+        if square + reach <= DISTANCE_TOLERANCE * sqrt(square * largest) or repeats(w, count):
             break
         largest = max(largest, w[count, 0] ** 2 + w[count, 1] ** 2 + w[count, 2] ** 2)
-        choice = (
-            _segment(w, 0, 1) if count == 1 else (_triangle(w, 0, 1, 2) if count == 2 else _tetrahedron(w))
-        )
+        choice = _nearest(w, count + 1)
         nearer = _square(w, choice)
         # rounding ends progress: the last simplex stands
-        if nearer >= square and choice[0] != INSIDE:
-            converged = square + reach <= STAGNATION * rounding
+        if nearer >= square + DISTANCE_TOLERANCE * sqrt(square * largest) and choice[0] != INSIDE:
             break
         count, x, y, z = _keep(state, choice)
-        square = nearer
-    return count, sqrt(square), x, y, z, iterations, converged
+        square = x * x + y * y + z * z
+    return count, sqrt(square), bound, x, y, z, iterations
+
+
+@inlined_kernel
+def _nearest(w, count):
+    """Nearest point of the first `count` vertices' simplex to the origin: (mask, four weights)."""
+    if count == 4:
+        return _tetrahedron(w)
+    if count == 3:
+        return _triangle(w, 0, 1, 2)
+    return _segment(w, 0, 1) if count == 2 else _place(0, -1, -1, 1.0, 0.0, 0.0)
 
 
 @inlined_kernel
@@ -123,6 +138,11 @@ def _keep(state, choice):
             y += share * w[kept, 1]
             z += share * w[kept, 2]
             kept += 1
+    # of a triangle rather along its normal: next to it rounding would turn the direction
+    if kept == 3:
+        nx, ny, nz, square, _ = triangle_normal(w, 0, 1, 2)
+        share = (nx * w[0, 0] + ny * w[0, 1] + nz * w[0, 2]) / square
+        x, y, z = share * nx, share * ny, share * nz
     return kept, x, y, z
 
 
@@ -171,12 +191,27 @@ def _segment(w, i, j):
     return _place(i, j, -1, 1 - along / length, along / length, 0.0)
 
 
-@kernel
-def _normal(w, i, j, k):
-    """(w_j - w_i) x (w_k - w_i)"""
-    ux, uy, uz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
-    vx, vy, vz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+@inlined_kernel
+def triangle_normal(w, i, j, k):
+    """(w_j - w_i) x (w_k - w_i), its square and that of the longer of these edges.
+
+    Of a sliver it is taken from the two shorter edges: rounding grows with the product of their lengths.
+    """
+    px, py, pz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
+    qx, qy, qz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
+    x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+    square = x * x + y * y + z * z
+    one, two = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz
+    if square < SLIVER * one * two:
+        rx, ry, rz = w[k, 0] - w[j, 0], w[k, 1] - w[j, 1], w[k, 2] - w[j, 2]
+        three = rx * rx + ry * ry + rz * rz
+        if one > two and one > three:
+            px, py, pz = qx, qy, qz
+        if three < one or three < two:
+            qx, qy, qz = rx, ry, rz
+        x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+        square = x * x + y * y + z * z
+    return x, y, z, square, max(one, two)
 
 
 @kernel
@@ -194,8 +229,7 @@ def _square(w, choice):
 @kernel
 def _triangle(w, i, j, k):
     """Nearest point of triangle ijk to the origin: (mask, four weights)."""
-    nx, ny, nz = _normal(w, i, j, k)
-    square = nx * nx + ny * ny + nz * nz
+    nx, ny, nz, square, _ = triangle_normal(w, i, j, k)
     # signed areas of the sub-triangles that the origin's projection spans
     a, b, c = w[i], w[j], w[k]
     u = nx * (b[1] * c[2] - b[2] * c[1]) + ny * (b[2] * c[0] - b[0] * c[2]) + nz * (b[0] * c[1] - b[1] * c[0])
@@ -220,11 +254,10 @@ def _tetrahedron(w):
     least = -1.0
     for n in range(4):
         i, j, k = (n + 1) % 4, (n + 2) % 4, (n + 3) % 4
-        nx, ny, nz = _normal(w, i, j, k)
+        nx, ny, nz, square, _ = triangle_normal(w, i, j, k)
         origin = -(nx * w[i, 0] + ny * w[i, 1] + nz * w[i, 2])
         inner = origin + nx * w[n, 0] + ny * w[n, 1] + nz * w[n, 2]
         height = inner * inner
-        square = nx * nx + ny * ny + nz * nz
         flat = height <= FLAT * FLAT * square * _between(w[n], w[i], w[i])
         # the origin is on the far side of this face from the fourth vertex, or the tetrahedron has no volume
         if origin * inner < 0 or flat:

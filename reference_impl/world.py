@@ -216,6 +216,7 @@ STATE = _record(
     # corners they come from
     turn=_MATRIX,
     gap=_VECTOR,
+    deepest=_VECTOR,  # EPA's direction of least reach
     weights=("f8", (4,)),  # barycentric, of the nearest point
     w=("f8", (EPA_VERTICES, 3)),
     a=("f8", (EPA_VERTICES, 3)),
