@@ -19,20 +19,18 @@ from reference_impl.conventions import (
     DEPTH_TOLERANCE,
     EPA_FACES,
     EPA_VERTICES,
-    GROWTH,
     NEAR,
     ROUND_TOLERANCE,
     STAGNATION,
 )
 from reference_impl.kernel import inlined_kernel, kernel
 from reference_impl.simplex import add_support, inward, repeats, triangle_normal
+from reference_impl.tetrahedron import first_tetrahedron, flat_normal
 
 DEAD = inf
 """Key of a face that is no more."""
 NEVER = 1e300
 """Key of a face without area: it closes the surface but is never the nearest."""
-RING = ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75)))
-"""Three directions in a plane, 120 degrees apart."""
 NEXT, LAST = 9, 18
 """Two bits for each k in 0, 1, 2: the next and the last half-edge of a face."""
 
@@ -50,11 +48,12 @@ def deepest_face(piece_a, piece_b, vertices, scale, state):
         that reach [m]: negative as soon as it parts the pieces by NEAR.
     """
     w, n, key = state["w"], state["deepest"], state["key"]
-    count = _tetrahedron(piece_a, piece_b, vertices, scale, state)
+    count, height = first_tetrahedron(piece_a, piece_b, vertices, scale, state)
     if count < 4:
-        _flat_normal(w, count, n)
+        flat_normal(w, count, n)
         reach = add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], count, state)
         return -1, reach, 0, abs(reach) <= STAGNATION * scale
+    _close(state, height, scale)
     n[0], n[1], n[2] = inward(state)
     best, upper = -1, _signed_square(n[0] * w[0, 0] + n[1] * w[0, 1] + n[2] * w[0, 2])
     is_round = state["corner"][0, 0] < 0 or state["corner"][0, 1] < 0
@@ -94,22 +93,6 @@ def deepest_face(piece_a, piece_b, vertices, scale, state):
     inverse = 1 / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     n[0], n[1], n[2] = n[0] * inverse, n[1] * inverse, n[2] * inverse
     return best, depth, vertex - 4, converged
-
-
-@kernel
-def _flat_normal(w, count, out_normal):
-    """Unit normal of a difference without a volume, of which `count` vertices are known: a point's is z."""
-    n = out_normal
-    ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
-    if count == 1:
-        n[0], n[1], n[2] = 0.0, 0.0, 1.0
-    elif count == 2:
-        n[0], n[1], n[2] = _across(ux, uy, uz)
-    else:
-        vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = sqrt(x * x + y * y + z * z)
-        n[0], n[1], n[2] = x / length, y / length, z / length
 
 
 @inlined_kernel
@@ -212,27 +195,9 @@ def _set_face(state, f, i, j, k, scale):
 
 
 @kernel
-def _tetrahedron(piece_a, piece_b, vertices, scale, state):
-    """Make vertices 1 to 3 of a tetrahedron with volume, faces turned outward; returns its vertex count."""
-    w, twin = state["w"], state["twin"]
-    # across the first and 120 degrees apart; the supports do not wait for one another
-    x, y, z = inward(state)
-    px, py, pz = _across(x, y, z)
-    qx, qy, qz = y * pz - z * py, z * px - x * pz, x * py - y * px
-    for k in range(3):
-        p, q = RING[k]
-        dx, dy, dz = p * px + q * qx, p * py + q * qy, p * pz + q * qz
-        add_support(piece_a, piece_b, vertices, dx, dy, dz, k + 1, state)
-    height, area = _volume(w)
-    if abs(height) <= GROWTH * scale * area:
-        count = _grow_point(piece_a, piece_b, vertices, scale, state)
-        if count == 2:
-            count = _grow_segment(piece_a, piece_b, vertices, scale, state)
-        if count == 3:
-            count = _grow_triangle(piece_a, piece_b, vertices, scale, state)
-        if count < 4:
-            return count
-        height, area = _volume(w)
+def _close(state, height, scale):
+    """Faces of the first four vertices; the sign of the fourth's height over the others tells outside."""
+    twin = state["twin"]
     # the fourth vertex lies behind the face of the first three
     i, j = (0, 1) if height < 0 else (1, 0)
     _set_face(state, 0, i, j, 2, scale)
@@ -247,77 +212,3 @@ def _tetrahedron(piece_a, piece_b, vertices, scale, state):
     twin[9], twin[14] = 14, 9
     for f in range(4):
         state["open"][f] = f
-    return 4
-
-
-@kernel
-def _across(x, y, z):
-    """A unit vector across (x, y, z) and the axis least along it."""
-    ax, ay, az = abs(x), abs(y), abs(z)
-    if ax <= ay and ax <= az:
-        p, q, r = 0.0, z, -y
-    elif ay <= az:
-        p, q, r = -z, 0.0, x
-    else:
-        p, q, r = y, -x, 0.0
-    inverse = 1 / sqrt(p * p + q * q + r * r)
-    return p * inverse, q * inverse, r * inverse
-
-
-@kernel
-def _volume(w):
-    """Six times the signed volume of the first four vertices, and twice the area of the first three."""
-    ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
-    vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    height = x * (w[3, 0] - w[0, 0]) + y * (w[3, 1] - w[0, 1]) + z * (w[3, 2] - w[0, 2])
-    return height, sqrt(x * x + y * y + z * z)
-
-
-@kernel
-def _grow_point(piece_a, piece_b, vertices, scale, state):
-    w = state["w"]
-    for n in range(6):
-        sign = 1.0 if n % 2 == 0 else -1.0
-        axis = n // 2
-        x, y, z = (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
-        add_support(piece_a, piece_b, vertices, x, y, z, 1, state)
-        dx, dy, dz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
-        if dx * dx + dy * dy + dz * dz > (GROWTH * scale) ** 2:
-            return 2
-    return 1
-
-
-@kernel
-def _grow_segment(piece_a, piece_b, vertices, scale, state):
-    w = state["w"]
-    dx, dy, dz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
-    length = sqrt(dx * dx + dy * dy + dz * dz)
-    x, y, z = _across(dx, dy, dz)
-    for n in range(4):
-        sign = 1.0 if n % 2 == 0 else -1.0
-        if n == 2:
-            x, y, z = (dy * z - dz * y) / length, (dz * x - dx * z) / length, (dx * y - dy * x) / length
-        add_support(piece_a, piece_b, vertices, sign * x, sign * y, sign * z, 2, state)
-        px, py, pz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
-        cx, cy, cz = dy * pz - dz * py, dz * px - dx * pz, dx * py - dy * px
-        if cx * cx + cy * cy + cz * cz > (GROWTH * scale * length) ** 2:
-            return 3
-    return 2
-
-
-@kernel
-def _grow_triangle(piece_a, piece_b, vertices, scale, state):
-    w = state["w"]
-    ux, uy, uz = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
-    vx, vy, vz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    area = sqrt(x * x + y * y + z * z)
-    x, y, z = x / area, y / area, z / area
-    base = x * w[0, 0] + y * w[0, 1] + z * w[0, 2]
-    # the side that reaches farther holds the origin's volume
-    down = add_support(piece_a, piece_b, vertices, -x, -y, -z, 3, state) + base
-    up = add_support(piece_a, piece_b, vertices, x, y, z, 3, state) - base
-    if up < down:
-        add_support(piece_a, piece_b, vertices, -x, -y, -z, 3, state)
-    return 4 if max(up, down) > GROWTH * scale else 3
