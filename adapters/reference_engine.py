@@ -28,16 +28,19 @@ BUNDLES: dict[str, dict[str, int]] = {
         "friction": conventions.FRICTION_PAPER,
         "flight": conventions.FLIGHT_EULER,
         "removal": conventions.REMOVAL_EQ1,
+        "depth": conventions.DEPTH_WALK,
     },
     "balanced": {
         "friction": conventions.FRICTION_COULOMB,
         "flight": conventions.FLIGHT_BALLISTIC,
         "removal": conventions.REMOVAL_EQ1,
+        "depth": conventions.DEPTH_CERTIFIED,
     },
     "accurate": {
         "friction": conventions.FRICTION_COULOMB,
         "flight": conventions.FLIGHT_BALLISTIC,
         "removal": conventions.REMOVAL_LEAST_MOTION,
+        "depth": conventions.DEPTH_CERTIFIED,
     },
 }
 """What each profile sets (method, section 6), nothing more."""
@@ -157,7 +160,7 @@ class _World:
         settings: dict[str, Scalar] = {
             "friction": "mu j always" if self._state["friction"] == conventions.FRICTION_PAPER else "coulomb",
             "flight": "semi-implicit" if self._state["flight"] == conventions.FLIGHT_EULER else "ballistic",
-            "depth": "exact",
+            "depth": ("walk", "certified walk", "exact")[int(self._state["depth"])],
             "global depth": "Eq. 1" if self._state["removal"] == conventions.REMOVAL_EQ1 else "least motion",
             "detection": "discrete",
             "gravity": str(self._state["gravity"].tolist()),

@@ -115,6 +115,7 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
                     count += len(rows)
                 row["kind"], row["first_vertex"] = conventions.HULL, first[corners]
                 row["vertex_count"] = len(corners)
+                row["center"] = np.mean(corners, axis=0)
             case _:
                 raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
     return pieces, np.concatenate(hulls) if hulls else np.zeros(1, VERTEX)

@@ -14,11 +14,26 @@ FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
 """Semi-implicit Euler, or exact for constant forces."""
 REMOVAL_EQ1, REMOVAL_LEAST_MOTION = 0, 1
 """Translation out of overlap by Eq. 1, or the smallest that meets all depths."""
+DEPTH_WALK, DEPTH_CERTIFIED, DEPTH_EXACT = 0, 1, 2
+"""Convex depth from last frame's answer: as found (locally optimal), or only with a certificate; or anew."""
 STAGES = ("drive", "collision", "removal", "impulses", "integration")
 """What the stage clocks of a step tell apart."""
 STAGE_DRIVE, STAGE_COLLISION, STAGE_REMOVAL, STAGE_IMPULSES, STAGE_INTEGRATION = range(5)
-COUNTERS = ("pairs", "contacts", "rounds", "way_back", "gave_up", "events", "impulses", "unconverged", "lost")
-"""What a step counts."""
+COUNTERS = (
+    "pairs",
+    "contacts",
+    "rounds",
+    "way_back",
+    "gave_up",
+    "events",
+    "impulses",
+    "unconverged",
+    "lost",
+    "walked",
+    "certified",
+    "exact",
+)
+"""What a step counts; depths by how they were found: walked without a certificate, with one, or anew."""
 (
     COUNT_PAIRS,
     COUNT_CONTACTS,
@@ -29,7 +44,10 @@ COUNTERS = ("pairs", "contacts", "rounds", "way_back", "gave_up", "events", "imp
     COUNT_IMPULSES,
     COUNT_UNCONVERGED,
     COUNT_LOST,
-) = range(9)
+    COUNT_WALKED,
+    COUNT_CERTIFIED,
+    COUNT_EXACT,
+) = range(12)
 
 # broad phase
 FEW_PIECES = 64
@@ -72,6 +90,18 @@ EPA_VERTICES = 256
 EPA_FACES = 8 * EPA_VERTICES
 """Room for EPA's polytope: iterations are capped by it; about 10 are usual for hulls of 80 triangles, and 6
 new faces for each, whose slots are not used again."""
+WALK_GAP = 4e-15
+"""Gap of a face's bounds over the pair's size at which it is locally the nearest [1]: some 20 roundings."""
+WALK_SLACK = 1e-8
+"""Slack of a certificate, and least height of its triangles, over the pair's size [1]: 1e8 roundings."""
+ACROSS = 1 - 1e-9
+"""Cosine with a box' axis from which a normal is worth trying as that of its face [1]: 5e-5 rad."""
+STEADY = 16
+"""Corners tried in the time that a table of directions takes more than a remembered cone [1]."""
+WALK_WAYS = 4
+WALK_BUCKETS = 512
+WALK_MEMORY = WALK_WAYS * WALK_BUCKETS
+"""Pairs that `walk` remembers: a pair finds room in one bucket of four, in place of the longest unused."""
 
 # overlap removal (method, section 3)
 OVERLAP_TOLERANCE = 1e-6

@@ -29,13 +29,13 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
         segment_distance(piece_a, piece_b, out_pair)
         return 1, True
     enter_frame(piece_a, piece_b, state)
-    scale, small = _scale(piece_a, piece_b)
+    scale, small = scale_of(piece_a, piece_b)
     x, y, z = inward(state)
     # where the line of centres does not part the pieces, they are taken to overlap until EPA knows better
     tried = add_support(piece_a, piece_b, vertices, x, y, z, 0, state) >= 0
     face, depth, iterations, converged, distance = -1, 0.0, 0, False, 0.0
     if tried:
-        face, depth, iterations, converged = deepest_face(piece_a, piece_b, vertices, scale, state)
+        face, depth, iterations, converged = deepest_face(piece_a, piece_b, vertices, 1, scale, state)
     overlap = converged and depth > 0
     if not overlap:
         distance, steps, met = _outside(piece_a, piece_b, vertices, APART * small, scale, state, out_pair)
@@ -44,7 +44,7 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
         overlap = not met and distance <= NEAR * scale
         if overlap and not tried:
             add_support(piece_a, piece_b, vertices, x, y, z, 0, state)
-            face, depth, steps, converged = deepest_face(piece_a, piece_b, vertices, scale, state)
+            face, depth, steps, converged = deepest_face(piece_a, piece_b, vertices, 1, scale, state)
             iterations += steps
         elif overlap:
             face = -1
@@ -52,13 +52,13 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
             converged = met
     if overlap:
         copy_vector(state["deepest"], out_pair["normal"])
-        _witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, APART * scale, state, out_pair)
+        witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, APART * scale, state, out_pair)
         # GJK may end a rounding away from an origin that lies inside
         if distance > 0 and depth <= 0:
             converged = converged and distance + depth <= STAGNATION * scale
         else:
             distance = -depth
-    return iterations, _leave_frame(piece_a, piece_b, distance, out_pair) and converged
+    return iterations, leave_frame(piece_a, piece_b, distance, out_pair) and converged
 
 
 @kernel
@@ -79,7 +79,7 @@ def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
     if distance == 0:
         return 0.0, iterations, False
     n[0], n[1], n[2] = -x / distance, -y / distance, -z / distance
-    _witnesses(state, count, out_pair)
+    witnesses(state, count, out_pair)
     if distance - bound <= STAGNATION * scale:
         return distance, iterations, True
     dx, dy, dz = shift * n[0], shift * n[1], shift * n[2]
@@ -87,7 +87,7 @@ def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
     count, far, _, x, y, z, steps = nearest_on_simplex(piece_a, piece_b, vertices, count, state)
     if far > 0:
         n[0], n[1], n[2] = -x / far, -y / far, -z / far
-        _witnesses(state, count, out_pair)
+        witnesses(state, count, out_pair)
         point[0], point[1], point[2] = point[0] + dx, point[1] + dy, point[2] + dz
         x, y, z = x + dx, y + dy, z + dz
         distance = sqrt(x * x + y * y + z * z)
@@ -97,7 +97,7 @@ def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
 
 
 @kernel
-def _leave_frame(piece_a, piece_b, distance, out_pair):
+def leave_frame(piece_a, piece_b, distance, out_pair):
     """Write distance, normal and witnesses for the surfaces in the world; returns whether all are finite."""
     m, origin = piece_b["world_rotation"], piece_b["world_position"]
     n, a, b = out_pair["normal"], out_pair["point_a"], out_pair["point_b"]
@@ -120,7 +120,7 @@ def _leave_frame(piece_a, piece_b, distance, out_pair):
 
 
 @kernel
-def _scale(piece_a, piece_b):
+def scale_of(piece_a, piece_b):
     """Sum of the pieces' sizes, and the smaller one [m]."""
     a = b = 0.0
     for i in range(3):
@@ -130,9 +130,13 @@ def _scale(piece_a, piece_b):
 
 
 @kernel
-def _witnesses(state, count, out_pair):
-    """Points of A and B from the barycentric weights of a simplex, B's frame."""
+def witnesses(state, count, out_pair):
+    """Points of A and B from the barycentric weights of a simplex, B's frame; `state["feature"]` keeps the
+    corners they come from."""
     w, a, weights = state["w"], state["a"], state["weights"]
+    state["feature_count"] = count
+    for k in range(count):
+        state["feature"][k, 0], state["feature"][k, 1] = state["corner"][k, 0], state["corner"][k, 1]
     for i in range(3):
         on_a = on_difference = 0.0
         for k in range(count):
@@ -143,7 +147,7 @@ def _witnesses(state, count, out_pair):
 
 
 @kernel
-def _witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state, out_pair):
+def witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state, out_pair):
     """Witnesses on the deepest face: from the weights of the origin's projection on it.
 
     That need not lie on the face's triangle, for faces of a Minkowski difference are polygons. Then: the
@@ -153,7 +157,7 @@ def _witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state
     if face >= 0:
         _bring_to_front(state, face)
         if _on_triangle(state["w"], n, depth, state["weights"]):
-            _witnesses(state, 3, out_pair)
+            witnesses(state, 3, out_pair)
             return
     x, y, z = (depth + parted) * n[0], (depth + parted) * n[1], (depth + parted) * n[2]
     shift_simplex(state, 3, x, y, z)
@@ -161,14 +165,14 @@ def _witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state
         add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], 0, state)
     count = 3 if face >= 0 else 1
     count, _, _, _, _, _, _ = nearest_on_simplex(piece_a, piece_b, vertices, count, state)
-    _witnesses(state, count, out_pair)
+    witnesses(state, count, out_pair)
     point[0], point[1], point[2] = point[0] + x, point[1] + y, point[2] + z
 
 
 @kernel
 def _bring_to_front(state, face):
     """Copy a face's corners to vertices 0 to 2, the lowest first: none is written over before it is read."""
-    start, w, a = state["start"], state["w"], state["a"]
+    start, w, a, corner = state["start"], state["w"], state["a"], state["corner"]
     i, j, k = start[4 * face], start[4 * face + 1], start[4 * face + 2]
     lowest, highest = min(i, j, k), max(i, j, k)
     middle = j if (i < j) != (k < j) else (i if (j < i) != (k < i) else k)
@@ -176,6 +180,8 @@ def _bring_to_front(state, face):
         w[0, c], a[0, c] = w[lowest, c], a[lowest, c]
         w[1, c], a[1, c] = w[middle, c], a[middle, c]
         w[2, c], a[2, c] = w[highest, c], a[highest, c]
+    for c in range(2):
+        corner[0, c], corner[1, c], corner[2, c] = corner[lowest, c], corner[middle, c], corner[highest, c]
 
 
 @kernel

@@ -10,9 +10,9 @@ from reference_impl.conventions import (
     STAGE_COLLISION,
     TOUCH_DISTANCE,
 )
-from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import clock, kernel
 from reference_impl.shapes import place_piece
+from reference_impl.walk import pair_depth
 
 
 @kernel
@@ -41,8 +41,7 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     end, deepest = first, 0.0
     for k in range(first, found):
         pair = pairs[k]
-        _, converged = convex_depth(pieces[pair["piece_a"]], pieces[pair["piece_b"]], vertices, state, pair)
-        if not converged:
+        if not pair_depth(pieces, vertices, state, pair):
             state["counters"][COUNT_UNCONVERGED] += 1
         if pair["distance"] > TOUCH_DISTANCE:
             continue

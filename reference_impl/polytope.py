@@ -36,26 +36,30 @@ NEXT, LAST = 9, 18
 
 
 @kernel
-def deepest_face(piece_a, piece_b, vertices, scale, state):
+def deepest_face(piece_a, piece_b, vertices, known, scale, state):
     """Expand a tetrahedron to the nearest face of the difference.
 
     Args:
+        known: vertices in `state` to start from: 1, the difference's farthest towards B's origin, or 4 of its
+            points.
         scale: size of the pair [m], for tolerances.
-        state: holds the frame, and in vertex 0 the difference's farthest towards B's origin. Takes the unit
-            direction of least reach, `deepest`.
+        state: holds the frame. Takes the unit direction of least reach, `deepest`.
     Returns:
         (face, depth, iterations, converged): the face of least reach, or -1 where that was no face's, and
         that reach [m]: negative as soon as it parts the pieces by NEAR.
     """
     w, n, key = state["w"], state["deepest"], state["key"]
-    count, height = first_tetrahedron(piece_a, piece_b, vertices, scale, state)
+    count, height = first_tetrahedron(piece_a, piece_b, vertices, known, scale, state)
     if count < 4:
         flat_normal(w, count, n)
         reach = add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], count, state)
         return -1, reach, 0, abs(reach) <= STAGNATION * scale
     _close(state, height, scale)
     n[0], n[1], n[2] = inward(state)
-    best, upper = -1, _signed_square(n[0] * w[0, 0] + n[1] * w[0, 1] + n[2] * w[0, 2])
+    reach = n[0] * w[0, 0] + n[1] * w[0, 1] + n[2] * w[0, 2]
+    if known == 4:
+        reach = add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], 4, state)
+    best, upper = -1, _signed_square(reach)
     is_round = state["corner"][0, 0] < 0 or state["corner"][0, 1] < 0
     tolerance = (ROUND_TOLERANCE if is_round else DEPTH_TOLERANCE) * scale
     apart = _signed_square(-NEAR * scale)

@@ -115,3 +115,27 @@ def local_support(piece, vertices, u, v, w):
         scale = 1 / length if length > 0 else 0.0
         return -1, x * size[0] * scale, y * size[1] * scale, z * size[2] * scale
     return 0, 0.0, 0.0, 0.0
+
+
+@kernel
+def local_corner(piece, vertices, corner):
+    """A corner as `support` tells it, piece frame [m]: (x, y, z)."""
+    size = piece["size"]
+    if piece["kind"] == HULL:
+        position = vertices[piece["first_vertex"] + corner]["position"]
+        return position[0], position[1], position[2]
+    if piece["kind"] == BOX or piece["kind"] == CAPSULE:
+        u = size[0] if corner & 1 else -size[0]
+        v = size[1] if corner & 2 else -size[1]
+        return u, v, size[2] if corner & 4 else -size[2]
+    return 0.0, 0.0, 0.0
+
+
+@kernel
+def turned(rotation, u, v, w):
+    """A vector (u, v, w) turned by a rotation matrix: (x, y, z)."""
+    return (
+        rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w,
+        rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w,
+        rotation[2, 0] * u + rotation[2, 1] * v + rotation[2, 2] * w,
+    )

@@ -11,8 +11,8 @@ RING = ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75)))
 
 
 @kernel
-def first_tetrahedron(piece_a, piece_b, vertices, scale, state):
-    """Make vertices 1 to 3 of a tetrahedron with volume, from vertex 0.
+def first_tetrahedron(piece_a, piece_b, vertices, known, scale, state):
+    """Make a tetrahedron with volume from the `known` first 1 or 4 of its vertices.
 
     Returns:
         (count, height): vertices found, fewer than 4 where the difference has no volume, and the fourth's
@@ -23,7 +23,7 @@ def first_tetrahedron(piece_a, piece_b, vertices, scale, state):
     x, y, z = inward(state)
     px, py, pz = _across(x, y, z)
     qx, qy, qz = y * pz - z * py, z * px - x * pz, x * py - y * px
-    for k in range(3):
+    for k in range(3 if known == 1 else 0):
         p, q = RING[k]
         dx, dy, dz = p * px + q * qx, p * py + q * qy, p * pz + q * qz
         add_support(piece_a, piece_b, vertices, dx, dy, dz, k + 1, state)

@@ -15,6 +15,7 @@ from reference_impl.conventions import (
     HOLD_MEMORY,
     STAGES,
     STRIP_LEVELS,
+    WALK_MEMORY,
 )
 
 _VECTOR = ("f8", (3,))
@@ -87,6 +88,7 @@ PIECE = _record(
     cells="u4",  # a hull's table of directions has so many along a side; 0: none
     size=_VECTOR,  # half extents, half axes, or (0, 0, half length)
     radius="f8",  # round a core: of a sphere its centre, of a capsule a segment
+    center=_VECTOR,  # a point well inside the core, piece frame
     position=_VECTOR,  # body frame
     rotation=_MATRIX,
     world_position=_VECTOR,
@@ -184,12 +186,26 @@ CONTACT = _record(
     velocity_a_after=_VECTOR,
     velocity_b_after=_VECTOR,
 )
+WALK = _record(
+    used="i8",  # the last look-up, 0 for never
+    piece_a="i8",
+    piece_b="i8",
+    face="i8",  # of a box that carried the last answer: see walk_memory.remember
+    count="i8",  # vertices of the difference that carried it, as corners of A and B
+    corner=("i8", (3, 2)),
+    # by side: the corner that is the farthest for directions within `cone` (squared, 1) of `toward`
+    best=("i8", (2,)),
+    steady=("i8", (2,)),  # look-ups for which it was
+    toward=("f8", (2, 3)),  # piece frame
+    cone=("f8", (2,)),
+)
 STATE = _record(
     dt="f8",
     gravity=_VECTOR,
     friction="i8",
     flight="i8",
     removal="i8",
+    depth="i8",
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
     pair_count="i8",
@@ -203,6 +219,8 @@ STATE = _record(
     held_pieces=("i8", (HOLD_MEMORY, 2)),
     held_point=("f8", (HOLD_MEMORY, 3)),
     held_force=("f8", (HOLD_MEMORY, 3)),
+    walks=(WALK, (WALK_MEMORY,)),
+    recalls="i8",  # look-ups in `walks` so far
     # scratch of overlap removal, and of impulses: B against A, both surfaces, across the normal
     shift=_VECTOR,
     planes=("f8", (4, 4)),
@@ -230,6 +248,8 @@ STATE = _record(
     open=("u2", (EPA_FACES,)),  # faces to be looked at
     stack=("u2", (EPA_FACES,)),  # half-edges of the flood, and of the horizon
     edge=("u2", (EPA_FACES,)),
+    feature=("i8", (3, 2)),  # corners of A and B that carry the witnesses
+    feature_count="i8",
 )
 MATERIAL_CAPACITY = 8
 """Materials a world may hold: the two tables of `STATE` have this many rows."""
