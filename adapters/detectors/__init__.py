@@ -155,6 +155,7 @@ class Entry:
 REFERENCE = "reference.exact"
 DETECTORS: dict[str, Entry] = {
     REFERENCE: Entry("adapters.detectors.reference:ReferenceDetector", "numba", profile="exact"),
+    "reference.walk": Entry("adapters.detectors.reference:WalkDetector", "numba", profile="exact"),
     "python-fcl": Entry("adapters.detectors.fcl:FclCollide", "fcl", "fcl"),
     "python-fcl.distance": Entry("adapters.detectors.fcl:FclDistance", "fcl", "fcl"),
     "coal": Entry("adapters.detectors.coal:CoalDetector", "coal", "pin"),

@@ -1,4 +1,7 @@
-"""The reference's `convex_depth` as a detector: a batch of pairs in one compiled call, timed inside it."""
+"""The reference as detectors: exact depth, and depth walked from a pose nearby.
+
+A batch of pairs is asked in one compiled call and clocked inside it.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from adapters.detectors import UNCONVERGED, Answers, Failure, Pair
 from adapters.engine import Array, Scalar
@@ -14,7 +18,13 @@ from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import clock, kernel
 from reference_impl.shapes import place_piece
+from reference_impl.walk import walk
+from reference_impl.walk_memory import recall
 from reference_impl.world import BODY, PAIR, STATE
+
+FRAME_STEP = 0.01
+"""How far B was in the frame before, over the smaller piece's size [1], and how much turned [rad]: half a
+millimetre for a part of the hand."""
 
 
 @kernel
@@ -25,6 +35,22 @@ def depth_batch(pieces, vertices, state, out_pairs, out_converged, out_seconds):
         _, converged = convex_depth(pieces[2 * k], pieces[2 * k + 1], vertices, state[0], out_pairs[k])
         out_seconds[k] = clock(state[0]["clock"]) - start
         out_converged[k] = converged
+
+
+@kernel
+def walk_batch(  # type: ignore[no-untyped-def]
+    pieces, before, vertices, state, out_pairs, out_converged, out_seconds
+):
+    """As `depth_batch`, walked from the answer for the pieces of `before`, which is not timed."""
+    for k in range(len(out_pairs)):
+        a, b = 2 * k, 2 * k + 1
+        walk(before[a], before[b], vertices, state[0], recall(state[0], a, b), out_pairs[k])
+        start = clock(state[0]["clock"])
+        _, converged, certified = walk(
+            pieces[a], pieces[b], vertices, state[0], recall(state[0], a, b), out_pairs[k]
+        )
+        out_seconds[k] = clock(state[0]["clock"]) - start
+        out_converged[k] = converged and certified
 
 
 class ReferenceDetector:
@@ -45,17 +71,32 @@ class ReferenceDetector:
         }
 
 
+class WalkDetector(ReferenceDetector):
+    """The same answers by `walk`, from those of a frame before."""
+
+    def prepare(self, pairs: Sequence[Pair]) -> ReferenceBatch:
+        """Lay pairs out as the kernel's arrays, twice."""
+        return WalkBatch(pairs)
+
+    def describe(self) -> Mapping[str, Scalar]:
+        """As exact depth, and how far away the frame before is."""
+        return {**super().describe(), "walk_gap": conventions.WALK_GAP, "frame_step": FRAME_STEP}
+
+
 class ReferenceBatch:
     """Pieces in the kernel's arrays; `ask` is one compiled call."""
 
     def __init__(self, pairs: Sequence[Pair]) -> None:
         self._pieces, self._vertices = piece_arrays([(0, piece) for pair in pairs for piece in pair])
-        still = np.zeros(1, BODY)
-        still["rotation"] = np.eye(3)
-        for row in self._pieces:
-            place_piece(row, still[0], self._vertices, 0.0)
+        self._place(self._pieces)
         self._state, self._pairs = np.zeros(1, STATE), np.zeros(len(pairs), PAIR)
         self._converged = np.zeros(len(pairs), dtype=bool)
+
+    def _place(self, pieces: Array) -> None:
+        still = np.zeros(1, BODY)
+        still["rotation"] = np.eye(3)
+        for row in pieces:
+            place_piece(row, still[0], self._vertices, 0.0)
 
     def ask(self) -> Array:
         """Seconds of each query, clocked inside the one compiled call."""
@@ -73,3 +114,27 @@ class ReferenceBatch:
 
     def close(self) -> None:
         """Nothing to free."""
+
+
+class WalkBatch(ReferenceBatch):
+    """The pieces as they are, and as they were in the frame before."""
+
+    def __init__(self, pairs: Sequence[Pair]) -> None:
+        super().__init__(pairs)
+        self._state["depth"] = conventions.DEPTH_CERTIFIED
+        self._before = self._pieces.copy()
+        sizes = (self._pieces["high"] - self._pieces["low"]).max(axis=1).reshape(-1, 2).min(axis=1)
+        moved = self._before[1::2]
+        moved["position"] += FRAME_STEP * sizes[:, None] / np.sqrt(3)
+        moved["rotation"] = (
+            Rotation.from_rotvec(FRAME_STEP / np.sqrt(3) * np.ones(3)).as_matrix() @ moved["rotation"]
+        )
+        self._place(self._before)
+
+    def ask(self) -> Array:
+        """Seconds of each query at the pieces' poses, straight after the one at the poses before."""
+        seconds = np.zeros(len(self._pairs))
+        walk_batch(
+            self._pieces, self._before, self._vertices, self._state, self._pairs, self._converged, seconds
+        )
+        return seconds

@@ -32,6 +32,7 @@ ABOVE = Piece("b", Box((0.4, 0.3, 0.6)), (0.1, 0.05, 1.1 + GAP))
 UP = (0.0, 0.0, 1.0)
 ACCURACY = {
     REFERENCE: 1e-14,
+    "reference.walk": 1e-14,
     "bullet.tight": 1e-5,  # its GJK's default tolerances, once boxes have no margin
 }
 """Error of the depth of two boxes of 1 m [m]."""
