@@ -5,6 +5,8 @@ unused for longest. A record speaks of corners and of directions in the pieces' 
 grow old, but never wrong: what it proposes is proved at the poses of the day.
 """
 
+import numpy as np
+
 from reference_impl.conventions import ACROSS, BOX, HULL, STEADY, WALK_BUCKETS, WALK_WAYS
 from reference_impl.kernel import kernel
 from reference_impl.shapes import local_corner, local_support, turned
@@ -70,7 +72,7 @@ def _watch(piece, vertices, memory, side, corner, u, v, w):
     x, y, z = local_corner(piece, vertices, corner)
     # squared sine of the angle that the direction may turn by: the least over all edges from the corner
     least = 1.0
-    for k in range(piece["vertex_count"]):
+    for k in range(np.int64(piece["vertex_count"])):
         p, q, r = local_corner(piece, vertices, k)
         p, q, r = x - p, y - q, z - r
         sine = max(u * p + v * q + w * r, 0.0) ** 2 / max(p * p + q * q + r * r, SHORT)
