@@ -24,7 +24,7 @@ from reference_impl.conventions import (
     STAGNATION,
 )
 from reference_impl.kernel import inlined_kernel, kernel
-from reference_impl.simplex import add_support, inward, repeats, triangle_normal
+from reference_impl.simplex import add_support, inline_support, inward, repeats, triangle_normal
 from reference_impl.tetrahedron import first_tetrahedron, flat_normal
 
 DEAD = inf
@@ -70,7 +70,7 @@ def deepest_face(piece_a, piece_b, vertices, known, scale, state):
         if waiting < 0:
             break
         x, y, z = state["normal"][f, 0], state["normal"][f, 1], state["normal"][f, 2]
-        reach = add_support(piece_a, piece_b, vertices, x, y, z, vertex, state)
+        reach = inline_support(piece_a, piece_b, vertices, x, y, z, vertex, state)
         # every reach bounds the depth from above
         square = x * x + y * y + z * z
         if _signed_square(reach) < upper * square:
