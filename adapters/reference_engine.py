@@ -27,18 +27,21 @@ BUNDLES: dict[str, dict[str, int]] = {
     "paper": {
         "friction": conventions.FRICTION_PAPER,
         "flight": conventions.FLIGHT_EULER,
+        "detection": conventions.DETECTION_DISCRETE,
         "removal": conventions.REMOVAL_EQ1,
         "depth": conventions.DEPTH_WALK,
     },
     "balanced": {
         "friction": conventions.FRICTION_COULOMB,
         "flight": conventions.FLIGHT_BALLISTIC,
+        "detection": conventions.DETECTION_DISCRETE,
         "removal": conventions.REMOVAL_EQ1,
         "depth": conventions.DEPTH_CERTIFIED,
     },
     "accurate": {
         "friction": conventions.FRICTION_COULOMB,
         "flight": conventions.FLIGHT_BALLISTIC,
+        "detection": conventions.DETECTION_SWEEP,
         "removal": conventions.REMOVAL_LEAST_MOTION,
         "depth": conventions.DEPTH_CERTIFIED,
     },
@@ -162,7 +165,7 @@ class _World:
             "flight": "semi-implicit" if self._state["flight"] == conventions.FLIGHT_EULER else "ballistic",
             "depth": ("walk", "certified walk", "exact")[int(self._state["depth"])],
             "global depth": "Eq. 1" if self._state["removal"] == conventions.REMOVAL_EQ1 else "least motion",
-            "detection": "discrete",
+            "detection": ("sweep" if self._state["detection"] == conventions.DETECTION_SWEEP else "discrete"),
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
         }

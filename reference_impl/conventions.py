@@ -11,7 +11,9 @@ SPHERE, BOX, ELLIPSOID, HULL, CAPSULE = 0, 1, 2, 3, 4
 FRICTION_PAPER, FRICTION_COULOMB = 0, 1
 """Eq. 10 as printed (always mu j), or at most what stops the sliding."""
 FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
-"""Semi-implicit Euler, or exact for constant forces."""
+"""Semi-implicit Euler, or exact: for constant forces, and for free rotation."""
+DETECTION_DISCRETE, DETECTION_SWEEP = 0, 1
+"""Overlap is looked for at the end of a substep, or impacts all along it."""
 REMOVAL_EQ1, REMOVAL_LEAST_MOTION = 0, 1
 """Translation out of overlap by Eq. 1, or the smallest that meets all depths."""
 DEPTH_WALK, DEPTH_CERTIFIED, DEPTH_EXACT = 0, 1, 2
@@ -143,6 +145,8 @@ IMPULSE_CAP = 200
 """Impulses of one event."""
 LANDING_DEPTH = 1e-7
 """Sinking of a touching pair at which one more of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
+SINKING_SLACK = 2.5e-7
+"""Accepted deviation from OVERLAP_TOLERANCE where a sweep looks for a touching pair that sinks [m]."""
 LANDING_CAP = 32
 """Events of one frame after which touching pairs are left to sink: half of EVENT_CAP."""
 PATCH_HEIGHT = 4e-6
@@ -152,6 +156,8 @@ PATCH_VERTICES = 64
 """Vertices of a face that count in a patch."""
 EVENT_CAP = 64
 """Events of one frame."""
+MARK_TABLE = 16384
+"""Places of the hash table of touching pairs, a power of two; rows of `pairs` fill a quarter."""
 HOLD_MEMORY = 256
 """Points of patches whose forces the next hold starts from."""
 HOLD_SWEEPS = 200
@@ -159,6 +165,24 @@ HOLD_RESIDUAL = 1e-12
 """Sweeps over held contacts, and the change of velocity that ends them [m/s]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
+
+# free rotation
+SPIN_STEP = 0.4
+"""Turn that one step of the series covers [rad]: 13 to 25 terms; the cost hardly depends on it."""
+SPIN_TERMS = 28
+"""Room for the coefficients of a step."""
+SPIN_ROUNDING = 1e-17
+"""Size of a term, over the whole, that ends the series [1]: a tenth of a rounding."""
+STEADY_SPIN = 1e-15
+"""Sine of the angle between angular momentum and velocity below which the axis stays [1]: a few roundings."""
+SPIN_STEPS = 10_000
+"""Steps of one substep beyond which a spin is left about its axis: 240,000 rad/s at 60 frames per second."""
+
+# sweep (time of impact)
+SWEEP_CAP = 500
+"""Advances of one sweep; 3 are usual for a bullet, 6 to 50 for a spin of several radians."""
+LEAP_CUT = 0.5
+"""Factor between the leaps tried [1]; a trial takes one support of each piece, not a whole distance."""
 
 # virtual coupling (method, section 5)
 NEAR_CRITICAL = 1e-5

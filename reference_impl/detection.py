@@ -6,11 +6,13 @@ from reference_impl.conventions import (
     COUNT_LOST,
     COUNT_PAIRS,
     COUNT_UNCONVERGED,
+    MARK_TABLE,
     OVERLAP_TOLERANCE,
     STAGE_COLLISION,
     TOUCH_DISTANCE,
 )
 from reference_impl.kernel import clock, kernel
+from reference_impl.motion import swept_box
 from reference_impl.shapes import place_piece
 from reference_impl.walk import pair_depth
 
@@ -56,6 +58,48 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     state["counters"][COUNT_CONTACTS] += end - first
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
+
+
+@kernel
+def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
+    """Pairs whose boxes meet somewhere on the ways of bodies of `kind`, from `pairs[first]` on.
+
+    Leaves the pieces of `kind` at the start, in their swept boxes; returns the index after the last pair.
+    """
+    for k in range(len(pieces)):
+        body = bodies[pieces[k]["body"]]
+        if body["kind"] == kind:
+            swept_box(pieces[k], body, vertices, TOUCH_DISTANCE)
+    end, lost = find_pairs(pieces, kind, first, pairs, state)
+    state["counters"][COUNT_LOST] += lost
+    state["counters"][COUNT_PAIRS] += end - first
+    return end
+
+
+@kernel
+def mark_pairs(pairs, count, state):
+    """Mark `pairs[:count]`, and no others, for `is_marked`."""
+    state["mark"] += 1
+    for k in range(count):
+        place = _place_of(state, pairs[k])
+        state["marked"][place, 0], state["marked"][place, 1] = pairs[k]["piece_a"], pairs[k]["piece_b"]
+        state["marked"][place, 2] = state["mark"]
+
+
+@kernel
+def is_marked(state, pair):
+    """Whether `mark_pairs` was last given a pair of the same two pieces."""
+    return state["marked"][_place_of(state, pair), 2] == state["mark"]
+
+
+@kernel
+def _place_of(state, pair):
+    """Place of a pair in the table, or the free one where it belongs (Knuth 1973: linear probing)."""
+    a, b, table = pair["piece_a"], pair["piece_b"], state["marked"]
+    place = (a * 7919 + b) % MARK_TABLE
+    while table[place, 2] == state["mark"] and (table[place, 0] != a or table[place, 1] != b):
+        place = (place + 1) % MARK_TABLE
+    return place
 
 
 @kernel

@@ -1,89 +1,99 @@
-"""The earliest impact of a substep whose end overlaps (the discrete profile of section 5)."""
+"""The earliest impact of a substep: by sweeps, or among the pairs that overlap at its end (section 5)."""
 
 from reference_impl.contact_patch import is_polyhedral
 from reference_impl.conventions import (
     COUNT_EVENTS,
+    COUNT_UNCONVERGED,
+    DETECTION_SWEEP,
     IMPACT_SLACK,
     IMPACT_STEPS,
     IMPACT_TARGET,
     LANDING_CAP,
     LANDING_DEPTH,
     OVERLAP_TOLERANCE,
-    SIMULATED,
+    SINKING_SLACK,
 )
-from reference_impl.convex_depth import convex_depth
-from reference_impl.detection import place_pieces
-from reference_impl.integrate import pose_at
+from reference_impl.detection import is_marked
 from reference_impl.kernel import kernel
+from reference_impl.sweep import distance_at, sweep
 
 
 @kernel
-def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state, h):
+def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
     """Fraction of the substep at which the first new contact closes to IMPACT_TARGET, or the first touching
-    pair of polyhedra sinks by LANDING_DEPTH: one more of its points has landed.
+    pair sinks: one more of its points has landed.
 
     Args:
-        pairs: `pairs[:touching]` touched at the start and are held; `pairs[touching:end]` touch or overlap
-            at the end.
-        h: length of the substep [s].
+        pairs: marked pairs (`mark_pairs`) touched at the start and are held. `pairs[touching:end]` are looked
+            at: those that touch or overlap at the end, or with DETECTION_SWEEP all whose swept boxes meet.
     Returns:
         (fraction, drifted): 1 where there is no new contact; whether a held contact may overlap
-        there. Bodies are left posed at that fraction.
+        there. Bodies are left posed somewhere.
     """
     first, drifted = 1.0, False
+    sweeps = state["detection"] == DETECTION_SWEEP
     for k in range(touching, end):
         pair = pairs[k]
-        if pair["distance"] >= -OVERLAP_TOLERANCE:
+        if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
             continue
-        target, slack = IMPACT_TARGET, IMPACT_SLACK
-        if _touched(pairs, touching, pair):
-            # only a polyhedron may land with one more point; what keeps sinking has used up its events
-            patient = state["counters"][COUNT_EVENTS] < LANDING_CAP
-            if not (patient and is_polyhedral(pieces[pair["piece_a"]], pieces[pair["piece_b"]])):
-                drifted = True
-                continue
-            target, slack = (
-                _gap(bodies, pieces, vertices, pair, state, h, 0.0, LANDING_DEPTH),
-                LANDING_DEPTH / 2,
-            )
-            drifted = drifted or target < -OVERLAP_TOLERANCE
-        # a pair that is clear at the earliest impact so far comes later
-        if first < 1.0 and _gap(bodies, pieces, vertices, pair, state, h, first, target) >= 0:
-            continue
-        first = _closing(bodies, pieces, vertices, pair, state, h, first, target, slack)
-    pose_at(bodies, h, first, state["flight"])
+        if is_marked(state, pair):
+            fraction, sank = _sinking(bodies, pieces, vertices, pair, state, first, sweeps)
+            first, drifted = min(first, fraction), drifted or sank
+        elif sweeps:
+            first = _swept(bodies, pieces, vertices, pair, state, first, IMPACT_TARGET, IMPACT_SLACK)
+        else:
+            first = _closing(bodies, pieces, vertices, pair, state, first, IMPACT_TARGET, IMPACT_SLACK)
     return first, drifted
 
 
 @kernel
-def _touched(pairs, touching, pair):
-    for k in range(touching):
-        if pairs[k]["piece_a"] == pair["piece_a"] and pairs[k]["piece_b"] == pair["piece_b"]:
-            return True
-    return False
+def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
+    """Fraction, at most `first`, at which a held pair has sunk enough for another look at its contact.
+
+    Returns:
+        (fraction, drifted): whether it may overlap there.
+    """
+    start = distance_at(bodies, pieces, vertices, pair, state, 0.0)
+    polyhedral = is_polyhedral(pieces[pair["piece_a"]], pieces[pair["piece_b"]])
+    late = first
+    if sweeps:
+        target = min(start, 0.0) - OVERLAP_TOLERANCE
+        late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
+        if late == first:
+            return first, False
+    # what keeps sinking has used up its events; at the end alone, only a polyhedron may have more to land
+    if state["counters"][COUNT_EVENTS] >= LANDING_CAP or not (polyhedral or sweeps):
+        return first, True
+    if polyhedral:
+        target = start - LANDING_DEPTH
+        late = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
+    return late, target < -OVERLAP_TOLERANCE
 
 
 @kernel
-def _gap(bodies, pieces, vertices, pair, state, h, s, target):
-    """Distance of a pair at fraction s, above `target` [m]."""
-    pose_at(bodies, h, s, state["flight"])
-    place_pieces(bodies, pieces, vertices, SIMULATED)
-    convex_depth(pieces[pair["piece_a"]], pieces[pair["piece_b"]], vertices, state, pair)
-    return pair["distance"] - target
+def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
+    """Fraction at which a pair comes down to `target`, at most `until`; an earlier one, counted, where the
+    sweep did not get so far."""
+    fraction, _, converged = sweep(bodies, pieces, vertices, pair, state, 0.0, until, target, slack)
+    if not converged:
+        state["counters"][COUNT_UNCONVERGED] += 1
+    return fraction
 
 
 @kernel
-def _closing(bodies, pieces, vertices, pair, state, h, late, target, slack):
-    """Root of the gap between 0 and `late`, to `slack`, by the Illinois rule: a secant that cannot leave its
-    bracket."""
-    early, gap_early = 0.0, _gap(bodies, pieces, vertices, pair, state, h, 0.0, target)
-    gap_late = _gap(bodies, pieces, vertices, pair, state, h, late, target)
+def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
+    """Fraction at which a pair comes down to `target`, to `slack`: `late` where it is clear then, else the
+    root before by the Illinois rule, a secant that cannot leave its bracket."""
+    gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
+    if gap_late >= 0:
+        return late
+    early, gap_early = 0.0, distance_at(bodies, pieces, vertices, pair, state, 0.0) - target
     if gap_early <= 0:
         return 0.0
     side = 0
     for _ in range(IMPACT_STEPS):
         s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
-        gap = _gap(bodies, pieces, vertices, pair, state, h, s, target)
+        gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
         if abs(gap) <= slack:
             return s
         if gap > 0:

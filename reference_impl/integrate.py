@@ -1,24 +1,11 @@
-"""Motion of simulated bodies between contacts: forces, and poses at any fraction of a substep."""
+"""Velocities and poses of simulated bodies over a substep."""
 
-from reference_impl.conventions import FLIGHT_EULER, SIMULATED
+from reference_impl.conventions import SIMULATED
+from reference_impl.free_rotation import free_omega, refresh_inertia, rotate_freely
 from reference_impl.kernel import kernel
-from reference_impl.rotation import (
-    conjugate_by,
-    copy_quaternion,
-    copy_vector,
-    invert_symmetric,
-    matrix_of,
-    rotate,
-    turn,
-)
+from reference_impl.motion import flight_motion, pose_along
+from reference_impl.rotation import copy_quaternion, copy_vector
 from reference_impl.skeleton import move_links
-
-
-@kernel
-def refresh_inertia(body):
-    """World inverse inertia of a simulated body from its orientation."""
-    conjugate_by(body["rotation"], body["inertia"], body["scratch"])
-    invert_symmetric(body["scratch"], body["inverse_inertia"])
 
 
 @kernel
@@ -38,63 +25,36 @@ def begin_substep(bodies, drivers):
 
 @kernel
 def apply_forces(bodies, gravity, h):
-    """Velocities after a time h of gravity and free spin."""
+    """Velocities after a time h of gravity and free rotation, and the inertia as it is turned then."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
-            _free_spin(body, h)
+            rotate_freely(body, h)
 
 
 @kernel
-def _free_spin(body, h):
-    """Angular velocity after torque-free rotation: angular momentum is kept, midpoint rule in orientation."""
-    inertia, omega = body["inertia"], body["omega"]
-    if (
-        inertia[0, 0] == inertia[1, 1] == inertia[2, 2]
-        and inertia[0, 1] == inertia[0, 2] == inertia[1, 2] == 0
-    ):
-        return
-    momentum, rate = body["momentum"], body["spin"]
-    conjugate_by(body["rotation"], inertia, body["scratch"])
-    rotate(body["scratch"], omega, momentum)
-    copy_vector(omega, rate)
-    for step in range(2):
-        half = h if step else h / 2
-        turn(body["old_orientation"], rate[0] * half, rate[1] * half, rate[2] * half, body["orientation"])
-        matrix_of(body["orientation"], body["rotation"])
-        refresh_inertia(body)
-        rotate(body["inverse_inertia"], momentum, rate)
-    copy_vector(rate, omega)
+def set_ways(bodies, pairs, held, h, flight):
+    """How simulated bodies move over a substep of length h, from their old velocities to their new ones.
 
-
-@kernel
-def pose_at(bodies, h, s, flight):
-    """Pose simulated bodies at fraction s of a substep of length h, under the constant acceleration that
-    leads from their old velocities to their new ones (FLIGHT_EULER: with the new velocities)."""
-    t = s * h
+    What the contacts `pairs[:held]` push on does not rotate freely.
+    """
+    for k in range(held):
+        p = pairs[k]["held"]
+        if p[0] != 0 or p[1] != 0 or p[2] != 0:
+            bodies[pairs[k]["body_a"]]["spin_steps"] = bodies[pairs[k]["body_b"]]["spin_steps"] = 0
     for b in range(len(bodies)):
-        body = bodies[b]
-        if body["kind"] != SIMULATED:
-            continue
-        old = 0.0 if flight == FLIGHT_EULER else t * (1 - s / 2)
-        new = t - old
-        v0, v1, w0, w1 = body["old_velocity"], body["velocity"], body["old_omega"], body["omega"]
-        for i in range(3):
-            body["center"][i] = body["old_center"][i] + old * v0[i] + new * v1[i]
-        x, y, z = old * w0[0] + new * w1[0], old * w0[1] + new * w1[1], old * w0[2] + new * w1[2]
-        turn(body["old_orientation"], x, y, z, body["orientation"])
-        _place_at_center(body)
+        if bodies[b]["kind"] == SIMULATED:
+            flight_motion(bodies[b], h, flight)
 
 
 @kernel
-def _place_at_center(body):
-    """Rotation matrix and origin from orientation and centre of mass."""
-    matrix_of(body["orientation"], body["rotation"])
-    rotate(body["rotation"], body["center_of_mass"], body["position"])
-    for i in range(3):
-        body["position"][i] = body["center"][i] - body["position"][i]
+def pose_at(bodies, s):
+    """Pose simulated bodies at fraction s of their ways."""
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED:
+            pose_along(bodies[b], s)
 
 
 @kernel
@@ -108,8 +68,11 @@ def end_substep(bodies, joints, drivers, s):
         if body["kind"] != SIMULATED:
             continue
         _blend(body["old_velocity"], s, body["velocity"])
-        _blend(body["old_omega"], s, body["omega"])
-        refresh_inertia(body)
+        if body["spin_steps"] > 0:
+            free_omega(body, body["omega"])
+        else:
+            _blend(body["old_omega"], s, body["omega"])
+            refresh_inertia(body)
     for d in range(len(drivers)):
         if s < 1:
             _blend(drivers[d]["old_velocity"], s, drivers[d]["velocity"])

@@ -6,6 +6,7 @@ from reference_impl.conventions import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
     COUNT_UNCONVERGED,
+    DETECTION_SWEEP,
     DRIVEN,
     EVENT_CAP,
     FIXED,
@@ -17,12 +18,13 @@ from reference_impl.conventions import (
     STAGE_REMOVAL,
     TIME_MIN,
 )
-from reference_impl.detection import detect, is_free, place_pieces
+from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_pieces
+from reference_impl.free_rotation import refresh_inertia
 from reference_impl.global_depth import global_depth
 from reference_impl.hold import begin_hold, hold_contacts
 from reference_impl.impact import resolve_impacts
 from reference_impl.impact_time import earliest_impact
-from reference_impl.integrate import apply_forces, begin_substep, end_substep, pose_at, refresh_inertia
+from reference_impl.integrate import apply_forces, begin_substep, end_substep, pose_at, set_ways
 from reference_impl.kernel import clock, kernel
 from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
 from reference_impl.rotation import invert_symmetric
@@ -112,16 +114,11 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         first_held = state["contact_count"]
         if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, left):
             state["counters"][COUNT_UNCONVERGED] += 1
-        resolved = clock(state["clock"])
-        pose_at(bodies, left, 1.0, state["flight"])
-        posed = clock(state["clock"])
-        state["stage_seconds"][STAGE_IMPULSES] += resolved - start
-        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
-        detected = clock(state["clock"])
-        fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state, left)
+        state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
+        set_ways(bodies, pairs, touching, left, state["flight"])
+        fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, state)
         end_substep(bodies, joints, drivers, fraction)
         cut_holds(contacts, first_held, state["contact_count"], fraction)
-        state["stage_seconds"][STAGE_INTEGRATION] += posed - resolved + clock(state["clock"]) - detected
         if drifted:
             part_simulated(bodies, pieces, vertices, pairs, state)
         left *= 1 - fraction
@@ -131,3 +128,24 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
     if left > TIME_MIN:
         state["counters"][COUNT_GAVE_UP] += 1
         place_pieces(bodies, pieces, vertices, SIMULATED)
+
+
+@kernel
+def _advance(bodies, pieces, vertices, pairs, touching, state):
+    """Pose simulated bodies at the earliest impact of the substep, or at its end.
+
+    Returns:
+        (fraction, drifted) of `earliest_impact`.
+    """
+    start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
+    mark_pairs(pairs, touching, state)
+    if state["detection"] == DETECTION_SWEEP:
+        end = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
+    else:
+        pose_at(bodies, 1.0)
+        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
+    fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state)
+    pose_at(bodies, fraction)
+    collision -= state["stage_seconds"][STAGE_COLLISION]
+    state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start + collision
+    return fraction, drifted

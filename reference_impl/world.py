@@ -13,6 +13,8 @@ from reference_impl.conventions import (
     EPA_FACES,
     EPA_VERTICES,
     HOLD_MEMORY,
+    MARK_TABLE,
+    SPIN_TERMS,
     STAGES,
     STRIP_LEVELS,
     WALK_MEMORY,
@@ -48,8 +50,24 @@ BODY = _record(
     old_orientation=_QUATERNION,
     old_velocity=_VECTOR,
     old_omega=_VECTOR,
-    momentum=_VECTOR,  # scratch of the free spin
-    spin=_VECTOR,
+    # its way over a substep (`motion`)
+    moves="i8",  # 0: it stays, whatever is written below
+    travel=_VECTOR,  # of the centre of mass: at fraction s, s travel + s^2 travel_bend [m]
+    travel_bend=_VECTOR,
+    turn=_VECTOR,  # world rotation vector [rad]
+    turn_bend=_VECTOR,
+    spin_steps="i8",  # steps of the free rotation; 0: it turns by the rotation vector
+    spin_step="i8",  # the one that is expanded
+    spin_span="f8",  # of a step [s]
+    spin_start=_QUATERNION,  # orientation at its start
+    spin_terms="i8",
+    turn_series=("f8", (SPIN_TERMS, 4)),  # quaternion turned since then
+    momentum_series=("f8", (SPIN_TERMS, 3)),  # body axes
+    omega_series=("f8", (SPIN_TERMS, 3)),
+    spin_rate=_VECTOR,  # angular velocity where it was last posed [rad/s]
+    spin_most="f8",  # bound on |omega| [rad per substep]
+    spin_bend="f8",  # bound on |omega'| [rad per substep^2]
+    momentum=_VECTOR,  # angular, about the centre of mass, world
     scratch=_MATRIX,
 )
 SLOT = _record(
@@ -204,6 +222,7 @@ STATE = _record(
     gravity=_VECTOR,
     friction="i8",
     flight="i8",
+    detection="i8",
     removal="i8",
     depth="i8",
     restitution=("f8", (8, 8)),  # per pair of materials
@@ -213,7 +232,10 @@ STATE = _record(
     stage_seconds=("f8", (len(STAGES),)),
     counters=("i8", (len(COUNTERS),)),
     clock=("i8", (2,)),
+    # hash table of touching pairs: their two pieces, and the mark that was current then
     groups=(GROUP, (3,)),  # of the broad phase: pieces of fixed, simulated and driven bodies
+    mark="i8",
+    marked=("i8", (MARK_TABLE, 3)),
     # points of patches that were held last: the next hold starts from their forces [N]
     held_count="i8",
     held_pieces=("i8", (HOLD_MEMORY, 2)),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from scenarios.scenario import ORIGIN
 
@@ -38,23 +40,74 @@ def test_a_flying_ball_turns_at_its_spin(lab: SimpleNamespace) -> None:
     assert abs(world.bodies["orientation"][0, 0]) == pytest.approx(abs(np.cos(13 / 2)), abs=1e-13)
 
 
-def test_a_tumbling_box_nearly_keeps_its_angular_momentum(lab: SimpleNamespace) -> None:
-    """Lose less than 1e-3 of L and of the energy in a second; the error falls with the square of the step."""
-    errors = []
-    for dt in (1 / 60, 1 / 120):
-        box = lab.block("box", (0.3, 0.2, 0.1), (0.0, 0.0, 0.0), angular_velocity=(0.2, 3.0, 0.1))
-        world = lab.build(lab.scene(box, gravity=ORIGIN), dt=dt)
-        body = world.bodies[0]
+def axes(*moments: float, turned: Rotation | None = None) -> np.ndarray:
+    """An inertia with these principal moments."""
+    m = (turned or Rotation.identity()).as_matrix()
+    inertia = m @ np.diag(moments) @ m.T
+    return (inertia + inertia.T) / 2
 
-        def state(body=body):
-            inertia = body["rotation"] @ body["inertia"] @ body["rotation"].T
-            momentum = inertia @ body["omega"]
-            return momentum.copy(), body["omega"] @ momentum / 2
 
-        momentum, energy = state()
-        lab.play(world, round(1 / dt))
-        later, left = state()
-        errors.append(np.linalg.norm(later - momentum) / np.linalg.norm(momentum))
-        assert left == pytest.approx(energy, rel=1e-3)
-    assert errors[0] < 1e-3
-    assert errors[1] < errors[0] / 3
+SKEW = Rotation.from_rotvec([0.4, -0.9, 0.2])
+TUMBLERS = {
+    "stable axis": (axes(0.02, 0.03, 0.04), (0.1, 0.2, 15.0)),
+    "unstable axis": (axes(0.02, 0.03, 0.04), (1e-3, 15.0, 1e-3)),
+    "any axis": (axes(0.02, 0.03, 0.04), (12.0, -9.0, 13.0)),
+    "nearly symmetric": (axes(0.02, 0.02 * (1 + 1e-9), 0.035), (8.0, 9.0, -10.0)),
+    "nearly spherical": (axes(0.02, 0.02 * (1 + 1e-9), 0.02 * (1 - 1e-9)), (8.0, 9.0, -10.0)),
+    "off-diagonal": (axes(0.02, 0.033, 0.045, turned=SKEW), (10.0, -14.0, 7.0)),
+    "needle": (axes(1e-4, 0.03, 0.03005), (20.0, 3.0, -4.0)),
+}
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+@pytest.mark.parametrize("tumbler", TUMBLERS)
+def test_ten_seconds_of_tumbling(lab: SimpleNamespace, tumbler: str, profile: str) -> None:
+    """Keep momentum and path to 1e-12 and energy to 1e-9 over 600 frames, off the centre of mass."""
+    inertia, omega = TUMBLERS[tumbler]
+    offset, velocity = np.array([0.02, -0.03, 0.01]), np.array([1.0, -2.0, 3.0])
+    box = lab.block(
+        "box",
+        (0.2, 0.15, 0.1),
+        (0.0, 0.0, 0.0),
+        angular_velocity=omega,
+        linear_velocity=tuple(velocity),
+        center_of_mass=tuple(offset),
+    )
+    box = dataclasses.replace(box, inertia=tuple(map(tuple, inertia.tolist())))
+    world = lab.build(lab.scene(box, gravity=ORIGIN), profile)
+    body = world.bodies[0]
+
+    def state() -> tuple[np.ndarray, float]:
+        momentum = body["rotation"] @ inertia @ body["rotation"].T @ body["omega"]
+        return momentum, body["omega"] @ momentum + velocity @ velocity
+
+    momentum, energy = state()
+    lab.play(world, 600)
+    later, left = state()
+    # 600 frames of roundings, here a few 1e-16 each
+    assert np.linalg.norm(later - momentum) <= 1e-12 * np.linalg.norm(momentum)
+    assert left == pytest.approx(energy, rel=1e-9)
+    np.testing.assert_allclose(body["center"], offset + 10 * velocity, rtol=1e-12)
+    np.testing.assert_array_equal(body["velocity"], velocity)
+
+
+def slope(errors: list[float]) -> float:
+    """Order of convergence of errors at halved steps."""
+    return float(np.log2(errors[0] / errors[-1]) / (len(errors) - 1))
+
+
+@pytest.mark.parametrize("what", ["position", "rotation"])
+def test_eulers_flight_is_of_first_order(lab: SimpleNamespace, what: str) -> None:
+    """Halve the error with the step; the exact flight has none to halve."""
+    inertia, omega = axes(0.02, 0.03, 0.04), (1.0, -2.0, 3.0)
+    box = lab.block("box", (0.2, 0.15, 0.1), (0.0, 0.0, 5.0), angular_velocity=omega)
+    box = dataclasses.replace(box, inertia=tuple(map(tuple, inertia.tolist())))
+    ends = {}
+    for profile, rates in (("balanced", (60, 240)), ("paper", (60, 120, 240))):
+        for rate in rates:
+            world = lab.build(lab.scene(box), profile, dt=1 / rate)
+            lab.play(world, rate)
+            ends[profile, rate] = (world.bodies[0]["position" if what == "position" else "rotation"]).copy()
+    np.testing.assert_allclose(ends["balanced", 60], ends["balanced", 240], atol=1e-12)
+    errors = [float(np.linalg.norm(ends["paper", rate] - ends["balanced", 60])) for rate in (60, 120, 240)]
+    assert slope(errors) == pytest.approx(1, abs=0.1)
