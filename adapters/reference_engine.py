@@ -30,6 +30,7 @@ BUNDLES: dict[str, dict[str, int]] = {
         "detection": conventions.DETECTION_DISCRETE,
         "removal": conventions.REMOVAL_EQ1,
         "depth": conventions.DEPTH_WALK,
+        "event_rows": 512,
     },
     "balanced": {
         "friction": conventions.FRICTION_COULOMB,
@@ -37,6 +38,7 @@ BUNDLES: dict[str, dict[str, int]] = {
         "detection": conventions.DETECTION_DISCRETE,
         "removal": conventions.REMOVAL_EQ1,
         "depth": conventions.DEPTH_CERTIFIED,
+        "event_rows": 512,
     },
     "accurate": {
         "friction": conventions.FRICTION_COULOMB,
@@ -44,6 +46,7 @@ BUNDLES: dict[str, dict[str, int]] = {
         "detection": conventions.DETECTION_SWEEP,
         "removal": conventions.REMOVAL_LEAST_MOTION,
         "depth": conventions.DEPTH_CERTIFIED,
+        "event_rows": 16384,
     },
 }
 """What each profile sets (method, section 6), nothing more."""

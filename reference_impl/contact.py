@@ -34,9 +34,9 @@ def contact_point(pair, out_point):
 
 @kernel
 def approach_speed(bodies, pair, state):
-    """Contact point and approach speed of a pair."""
+    """Contact point of a pair, and its approach speed beyond that at which it may close."""
     contact_point(pair, pair["point"])
-    pair["key"] = -relative_velocity(bodies, pair, state)
+    pair["key"] = -relative_velocity(bodies, pair, state) - pair["close"]
 
 
 @kernel

@@ -84,7 +84,7 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
         x, y = points[k, 0], points[k, 1]
         gap = points[k, 2] - (plane[0] * x + plane[1] * y + plane[2])
         gap = gap if face_on_a else -gap
-        if gap <= TOUCH_DISTANCE:
+        if gap <= max(0.0, pair["distance"]) + TOUCH_DISTANCE:
             lower[kept, 0], lower[kept, 1], lower[kept, 2] = x, y, gap
             kept += 1
     return kept, face_on_a

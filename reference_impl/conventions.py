@@ -34,6 +34,7 @@ COUNTERS = (
     "walked",
     "certified",
     "exact",
+    "crowded",
 )
 """What a step counts; depths by how they were found: walked without a certificate, with one, or anew."""
 (
@@ -49,7 +50,8 @@ COUNTERS = (
     COUNT_WALKED,
     COUNT_CERTIFIED,
     COUNT_EXACT,
-) = range(12)
+    COUNT_CROWDED,
+) = range(13)
 
 # broad phase
 FEW_PIECES = 64
@@ -154,6 +156,13 @@ PATCH_HEIGHT = 4e-6
 least extent of a patch [m]: some TOUCH_DISTANCE, for the tilt that leaves a face's far end touching."""
 PATCH_VERTICES = 64
 """Vertices of a face that count in a patch."""
+CROWD_SUBSTEPS = 8
+"""Parts into which a crowded rest of a frame is divided at most."""
+CROWD_SLACK = 0.25
+"""Approach, over the resting speed 2 g h, that near pairs may gain within a substep [1]: more of them are
+rows, or fewer meet unforeseen."""
+TOUCH_CLOSED = 9e-7
+"""Gap that a near pair may close to [m]: it touches then, and is not yet an impact (IMPACT_TARGET)."""
 EVENT_CAP = 64
 """Events of one frame."""
 MARK_TABLE = 16384

@@ -47,9 +47,7 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
             state["counters"][COUNT_UNCONVERGED] += 1
         if pair["distance"] > TOUCH_DISTANCE:
             continue
-        a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
-        pair["restitution"] = state["restitution"][a, b]
-        pair["friction"] = state["friction_coefficient"][a, b]
+        set_coefficients(bodies, pair, state)
         deepest = max(deepest, -pair["distance"])
         # touching pairs move to the front; what lies between is forgotten
         if k != end:
@@ -58,6 +56,14 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     state["counters"][COUNT_CONTACTS] += end - first
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
+
+
+@kernel
+def set_coefficients(bodies, pair, state):
+    """Restitution and friction of a pair's materials."""
+    a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
+    pair["restitution"] = state["restitution"][a, b]
+    pair["friction"] = state["friction_coefficient"][a, b]
 
 
 @kernel
@@ -77,10 +83,12 @@ def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
 
 
 @kernel
-def mark_pairs(pairs, count, state):
-    """Mark `pairs[:count]`, and no others, for `is_marked`."""
+def mark_touching(pairs, count, state):
+    """Mark those of `pairs[:count]` that touch, and no others, for `is_marked`."""
     state["mark"] += 1
     for k in range(count):
+        if pairs[k]["distance"] > TOUCH_DISTANCE:
+            continue
         place = _place_of(state, pairs[k])
         state["marked"][place, 0], state["marked"][place, 1] = pairs[k]["piece_a"], pairs[k]["piece_b"]
         state["marked"][place, 2] = state["mark"]
@@ -88,7 +96,7 @@ def mark_pairs(pairs, count, state):
 
 @kernel
 def is_marked(state, pair):
-    """Whether `mark_pairs` was last given a pair of the same two pieces."""
+    """Whether `mark_touching` was last given a touching pair of the same two pieces."""
     return state["marked"][_place_of(state, pair), 2] == state["mark"]
 
 

@@ -17,7 +17,12 @@ def begin_hold(bodies, pairs, count, state):
     for k in range(count):
         approach_speed(bodies, pairs[k], state)
         keeps = pairs[k]["patch"] >= 0 and state["flight"] == FLIGHT_BALLISTIC
-        begin_row(bodies, pairs[k], min(0.0, pairs[k]["key"]) if keeps else 0.0)
+        floor = min(0.0, pairs[k]["key"]) if keeps else 0.0
+        # a near pair closes its gap at most: with the mean of its velocities, or with the last
+        if pairs[k]["close"] > 0:
+            ballistic = state["flight"] == FLIGHT_BALLISTIC
+            floor = pairs[k]["key"] - pairs[k]["close"] if ballistic else -pairs[k]["close"]
+        begin_row(bodies, pairs[k], floor)
 
 
 @kernel

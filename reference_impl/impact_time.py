@@ -24,8 +24,8 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
     pair sinks: one more of its points has landed.
 
     Args:
-        pairs: marked pairs (`mark_pairs`) touched at the start and are held. `pairs[touching:end]` are looked
-            at: those that touch or overlap at the end, or with DETECTION_SWEEP all whose swept boxes meet.
+        pairs: marked pairs (`mark_touching`) touched at the start and are held. `pairs[touching:end]` are
+            looked at: those that touch or overlap at the end, or with a sweep all whose swept boxes meet.
     Returns:
         (fraction, drifted): 1 where there is no new contact; whether a held contact may overlap
         there. Bodies are left posed somewhere.

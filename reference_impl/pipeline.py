@@ -1,7 +1,6 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
 from reference_impl.contact_log import cut_holds
-from reference_impl.contact_patch import expand_patches
 from reference_impl.conventions import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
@@ -18,7 +17,8 @@ from reference_impl.conventions import (
     STAGE_REMOVAL,
     TIME_MIN,
 )
-from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_pieces
+from reference_impl.crowd import gather_contacts
+from reference_impl.detection import detect, find_swept_pairs, is_free, mark_touching, place_pieces
 from reference_impl.free_rotation import refresh_inertia
 from reference_impl.global_depth import global_depth
 from reference_impl.hold import begin_hold, hold_contacts
@@ -99,29 +99,29 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
 @kernel
 def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     """Simulated loop: advance to the earliest impact, resolve, go on with the rest of the frame."""
-    left = state["dt"]
+    left, rows = state["dt"], 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
-        touching, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
-        # impacts change velocities at once; forces and held contacts over the time that is left
+        touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, rows, left)
+        rows += touching
+        # impacts change velocities at once; forces and held contacts over the substep
         start = clock(state["clock"])
-        touching = expand_patches(pieces, vertices, pairs, touching, state)
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
             state["counters"][COUNT_GAVE_UP] += 1
         begin_substep(bodies, drivers)
         begin_hold(bodies, pairs, touching, state)
-        apply_forces(bodies, state["gravity"], left)
+        apply_forces(bodies, state["gravity"], h)
         first_held = state["contact_count"]
-        if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, left):
+        if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h):
             state["counters"][COUNT_UNCONVERGED] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
-        set_ways(bodies, pairs, touching, left, state["flight"])
+        set_ways(bodies, pairs, touching, h, state["flight"])
         fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, state)
         end_substep(bodies, joints, drivers, fraction)
         cut_holds(contacts, first_held, state["contact_count"], fraction)
         if drifted:
             part_simulated(bodies, pieces, vertices, pairs, state)
-        left *= 1 - fraction
+        left -= fraction * h
         if left <= TIME_MIN:
             break
         state["counters"][COUNT_EVENTS] += 1
@@ -138,7 +138,7 @@ def _advance(bodies, pieces, vertices, pairs, touching, state):
         (fraction, drifted) of `earliest_impact`.
     """
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
-    mark_pairs(pairs, touching, state)
+    mark_touching(pairs, touching, state)
     if state["detection"] == DETECTION_SWEEP:
         end = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
     else:
