@@ -193,6 +193,14 @@ SWEEP_CAP = 500
 LEAP_CUT = 0.5
 """Factor between the leaps tried [1]; a trial takes one support of each piece, not a whole distance."""
 
+DEEP = 0.25
+"""Share of the width of a driven link and an obstacle that the link may go into it [1]: half way to where the
+far side is nearer."""
+DEEP_SLACK = 0.025
+"""Accepted deviation from DEEP [1]."""
+SEGMENT_TURN = 0.5
+"""Turn of a link [rad] in one segment of its sweep: straight ways leave its arc by 1/32 of its length."""
+
 # virtual coupling (method, section 5)
 NEAR_CRITICAL = 1e-5
 """(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""

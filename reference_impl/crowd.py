@@ -24,6 +24,7 @@ from reference_impl.conventions import (
 from reference_impl.convex_depth import convex_depth
 from reference_impl.detection import detect, find_swept_pairs, set_coefficients
 from reference_impl.kernel import clock, kernel
+from reference_impl.rotation import copy_quaternion, copy_vector
 
 
 @kernel
@@ -86,7 +87,8 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
 @kernel
 def _coast(body, gravity, h):
     """The way a body would go without contacts."""
-    body["old_center"][:], body["old_orientation"][:] = body["center"], body["orientation"]
+    copy_vector(body["center"], body["old_center"])
+    copy_quaternion(body["orientation"], body["old_orientation"])
     body["moves"], body["spin_steps"] = 1, 0
     for i in range(3):
         body["travel"][i], body["travel_bend"][i] = h * body["velocity"][i], h * h * gravity[i] / 2

@@ -32,7 +32,7 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
     far as the others let it: its own way back stays free. Giving up is counted.
     """
     for d in range(len(drivers)):
-        _store_entry(joints, drivers[d])
+        store_entry(joints, drivers[d])
     if len(drivers) > 1:
         _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
     all_free = True
@@ -42,9 +42,9 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
         all_free = all_free and free
     if not all_free and len(drivers) > 1:
         for d in range(len(drivers)):
-            _interpolate(bodies, joints, drivers[d], 0.0)
+            interpolate(bodies, joints, drivers[d], 0.0)
         for d in range(len(drivers)):
-            _interpolate(bodies, joints, drivers[d], 1.0)
+            interpolate(bodies, joints, drivers[d], 1.0)
             drivers[d]["is_free"] = _free_driver(
                 bodies, pieces, joints, drivers, vertices, pairs, state, d, 1.0
             )
@@ -131,11 +131,21 @@ def _detect_own(bodies, pieces, vertices, pairs, state, d, later):
 
 
 @kernel
-def _store_entry(joints, driver):
+def store_entry(joints, driver):
+    """Remember the present pose as that at entry."""
     copy_vector(driver["position"], driver["entry_position"])
     copy_quaternion(driver["orientation"], driver["entry_orientation"])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["entry_angle"] = joints[k]["angle"]
+
+
+@kernel
+def restore_entry(joints, driver):
+    """Go back to the pose at entry; links are not posed."""
+    copy_vector(driver["entry_position"], driver["position"])
+    copy_quaternion(driver["entry_orientation"], driver["orientation"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["angle"] = joints[k]["entry_angle"]
 
 
 @kernel
@@ -159,7 +169,7 @@ def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later)
     if driver["has_free"] == 0 or not _free_at(
         bodies, pieces, joints, drivers, vertices, pairs, state, d, later, 0.0
     ):
-        _interpolate(bodies, joints, driver, 1.0)
+        interpolate(bodies, joints, driver, 1.0)
         detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
         return False
     free, blocked = 0.0, 1.0
@@ -175,14 +185,14 @@ def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later)
 
 @kernel
 def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, t):
-    _interpolate(bodies, joints, drivers[d], t)
+    interpolate(bodies, joints, drivers[d], t)
     end = _detect_own(bodies, pieces, vertices, pairs, state, d, later)
     deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, state["shift"])
     return is_free(deepest)
 
 
 @kernel
-def _interpolate(bodies, joints, driver, t):
+def interpolate(bodies, joints, driver, t):
     """Pose links at t between the last free pose (0) and that at entry (1): linear, orientation by slerp."""
     turned = driver["scratch"][0]
     for i in range(3):
@@ -258,31 +268,40 @@ def part_simulated(bodies, pieces, vertices, pairs, state):
     """Eq. 1 for simulated bodies that sank into each other or into fixed ones while their contact held.
 
     A simulated body moves in full against fixed and driven ones, by half against its like.
+
+    Returns:
+        Whether they came free; giving up is counted.
     """
-    shift = state["shift"]
     for _ in range(REMOVAL_ROUNDS):
         end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
         if is_free(deepest):
             return True
         state["counters"][COUNT_ROUNDS] += 1
-        for b in range(len(bodies)):
-            if bodies[b]["kind"] != SIMULATED:
-                continue
-            _, size = global_depth(bodies, pairs, 0, end, b, shift)
-            if size > 0:
-                move(bodies[b], shift, _share(bodies, pairs, end, b))
+        _shift_simulated(bodies, pairs, end)
     place_pieces(bodies, pieces, vertices, SIMULATED)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 
 
 @kernel
-def _share(bodies, pairs, end, b):
-    """Half when every body that b overlaps is simulated too, else all."""
+def _shift_simulated(bodies, pairs, end):
+    """One round: the sums of Eq. 1 for all bodies in one pass over their pairs, then all move."""
+    for b in range(len(bodies)):
+        bodies[b]["scratch"][:] = 0.0
     for k in range(end):
         pair = pairs[k]
-        if pair["distance"] < 0 and (pair["body_a"] == b or pair["body_b"] == b):
-            other = pair["body_b"] if pair["body_a"] == b else pair["body_a"]
-            if bodies[other]["kind"] != SIMULATED:
-                return 1.0
-    return 0.5
+        depth = -pair["distance"]
+        if depth <= 0:
+            continue
+        a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+        like = a["kind"] == SIMULATED and b["kind"] == SIMULATED
+        for side in range(2):
+            sums = a["scratch"] if side == 0 else b["scratch"]
+            for i in range(3):
+                sums[0, i] += (-1.0 if side == 0 else 1.0) * depth * depth * pair["normal"][i]
+            sums[1, 0] += depth
+            sums[1, 1] = max(sums[1, 1], 0.5 if like else 1.0)
+    for b in range(len(bodies)):
+        sums = bodies[b]["scratch"]
+        if bodies[b]["kind"] == SIMULATED and sums[1, 0] > 0:
+            move(bodies[b], sums[0], sums[1, 1] / sums[1, 0])

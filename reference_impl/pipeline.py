@@ -19,6 +19,7 @@ from reference_impl.conventions import (
 )
 from reference_impl.crowd import gather_contacts
 from reference_impl.detection import detect, find_swept_pairs, is_free, mark_touching, place_pieces
+from reference_impl.driven_sweep import sweep_drivers
 from reference_impl.free_rotation import refresh_inertia
 from reference_impl.global_depth import global_depth
 from reference_impl.hold import begin_hold, hold_contacts
@@ -86,6 +87,8 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
         pose_hinges(joints, drivers[d])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
+    if state["detection"] == DETECTION_SWEEP:
+        sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
     remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
     removed = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION] - collision
@@ -99,7 +102,7 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
 @kernel
 def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     """Simulated loop: advance to the earliest impact, resolve, go on with the rest of the frame."""
-    left, rows = state["dt"], 0
+    left, rows, drifted = state["dt"], 0, False
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, rows, left)
@@ -116,17 +119,19 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
             state["counters"][COUNT_UNCONVERGED] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
         set_ways(bodies, pairs, touching, h, state["flight"])
-        fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, state)
+        fraction, sank = _advance(bodies, pieces, vertices, pairs, touching, state)
         end_substep(bodies, joints, drivers, fraction)
         cut_holds(contacts, first_held, state["contact_count"], fraction)
-        if drifted:
-            part_simulated(bodies, pieces, vertices, pairs, state)
+        drifted = drifted or sank
         left -= fraction * h
         if left <= TIME_MIN:
             break
         state["counters"][COUNT_EVENTS] += 1
     if left > TIME_MIN:
         state["counters"][COUNT_GAVE_UP] += 1
+    if drifted:
+        part_simulated(bodies, pieces, vertices, pairs, state)
+    else:
         place_pieces(bodies, pieces, vertices, SIMULATED)
 
 

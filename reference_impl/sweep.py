@@ -81,7 +81,8 @@ def distance_at(bodies, pieces, vertices, pair, state, s):
     _, converged = convex_depth(one, two, vertices, state, pair)
     if not converged:
         _sharpen(one, two, vertices, state, pair)
-        return min(pair["distance"], _gap_along(pieces, vertices, pair, state))
+        n = pair["normal"]
+        return min(pair["distance"], gap_along(one, two, vertices, n[0], n[1], n[2], state))
     return pair["distance"]
 
 
@@ -122,15 +123,15 @@ def _place(body, piece, vertices, s):
 
 
 @kernel
-def _gap_along(pieces, vertices, pair, state):
-    """Gap [m] of the placed pieces along the pair's normal: no more than their distance."""
-    one, two, n = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["normal"]
-    enter_frame(one, two, state)
-    m = two["world_rotation"]
-    x = m[0, 0] * n[0] + m[1, 0] * n[1] + m[2, 0] * n[2]
-    y = m[0, 1] * n[0] + m[1, 1] * n[1] + m[2, 1] * n[2]
-    z = m[0, 2] * n[0] + m[1, 2] * n[1] + m[2, 2] * n[2]
-    return -add_support(one, two, vertices, x, y, z, 0, state) - one["radius"] - two["radius"]
+def gap_along(piece_a, piece_b, vertices, x, y, z, state):
+    """Gap [m] of two placed pieces along a unit vector from A to B: no more than their distance."""
+    enter_frame(piece_a, piece_b, state)
+    m = piece_b["world_rotation"]
+    u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z
+    v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z
+    w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z
+    reach = add_support(piece_a, piece_b, vertices, u, v, w, 0, state)
+    return -reach - piece_a["radius"] - piece_b["radius"]
 
 
 @kernel
@@ -142,6 +143,7 @@ def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, ad
         curl: bound on the second derivative of the points' heights along the normal [m].
     """
     n, a, b = pair["normal"], bodies[pair["body_a"]], bodies[pair["body_b"]]
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     # Newton's step of the witnesses, held back by twice the worst bend: enough is left for the proof
     closing = point_speed(n, a, pair["point_a"], s)
     closing -= point_speed(n, b, pair["point_b"], s)
@@ -151,7 +153,7 @@ def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, ad
         dip = curl * leap * leap / 8
         if dip <= gap:
             _place_pair(bodies, pieces, vertices, pair, s + leap)
-            if _gap_along(pieces, vertices, pair, state) - target >= dip:
+            if gap_along(one, two, vertices, n[0], n[1], n[2], state) - target >= dip:
                 return leap
         leap *= LEAP_CUT
     return advance

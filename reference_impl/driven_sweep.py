@@ -1,0 +1,119 @@
+"""Driven bodies are swept from their last free pose to the new one: a fast hand does not pass through a wall.
+
+What a driven body touches does not stop it: removal frees it of shallow overlap, and so it slides along
+surfaces. But where it is deep in an obstacle the shortest way out may lead to the far side. Its way therefore
+ends where a link, since it met an obstacle, has gone a share DEEP of the width of both along the normal found
+there: all the way through would take the whole width, and from the middle on the far side is nearer.
+"""
+
+from reference_impl.conventions import (
+    COUNT_UNCONVERGED,
+    DEEP,
+    DEEP_SLACK,
+    DRIVEN,
+    IMPACT_SLACK,
+    IMPACT_TARGET,
+    SEGMENT_TURN,
+    STAGE_COLLISION,
+)
+from reference_impl.detection import find_swept_pairs
+from reference_impl.global_depth import side_of
+from reference_impl.kernel import clock, kernel
+from reference_impl.motion import shown_motion
+from reference_impl.overlap_removal import interpolate, restore_entry, store_entry
+from reference_impl.rotation import copy_quaternion, copy_vector, rotation_between
+from reference_impl.sweep import gap_along, sweep
+
+
+@kernel
+def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
+    """Take each driver back along its way from the last free pose until no link has gone deep into a fixed or
+    simulated body; its coupling keeps its velocity."""
+    since = clock(state["clock"])
+    for b in range(len(bodies)):
+        bodies[b]["moves"] = 0
+    for d in range(len(drivers)):
+        driver = drivers[d]
+        if driver["has_free"] == 0:
+            continue
+        store_entry(joints, driver)
+        segments = 1 + int(_largest_turn(bodies, joints, driver) / SEGMENT_TURN)
+        reached = 1.0
+        for k in range(segments):
+            _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
+            fraction = _free_fraction(bodies, pieces, vertices, pairs, state, -1 - d)
+            if fraction < 1:
+                reached = (k + fraction) / segments
+                break
+        if reached < 1:
+            interpolate(bodies, joints, driver, reached)
+        else:
+            restore_entry(joints, driver)
+        _set_moving(bodies, joints, driver, 0)
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+
+
+@kernel
+def _largest_turn(bodies, joints, driver):
+    """Bound on the angle by which a link turns between the last free pose and that at entry [rad]."""
+    root, turned = bodies[driver["root"]], driver["scratch"][0]
+    rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
+    most = root["spin_most"] = abs(turned[0]) + abs(turned[1]) + abs(turned[2])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        angle = abs(joints[k]["entry_angle"] - joints[k]["free_angle"])
+        angle += bodies[joints[k]["parent"]]["spin_most"]
+        bodies[joints[k]["child"]]["spin_most"] = angle
+        most = max(most, angle)
+    return most
+
+
+@kernel
+def _set_moving(bodies, joints, driver, moves):
+    bodies[driver["root"]]["moves"] = moves
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        bodies[joints[k]["child"]]["moves"] = moves
+
+
+@kernel
+def _begin_segment(bodies, joints, driver, start, end):
+    """Ways of a driver's links between two fractions of its way."""
+    interpolate(bodies, joints, driver, start)
+    _set_moving(bodies, joints, driver, 1)
+    for b in range(len(bodies)):
+        if bodies[b]["moves"] == 1:
+            copy_vector(bodies[b]["center"], bodies[b]["old_center"])
+            copy_quaternion(bodies[b]["orientation"], bodies[b]["old_orientation"])
+    interpolate(bodies, joints, driver, end)
+    for b in range(len(bodies)):
+        if bodies[b]["moves"] == 1:
+            shown_motion(bodies[b])
+
+
+@kernel
+def _free_fraction(bodies, pieces, vertices, pairs, state, mover):
+    """Fraction of a segment up to which no link of the driver has gone deep into an obstacle."""
+    first = 1.0
+    end = find_swept_pairs(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    for k in range(end):
+        pair = pairs[k]
+        both = bodies[pair["body_a"]]["kind"] == DRIVEN and bodies[pair["body_b"]]["kind"] == DRIVEN
+        if side_of(bodies, pair, mover) != 0.0 and not both:
+            first = _deep(bodies, pieces, vertices, pair, state, first)
+    return first
+
+
+@kernel
+def _deep(bodies, pieces, vertices, pair, state, until):
+    """Fraction at which a pair has gone deep, at most `until`; an earlier one, counted, where a sweep ends."""
+    met, _, converged = sweep(bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
+    if met == until:
+        return until
+    one, two, n = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["normal"]
+    width = -gap_along(one, two, vertices, n[0], n[1], n[2], state)
+    width -= gap_along(one, two, vertices, -n[0], -n[1], -n[2], state)
+    if converged:
+        target, slack = -DEEP * width, DEEP_SLACK * width
+        met, _, converged = sweep(bodies, pieces, vertices, pair, state, met, until, target, slack)
+    if not converged:
+        state["counters"][COUNT_UNCONVERGED] += 1
+    return met

@@ -1,0 +1,118 @@
+"""Fast driven bodies stay on the side they came from, and slow ones slide as before."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from reference_impl.pipeline import step
+from scenarios.hand import hand_parts
+from scenarios.materials import TABLE_1
+from scenarios.scenario import ORIGIN, Body, Piece, Scenario, Sphere, Tracker
+from scenarios.solids import sphere_inertia
+
+RADIUS = 0.01
+
+
+def driven_ball() -> Body:
+    """A driven ball of 2 cm."""
+    shape = Piece("driven", Sphere(RADIUS))
+    return Body("driven", "driven", "wood", (shape,), mass=0.4, inertia=sphere_inertia(0.4, RADIUS))
+
+
+def wall(lab: SimpleNamespace, half: float, kind: str = "fixed") -> Body:
+    """A wall across x = 0."""
+    return lab.block("wall", (half, 1.0, 1.0), (0.0, 0.0, 0.0), kind=kind)
+
+
+def thrown(lab: SimpleNamespace, profile: str, half: float, end, kind: str = "fixed"):
+    """The world, without gravity, after one frame in which the tracker jumps from x = -0.2 to `end`."""
+    tracker = lab.still("driven", (-0.2, 0.0, 0.0))
+    scenario = lab.scene(driven_ball(), wall(lab, half, kind), trackers=(tracker,), gravity=ORIGIN)
+    world = lab.build(scenario, profile)
+    world.drivers[0]["target_position"] = end
+    step(*world)
+    return world
+
+
+@pytest.mark.parametrize("half", [5e-4, 0.02, 0.1])
+@pytest.mark.parametrize("speed", [1.0, 3.0, 100.0])
+def test_a_jump_through_a_wall_ends_before_it(lab: SimpleNamespace, half: float, speed: float) -> None:
+    """Stay on the near side of a wall of 1 mm to 20 cm, free, however far the tracker jumped."""
+    world = thrown(lab, "accurate", half, (speed, 0.0, 0.0))
+    x = world.drivers[0]["position"][0]
+    assert -0.2 < x <= -half - RADIUS + 1e-6
+    assert x == pytest.approx(-half - RADIUS, abs=1e-5)
+    assert world.drivers[0]["is_free"] == 1
+    assert lab.counters(world)["unconverged"] == 0
+    # without the sweep it passes
+    assert thrown(lab, "balanced", half, (speed, 0.0, 0.0)).drivers[0]["position"][0] > half
+
+
+def test_a_free_jump_is_left_alone(lab: SimpleNamespace) -> None:
+    """Go as far as without the sweep, to the bit, where nothing is in the way."""
+    far = (1.0, 5.0, 0.3)
+    ends = [
+        thrown(lab, profile, 0.02, far).drivers[0]["position"].copy() for profile in ("accurate", "balanced")
+    ]
+    assert ends[0][1] > 0.5
+    np.testing.assert_array_equal(*ends)
+
+
+def test_a_simulated_body_stops_a_jump_too(lab: SimpleNamespace) -> None:
+    """Meet a simulated board in the way and push it, rather than appear behind it."""
+    world = thrown(lab, "accurate", 0.02, (3.0, 0.0, 0.0), kind="simulated")
+    assert world.drivers[0]["position"][0] < world.bodies[1]["position"][0]
+    assert world.bodies[1]["velocity"][0] > 0.1
+
+
+def test_sliding_is_not_held_up(lab: SimpleNamespace) -> None:
+    """Slide along a wall as far as without the sweep while the tracker is 1 cm inside."""
+    ends = []
+    for profile in ("accurate", "balanced"):
+        scenario = lab.scene(
+            driven_ball(),
+            wall(lab, 0.05),
+            trackers=(lab.still("driven", (-0.0601, -0.5, 0.0), (-0.05, 0.5, 0.0)),),
+        )
+        world = lab.build(scenario, profile)
+        for frame in range(30):
+            for name, at in (("old_target_position", frame), ("target_position", frame + 1)):
+                world.drivers[0][name] = (-0.05, -0.5 + at / 30, 0.0)
+            step(*world)
+        ends.append(world.drivers[0]["position"].copy())
+    assert ends[0][1] > 0.2
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-5)
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.5])
+def test_a_hand_stays_on_its_side(lab: SimpleNamespace, turn: float) -> None:
+    """Keep all parts of a hand before a wall that its tracker jumps through, turning too."""
+    links, joints = hand_parts()
+    names = tuple(joint.name for joint in joints)
+    start = (-0.4, 0.0, 0.0)
+    glove = Tracker(
+        root="palm",
+        joints=names,
+        times=(0.0, 1.0),
+        positions=(start, start),
+        orientations=((1.0, 0.0, 0.0, 0.0),) * 2,
+        angles=((0.1,) * len(names),) * 2,
+    )
+    scenario = Scenario(
+        "test", "a test", (), (*links, wall(lab, 0.005)), 1.0, TABLE_1, joints=joints, trackers=(glove,)
+    )
+    sides = {}
+    for profile in ("accurate", "balanced"):
+        world = lab.build(scenario, profile)
+        world.drivers[0]["target_position"] = (2.0, 0.0, 0.0)
+        world.drivers[0]["target_orientation"] = (np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2))
+        world.joints["target_angle"] = 0.3
+        step(*world)
+        hand = world.bodies["driver"] >= 0
+        assert world.drivers[0]["is_free"] == 1
+        sides[profile] = world.bodies["center"][hand, 0]
+    assert (sides["accurate"] < 0).all()
+    assert sides["balanced"].max() > 0
