@@ -104,7 +104,7 @@ def _free_fraction(bodies, pieces, vertices, pairs, state, mover):
 
 @kernel
 def _deep(bodies, pieces, vertices, pair, state, until):
-    """Fraction at which a pair has gone deep, at most `until`; an earlier one, counted, where a sweep ends."""
+    """Fraction at which a pair has gone deep, at most `until`; earlier, and counted, if a sweep failed."""
     met, _, converged = sweep(bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
     if met == until:
         return until

@@ -53,7 +53,7 @@ def test_a_jump_through_a_wall_ends_before_it(lab: SimpleNamespace, half: float,
 
 def test_a_free_jump_is_left_alone(lab: SimpleNamespace) -> None:
     """Go as far as without the sweep, to the bit, where nothing is in the way."""
-    far = (1.0, 5.0, 0.3)
+    far = (-1.0, 5.0, 0.3)
     ends = [
         thrown(lab, profile, 0.02, far).drivers[0]["position"].copy() for profile in ("accurate", "balanced")
     ]
@@ -101,9 +101,8 @@ def test_a_hand_stays_on_its_side(lab: SimpleNamespace, turn: float) -> None:
         orientations=((1.0, 0.0, 0.0, 0.0),) * 2,
         angles=((0.1,) * len(names),) * 2,
     )
-    scenario = Scenario(
-        "test", "a test", (), (*links, wall(lab, 0.005)), 1.0, TABLE_1, joints=joints, trackers=(glove,)
-    )
+    bodies = (*links, wall(lab, 0.005))
+    scenario = Scenario("test", "a test", (), bodies, 1.0, TABLE_1, joints=joints, trackers=(glove,))
     sides = {}
     for profile in ("accurate", "balanced"):
         world = lab.build(scenario, profile)

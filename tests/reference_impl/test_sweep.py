@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,12 +12,20 @@ from scipy.spatial.transform import Rotation
 
 from adapters.oracles.minkowski import signed_distance
 from adapters.translation import piece_arrays
-from reference_impl.conventions import HULL, IMPACT_SLACK, IMPACT_TARGET, SIMULATED, SWEEP_CAP
+from reference_impl.conventions import (
+    HULL,
+    IMPACT_SLACK,
+    IMPACT_TARGET,
+    OVERLAP_TOLERANCE,
+    SIMULATED,
+    SWEEP_CAP,
+)
 from reference_impl.free_rotation import rotate_freely
 from reference_impl.motion import swept_box
+from reference_impl.pipeline import step
 from reference_impl.sweep import distance_at, sweep
 from reference_impl.world import BODY, PAIR, STATE
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Shape, Sphere
+from scenarios.scenario import ORIGIN, Box, Ellipsoid, Hull, Piece, Shape, Sphere
 from scenarios.solids import elliptic_hull
 
 FRAME = 1 / 60
@@ -423,4 +433,39 @@ def test_no_spinning_hull_tunnels(count: int) -> None:
             assert_true(scene, found, samples)
         hits += found[0] < 1
         assert found[0] >= min(first - 1e-8, 1)
+    assert 0.3 * count < hits < 0.9 * count
+
+
+@pytest.mark.parametrize("count", SHOTS)
+def test_no_ball_tunnels_in_a_whole_frame(lab: SimpleNamespace, count: int) -> None:
+    """Bounce every ball that a ray says hits the plate, at that moment, off the side it came from."""
+    rng = np.random.default_rng(count)
+    shot, hits = Scene(Box(tuple(PLATE)), Sphere(BULLET)), 0
+    bodies = (
+        lab.block("plate", tuple(PLATE), ORIGIN, kind="fixed"),
+        lab.ball("bullet", (0.0, 0.0, 1.0), radius=BULLET),
+    )
+    world = lab.build(lab.scene(*bodies, e=0.3, mu=0.3, gravity=ORIGIN), "accurate")
+    bullet = world.bodies[1]
+    for _ in range(count):
+        origin, way = shoot(shot, rng)
+        bullet["position"] = bullet["center"] = origin
+        bullet["velocity"], bullet["omega"] = way / FRAME, shot.bodies[1]["turn"] / FRAME
+        early, late = (entry(origin, way, PLATE, BULLET + gap) for gap in (NEAR, IMPACT_TARGET))
+        step(*world)
+        contact, logged = world.contacts[0], int(world.state[0]["contact_count"])
+        if late < 1:
+            hits += 1
+            # rounding of the ray's fraction, grazing included: sqrt(1e-16)
+            assert logged == 1
+            assert early - 1e-8 <= contact["time"] / FRAME <= late + 1e-8
+            # normals point from the plate to the ball, which leaves that way
+            n = contact["normal"]
+            assert n @ way < 0 <= n @ bullet["velocity"]
+            assert n @ (bullet["position"] - contact["position"]) >= BULLET - OVERLAP_TOLERANCE
+        elif early > 1:
+            assert logged == 0
+            np.testing.assert_allclose(bullet["position"], origin + way, atol=ROUNDING)
+        counted = lab.counters(world)
+        assert (counted["gave_up"], counted["unconverged"], counted["lost"]) == (0, 0, 0)
     assert 0.3 * count < hits < 0.9 * count
