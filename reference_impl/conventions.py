@@ -119,6 +119,8 @@ LONGEST_SHIFT = 100.0
 STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
+PART_SWEEPS = 100
+"""Sweeps over the pairs of simulated bodies in one round of parting them; a heap takes tens."""
 WAY_BACK_STEPS = 24
 """Bisections between the last free pose and the pose at entry: 6e-8 of their distance."""
 
@@ -147,6 +149,8 @@ IMPULSE_CAP = 200
 """Impulses of one event."""
 LANDING_DEPTH = 1e-7
 """Sinking of a touching pair at which one more of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
+LANDING_MIN = 1e-9
+"""Fraction of a substep within which no touching pair lands: it would land again and again [1]."""
 SINKING_SLACK = 2.5e-7
 """Accepted deviation from OVERLAP_TOLERANCE where a sweep looks for a touching pair that sinks [m]."""
 LANDING_CAP = 32

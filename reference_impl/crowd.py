@@ -2,9 +2,10 @@
 
 A heap of bodies has more impacts a frame than can be resolved one moment after the other. Where a frame has
 used up its `event_rows`, what is left of it goes in a few substeps. A near pair then is a row like any other,
-but may still close its gap within the substep: `close` is the speed that takes. Impacts of such rows come a
-little early, at a gap below CROWD_REACH; none is missed, and nothing overlaps for it: the distance of convex
-pieces is no less than their gap along a normal (speculative contacts: Catto 2013; Anitescu & Potra 1997).
+but may still close its gap within the substep: `close` is the speed that takes. Impacts come a little early,
+at a gap that they would have closed within the substep. None is missed: what meets unforeseen is an event as
+ever. And nothing overlaps for it: the distance of convex pieces is no less than their gap along a normal
+(speculative contacts: Anitescu & Potra 1997; Catto 2013).
 """
 
 from math import ceil, sqrt
@@ -16,6 +17,8 @@ from reference_impl.conventions import (
     COUNT_UNCONVERGED,
     CROWD_SLACK,
     CROWD_SUBSTEPS,
+    IMPACT_SLACK,
+    IMPACT_TARGET,
     SIMULATED,
     STAGE_COLLISION,
     TOUCH_CLOSED,
@@ -25,28 +28,34 @@ from reference_impl.convex_depth import convex_depth
 from reference_impl.detection import detect, find_swept_pairs, set_coefficients
 from reference_impl.kernel import clock, kernel
 from reference_impl.rotation import copy_quaternion, copy_vector
+from reference_impl.sweep import gap_along, place_pair, sweep
 
 
 @kernel
-def gather_contacts(bodies, pieces, vertices, pairs, state, rows, left):
-    """Contacts of the next substep, and its length.
+def gather_contacts(bodies, pieces, vertices, pairs, state, left):
+    """Contacts of the next substep, and its length: near pairs too where the frame would exceed `event_rows`.
 
     Args:
-        rows: contacts of the frame's substeps so far; beyond `event_rows` near pairs are gathered too.
         left: what is left of the frame [s].
     Returns:
         (end, h): `pairs[:end]` are the contacts, a row for every point of a patch, with the speeds at which
         they may `close`; length of the substep [s].
     """
-    end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
-    h = left
-    if rows + end > state["event_rows"]:
+    # as many rows are expected as there were last
+    crowded = state["rows"] + state["last_rows"] > state["event_rows"]
+    end, h = 0, left
+    if not crowded:
+        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
+        crowded = state["rows"] + end > state["event_rows"]
+    if crowded:
         end, h = _gather_near(bodies, pieces, vertices, pairs, state, left)
         state["counters"][COUNT_CROWDED] += 1
     end = expand_patches(pieces, vertices, pairs, end, state)
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["close"] = (gap - TOUCH_CLOSED) / h if gap > TOUCH_DISTANCE else 0.0
+    state["rows"] += end
+    state["last_rows"] = end
     return end, h
 
 
@@ -61,20 +70,22 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
             _coast(bodies[b], g, left)
     found = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
     # substeps so short that no impact with restitution comes much too early
-    fastest = v_rest
+    fastest, reach = v_rest, v_rest * state["dt"]
     for k in range(found):
         _measure(bodies, pieces, vertices, pairs[k], state)
         if pairs[k]["distance"] < pairs[k]["key"] * left:
             fastest = max(fastest, pairs[k]["key"])
-    parts = CROWD_SUBSTEPS
-    if fastest * left <= CROWD_SUBSTEPS * v_rest * state["dt"]:
-        parts = max(1, ceil(fastest * left / (v_rest * state["dt"])))
-    h = left / parts if v_rest > 0 else left
-    end = 0
+    parts = CROWD_SUBSTEPS if fastest > 0 else 1
+    if reach > 0 and fastest * left <= CROWD_SUBSTEPS * reach:
+        parts = ceil(fastest * left / reach)
+    h, end = left / parts, 0
     for k in range(found):
         pair = pairs[k]
-        reach = h * (max(0.0, pair["key"]) + CROWD_SLACK * v_rest)
-        if pair["distance"] > max(reach, TOUCH_DISTANCE):
+        # what comes fast must meet by all that is known, what is near may come to be pushed there
+        if pair["distance"] > TOUCH_DISTANCE and pair["distance"] < pair["key"] * h:
+            if not _meets(bodies, pieces, vertices, pair, state, 1 / parts):
+                continue
+        elif pair["distance"] > max(TOUCH_DISTANCE, CROWD_SLACK * v_rest * h):
             continue
         set_coefficients(bodies, pair, state)
         if k != end:
@@ -82,6 +93,24 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
         end += 1
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, h
+
+
+@kernel
+def _meets(bodies, pieces, vertices, pair, state, until):
+    """Whether a pair meets on its way up to a fraction. It then has the normal found there, its present gap
+    along that, and the witnesses found there, moved back with what moves."""
+    fraction, _, _ = sweep(bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
+    a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
+    place_pair(bodies, pieces, vertices, pair, 0.0)
+    s, moving = fraction, a["moves"] + b["moves"]
+    for i in range(3):
+        way = a["moves"] * (a["travel"][i] + s * a["travel_bend"][i])
+        way += b["moves"] * (b["travel"][i] + s * b["travel_bend"][i])
+        pair["point_a"][i] -= s * way / moving
+        pair["point_b"][i] -= s * way / moving
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    pair["distance"] = gap_along(one, two, vertices, n[0], n[1], n[2], state)
+    return fraction < until
 
 
 @kernel

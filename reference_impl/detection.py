@@ -83,12 +83,10 @@ def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
 
 
 @kernel
-def mark_touching(pairs, count, state):
-    """Mark those of `pairs[:count]` that touch, and no others, for `is_marked`."""
+def mark_pairs(pairs, count, state):
+    """Mark `pairs[:count]`, and no others, for `is_marked`."""
     state["mark"] += 1
     for k in range(count):
-        if pairs[k]["distance"] > TOUCH_DISTANCE:
-            continue
         place = _place_of(state, pairs[k])
         state["marked"][place, 0], state["marked"][place, 1] = pairs[k]["piece_a"], pairs[k]["piece_b"]
         state["marked"][place, 2] = state["mark"]
@@ -96,7 +94,7 @@ def mark_touching(pairs, count, state):
 
 @kernel
 def is_marked(state, pair):
-    """Whether `mark_touching` was last given a touching pair of the same two pieces."""
+    """Whether `mark_pairs` was last given a pair of the same two pieces."""
     return state["marked"][_place_of(state, pair), 2] == state["mark"]
 
 

@@ -10,8 +10,10 @@ from reference_impl.conventions import (
     IMPACT_TARGET,
     LANDING_CAP,
     LANDING_DEPTH,
+    LANDING_MIN,
     OVERLAP_TOLERANCE,
     SINKING_SLACK,
+    TOUCH_DISTANCE,
 )
 from reference_impl.detection import is_marked
 from reference_impl.kernel import kernel
@@ -24,8 +26,8 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
     pair sinks: one more of its points has landed.
 
     Args:
-        pairs: marked pairs (`mark_touching`) touched at the start and are held. `pairs[touching:end]` are
-            looked at: those that touch or overlap at the end, or with a sweep all whose swept boxes meet.
+        pairs: marked pairs (`mark_pairs`) touch at the start, or nearly, and are held. `pairs[touching:end]`
+            are looked at: those that touch or overlap at the end, or with a sweep all whose swept boxes meet.
     Returns:
         (fraction, drifted): 1 where there is no new contact; whether a held contact may overlap
         there. Bodies are left posed somewhere.
@@ -60,14 +62,20 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
         target = min(start, 0.0) - OVERLAP_TOLERANCE
         late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
         if late == first:
-            return first, False
+            return first, start < -OVERLAP_TOLERANCE
     # what keeps sinking has used up its events; at the end alone, only a polyhedron may have more to land
     if state["counters"][COUNT_EVENTS] >= LANDING_CAP or not (polyhedral or sweeps):
         return first, True
-    if polyhedral:
-        target = start - LANDING_DEPTH
-        late = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
-    return late, target < -OVERLAP_TOLERANCE
+    if not polyhedral:
+        return late, start < 0
+    if start > TOUCH_DISTANCE:
+        return _closing(bodies, pieces, vertices, pair, state, late, IMPACT_TARGET, IMPACT_SLACK), False
+    target = start - LANDING_DEPTH
+    landed = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
+    # another look at once would find the same
+    if landed < LANDING_MIN:
+        return first, True
+    return landed, target < -OVERLAP_TOLERANCE
 
 
 @kernel

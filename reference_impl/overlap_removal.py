@@ -7,6 +7,8 @@ from reference_impl.conventions import (
     DRIVEN,
     FIXED,
     LONGEST_SHIFT,
+    OVERLAP_TOLERANCE,
+    PART_SWEEPS,
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
     SIMULATED,
@@ -265,9 +267,7 @@ def move(body, shift, share):
 
 @kernel
 def part_simulated(bodies, pieces, vertices, pairs, state):
-    """Eq. 1 for simulated bodies that sank into each other or into fixed ones while their contact held.
-
-    A simulated body moves in full against fixed and driven ones, by half against its like.
+    """Part simulated bodies that sank into each other or into fixed ones while their contact held.
 
     Returns:
         Whether they came free; giving up is counted.
@@ -277,31 +277,37 @@ def part_simulated(bodies, pieces, vertices, pairs, state):
         if is_free(deepest):
             return True
         state["counters"][COUNT_ROUNDS] += 1
-        _shift_simulated(bodies, pairs, end)
+        _push_apart(bodies, pairs, end)
     place_pieces(bodies, pieces, vertices, SIMULATED)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 
 
 @kernel
-def _shift_simulated(bodies, pairs, end):
-    """One round: the sums of Eq. 1 for all bodies in one pass over their pairs, then all move."""
+def _push_apart(bodies, pairs, end):
+    """Move simulated bodies until no depth is left along the normals found: one pair after the other, by all
+    of its depth against fixed and driven bodies, by half each against their like (Gauss-Seidel)."""
     for b in range(len(bodies)):
-        bodies[b]["scratch"][:] = 0.0
-    for k in range(end):
-        pair = pairs[k]
-        depth = -pair["distance"]
-        if depth <= 0:
-            continue
-        a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
-        like = a["kind"] == SIMULATED and b["kind"] == SIMULATED
-        for side in range(2):
-            sums = a["scratch"] if side == 0 else b["scratch"]
+        bodies[b]["scratch"][0, :] = 0.0
+    for _ in range(PART_SWEEPS):
+        deepest = 0.0
+        for k in range(end):
+            a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
+            p, q = a["scratch"][0], b["scratch"][0]
+            depth = -pairs[k]["distance"]
+            depth -= n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])
+            if depth <= 0:
+                continue
+            deepest = max(deepest, depth)
+            like = a["kind"] == SIMULATED and b["kind"] == SIMULATED
+            share = 0.5 if like else 1.0
             for i in range(3):
-                sums[0, i] += (-1.0 if side == 0 else 1.0) * depth * depth * pair["normal"][i]
-            sums[1, 0] += depth
-            sums[1, 1] = max(sums[1, 1], 0.5 if like else 1.0)
+                if a["kind"] == SIMULATED:
+                    p[i] -= share * depth * n[i]
+                if b["kind"] == SIMULATED:
+                    q[i] += share * depth * n[i]
+        if deepest <= OVERLAP_TOLERANCE / 2:
+            break
     for b in range(len(bodies)):
-        sums = bodies[b]["scratch"]
-        if bodies[b]["kind"] == SIMULATED and sums[1, 0] > 0:
-            move(bodies[b], sums[0], sums[1, 1] / sums[1, 0])
+        if bodies[b]["kind"] == SIMULATED:
+            move(bodies[b], bodies[b]["scratch"][0], 1.0)

@@ -18,7 +18,7 @@ from reference_impl.conventions import (
     TIME_MIN,
 )
 from reference_impl.crowd import gather_contacts
-from reference_impl.detection import detect, find_swept_pairs, is_free, mark_touching, place_pieces
+from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_pieces
 from reference_impl.driven_sweep import sweep_drivers
 from reference_impl.free_rotation import refresh_inertia
 from reference_impl.global_depth import global_depth
@@ -102,11 +102,11 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
 @kernel
 def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     """Simulated loop: advance to the earliest impact, resolve, go on with the rest of the frame."""
-    left, rows, drifted = state["dt"], 0, False
+    left = state["dt"]
+    state["rows"] = 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
-        touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, rows, left)
-        rows += touching
+        touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, left)
         # impacts change velocities at once; forces and held contacts over the substep
         start = clock(state["clock"])
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
@@ -119,20 +119,18 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
             state["counters"][COUNT_UNCONVERGED] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
         set_ways(bodies, pairs, touching, h, state["flight"])
-        fraction, sank = _advance(bodies, pieces, vertices, pairs, touching, state)
+        fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, state)
         end_substep(bodies, joints, drivers, fraction)
         cut_holds(contacts, first_held, state["contact_count"], fraction)
-        drifted = drifted or sank
+        if drifted:
+            part_simulated(bodies, pieces, vertices, pairs, state)
         left -= fraction * h
         if left <= TIME_MIN:
             break
         state["counters"][COUNT_EVENTS] += 1
     if left > TIME_MIN:
         state["counters"][COUNT_GAVE_UP] += 1
-    if drifted:
-        part_simulated(bodies, pieces, vertices, pairs, state)
-    else:
-        place_pieces(bodies, pieces, vertices, SIMULATED)
+    place_pieces(bodies, pieces, vertices, SIMULATED)
 
 
 @kernel
@@ -143,7 +141,7 @@ def _advance(bodies, pieces, vertices, pairs, touching, state):
         (fraction, drifted) of `earliest_impact`.
     """
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
-    mark_touching(pairs, touching, state)
+    mark_pairs(pairs, touching, state)
     if state["detection"] == DETECTION_SWEEP:
         end = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
     else:

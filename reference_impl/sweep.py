@@ -76,7 +76,7 @@ def sweep(bodies, pieces, vertices, pair, state, start, until, target, slack):
 def distance_at(bodies, pieces, vertices, pair, state, s):
     """Signed distance [m] of a pair at fraction s; where it did not converge, a lower bound, and
     `pair["distance"]` an upper one."""
-    _place_pair(bodies, pieces, vertices, pair, s)
+    place_pair(bodies, pieces, vertices, pair, s)
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     _, converged = convex_depth(one, two, vertices, state, pair)
     if not converged:
@@ -110,7 +110,7 @@ def _sharpen(piece_a, piece_b, vertices, state, pair):
 
 
 @kernel
-def _place_pair(bodies, pieces, vertices, pair, s):
+def place_pair(bodies, pieces, vertices, pair, s):
     _place(bodies[pair["body_a"]], pieces[pair["piece_a"]], vertices, s)
     _place(bodies[pair["body_b"]], pieces[pair["piece_b"]], vertices, s)
 
@@ -152,7 +152,7 @@ def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, ad
     while leap > advance:
         dip = curl * leap * leap / 8
         if dip <= gap:
-            _place_pair(bodies, pieces, vertices, pair, s + leap)
+            place_pair(bodies, pieces, vertices, pair, s + leap)
             if gap_along(one, two, vertices, n[0], n[1], n[2], state) - target >= dip:
                 return leap
         leap *= LEAP_CUT
