@@ -25,7 +25,6 @@ from reference_impl.kernel import kernel
 from reference_impl.rotation import (
     conjugate_by,
     copy_quaternion,
-    copy_vector,
     invert_symmetric,
     matrix_of,
     normalise,
@@ -130,12 +129,15 @@ def _expand(body, span):
         (most, change): bounds on |omega| [rad/s] and on its change [rad/s per span] in the step.
     """
     p, M, w = body["turn_series"], body["momentum_series"], body["omega_series"]
+    inverse = body["inverse_inertia"]
     p[0, 0], p[0, 1], p[0, 2], p[0, 3] = 1.0, 0.0, 0.0, 0.0
-    copy_vector(body["momentum"], M[0])
+    for i in range(3):
+        M[0, i] = body["momentum"][i]
     size = sqrt(M[0, 0] ** 2 + M[0, 1] ** 2 + M[0, 2] ** 2)
     most = change = 0.0
     for k in range(SPIN_TERMS):
-        rotate(body["inverse_inertia"], M[k], w[k])
+        for i in range(3):
+            w[k, i] = inverse[i, 0] * M[k, 0] + inverse[i, 1] * M[k, 1] + inverse[i, 2] * M[k, 2]
         rate = sqrt(w[k, 0] ** 2 + w[k, 1] ** 2 + w[k, 2] ** 2)
         most, change = most + rate, change + k * rate
         left = sqrt(M[k, 0] ** 2 + M[k, 1] ** 2 + M[k, 2] ** 2) / size

@@ -35,8 +35,10 @@ def flight_motion(body, h, flight):
 def shown_motion(body):
     """Way of a driven body from the pose in `old_*` to its present one: straight, and the short way round."""
     body["moves"], body["spin_steps"] = 1, 0
-    rotation_between(body["old_orientation"], body["orientation"], body["turn"])
+    turned = body["scratch"][0]
+    rotation_between(body["old_orientation"], body["orientation"], turned)
     for i in range(3):
+        body["turn"][i] = turned[i]
         body["travel"][i] = body["center"][i] - body["old_center"][i]
         body["travel_bend"][i] = body["turn_bend"][i] = 0.0
 

@@ -310,4 +310,6 @@ def _push_apart(bodies, pairs, end):
             break
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
-            move(bodies[b], bodies[b]["scratch"][0], 1.0)
+            for i in range(3):
+                bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
+            place(bodies[b])
