@@ -22,10 +22,21 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from adapters.bullet_tables import BASE, LINK, MULTIBODY, NO_SHAPE, SOLVER, UNTURNED, Links, Multibody, Part
+from adapters.bullet_tables import (
+    BASE,
+    FRICTION_MAX,
+    LINK,
+    MULTIBODY,
+    NO_SHAPE,
+    SOLVER,
+    UNTURNED,
+    Links,
+    Multibody,
+    Part,
+)
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
-from adapters.mixing import frictions, product_factors, restitutions
+from adapters.mixing import check_range, frictions, product_factors, restitutions
 from adapters.registry import ENGINES
 from scenarios.scenario import ORIGIN, Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
@@ -44,6 +55,7 @@ class BulletEngine:
         for body in scenario.bodies:
             if any(isinstance(piece.shape, Ellipsoid) for piece in body.pieces):
                 raise Unsupported(f"bullet: pybullet makes no ellipsoids (body {body.name!r})")
+        check_range("bullet", "friction", scenario, frictions(scenario), greatest=FRICTION_MAX)
         restitution = product_factors("bullet", "restitution", scenario, restitutions(scenario))
         friction = product_factors("bullet", "friction", scenario, frictions(scenario))
         return World(scenario, settings, list(zip(restitution, friction)))

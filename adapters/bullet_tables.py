@@ -15,6 +15,8 @@ BASE = -1
 NO_SHAPE = -1
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
 """The unit quaternion, xyzw."""
+FRICTION_MAX = 10.0
+"""Greatest product of two frictions (MAX_FRICTION of btManifoldResult.cpp) [1]: Bullet cuts it there."""
 SPEED_LIMIT = 1e9
 """Bound on every generalised velocity [m/s, rad/s], out of reach: Bullet's 100 cuts momentum."""
 

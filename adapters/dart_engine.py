@@ -29,10 +29,12 @@ from adapters.dart_model import (
 )
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
-from adapters.mixing import frictions, minimum_factors, product_factors, restitutions
+from adapters.mixing import check_range, frictions, minimum_factors, product_factors, restitutions
 from adapters.registry import ENGINES
 from scenarios.scenario import Scenario
 
+COEFFICIENT_MIN = 1e-3
+"""Restitution and friction up to here are none to DART (ContactSurface.hpp) [1]."""
 UNREADABLE: dict[str, Scalar] = {
     # compiled in, no getter or setter in dartpy; from DART's ContactConstraint.cpp
     "contact_error_reduction": 0.01,
@@ -94,8 +96,11 @@ class World:
         self._scenario, self._settings = scenario, settings
         self._world = dartpy.simulation.World(scenario.name)
         _set_solver(self._world, scenario, settings)
-        restitution = product_factors("dart", "restitution", scenario, restitutions(scenario))
-        friction = minimum_factors("dart", "friction", scenario, frictions(scenario))
+        asked = {"restitution": restitutions(scenario), "friction": frictions(scenario)}
+        for kind, wanted in asked.items():
+            check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
+        restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
+        friction = minimum_factors("dart", "friction", scenario, asked["friction"])
         self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
         by_name = {joint.name: joint for joint in scenario.joints}
         nodes: dict[int, Any] = {}

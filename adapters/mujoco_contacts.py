@@ -13,7 +13,8 @@ from __future__ import annotations
 from math import exp, hypot, log, pi, sqrt
 from typing import Any
 
-from adapters.engine import Array, Unsupported
+from adapters.engine import Array
+from adapters.mixing import check_range, frictions
 from scenarios.scenario import Scenario
 
 TIME_CONSTANT = 0.02
@@ -21,7 +22,7 @@ TIME_CONSTANT = 0.02
 FLOOR_STEPS = 2.0
 """MuJoCo's floor of a contact's time constant [steps] (its flag refsafe)."""
 FRICTION_MIN = 1e-5
-"""Smallest friction of a contact with condim > 1 (mjMINMU) [1]: smaller values are raised to it."""
+"""Least friction of a contact with condim > 1 (mjMINMU) [1]: smaller values are raised to it."""
 
 
 def solref_of(restitution: float, dt: float) -> tuple[float, float]:
@@ -39,11 +40,9 @@ def restitution_of(solref: Array) -> float:
 
 def add_pairs(spec: Any, scenario: Scenario, dt: float) -> None:
     """An explicit pair for every two pieces that may touch."""
+    check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
     for a, b in scenario.touching_pairs():
         e, mu = scenario.pair_coefficients(a, b)
-        if 0 < mu < FRICTION_MIN:
-            names = f"{scenario.bodies[a].name}-{scenario.bodies[b].name}"
-            raise Unsupported(f"mujoco: friction {mu:g} of {names} is below the least, {FRICTION_MIN:g}")
         for first in range(len(scenario.bodies[a].pieces)):
             for second in range(len(scenario.bodies[b].pieces)):
                 spec.add_pair(

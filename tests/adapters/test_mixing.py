@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from adapters.engine import Unsupported
-from adapters.mixing import MIX_TOLERANCE, frictions, minimum_factors, product_factors, restitutions
+from adapters.mixing import (
+    MIX_TOLERANCE,
+    check_range,
+    frictions,
+    minimum_factors,
+    product_factors,
+    restitutions,
+)
+from adapters.registry import ENGINES
 from scenarios.catalogue import catalogue
+from scenarios.materials import TABLE_1
 from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 
@@ -128,3 +137,95 @@ def test_random_products_are_recovered():
         table = {a + b: f[a] * f[b] for a in f for b in f if a <= b}
         got, wanted = mixed("product", crowd("abcdef", **table))
         assert got == pytest.approx(wanted, rel=1e-10)  # six logarithms, of condition below 10
+
+
+def meeting(*materials):
+    """A fixed ball of the first material and free ones of the others, under table 1 of the method."""
+    ball = crowd("a").bodies[0]
+    kinds = ("fixed", *["simulated"] * (len(materials) - 1))
+    bodies = tuple(
+        replace(ball, name=name, kind=kind, material=material)
+        for name, kind, material in zip("pqrstuvw", kinds, materials)
+    )
+    return Scenario("table 1", "materials of table 1", (), bodies, 1.0, TABLE_1)
+
+
+TABLE_SCENES = {
+    # materials, the first one fixed: what of table 1 has no numbers per body, per rule
+    ("wood", "wood"): set(),
+    ("wood", "wood", "human"): set(),
+    ("wood", "wood", "metal"): set(),
+    ("human", "wood", "metal"): set(),
+    ("wood", "metal", "metal"): set(),
+    # f_wood^2 = e_ww twice over, so e_wh^2 = e_ww e_hh would have to hold
+    ("wood", "wood", "wood", "human", "human"): {"product e", "product mu", "minimum mu"},
+    # two hands: min(f_h, f_h) = .1, but each needs .2 against wood
+    ("wood", "human", "human"): {"minimum mu"},
+    # four bodies, six pairs: e_pq e_rs = e_pr e_qs does not hold
+    ("wood", "wood", "human", "metal"): {"product e", "product mu"},
+    # one more wooden body beside a hand and metal is one too many, in any order
+    ("metal", "human", "wood", "wood"): {"product e", "product mu"},
+}
+
+
+@pytest.mark.parametrize("materials", TABLE_SCENES, ids="-".join)
+def test_table_1_is_solved_where_it_can_be(materials):
+    """Some scenes of the method's materials have numbers per body under a rule, some have none."""
+    scenario, refused = meeting(*materials), set()
+    for kind, wanted in (("e", restitutions(scenario)), ("mu", frictions(scenario))):
+        for rule, (solve, mix) in RULES.items():
+            try:
+                factors = solve("test", kind, scenario, wanted)
+            except Unsupported:
+                refused.add(f"{rule} {kind}")
+                continue
+            for (a, b), value in wanted.items():
+                assert mix(factors[a], factors[b]) == pytest.approx(value, abs=MIX_TOLERANCE)
+    # no engine takes the smaller restitution
+    assert refused - {"minimum e"} == TABLE_SCENES[materials]
+
+
+MIXES = {"reference": set(), "mujoco": set(), "bullet": {"product e", "product mu"}}
+MIXES["dart"] = {"product e", "minimum mu"}
+
+
+@pytest.mark.parametrize("materials", TABLE_SCENES, ids="-".join)
+@pytest.mark.parametrize("name", ENGINES)
+def test_engines_take_table_1_exactly_or_name_the_pairs(registry, name, materials):
+    """Every pair is read back as asked, or the scene is Unsupported, with the engine and a pair named."""
+    scenario, engine = meeting(*materials), registry.engine(name)
+    if MIXES[name] & TABLE_SCENES[materials]:
+        with pytest.raises(Unsupported, match=rf"^{name}: no \w+ per body gives the pairs [p-t]-[p-t]"):
+            engine.build(scenario, registry.settings(name))
+        return
+    world = engine.build(scenario, registry.settings(name))
+    told = {(pair.body_a, pair.body_b): (pair.restitution, pair.friction) for pair in world.describe().pairs}
+    world.close()
+    names = [body.name for body in scenario.bodies]
+    for a, b in scenario.touching_pairs():
+        asked = scenario.pair_coefficients(a, b)
+        assert told[names[a], names[b]] == pytest.approx(asked, abs=MIX_TOLERANCE)
+
+
+def test_coefficients_an_engine_would_alter_are_named():
+    """Too small and too large ones are refused with the bound, the value and the pairs; zero never is."""
+    scenario = crowd("abc", ab=0.0, ac=0.002, bc=0.4)
+    wanted = restitutions(scenario)
+    check_range("test", "friction", scenario, wanted)
+    check_range("test", "friction", scenario, wanted, least=0.001, greatest=0.4)
+    with pytest.raises(Unsupported, match=r"^test: friction must be 0 or above 0.002, found 0.002 .* p-r$"):
+        check_range("test", "friction", scenario, wanted, least=0.002)
+    with pytest.raises(Unsupported, match=r"^test: friction must be 0 or up to 0.3, found 0.4 .* q-r$"):
+        check_range("test", "friction", scenario, wanted, greatest=0.3)
+
+
+def test_a_crowd_of_hundreds_is_solved_at_once():
+    """Two hundred balls, twenty thousand pairs, have their factors recovered."""
+    factors = np.random.default_rng(0).uniform(0.1, 1.0, 200)
+    scenario = crowd("aa", aa=0.25)
+    many = replace(
+        scenario, bodies=tuple(replace(scenario.bodies[0], name=f"{k}") for k in range(len(factors)))
+    )
+    wanted = {(a, b): factors[a] * factors[b] for b in range(len(factors)) for a in range(b)}
+    found = product_factors("test", "restitution", many, wanted)
+    assert found == pytest.approx(factors.tolist(), rel=1e-10)
