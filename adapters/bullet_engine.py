@@ -16,28 +16,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from itertools import combinations, product
+from math import inf
 from typing import ClassVar
 
 import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from adapters.bullet_tables import (
-    BASE,
-    FRICTION_MAX,
-    LINK,
-    MULTIBODY,
-    NO_SHAPE,
-    SOLVER,
-    UNTURNED,
-    Links,
-    Multibody,
-    Part,
-)
+from adapters import bullet_tables
+from adapters.bullet_tables import BASE, FRICTION_MAX, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import check_range, frictions, product_factors, restitutions
-from adapters.registry import ENGINES
+from adapters.registry import ENGINES, TUNED, require_profile
 from scenarios.scenario import ORIGIN, Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 Joints = tuple[Joint, ...]
@@ -52,6 +43,7 @@ class BulletEngine:
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """A world in a physics client of its own."""
+        require_profile(self.name, settings)
         for body in scenario.bodies:
             if any(isinstance(piece.shape, Ellipsoid) for piece in body.pieces):
                 raise Unsupported(f"bullet: pybullet makes no ellipsoids (body {body.name!r})")
@@ -72,7 +64,8 @@ class World:
         self._scenario, self._settings, self._factors = scenario, settings, factors
         self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
-        pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **SOLVER, **self._on)
+        self._told = bullet_tables.TUNED if settings.profile == TUNED else bullet_tables.DEFAULT
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
         n, hinges = len(scenario.bodies), sum(len(tracker.joints) for tracker in scenario.trackers)
         # the inertial frames in the body frames
@@ -151,7 +144,9 @@ class World:
             **dict(zip(Part._fields, zip(*parts))),
             **self._on,
         )
-        pybullet.changeDynamics(number, BASE, **MULTIBODY, **self._on)
+        has_hull = any(isinstance(piece.shape, Hull) for piece in scenario.bodies[bodies[0]].pieces)
+        told = self._told.base | (self._told.hull if has_hull else {})
+        pybullet.changeDynamics(number, BASE, **told, **self._on)
         for link, body in enumerate((*bodies, *(bodies[k] for k, _ in further)), start=BASE):
             restitution, friction = self._factors[body]
             own = {"restitution": restitution, "lateralFriction": friction, **LINK}
@@ -259,10 +254,12 @@ class World:
         state.joint_angle[:], state.joint_rate[:] = self._angle, self._rate
         state.force[:], state.torque[:] = self._wrench[:, 0], self._wrench[:, 1]
         state.hinge_torque[:] = self._hinge_torque
+        # a point the solver left out keeps the force of an earlier step
+        farthest = self._told.base.get("contactProcessingThreshold", inf)
         for point in pybullet.getContactPoints(**self._on):
             _, a, b, link_a, link_b, on_a, on_b, normal, distance, *forces = point
             push, pull_1, tangent_1, pull_2, tangent_2 = forces
-            if distance > 0 and push == pull_1 == pull_2 == 0:
+            if distance > farthest or (distance > 0 and push == pull_1 == pull_2 == 0):
                 continue
             axes = np.array((normal, tangent_1, tangent_2))
             impulse = -self._settings.dt * (np.array((push, pull_1, pull_2)) @ axes)
@@ -298,9 +295,10 @@ class World:
         joints = [pybullet.getJointInfo(*link, **self._on) for link in links]
         rows = zip(facts, self._scenario.bodies)
         hulls = [fact for fact, body in rows if any(isinstance(p.shape, Hull) for p in body.pieces)]
+        as_set = self._told.solver | self._told.base | self._told.hull | LINK
         return {
             **{f"{name} (read back)": value for name, value in told.items()},
-            **{f"{k} (as set)": v for k, v in (SOLVER | MULTIBODY | LINK).items() if k not in told},
+            **{f"{name} (as set)": value for name, value in as_set.items() if name not in told},
             "rolling friction, largest (read back)": _largest(facts, 6),
             "spinning friction, largest (read back)": _largest(facts, 7),
             "contact damping, largest; -1 = rigid (read back)": _largest(facts, 8),

@@ -53,6 +53,35 @@ MULTIBODY: dict[str, int | float] = {
 LINK: dict[str, int | float] = {"jointDamping": 0.0, "rollingFriction": 0.0, "spinningFriction": 0.0}
 
 
+class Told(NamedTuple):
+    """What a profile tells the solver, every base, and the base of a body with hulls."""
+
+    solver: dict[str, int | float]
+    base: dict[str, int | float]
+    hull: dict[str, int | float]
+
+
+DEFAULT = Told(SOLVER, MULTIBODY, {})
+TUNED = Told(
+    solver=SOLVER
+    | {
+        # at four times the default rate a quarter of the correction per step: as fast in time, and a quarter
+        # of the speed that it adds to a rebound
+        "contactERP": 0.02,
+        # twice what gravity gives a body in a step of 1/960 s [m/s]: slower is rest, not a bounce
+        "restitutionVelocityThreshold": 0.02,
+    },
+    base=MULTIBODY
+    | {
+        # no contacts ahead of a collision: they brake a body before it meets the other, and only what speed
+        # it has left bounces (bullet3, pull request 1701 and issue 3094)
+        "contactProcessingThreshold": 0.0,
+    },
+    # else hulls hover by 1 mm (pybullet's quickstart guide, changeDynamics); reaches no hull of a link
+    hull={"collisionMargin": 0.0},
+)
+
+
 class Part(NamedTuple):
     """A link, field by field an argument of createMultiBody; on its own fixed in the frame of its parent."""
 

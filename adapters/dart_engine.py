@@ -28,13 +28,18 @@ from adapters.dart_model import (
     set_mass,
 )
 from adapters.drive import Drive
-from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
+from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
 from adapters.mixing import check_range, frictions, minimum_factors, product_factors, restitutions
-from adapters.registry import ENGINES
+from adapters.registry import ENGINES, TUNED, require_profile
 from scenarios.scenario import Scenario
 
 COEFFICIENT_MIN = 1e-3
 """Restitution and friction up to here are none to DART (ContactSurface.hpp) [1]."""
+FRICTION_CONES = {
+    "DantzigBoxedLcpSolver": "two directions, each within mu times the normal force",
+    "NsgsFrictionSolver": "circular",
+}
+"""The cone of a contact under each solver."""
 UNREADABLE: dict[str, Scalar] = {
     # compiled in, no getter or setter in dartpy; from DART's ContactConstraint.cpp
     "contact_error_reduction": 0.01,
@@ -42,22 +47,21 @@ UNREADABLE: dict[str, Scalar] = {
     "contact_force_mixing": 1e-5,
     "contact_error_allowance [m]": 0.0,
     "bounce_threshold, e v [m/s]": 0.1,
-    "friction_cone": "two directions, each within mu times the normal force",
     "integrator": "semi-implicit Euler",
     "warm_starting": False,
 }
 
 
 class DartEngine:
-    """DART with its default solver; the profiles differ in their step (1/1020: DART's 1 ms, fitted)."""
+    """DART with its default solver at its own step (1/1020: DART's 1 ms, fitted) or another's; `tuned` with
+    the exact friction cone."""
 
     name: ClassVar[str] = "dart"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["dart"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported where DART cannot represent it."""
-        if settings.profile not in self.profiles:
-            raise Unsupported(f"dart: no profile {settings.profile!r}; valid: {', '.join(self.profiles)}")
+        require_profile(self.name, settings)
         return World(scenario, settings)
 
     def version(self) -> str:
@@ -74,8 +78,12 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     deactivation.mEnabled = False
     world.setDeactivationOptions(deactivation)
     world.setCollisionDetector(detector_of(scenario))
-    # dartpy has no constructors for LCP solvers: the world's own stay, and are published
-    world.getConstraintSolver().setSplitImpulseEnabled(False)
+    solver = world.getConstraintSolver()
+    solver.setSplitImpulseEnabled(False)
+    if settings.profile == TUNED:
+        # one of two opt-in friction solvers (DART 6.20 release notes): Coulomb's circular cone by nonsmooth
+        # Gauss-Seidel in place of two boxed directions
+        solver.setBoxedLcpSolver(dartpy.constraint.NsgsFrictionSolver())
 
 
 def _filter(world: Any, scenario: Scenario, nodes: list[Any]) -> None:
@@ -212,6 +220,7 @@ class World:
             "detector_reason": fault_of_fcl(self._scenario) or "DART's default",
             "solver": type(solver).__name__,
             "lcp_solver": solver.getBoxedLcpSolver().getType(),
+            "friction_cone": FRICTION_CONES[solver.getBoxedLcpSolver().getType()],
             "lcp_solver_fallback": solver.getSecondaryBoxedLcpSolver().getType(),
             "matrix_free_solver": solver.getMatrixFreeContactSolverOptions().mEnabled,
             "split_impulse": solver.isSplitImpulseEnabled(),

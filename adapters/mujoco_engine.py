@@ -32,7 +32,7 @@ from adapters.engine import (
 )
 from adapters.mujoco_contacts import add_pairs, restitution_of
 from adapters.mujoco_model import add_bodies, inverse, set_options, turned
-from adapters.registry import ENGINES
+from adapters.registry import ENGINES, require_profile
 from scenarios.scenario import Scenario
 
 OPTIONS = (
@@ -45,7 +45,7 @@ FLAGS = (
     ("enableflags", mujoco.mjtEnableBit, "mjENBL_", True),
 )
 LARGEST = ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "pair_margin", "pair_gap")
-DISTINCT = ("pair_solref", "pair_solimp", "pair_dim")
+DISTINCT = ("pair_solref", "pair_solreffriction", "pair_solimp", "pair_dim")
 KINDS = ("integrator", "solver", "cone", "jacobian")
 TIMER = mujoco.mjtTimer
 IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
@@ -61,20 +61,19 @@ def _write_no_log_file() -> None:
 
 
 class MujocoEngine:
-    """MuJoCo with its default integrator, solver and friction cone; the profiles differ in their step."""
+    """MuJoCo with its default integrator and solver; `tuned` with the elliptic cone and stiffer contacts."""
 
     name: ClassVar[str] = "mujoco"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported where MuJoCo cannot represent it."""
-        if settings.profile not in self.profiles:
-            raise Unsupported(f"mujoco: no profile {settings.profile!r}; valid: {', '.join(self.profiles)}")
+        require_profile(self.name, settings)
         _write_no_log_file()
         spec = mujoco.MjSpec()
-        set_options(spec, scenario, settings.dt)
+        set_options(spec, scenario, settings)
         bodies = add_bodies(spec, scenario)
-        add_pairs(spec, scenario, settings.dt)
+        add_pairs(spec, scenario, settings)
         try:
             model = spec.compile()
         except ValueError as error:
@@ -231,7 +230,7 @@ class World:
         facts = {}
         for (a, b), size, solref, mu in zip(bodies, model.pair_dim, model.pair_solref, model.pair_friction):
             friction = float(mu[0]) if size > 1 else 0.0
-            facts[a, b] = PairFacts(names[a], names[b], restitution_of(solref), friction)
+            facts[a, b] = PairFacts(names[a], names[b], restitution_of(solref, self._settings), friction)
         return tuple(facts[key] for key in sorted(facts))
 
     def cross(self) -> None:

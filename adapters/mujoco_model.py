@@ -7,7 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from adapters.engine import Array, Unsupported
+from adapters.engine import Array, Settings, Unsupported
+from adapters.registry import TUNED
 from scenarios.scenario import (
     Body,
     Box,
@@ -21,18 +22,26 @@ from scenarios.scenario import (
     Vector,
 )
 
+IMPEDANCE_RATIO = 10.0
+"""Impedance of friction over that of the normal force, tuned [1]: a body that sticks creeps a tenth as fast
+(MuJoCo's modeling guide, on preventing slip)."""
 
-def set_options(spec: Any, scenario: Scenario, dt: float) -> None:
+
+def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
     """Every hidden default on purpose; what is not named here keeps MuJoCo's default and is published."""
     spec.compiler.degree = False
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     spec.compiler.balanceinertia = spec.compiler.fusestatic = spec.compiler.alignfree = False
     spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
-    spec.option.timestep = dt
+    spec.option.timestep = settings.dt
     spec.option.gravity = scenario.acting_gravity
     spec.option.density = spec.option.viscosity = 0.0
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.option.enableflags = 0
+    if settings.profile == TUNED:
+        # circular where the pyramid has .707 mu at 45 degrees
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        spec.option.impratio = IMPEDANCE_RATIO
 
 
 def add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:

@@ -7,7 +7,7 @@ import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from adapters.engine import AdapterError, Engine, NotInstalled
+from adapters.engine import AdapterError, Engine, NotInstalled, Settings, Unsupported
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,8 @@ class Entry:
     """An engine's "module:Class", the package it needs, and its native step [s] per profile.
 
     `recommended` is the engine's default step, rounded to the next smaller divisor of a frame of 1/60 s;
-    `equal-step` is the same for all.
+    `equal-step` is the same for all; `tuned` is what its documentation offers to meet Newton's and Coulomb's
+    laws better, as `touchstone study calibration` measures.
     """
 
     implementation: str
@@ -23,7 +24,7 @@ class Entry:
     profiles: Mapping[str, float]
 
 
-EQUAL_STEP = 1 / 240
+EQUAL_STEP, TUNED = 1 / 240, "tuned"
 ENGINES: dict[str, Entry] = {
     "reference": Entry(
         "adapters.reference_engine:ReferenceEngine",
@@ -31,13 +32,19 @@ ENGINES: dict[str, Entry] = {
         {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60},
     ),
     "dart": Entry(
-        "adapters.dart_engine:DartEngine", "dartpy", {"recommended": 1 / 1020, "equal-step": EQUAL_STEP}
+        "adapters.dart_engine:DartEngine",
+        "dartpy",
+        {"recommended": 1 / 1020, "equal-step": EQUAL_STEP, TUNED: 1 / 1020},
     ),
     "bullet": Entry(
-        "adapters.bullet_engine:BulletEngine", "pybullet", {"recommended": 1 / 240, "equal-step": EQUAL_STEP}
+        "adapters.bullet_engine:BulletEngine",
+        "pybullet",
+        {"recommended": 1 / 240, "equal-step": EQUAL_STEP, TUNED: 1 / 960},
     ),
     "mujoco": Entry(
-        "adapters.mujoco_engine:MujocoEngine", "mujoco", {"recommended": 1 / 540, "equal-step": EQUAL_STEP}
+        "adapters.mujoco_engine:MujocoEngine",
+        "mujoco",
+        {"recommended": 1 / 540, "equal-step": EQUAL_STEP, TUNED: 1 / 1920},
     ),
 }
 
@@ -61,6 +68,13 @@ def load(name: str) -> Engine:
     module, _, attribute = _entry(name).implementation.partition(":")
     engine: Engine = getattr(importlib.import_module(module), attribute)()
     return engine
+
+
+def require_profile(name: str, settings: Settings) -> None:
+    """Raise Unsupported where an engine has no such profile; names those it has."""
+    valid = ENGINES[name].profiles
+    if settings.profile not in valid:
+        raise Unsupported(f"{name}: no profile {settings.profile!r}; valid: {', '.join(valid)}")
 
 
 def _entry(name: str) -> Entry:

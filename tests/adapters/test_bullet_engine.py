@@ -152,6 +152,12 @@ def test_unsupported_scenes_are_named():
         start(scene(*bodies, coefficients=((0.5, 0.5), (0.9, 0.5), (0.0, 0.5))))
     with pytest.raises(Unsupported, match=r"bullet: .*mover"):
         start(scene(mover(s.Ellipsoid((0.1, 0.2, 0.3)))))
+    with pytest.raises(Unsupported, match=r"bullet: friction must be 0 or up to 10, found 12 .*floor-mover"):
+        start(scene(FLOOR, mover(s.Sphere(0.1)), coefficients=((0.5, 12.0),)))
+    with pytest.raises(
+        Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step, tuned"
+    ):
+        BulletEngine().build(scene(FLOOR), Settings("paper", DT))
 
 
 def test_free_fall_and_spin_are_undamped():
@@ -234,6 +240,17 @@ def test_impulses_balance_momentum():
     assert np.linalg.norm(slip) < 1e-3
 
 
+def test_tuned_contacts_tell_no_force_of_an_earlier_step():
+    """Bounces account for the change of momentum, to the last step: points left out have no force."""
+    settings = Settings("tuned", BulletEngine.profiles["tuned"])
+    ball = mover(s.Sphere(0.05), position=(0.0, 0.0, 0.1), linear_velocity=(0.5, 0.0, -1.0))
+    scenario = scene(FLOOR, ball, coefficients=((0.5, 0.3),))
+    final = record(BulletEngine(), scenario, settings)
+    assert len(final.contacts) > 3
+    gained = 0.2 * (final.linear_velocity[-1, 1] - [0.5, 0.0, -1.0 - G * 1.0])
+    assert final.contacts["impulse"].sum(axis=0) == pytest.approx(gained, abs=1e-6 * 0.2 * G)
+
+
 def test_a_body_of_many_pieces_rests_on_all_of_them():
     """Spheres, boxes and several turned hulls of one body, off its centre, all carry it level."""
     half = 0.5**0.5
@@ -270,6 +287,15 @@ def test_only_touching_pairs_collide(collide):
     world, state = start(scenario)
     rows = advance(world, state, 0)
     assert set(zip(rows["body_a"], rows["body_b"])) == ({(0, 2)} if collide else set())
+
+
+@pytest.mark.parametrize(("profile", "height"), [("recommended", MARGIN), ("tuned", 0.0)])
+def test_a_tuned_hull_rests_on_its_surface(profile, height):
+    """A hull hovers by the margin by default and by nothing when tuned."""
+    scenario = scene(FLOOR, mover(CUBE, position=(0.0, 0.0, 0.05 + height)))
+    dt = BulletEngine.profiles[profile]
+    final = record(BulletEngine(), scenario, Settings(profile, dt)).position[-1, 1, 2]
+    assert final == pytest.approx(0.05 + height, abs=2 * CORNER)  # contactSlop and corners: 1e-5 m each
 
 
 def test_hull_corners_are_ours():

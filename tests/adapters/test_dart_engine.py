@@ -253,6 +253,17 @@ def test_settings() -> None:
         assert told["detector"] == detector
 
 
+def test_tuned_solver() -> None:
+    """Read back that the tuned profile has the solver with the circular cone, the others DART's own."""
+    for profile, solver, cone in (
+        ("recommended", "DantzigBoxedLcpSolver", "two directions"),
+        ("tuned", "NsgsFrictionSolver", "circular"),
+    ):
+        told = dart_engine.DartEngine().build(scene(FLOOR, BALL), Settings(profile, DT)).describe().settings
+        assert told["lcp_solver"] == solver
+        assert told["friction_cone"].startswith(cone)
+
+
 def test_unsupported() -> None:
     """Refuse coefficients, shapes and profiles that DART cannot represent, saying which."""
     engine = dart_engine.DartEngine()
@@ -264,8 +275,11 @@ def test_unsupported() -> None:
     egg = solid("egg", Ellipsoid(HALF_AXES), (0.0, 0.0, 1.0))
     with pytest.raises(Unsupported, match="dart: spheres meet hulls, and no detector has"):
         engine.build(scene(BALL, tip(0.0), egg), SETTINGS)
-    with pytest.raises(Unsupported, match="dart: no profile 'tuned'"):
-        engine.build(scene(BALL), Settings("tuned", DT))
+    slippery = (PairCoefficients("wood", "wood", 0.3, 1e-3),)
+    with pytest.raises(Unsupported, match=r"dart: friction must be 0 or above 0.001.*floor-ball"):
+        engine.build(scene(FLOOR, BALL, coefficients=slippery), SETTINGS)
+    with pytest.raises(Unsupported, match="dart: no profile 'paper'; valid: recommended, equal-step, tuned"):
+        engine.build(scene(BALL), Settings("paper", DT))
 
 
 def test_fault_of_fcl(monkeypatch: pytest.MonkeyPatch) -> None:

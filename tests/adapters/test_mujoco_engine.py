@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from adapters.engine import Settings, State, Unsupported
 from adapters.record import record
@@ -13,7 +14,14 @@ from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Scenario, Sphe
 from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-from adapters.mujoco_contacts import restitution_of, solref_of  # noqa: E402
+from adapters.mujoco_contacts import (  # noqa: E402
+    FRICTION_REFERENCE,
+    TUNED_STIFFNESS,
+    releasing_ratio,
+    releasing_restitution,
+    restitution_of,
+    solref_of,
+)
 from adapters.mujoco_engine import MujocoEngine, World  # noqa: E402
 from adapters.mujoco_model import add_piece  # noqa: E402
 
@@ -140,10 +148,77 @@ def test_pair_coefficients_read_back(e: float, mu: float) -> None:
 def test_contact_springs_stay_resolved(dt: float) -> None:
     """Keep every contact's frequency below the floor 1 / (2 dt), and e = 0 at MuJoCo's default."""
     for e in np.linspace(0, 1, 11):
-        stiffness, damping = solref_of(float(e), dt)
+        stiffness, damping = solref_of(float(e), Settings("recommended", dt))
         assert np.sqrt(-stiffness) <= 1 / (2 * dt) * (1 + 1e-12)
-        assert restitution_of(np.array([stiffness, damping])) == pytest.approx(e, abs=1e-12)
-    assert solref_of(0.0, DT) == pytest.approx((-2500, -100))
+        told = restitution_of(np.array([stiffness, damping]), Settings("recommended", dt))
+        assert told == pytest.approx(e, abs=1e-12)
+    assert solref_of(0.0, SETTINGS) == pytest.approx((-2500, -100))
+
+
+TUNED = Settings("tuned", ENGINE.profiles["tuned"])
+
+
+@pytest.mark.parametrize("zeta", [0.05, 0.3, 0.7, 0.9, 1.0, 1.5, 3.0])
+def test_a_spring_that_may_not_pull(zeta: float) -> None:
+    """Let go when the force turns: the closed form is what an integrated damped spring leaves."""
+
+    def force(t: float, state: np.ndarray) -> float:
+        return -state[0] - 2 * zeta * state[1]
+
+    # it starts at the surface, moving in, where damping alone holds it: the force turns later
+    force.terminal, force.direction = True, -1  # type: ignore[attr-defined]
+    start, span = (0.0, -1.0), (0.0, 100.0)
+    contact = solve_ivp(lambda t, s: (s[1], force(t, s)), span, start, events=force, rtol=1e-11, atol=1e-13)
+    assert releasing_restitution(zeta) == pytest.approx(contact.y[1, -1], abs=1e-8)
+    assert releasing_ratio(releasing_restitution(zeta)) == pytest.approx(zeta, abs=1e-7)
+
+
+def test_the_ends_of_the_closed_form() -> None:
+    """Return everything undamped, exp(-2) at critical damping, and ever less beyond."""
+    assert releasing_restitution(0.0) == pytest.approx(1.0, abs=1e-15)
+    assert releasing_restitution(1.0) == np.exp(-2)
+    for side in (1 - 1e-9, 1 + 1e-9):
+        assert releasing_restitution(side) == pytest.approx(np.exp(-2), abs=1e-8)
+    assert releasing_ratio(1.0) == 0.0
+    assert releasing_ratio(np.exp(-2)) == pytest.approx(1.0, abs=1e-7)
+    falling = [releasing_restitution(zeta) for zeta in np.linspace(0, 5, 51)]
+    assert (np.diff(falling) < 0).all()
+
+
+@pytest.mark.parametrize("e", [0.05, 0.3, 1.0])
+def test_tuned_steps_are_the_springs(e: float) -> None:
+    """Step semi-implicitly through the samples of a damped spring of the wanted frequency."""
+    dt, zeta = TUNED.dt, releasing_ratio(e)
+    stiffness, damping = np.negative(solref_of(e, TUNED))
+    x, v, samples = 1.0, 0.0, []
+    for _ in range(20):
+        v -= dt * (stiffness * x + damping * v)
+        x += dt * v
+        samples.append(x)
+    roots = TUNED_STIFFNESS * (-zeta + np.sqrt(complex(zeta * zeta - 1)) * np.array((1, -1)))
+    basis = np.exp(np.outer(np.arange(1, 21), roots))
+    fit = np.linalg.lstsq(basis, np.array(samples, complex), rcond=None)[0]
+    np.testing.assert_allclose((basis @ fit).real, samples, atol=1e-10)
+
+
+@pytest.mark.parametrize("dt", [TUNED.dt, 1 / 240, 1 / 60])
+def test_tuned_restitutions_read_back(dt: float) -> None:
+    """Find the restitution again in the stiffness and damping, on both sides of critical damping."""
+    settings = Settings("tuned", dt)
+    for e in (0.0, 0.05, 0.1, np.exp(-2), 0.2, 0.5, 0.9, 1.0):
+        told = restitution_of(np.array(solref_of(e, settings)), settings)
+        assert told == pytest.approx(e, abs=1e-9)  # a root found to 1e-12
+
+
+def test_tuned_contacts_are_told_as_meant() -> None:
+    """Read the elliptic cone, friction's own damping and a constant impedance off the compiled model."""
+    scenario = scene(FLOOR, free("ball", SHAPES["sphere"], 1.0), e=0.4, mu=0.2)
+    manifest = ENGINE.build(scenario, TUNED).describe()
+    facts = manifest.settings
+    assert (facts["cone"], facts["impratio"]) == ("mjCONE_ELLIPTIC", 10.0)
+    assert facts["pair_solreffriction"] == str([list(FRICTION_REFERENCE)])
+    assert facts["pair_solimp"].startswith("[[0.95, 0.95,")
+    assert (manifest.pairs[0].restitution, manifest.pairs[0].friction) == pytest.approx((0.4, 0.2), abs=1e-9)
 
 
 @pytest.mark.parametrize("e", [0.3, 0.5, 0.8, 1.0])
@@ -248,5 +323,7 @@ def test_unsupported_is_said() -> None:
     spec = mujoco.MjSpec()
     with pytest.raises(Unsupported, match="mujoco: no shape"):
         add_piece(spec, spec.worldbody, Piece("odd", object()), "odd")  # type: ignore[arg-type]
-    with pytest.raises(Unsupported, match="valid: recommended, equal-step"):
-        ENGINE.build(scene(FLOOR, ball), Settings("tuned", DT))
+    with pytest.raises(Unsupported, match=r"mujoco: restitution must be 0 or above 0.02.*floor-ball"):
+        ENGINE.build(scene(FLOOR, ball, e=0.01), TUNED)
+    with pytest.raises(Unsupported, match="valid: recommended, equal-step, tuned"):
+        ENGINE.build(scene(FLOOR, ball), Settings("paper", DT))
