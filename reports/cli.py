@@ -17,6 +17,7 @@ from reports.command import (
     Format,
     FormatOption,
     QuietOption,
+    columns_for,
     exit_for,
     folder_of_now,
     known,
@@ -102,20 +103,14 @@ def _request(
     out: Path | None,
 ) -> Request:
     """The request behind the arguments; a wrong one ends the program with a line."""
-    from adapters.registry import ENGINES
     from reports.metrics import METRICS
-    from reports.run import DEFAULT_PROFILES, Request, columns_of
+    from reports.run import DEFAULT_PROFILES, Request
 
     scenarios = _scenarios(names, tag)
-    engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
-    every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
-    profiles = [known("profile", name, every) for name in dict.fromkeys(profiles)]
+    columns = columns_for(engines, profiles, DEFAULT_PROFILES)
     spreads = [f"{name}.spread" for name in METRICS if name.startswith("events.")]
     for name in metrics:
         known("metric", name, [*METRICS, *spreads, "ratio.time"])
-    columns = columns_of(engines, profiles or DEFAULT_PROFILES)
-    if not columns:
-        stop(f"no engine of {', '.join(engines)} has the profile {', '.join(profiles)}", BAD_INPUT)
     step = _step(dt, scenarios) if dt is not None else None
     command = " ".join(["touchstone", *sys.argv[1:]])
     return Request(tuple(scenarios), columns, out or folder_of_now(), step, tuple(metrics), command)

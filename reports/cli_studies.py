@@ -12,6 +12,7 @@ from reports.command import (
     Format,
     FormatOption,
     QuietOption,
+    columns_for,
     exit_for,
     folder_of_now,
     printed,
@@ -48,3 +49,30 @@ def narrow_phase(
     show_study(frame, console())
     print(f"results: {folder}")
     exit_for(frame.verdict, frame.reason, by_name=False)
+
+
+@study.command("calibration")
+def calibration(
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: all).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/calibration-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure the restitution and friction that engines achieve, beside what they were asked for."""
+    from reports.output import OutputError
+    from reports.studies.calibration import Grid, run, steps
+
+    columns, folder = columns_for(engine or [], profile or []), out or folder_of_now("calibration-")
+    try:
+        with progress_for(steps(columns, Grid()), quiet) as progress:
+            frame = run(columns, folder, progress)
+    except OutputError as error:
+        stop(str(error), BAD_INPUT)
+    if not printed(frame, output) and not quiet:
+        from reports.studies.calibration_table import show as show_study
+        from reports.terminal import console
+
+        show_study(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, bool(engine))

@@ -45,6 +45,22 @@ def known(kind: str, name: str, valid: Iterable[str]) -> str:
     stop(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})", BAD_INPUT)
 
 
+def columns_for(
+    engines: Iterable[str], profiles: Iterable[str], default: Iterable[str] = ()
+) -> tuple[tuple[str, str], ...]:
+    """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all)."""
+    from adapters.registry import ENGINES
+    from reports.run import columns_of
+
+    every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
+    names = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
+    wanted = [known("profile", name, every) for name in dict.fromkeys(profiles)]
+    columns = columns_of(names, wanted or list(default) or every)
+    if not columns:
+        stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}", BAD_INPUT)
+    return columns
+
+
 def printed(frame: pd.DataFrame, output: Format) -> bool:
     """Print the long table for machines; False where a human asked."""
     if output is Format.json:

@@ -47,6 +47,17 @@ LIMITS: tuple[Limit, ...] = (
     Limit(
         "restitution.error", 0.005, "0.1 mm of touch gap over the arcs of a 1 m/s bounce", engine="reference"
     ),
+    Limit(
+        "restitution.bias.max", 2e-4, "1e-6 m of touch gap over a hop of 5 mm, at 0.3 m/s", engine="reference"
+    ),
+    Limit(
+        "restitution.bias.max",
+        0.05,
+        "semi-implicit flight: g h a step, at 1 m/s",
+        engine="reference",
+        profile="paper",
+    ),
+    Limit("friction.bias.max", 1e-3, "a patch that lands with one more point in a frame", engine="reference"),
     Limit("friction.cone", 1e-6, "Coulomb's inequality, to a solver's tolerance"),
     Limit("friction.cone", 1e-12, "Coulomb's inequality, to rounding", engine="reference"),
     Limit("friction.deficit", 0.05, "sliding friction within 5 % of mu", subject="table-ball"),

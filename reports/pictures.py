@@ -6,6 +6,7 @@ from math import log
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -14,7 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from adapters.registry import ENGINES, TUNED
 from reports.results import rows_of
+from reports.studies.calibration_rows import JUDGED_SPEED
 
 INK, PALE = "#222222", "#8a8a8a"
 COLOURS = {
@@ -184,3 +187,116 @@ def _frame(axes: Axes, points: list[Point]) -> None:
         color=PALE,
         fontsize=9.5,
     )
+
+
+SIDES = ((2**0.5, "√2"), (0.5**0.5, "1 / √2"))
+"""Shares of friction at 45 degrees that tell a square for a cone [1]."""
+
+
+def requested_and_achieved(frame: pd.DataFrame, path: Path) -> None:
+    """Achieved over asked restitution and friction per engine, from the rows of the study `calibration`.
+
+    Restitution from JUDGED_SPEED on: medians over speeds and shapes, with the range over these and over where
+    within a step bodies land. Friction per heading: medians over coefficients and shapes, with their range.
+    """
+    engines = [name for name in ENGINES if name in set(frame[frame.value.notna()].engine)]
+    style = {"font.family": "DejaVu Sans", "font.size": 10.5, "axes.edgecolor": PALE}
+    with rc_context(style):  # type: ignore[arg-type]
+        figure = Figure(figsize=(3.1 * max(1, len(engines)) + 0.6, 7.3), dpi=160, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(2, max(1, len(engines)), sharex="row", sharey="row", squeeze=False)
+        for column, engine in enumerate(engines):
+            mine = frame[(frame.engine == engine) & frame.value.notna()]
+            for profile, filled in _profiles(mine):
+                part = mine[mine.profile == profile]
+                _draw_ranges(axes[0, column], _restitutions(part), engine, profile, filled, 0.014)
+                _draw_ranges(axes[1, column], _frictions(part), engine, profile, filled, 1.1)
+            axes[0, column].set_title(engine, color=COLOURS[engine], fontweight="bold", fontsize=12)
+        _frame_calibration(axes, figure)
+        figure.savefig(path, format="png", facecolor="white")
+
+
+Ranges = dict[float, list[float]]
+"""Values by what they are drawn over."""
+
+
+def _profiles(frame: pd.DataFrame) -> list[tuple[str, bool]]:
+    """The first profile, filled, and the tuned one or the next, hollow."""
+    names = list(dict.fromkeys(frame.profile))
+    second = TUNED if TUNED in names else next(iter(names[1:]), "")
+    return [(names[0], True)] + ([(second, False)] if second not in ("", names[0]) else [])
+
+
+def _asked(subject: str) -> tuple[float, float]:
+    """The coefficient and the speed or heading that a row's subject names."""
+    first, second = (float(word.partition("=")[2]) for word in subject.split())
+    return first, second
+
+
+def _restitutions(frame: pd.DataFrame) -> Ranges:
+    found: Ranges = {}
+    for row in rows_of(frame[frame.metric == "restitution.achieved"]):
+        e, speed = _asked(row.subject)
+        if speed >= JUDGED_SPEED:
+            found.setdefault(e, []).extend((row.low, row.value, row.high))
+    return found
+
+
+def _frictions(frame: pd.DataFrame) -> Ranges:
+    found: Ranges = {}
+    for row in rows_of(frame[frame.metric == "friction.bias"]):
+        found.setdefault(_asked(row.subject)[1], []).append(1 + row.value)
+    return found
+
+
+def _draw_ranges(axes: Axes, found: Ranges, engine: str, profile: str, filled: bool, shift: float) -> None:
+    """Median and range of each list; filled markers a little to the left, hollow ones to the right."""
+    colour, places = COLOURS[engine], sorted(found)
+    x = np.array(places) + (-shift if filled else shift)
+    low, high = [min(found[place]) for place in places], [max(found[place]) for place in places]
+    middle = [float(np.median(found[place])) for place in places]
+    wide, pale = (5.0, 0.3) if filled else (1.3, 1.0)
+    axes.vlines(x, low, high, color=colour, linewidth=wide, alpha=pale, zorder=2)
+    face, edge = (colour, "white") if filled else ("white", colour)
+    (line,) = axes.plot(x, middle, "o", color=colour, label=profile, markersize=7, zorder=3)
+    line.set_markerfacecolor(face)
+    line.set_markeredgecolor(edge)
+
+
+def _frame_calibration(axes: np.ndarray, figure: Figure) -> None:
+    axes[0, 0].set_ylabel("restitution achieved", color=INK)
+    axes[1, 0].set_ylabel("friction achieved / asked", color=INK)
+    axes[1, 0].xaxis.set_major_locator(FixedLocator([0.0, 22.5, 45.0]))
+    axes[1, 0].xaxis.set_major_formatter(FuncFormatter(lambda heading, _: f"{heading:g}°"))
+    axes[1, 0].set_xlim(-7, 52)
+    axes[1, 0].set_ylim(min(0.45, axes[1, 0].get_ylim()[0]), max(1.5, axes[1, 0].get_ylim()[1]))
+    for one in axes[0]:
+        one.plot((0, 1), (0, 1), color=PALE, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+        if one.lines[1:]:
+            one.legend(frameon=False, fontsize=9.5, loc="upper left", handletextpad=0.2, labelcolor=INK)
+        one.set_xlabel("restitution asked", color=INK)
+    for one in axes[1]:
+        one.axhline(1, color=PALE, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+        one.set_xlabel("heading of the slide", color=INK)
+        for level, name in SIDES:
+            one.axhline(level, color="#dddddd", linewidth=0.8, zorder=1)
+            one.annotate(name, (-6, level), xytext=(0, 2), textcoords="offset points", fontsize=8, color=PALE)
+    for one in axes.flat:
+        one.grid(axis="y", color="#eeeeee", linewidth=0.8)
+        one.set_axisbelow(True)
+        one.tick_params(colors=INK, length=3)
+        for side in ("top", "right"):
+            one.spines[side].set_visible(False)
+    figure.suptitle(
+        "Bodies that land on a floor and slide over it: what engines make of restitution and friction\n",
+        x=0.005,
+        ha="left",
+        color=INK,
+        fontsize=13,
+        fontweight="bold",
+    )
+    text = (
+        "marker: median    bar: range over balls, boxes and hulls, and over speeds from "
+        f"{JUDGED_SPEED:g} m/s on (restitution) or the coefficients asked (friction)"
+    )
+    figure.text(0.005, 0.962, text, color=PALE, fontsize=9.5, va="top")

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -116,6 +117,41 @@ def test_wrong_input_is_one_line(touchstone, tmp_path, arguments, said):
     assert err.startswith(f"touchstone: {said}")
     assert err.count("\n") == 1
     assert left(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
+        (["--profile", "tunde"], "unknown profile 'tunde'; did you mean 'tuned'?"),
+        (["--engine", "reference", "--profile", "tuned"], "no engine of reference has the profile tuned"),
+        (["--out", "full"], "--out full: exists and is not an empty folder"),
+    ],
+)
+def test_wrong_input_of_a_study_is_one_line(touchstone, tmp_path, arguments, said):
+    """A wrong argument of `study calibration` ends in exit 2 and one line, and nothing is written."""
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").touch()
+    code, out, err = touchstone("study", "calibration", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+    assert left(tmp_path) == ["full"]
+
+
+def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
+    """Print the long table of `study calibration` as CSV and nothing else, and end well."""
+    from reports.studies import calibration
+
+    tiny = {"restitutions": (0.5,), "speeds": (2.0,), "frictions": (0.3,), "ladder": (), "steps": ()}
+    monkeypatch.setattr(calibration, "Grid", partial(calibration.Grid, pairs=("sphere-box",), **tiny))
+    arguments = ("--engine", "reference", "--profile", "balanced", "--format", "csv", "--out", "r", "--quiet")
+    code, out, err = touchstone("study", "calibration", *arguments)
+    assert (code, err) == (0, "")
+    frame = pd.read_csv(io.StringIO(out))
+    achieved = frame[frame.metric == "restitution.achieved"]
+    assert achieved.value.tolist() == pytest.approx([0.5], abs=1e-4)
+    assert achieved.reason.tolist() == ["asked 0.5"]
 
 
 @pytest.mark.parametrize("arguments", [["--engien", "dart"], ["rnu"], ["list", "things"], ["show"], []])

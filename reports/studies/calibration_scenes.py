@@ -1,0 +1,132 @@
+"""The scenes of the study `calibration`: bodies dropped on a floor, or sliding over it, side by side.
+
+A scene asks for one restitution, or one friction, of one pair of shapes; its bodies differ in approach speed
+and in where within a native step they meet the floor, or in heading. Its frames are native steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, sin, sqrt
+from typing import Literal
+
+from scenarios.scenario import (
+    Body,
+    Box,
+    Hull,
+    Matrix,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Shape,
+    Sphere,
+    Vector,
+)
+from scenarios.solids import box_inertia, sphere_inertia
+
+G = 9.81
+HEIGHT = 0.1
+"""Of the centre of every body over the floor it rests on [m]."""
+WIDTH = 0.16
+"""Half the width of box and hull [m]: at mu = 1 they slide without tipping."""
+PRISM = tuple(
+    (WIDTH * cos(k * pi / 3), WIDTH * sin(k * pi / 3), z) for k in range(6) for z in (-HEIGHT, HEIGHT)
+)
+SHAPES: dict[str, tuple[Shape, Matrix]] = {
+    # what lands on the floor, a box; shape and inertia for 1 kg
+    "sphere-box": (Sphere(HEIGHT), sphere_inertia(1.0, HEIGHT)),
+    "box-box": (Box((WIDTH, WIDTH, HEIGHT)), box_inertia(1.0, (WIDTH, WIDTH, HEIGHT))),
+    "hull-box": (Hull(PRISM), box_inertia(1.0, (WIDTH, WIDTH, HEIGHT))),
+}
+SPACING, ROW = 4.0, 8
+"""Between bodies [m], and bodies in a row: none reaches another."""
+LEAD_STEPS = 2
+"""Free steps before a body meets the floor, where its approach is long enough [steps]."""
+DROP = 0.5
+"""Height of a fall from rest [m]: it lands at 3.1 m/s."""
+SLIDE_TIME = 0.3
+"""From the start of a slide to its stop under Coulomb's law [s]."""
+Kind = Literal["restitution", "lowest", "drop", "friction"]
+TIMES: dict[Kind, float] = {
+    # length of a scene [s]: the softest contact lasts some 40 ms; a fall and a rise of DROP take 0.32 s each;
+    # a friction of 0.7 of the one asked for still shows
+    "restitution": 0.2,
+    "lowest": 0.2,
+    "drop": 0.75,
+    "friction": 1.5 * SLIDE_TIME,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """What a scene asks for, and of whom: restitution of bodies that meet the floor at `speeds` [m/s] and
+    `phases` [steps] (`lowest`: rungs of a ladder of speeds), or are dropped from DROP and, for other phases,
+    a little higher; or friction of those that slide along `headings` [degrees]. The floor is body 0, they
+    follow, phases within speeds."""
+
+    pair: str
+    kind: Kind
+    requested: float
+    speeds: tuple[float, ...] = ()
+    phases: tuple[float, ...] = ()
+    headings: tuple[float, ...] = ()
+
+
+def scene(probe: Probe, dt: float) -> Scenario:
+    """The scene of a probe for a native step of `dt` [s]."""
+    slides, rate = probe.kind == "friction", round(1 / dt)
+    bodies = _sliding(probe) if slides else (_bouncing(probe, dt) if probe.speeds else _dropped(probe, dt))
+    asked = (0.0, probe.requested) if slides else (probe.requested, 0.0)
+    half = SPACING * (len(bodies) + 2)
+    # a piece in its body's own frame: Bullet treats a shifted one as a compound, whose contacts differ
+    slab = Piece("floor", Box((half, half, 1.0)))
+    return Scenario(
+        f"{probe.kind} {probe.requested:g} {probe.pair}",
+        f"{probe.pair} pairs with a {probe.kind} of {probe.requested:g}",
+        (),
+        (Body("floor", "fixed", "any", (slab,), position=(0.0, 0.0, -1.0)), *bodies),
+        round(TIMES[probe.kind] * rate) / rate,
+        (PairCoefficients("any", "any", *asked),),
+        frame_rate=rate,
+    )
+
+
+def _bouncing(probe: Probe, dt: float) -> list[Body]:
+    """Bodies that meet the floor at each speed and phase."""
+    bodies: list[Body] = []
+    for speed in probe.speeds:
+        for phase in probe.phases:
+            # gravity adds to the speed on the way: a slow body starts nearer than LEAD_STEPS
+            time = min((LEAD_STEPS + phase) * dt, phase * speed / G)
+            gap = speed * time - G * time * time / 2
+            bodies.append(_body(probe.pair, len(bodies), gap, (0.0, 0.0, G * time - speed)))
+    return bodies
+
+
+def _dropped(probe: Probe, dt: float) -> list[Body]:
+    """Bodies at rest, spread over the height that one falls through in the last step."""
+    last = sqrt(2 * G * DROP) * dt
+    gaps = [DROP + phase * last for phase in probe.phases]
+    return [_body(probe.pair, k, gap, (0.0, 0.0, 0.0)) for k, gap in enumerate(gaps)]
+
+
+def _sliding(probe: Probe) -> list[Body]:
+    """Bodies on the floor that Coulomb's law would stop after SLIDE_TIME, turned with their headings."""
+    speed, angles = probe.requested * G * SLIDE_TIME, [pi / 180 * heading for heading in probe.headings]
+    velocities = [(speed * cos(a), speed * sin(a), 0.0) for a in angles]
+    return [_body(probe.pair, k, 0.0, v, a) for k, (v, a) in enumerate(zip(velocities, angles))]
+
+
+def _body(pair: str, k: int, gap: float, velocity: Vector, turn: float = 0.0) -> Body:
+    shape, inertia = SHAPES[pair]
+    return Body(
+        f"body {k}",
+        "simulated",
+        "any",
+        (Piece("piece", shape),),
+        1.0,
+        inertia=inertia,
+        position=(SPACING * (k % ROW), SPACING * (k // ROW), HEIGHT + gap),
+        orientation=(cos(turn / 2), 0.0, 0.0, sin(turn / 2)),
+        linear_velocity=velocity,
+    )
