@@ -120,6 +120,32 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True)
+class ReachCone:
+    """What a ball joint may do: its three `joints` turn about right-handed perpendicular axes through one
+    point, the third of them the bone's.
+
+    `swing` are the corners of a spherical polygon that the bone may point into, counterclockwise round
+    `center` and star-shaped from it [unit vectors, frame of the first hinge's parent at angles 0]. `twist`
+    [rad] bounds the turn about the bone beside the shortest rotations from its rest to `center` and on.
+    """
+
+    joints: tuple[str, str, str]
+    center: Vector
+    swing: tuple[Vector, ...]
+    twist: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Hinges from root to tip that inverse kinematics turns together; they follow each other in their
+    tracker's order."""
+
+    name: str
+    joints: tuple[str, ...]
+    cones: tuple[ReachCone, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Tracker:
     """What a driven body follows: keyframes of its root's pose and of its hinges' angles.
 
@@ -176,6 +202,7 @@ class Scenario:
     coefficients: tuple[PairCoefficients, ...]
     joints: tuple[Joint, ...] = ()
     trackers: tuple[Tracker, ...] = ()
+    chains: tuple[Chain, ...] = ()
     gravity: Vector = (0.0, 0.0, -9.81)
     frame_rate: int = 60
     effects: tuple[str, ...] = ("gravity", "restitution", "friction")
@@ -218,9 +245,15 @@ class Scenario:
 
     def touching_pairs(self) -> Iterator[tuple[int, int]]:
         """Body pairs (a < b) that may touch: not both fixed, both with pieces; links of one driven body
-        only where `self_collision` is on and they are not adjacent."""
+        only where `self_collision` is on and they are not adjacent, links without pieces passed over."""
         group = self.groups()
-        adjacent = {frozenset((joint.parent, joint.child)) for joint in self.joints}
+        above = {joint.child: joint.parent for joint in self.joints}
+        bare = {body.name for body in self.bodies if not body.pieces}
+        adjacent = set()
+        for child, parent in above.items():
+            while parent in bare and parent in above:
+                parent = above[parent]
+            adjacent.add(frozenset((child, parent)))
         for a, b in combinations(range(len(self.bodies)), 2):
             first, second = self.bodies[a], self.bodies[b]
             if not (first.pieces and second.pieces) or first.kind == second.kind == "fixed":

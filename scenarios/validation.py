@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from scenarios.chains import check_chains
 from scenarios.scenario import (
     EFFECTS,
     EVENTS,
@@ -55,6 +56,8 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     for i, tracker in enumerate(scenario.trackers):
         _check_tracker(scenario, tracker, f"trackers[{i}]", report)
     _check_driving(scenario, report)
+    if not found:  # chains lean on sound joints and trackers
+        check_chains(scenario, report)
     _check_coefficients(scenario, report)
     _check_expectations(scenario, report)
     return found
