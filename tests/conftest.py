@@ -23,7 +23,9 @@ from reference_impl.convex_depth import convex_depth
 from reference_impl.pipeline import prepare, step
 from reference_impl.shapes import place_piece
 from reference_impl.world import BODY, PAIR, STATE, World
+from scenarios.avatar import Parts, avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
+from scenarios.materials import TABLE_1
 from scenarios.scenario import (
     Body,
     Box,
@@ -137,6 +139,14 @@ def scene(*bodies: Body, e: float = 0.0, mu: float = 0.0, **fields: object) -> S
     )
 
 
+def person(parts: Parts | None = None, **fields: object) -> Scenario:
+    """The avatar, or other parts, standing alone with its root at the world's origin."""
+    bodies, joints, chains = parts = parts or avatar_parts()
+    tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
+    fields = {"bodies": bodies, "joints": joints, "chains": chains, "trackers": (tracker,)} | fields
+    return Scenario(name="person", summary="a test", tags=(), duration=1.0, coefficients=TABLE_1, **fields)
+
+
 def build(scenario: Scenario, profile: str = "balanced", dt: float = FRAME) -> World:
     """A world ready for its first step."""
     world = translate(scenario)
@@ -182,6 +192,7 @@ def lab() -> SimpleNamespace:
         ground=ground,
         still=still,
         scene=scene,
+        person=person,
         build=build,
         play=play,
         counters=counters,
