@@ -12,6 +12,8 @@ from adapters.hull_table import hull_rows
 from reference_impl import conventions
 from reference_impl.world import (
     BODY,
+    CHAIN_CAPACITY,
+    CONE_CORNERS,
     CONTACT,
     DRIVER,
     JOINT,
@@ -22,6 +24,7 @@ from reference_impl.world import (
     VERTEX,
     World,
 )
+from scenarios.chains import hinge_axes
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 from scenarios.tracking import sample
 
@@ -54,6 +57,8 @@ def translate(scenario: Scenario) -> World:
         contacts=np.zeros(CONTACT_CAPACITY, CONTACT),
         state=np.zeros(1, STATE),
     )
+    world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
+    _set_chains(scenario, world)
     _set_coefficients(scenario, world)
     return world
 
@@ -159,6 +164,36 @@ def _drivers(scenario: Scenario) -> np.ndarray:
             row[f"{prefix}velocity"] = motion.linear_velocity[0]
             row[f"{prefix}omega"] = motion.angular_velocity[0]
     return drivers
+
+
+def _set_chains(scenario: Scenario, world: World) -> None:
+    """Chains as ranges of joints, reach cones in the axes of their ball joints' hinges."""
+    by_name = {joint.name: joint for joint in scenario.joints}
+    names = [name for tracker in scenario.trackers for name in tracker.joints]
+    for chain in scenario.chains:
+        first, count = names.index(chain.joints[0]), len(chain.joints)
+        driver = world.drivers[world.bodies[world.joints[first]["child"]]["driver"]]
+        if driver["chain_count"] == CHAIN_CAPACITY:
+            raise Unsupported(f"reference: more than {CHAIN_CAPACITY} chains in one driven body")
+        driver["chains"][driver["chain_count"]] = first, first + count - 1
+        driver["chain_count"] += 1
+        for cone in chain.cones:
+            if len(cone.swing) > CONE_CORNERS:
+                raise Unsupported(f"reference: {len(cone.swing)} corners of a cone, at most {CONE_CORNERS}")
+            row = world.joints[names.index(cone.joints[0])]
+            axes = hinge_axes(tuple(by_name[name] for name in cone.joints))
+            row["cone_count"], row["cone_center"] = len(cone.swing), np.array(cone.center) @ axes
+            row["cone_axes"] = axes
+            row["cone"][: len(cone.swing)] = np.array(cone.swing) @ axes
+            # the first axis, carried from the bone's rest to the centre
+            x, y, z = row["cone_center"]
+            row["cone_mark"] = np.array((1.0, 0.0, 0.0)) - x / (1 + z) * np.array((x, y, 1 + z))
+            corners = row["cone"][: len(cone.swing)]
+            normals = np.cross(corners, np.roll(corners, -1, axis=0))
+            heights = normals @ row["cone_center"] / np.linalg.norm(normals, axis=1)
+            # the nearest plane of an edge is no nearer than the edge
+            row["cone_cap"] = np.sqrt(1 - heights.min() ** 2)
+            row["twist_lower"], row["twist_upper"] = cone.twist
 
 
 def _materials(scenario: Scenario) -> list[str]:

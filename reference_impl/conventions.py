@@ -18,6 +18,10 @@ REMOVAL_EQ1, REMOVAL_LEAST_MOTION = 0, 1
 """Translation out of overlap by Eq. 1, or the smallest that meets all depths."""
 DEPTH_WALK, DEPTH_CERTIFIED, DEPTH_EXACT = 0, 1, 2
 """Convex depth from last frame's answer: as found (locally optimal), or only with a certificate; or anew."""
+ANGLE_ACOS, ANGLE_ATAN2 = 0, 1
+"""Turn of a joint in `ccd_ik` (Eq. 5): arc cosine with the axis' sign, or both sine and cosine."""
+PASSES_PLAIN, PASSES_EXTRAPOLATED = 0, 1
+"""Passes of `ccd_ik` as they are, or carried on to where their geometric series would end."""
 STAGES = ("drive", "collision", "removal", "impulses", "integration")
 """What the stage clocks of a step tell apart."""
 STAGE_DRIVE, STAGE_COLLISION, STAGE_REMOVAL, STAGE_IMPULSES, STAGE_INTEGRATION = range(5)
@@ -208,3 +212,41 @@ SEGMENT_TURN = 0.5
 # virtual coupling (method, section 5)
 NEAR_CRITICAL = 1e-5
 """(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
+
+# inverse kinematics (method, section 4)
+IK_LEVER = 1e-9
+"""Distance from a joint's axis below which end effector or goal has no direction round it [m]."""
+IK_TOLERANCE = 1e-5
+"""Distance of end effector and goal at which a chain has arrived [m]."""
+IK_STALL_PASSES = 16
+IK_STALL_FALL = 0.98
+"""The distance must fall below 0.98 of itself in 16 passes."""
+IK_STRIDE = 3
+"""Passes between extrapolations: two to tell the share, one to let the fast parts settle."""
+IK_RATIO_MAX = 0.98
+"""Largest share of a pass in the one before that is believed [1]: 49 passes more at most."""
+IK_CAP = 256
+"""Passes over a chain; about 6 are usual."""
+IK_RESTARTS = 8
+"""Random postures that `accurate_ik` starts from after the present one."""
+IK_FINISH_CAP = 64
+"""Steps of its damped least squares; about 5 are usual."""
+IK_DAMPING_START, IK_DAMPING_MIN, IK_DAMPING_MAX = 0.03, 1e-5, 10.0
+"""Damping of a step, and where its fall stops and its rise gives up [m]: a tenth of a limb's length, what a
+stretched arm's columns are good to, and many lengths."""
+IK_DAMPING_FALL = 4.0
+"""Factor of the damping after a step that came nearer, and the inverse after one that did not [1]."""
+RANDOM_PRIME = 2147483647
+"""Of the generator of Park and Miller; its states are 1 to 2^31 - 2."""
+
+# reach cones
+CONE_SLACK = 1e-12
+"""Height over an edge's plane, times the edge's length, that counts as inside [1]: some thousand roundings,
+so that a projected direction is not projected again."""
+HALF_TURN = 1e-14
+"""1 + cosine below which the shortest rotation between two directions has no axis [1]: some 50 roundings."""
+GIMBAL = 1e-9
+"""Cosine of the second angle below which only the sum of the first and third is told [1]: their directions
+are good to 1e-16 over it."""
+LIMIT_SLACK = 1e-9
+"""Excess over a hinge's limit that rounding of recovered angles explains [rad]; it is cut off."""

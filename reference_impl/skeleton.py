@@ -9,9 +9,9 @@ from reference_impl.rotation import conjugate_by, copy_vector, matrix_of, multip
 
 
 @kernel
-def hinge_rotation(axis, angle, rest, out_rotation):
-    """Rotation of a child in its parent: turn about `axis` by `angle` after `rest` (Rodrigues)."""
-    c, s = cos(angle), sin(angle)
+def hinge_rotation(axis, c, s, rest, out_rotation):
+    """Rotation of a child in its parent: turn about `axis` by an angle with cosine c and sine s after `rest`
+    (Rodrigues)."""
     x, y, z = axis[0], axis[1], axis[2]
     for j in range(3):
         u, v, w = rest[0, j], rest[1, j], rest[2, j]
@@ -42,13 +42,26 @@ def pose_links(bodies, joints, driver):
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         parent, child = bodies[joint["parent"]], bodies[joint["child"]]
-        hinge_rotation(joint["axis"], joint["angle"], joint["rest"], child["scratch"])
-        multiply(parent["rotation"], child["scratch"], child["rotation"])
+        measure_angle(joint)
+        hang(parent, joint, child)
         quaternion_of(child["rotation"], child["orientation"])
-        rotate(parent["rotation"], joint["position"], child["position"])
-        for i in range(3):
-            child["position"][i] += parent["position"][i]
         place(child)
+
+
+@kernel
+def measure_angle(joint):
+    """Cosine and sine of a hinge's angle."""
+    joint["cosine"], joint["sine"] = cos(joint["angle"]), sin(joint["angle"])
+
+
+@kernel
+def hang(parent, joint, child):
+    """Rotation and origin of a hinge's child from its parent's, and the angle's cosine and sine."""
+    hinge_rotation(joint["axis"], joint["cosine"], joint["sine"], joint["rest"], child["scratch"])
+    multiply(parent["rotation"], child["scratch"], child["rotation"])
+    rotate(parent["rotation"], joint["position"], child["position"])
+    for i in range(3):
+        child["position"][i] += parent["position"][i]
 
 
 @kernel

@@ -20,6 +20,10 @@ from reference_impl.conventions import (
     WALK_MEMORY,
 )
 
+CONE_CORNERS = 12
+"""Corners a reach cone may have."""
+CHAIN_CAPACITY = 8
+"""Chains a driver may have."""
 _VECTOR = ("f8", (3,))
 _QUATERNION = ("f8", (4,))
 _MATRIX = ("f8", (3, 3))
@@ -141,11 +145,41 @@ JOINT = _record(
     entry_angle="f8",  # when removal began
     target_angle="f8",  # at the end of the frame
     target_rate="f8",
+    # first of a ball joint's three hinges: its reach cone, in the hinges' axes at angles 0
+    cone_count="i8",  # corners; 0 where no ball joint starts
+    cone_axes=_MATRIX,  # as columns, in the frame of the parent
+    cone_center=_VECTOR,
+    cone_mark=_VECTOR,  # direction of twist 0 where the bone points to the centre
+    cone=("f8", (CONE_CORNERS, 3)),
+    cone_cap="f8",  # cosine of the angle round the centre within which the bone is inside
+    twist_lower="f8",
+    twist_upper="f8",
+    # scratch of inverse kinematics: the hinge's, then the ball joint's
+    world_axis=_VECTOR,
+    end_effector=_VECTOR,  # in the child's frame
+    cosine="f8",  # of the angle
+    sine="f8",
+    last_angle="f8",  # before the hinge was turned
+    pass_angle="f8",  # before the pass
+    pass_turn="f8",
+    best_angle="f8",
+    column=_VECTOR,  # velocity of the end effector at rate 1
+    bone=_VECTOR,
+    mark=_VECTOR,
+    outward=_VECTOR,  # across the edge of the cone that the bone was put on; zero on none
+    nearest=_VECTOR,
+    corner=_VECTOR,
+    next_corner=_VECTOR,
+    normal=_VECTOR,  # of the plane through both
+    foot=_VECTOR,
+    zero=_VECTOR,  # the mark of twist 0
 )
 DRIVER = _record(
     root="i8",
     first_joint="i8",
     joint_count="i8",
+    chain_count="i8",
+    chains=("i8", (CHAIN_CAPACITY, 2)),  # first and last joint of each, root to tip
     mass="f8",
     stiffness="f8",
     damping="f8",
@@ -231,6 +265,7 @@ STATE = _record(
     depth="i8",
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
+    random="i8",  # state of the generator
     pair_count="i8",
     contact_count="i8",
     stage_seconds=("f8", (len(STAGES),)),
@@ -256,6 +291,13 @@ STATE = _record(
     tangent=_VECTOR,
     impulse=_VECTOR,
     mobility=_MATRIX,
+    # end effector and goal of inverse kinematics, and scratch of damped least squares
+    point=_VECTOR,
+    goal=_VECTOR,
+    square=_MATRIX,
+    inverse=_MATRIX,
+    away=_VECTOR,
+    pull=_VECTOR,
     # scratch of convex depth: A's pose in B's frame, vertices of the Minkowski difference, and the points and
     # corners they come from
     turn=_MATRIX,
