@@ -65,6 +65,14 @@ LIMITS: tuple[Limit, ...] = (
     Limit("friction.direction", 0.02, "about one degree", subject="table-ball"),
     Limit("energy.injected", 1e-4, "0.1 % of the energy with which the ball lands"),
     Limit("energy.injected", 1e-9, "nothing but rounding", engine="reference"),
+    Limit("ik.missed", 0.02, "goals of a chain, from within 0.1 rad", "reference", "arm, near"),
+    Limit("ik.missed", 0.005, "and from the hanging arm with restarts", "reference", profile="accurate"),
+    Limit(
+        "ratio.time", 0.1, "over a damped least-squares loop in Python", "reference", "arm, near", "balanced"
+    ),
+    Limit(
+        "ratio.time", 0.1, "over a damped least-squares loop in Python", "reference", "arm, rest", "balanced"
+    ),
     Limit("events.touch.spread", 1 / 60, "one frame: all engines follow the same glove"),
     Limit("events.roll.spread", 2 / 60, "two frames: sliding ends at 2/7 v0 / (mu g), v0 within 20 %"),
     Limit("events.leave.spread", 0.1, "a servo gives way and a posed finger does not: v0 differs by 15 %"),

@@ -1,0 +1,78 @@
+"""The study of inverse kinematics: complete and repeatable rows, goals that are what they say."""
+
+from __future__ import annotations
+
+from math import isnan
+
+import numpy as np
+import pytest
+
+from reports.results import table
+from reports.studies.inverse_kinematics import NEAR, SOLVERS, STARTS, Arm, GoalsError, draw, rows
+
+GOALS = 40
+MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]
+MEASURES += [("ik.passes", part) for part in ("median", "p95", "max")]
+
+
+def silence(label: str, count: int) -> None:
+    """No progress."""
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """Two runs on a few goals."""
+    return [table(rows(GOALS, 3, silence)) for _ in range(2)]
+
+
+def test_rows_are_complete(measured) -> None:
+    """Hold every measure of every solver from both starts, intervals round times, and what a call costs."""
+    frame = measured[0]
+    for start in STARTS:
+        for engine, profile in SOLVERS:
+            part = frame[(frame.scenario == start) & (frame.engine == engine) & (frame.profile == profile)]
+            wanted = MEASURES + ([("ratio.time", "pinocchio")] if engine == "reference" else [])
+            assert sorted(zip(part.metric, part.subject)) == sorted(wanted)
+    crossings = frame[frame.metric == "time.crossing"]
+    assert sorted(crossings.engine) == ["pinocchio", "reference"]
+    times = frame[frame.metric.str.startswith(("time.", "ratio."))]
+    assert ((times.low <= times.value) & (times.value <= times.high)).all()
+    assert set(frame.seed) == {3}
+
+
+def test_rows_repeat_by_seed(measured) -> None:
+    """Give the same rows twice, but for the times."""
+    one, two = (
+        frame[~frame.metric.str.startswith(("time.", "ratio."))].drop(columns="dt") for frame in measured
+    )
+    assert one.to_csv() == two.to_csv()
+
+
+def test_limits_are_judged(measured) -> None:
+    """Judge misses of the reference from near starts and with restarts, and what it costs beside the loop."""
+    frame = measured[0]
+    judged = frame[frame.verdict != ""]
+    assert set(zip(judged.metric, judged.profile, judged.scenario)) == {
+        *(("ik.missed", profile, "arm, near") for profile in ("balanced", "accurate")),
+        ("ik.missed", "accurate", "arm, rest"),
+        *(("ratio.time", "balanced", start) for start in STARTS),
+    }
+    missed = judged[judged.metric == "ik.missed"]
+    assert (missed.verdict == "pass").all()
+    assert not any(isnan(value) for value in judged.limit)
+
+
+def test_goals_and_starts_are_what_they_say() -> None:
+    """Draw postures within limits and cones, and near starts within a tenth of a radian, the same again."""
+    arm = Arm()
+    postures, near = draw(arm, GOALS, 7)
+    assert all(arm.allows(angles) for angles in (*postures, *near))
+    assert 0.05 < np.abs(near - postures).max() <= NEAR
+    np.testing.assert_array_equal(draw(arm, GOALS, 7), (postures, near))
+    assert not arm.allows(arm.joints["upper"] + 1e-6)
+
+
+def test_no_goals_are_one_line() -> None:
+    """Say what was found and expected."""
+    with pytest.raises(GoalsError, match=r"^--goals 0: expected at least 1$"):
+        rows(0, 0, silence)
