@@ -38,12 +38,12 @@ def _reference_lowest(values: Values, frame: pd.DataFrame) -> str:
 
 
 def _dart_lowest(values: Values, frame: pd.DataFrame) -> str:
-    least = DART_BOUNCE - G * values.step("dart")
+    least = DART_BOUNCE - 1.5 * G * values.step("dart")
     return (
-        f"dart: bounces from {values.lowest('dart'):.3f} m/s on; it has no bounce unless e v > "
-        f"{DART_BOUNCE:g} m/s, and its v contains one step of gravity: {DART_BOUNCE:g} - g h = {least:.3f} "
-        "m/s. dartpy has no setter. A bounce gains about 2 g h / v: gravity pulls in the step before it, not "
-        "in its own"
+        f"dart: bounces from {values.lowest('dart'):.3f} m/s on: it has no bounce unless e v > "
+        f"{DART_BOUNCE:g} m/s, where v has fallen on past the surface, for half a step here, and holds one "
+        f"more step of gravity: {DART_BOUNCE:g} - 1.5 g h = {least:.3f} m/s. dartpy has no setter. A bounce "
+        "gains about 2 g h / v, for gravity pulls in the step before it, not in its own"
     )
 
 

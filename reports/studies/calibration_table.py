@@ -92,7 +92,12 @@ def grids(frame: pd.DataFrame) -> list[Grid]:
 
 def _restitution(values: Values) -> Grid:
     pairs = [pair.partition("-")[0] for pair in SHAPES]
-    heads = ["", *(f"asked {e:g}" for e in values.restitutions), *(f"{p} bias" for p in pairs), "lowest [m/s]"]
+    heads = [
+        "",
+        *(f"asked {e:g}" for e in values.restitutions),
+        *(f"{p} bias" for p in pairs),
+        "lowest [m/s]",
+    ]
     rows = []
     for column in values.columns:
         subjects = [subject_of("restitution", e, SHOWN_SPEED) for e in values.restitutions]
