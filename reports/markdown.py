@@ -13,6 +13,7 @@ from reports.terminal import RATIO_HEADS, ratio_rows, remark_lines
 
 if TYPE_CHECKING:
     from reports.run import Request, Results
+    from scenarios.scenario import Scenario
 
 BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")
 
@@ -25,6 +26,7 @@ def report(request: Request, results: Results) -> str:
         parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", ""]
         parts += _grid(results.frame, scenario.name)
         parts += ["", f"`{LEGEND}`", ""]
+        parts += ["### Asked and achieved", "", *_asked(scene, scenario), ""]
         parts += ["### Time: the reference's median frame over an engine's", ""]
         parts += [*_markdown(list(RATIO_HEADS), ratio_rows(scene), 1), ""]
         parts += ["### Frame budget", "", *_budget(scene), ""]
@@ -51,6 +53,28 @@ def _grid(frame: pd.DataFrame, scenario: str) -> list[str]:
         for metric, subject, unit, row in cells.rows
     ]
     return _markdown(heads, rows, 2)
+
+
+def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
+    """Restitution of every bounce and friction of every sliding pair, beside what the scene asks for."""
+    columns = list(dict.fromkeys(zip(scene.engine, scene.profile)))
+    achieved = scene[scene.metric.isin(["restitution.achieved", "friction.deficit"]) & scene.value.notna()]
+    lines: dict[tuple[str, str], dict[tuple[str, str], str]] = {}
+    wanted: dict[tuple[str, str], float] = {}
+    for row in rows_of(achieved):
+        kind = row.metric.partition(".")[0]
+        names = row.subject.partition(" ")[0].split("-")
+        asked = scenario.pair_coefficients(*map(scenario.body_index, names))[kind == "friction"]
+        value = row.value if kind == "restitution" else asked * (1 - row.value)
+        wanted[kind, row.subject] = asked
+        lines.setdefault((kind, row.subject), {})[row.engine, row.profile] = number(value)
+    told = [column for column in columns if any(column in line for line in lines.values())]
+    heads = ["", "asked", *(f"{engine} {profile}" for engine, profile in told)]
+    rows = [
+        [f"{kind} {subject}", number(wanted[kind, subject]), *(line.get(column, "-") for column in told)]
+        for (kind, subject), line in lines.items()
+    ]
+    return _markdown(heads, rows, 1) if rows else ["nothing bounces or slides"]
 
 
 def _budget(scene: pd.DataFrame) -> list[str]:

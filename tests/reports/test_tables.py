@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from math import inf, isnan, nan
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reports.markdown import report
 from reports.metrics import METRICS
 from reports.results import Row, table
+from reports.run import Request, Results
 from reports.tables import HIDDEN, MARKS, grid, number
+from scenarios.catalogue import catalogue
 
 COLUMNS = (
     ("reference", "balanced"),
@@ -128,3 +132,22 @@ def test_only_the_shown_columns_are_shown():
     assert [head[0] for head in grid(data, "scene", {COLUMNS[1]}).heads] == ["dart"]
     assert [head[0] for head in grid(data, "scene").heads] == ["reference", "dart", "bullet"]
     assert not isnan(data.value.sum())
+
+
+def test_the_page_shows_asked_beside_achieved():
+    """Put the restitution of a bounce and the friction of a slide beside what the scene asks for."""
+    scenario = catalogue()["ball_snip"]
+    rows = [
+        Row("run", "ball_snip", engine, "recommended", 1 / 240, metric, value, subject=subject)
+        for engine, e, deficit in (("dart", 0.298, -0.05), ("bullet", 0.348, float("nan")))
+        for metric, subject, value in (
+            ("restitution.achieved", "floor-ball #1", e),
+            ("friction.deficit", "palm-ball", deficit),
+        )
+    ]
+    columns = (("dart", "recommended"), ("bullet", "recommended"))
+    page = report(Request((scenario,), columns, Path("out")), Results(table(rows)))
+    assert "|  | asked | dart recommended | bullet recommended |" in page
+    assert "| restitution floor-ball #1 | 0.300 | 0.298 | 0.348 |" in page
+    # wood on human: 0.2
+    assert "| friction palm-ball | 0.200 | 0.210 | - |" in page
