@@ -314,8 +314,7 @@ STATE = _record(
     level=("f8", (EPA_FACES,)),
     key=("f8", (EPA_FACES,)),
     open=("u2", (EPA_FACES,)),  # faces to be looked at
-    stack=("u2", (EPA_FACES,)),  # half-edges of the flood, and of the horizon
-    edge=("u2", (EPA_FACES,)),
+    stack=("u2", (EPA_FACES,)),  # half-edges of the flood
     feature=("i8", (3, 2)),  # corners of A and B that carry the witnesses
     feature_count="i8",
 )

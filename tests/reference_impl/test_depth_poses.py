@@ -220,3 +220,21 @@ def test_round_pieces_near_contact(lab: SimpleNamespace, kinds: tuple[str, str],
         assert np.linalg.norm(found.normal - n) <= 1e-5
         parted = found.point_b - found.point_a - found.distance * found.normal
         assert np.linalg.norm(parted) <= 1e-5
+
+
+@pytest.mark.parametrize(
+    ("half_axes", "converged", "error"),
+    [
+        ((1.0, 0.8, 0.6), True, 1e-12),
+        # nearly a ball: 256 vertices prove little, and find a direction that is nearly as good
+        ((1.0, 0.999, 0.998), False, 1e-4),
+        ((1.0, 1.0, 1.0), False, 1e-12),
+    ],
+)
+def test_an_ellipsoid_in_its_twin(lab: SimpleNamespace, half_axes, converged: bool, error: float) -> None:
+    """Part concentric ellipsoids by twice the least half axis, never by less, and say what is not proven."""
+    twin = lab.piece(Ellipsoid(half_axes))
+    found = lab.measure(twin, twin)
+    assert found.converged == converged
+    # a reach is never less than the depth but for rounding
+    assert -1e-15 <= -found.distance - 2 * min(half_axes) <= error
