@@ -12,7 +12,7 @@ import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -71,6 +71,14 @@ class Detector(Protocol):
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and settings, read back where the engine tells them."""
+
+
+@runtime_checkable
+class Follower(Detector, Protocol):
+    """A detector that gains from the answers of the frame before."""
+
+    def follow(self, pairs: Sequence[Pair], frame: int) -> Batch:
+        """Hand a motion over: every `frame` pairs are those of one frame, in the same order in each."""
 
 
 class Query(NamedTuple):

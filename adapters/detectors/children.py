@@ -1,7 +1,8 @@
 """One spawned child per detector, so that a crash is one row; its parent lets one of them be timed at a time.
 
-A child's standard output and error go to a file of its own. Commands: `load`, `prepare` (pairs), `time`
-(passes), `answers`. The first that fails ends the child; what it was and why stands in `failure`.
+A child's standard output and error go to a file of its own. Commands: `load`, `prepare` (pairs, and how many
+of them make a frame), `time` (passes), `answers`. The first that fails ends the child; what it was and why
+stands in `failure`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adapters.detectors import Batch, Detector, Pair, load
+from adapters.detectors import Batch, Detector, Follower, Pair, load
 from adapters.engine import Array
 from adapters.process import PATIENCE, ChildProcess, interrupt_held, obey
 
@@ -55,19 +56,22 @@ class _Server:
                 self.detector = self._loader(self._name)
                 return dict(self.detector.describe())
             case "prepare":
-                self.prepare(argument)
+                self.prepare(*argument)
                 return None
             case "time":
                 return self.time(argument)
         assert self.batch is not None
         return self.batch.answers()
 
-    def prepare(self, pairs: Sequence[Pair]) -> None:
-        """Hand pairs over, in place of the last ones."""
+    def prepare(self, pairs: Sequence[Pair], frame: int) -> None:
+        """Hand pairs over, in place of the last ones: a motion where `frame` of them make a frame."""
         for batch in (self.batch, self.crossing):
             if batch is not None:
                 batch.close()
-        self.batch = self.detector.prepare(pairs)
+        if frame > 0 and isinstance(self.detector, Follower):
+            self.batch = self.detector.follow(pairs, frame)
+        else:
+            self.batch = self.detector.prepare(pairs)
         crossings = self.detector.crossings
         self.crossing = self.detector.prepare(crossings * CROSSINGS) if crossings else None
 

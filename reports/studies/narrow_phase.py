@@ -9,27 +9,27 @@ call off, that of two spheres.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from adapters.detectors import DETECTORS, missing_reason
-from adapters.detectors.children import Child, Times
+from adapters.detectors import DETECTORS
 from adapters.oracles.minkowski import signed_distance
 from reports.limits import judged
 from reports.output import output_folder
+from reports.progress import Progress
 from reports.results import save, table, write_beside
-from reports.studies.narrow_phase_rows import STUDY, Measured, Truth, rows_of_study
+from reports.studies.narrow_phase_rows import STUDY, Truth, rows_of_study
 from reports.studies.poses import FAMILIES, corners, draw, size_of
+from reports.studies.turns import Measured, Stretch, measure
 
 SLICE = 5 * len(FAMILIES)
 """Pairs per turn: every family five times, so that detectors share the machine's ups and downs."""
 TURNS, PASSES = 2, 3
-"""Turns per slice and timed passes per turn; a query's time is the median of all."""
-Progress = Callable[[str, int], None]
+"""Turns per slice and timed passes per turn."""
 
 
 class PairsError(Exception):
@@ -49,7 +49,8 @@ def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
         (folder / "output").mkdir()
         progress("draw pairs", 0)
         truth = truth_of(pairs, seed)
-        measured = _measure(truth, folder / "output", progress)
+        slices = [Stretch(first, min(first + SLICE, pairs)) for first in range(0, pairs, SLICE)]
+        measured = measure(DETECTORS, truth.pairs, slices, TURNS, PASSES, folder / "output", progress)
         progress("judge", 0)
         frame = table(judged(replace(row, seed=seed), ()) for row in rows_of_study(truth, measured))
         save(frame, folder)
@@ -73,60 +74,6 @@ def truth_of(count: int, seed: int) -> Truth:
         np.array([distance for distance, _ in found]),
         np.array([normal for _, normal in found]),
     )
-
-
-def _measure(truth: Truth, output: Path, progress: Progress) -> dict[str, Measured]:
-    """Every detector in a child of its own, in turns of a slice."""
-    n = len(truth.pairs)
-    measured = {
-        name: Measured(np.full(n, np.nan), np.full((n, 3), np.nan), np.full(n, np.nan), [], {}, {})
-        for name in DETECTORS
-    }
-    children = []
-    for name, mine in measured.items():
-        if reason := missing_reason(name):
-            mine.ended = ("skipped", reason)
-            progress(name, n)
-        else:
-            children.append(Child(name, output / f"{name}.txt"))
-    try:
-        for child in children:
-            child.send("load")
-        for child in children:
-            progress(f"{child.name}: load", 0)
-            measured[child.name].facts = child.receive() or {}
-        for first in range(0, n, SLICE):
-            _slice(children, truth, slice(first, min(first + SLICE, n)), measured, progress)
-        for child in children:
-            measured[child.name].ended = child.failure
-    finally:
-        for child in children:
-            child.stop()
-    return measured
-
-
-def _slice(
-    children: Sequence[Child], truth: Truth, part: slice, measured: dict[str, Measured], progress: Progress
-) -> None:
-    pairs = truth.pairs[part]
-    for child in children:
-        child.send("prepare", pairs)
-    for child in children:
-        child.receive()
-    times: dict[str, list[Times]] = {child.name: [] for child in children}
-    for _ in range(TURNS):
-        for child in children:
-            if (told := child.ask("time", PASSES)) is not None:
-                times[child.name].append(told)
-    for child in children:
-        mine, answers = measured[child.name], child.ask("answers")
-        progress(child.name, len(pairs))
-        if answers is None:
-            continue
-        mine.distance[part], mine.normal[part] = answers.distance, answers.normal
-        mine.failures.update({part.start + k: failure for k, failure in answers.failures.items()})
-        mine.seconds[part] = np.median(np.concatenate([told.query for told in times[child.name]]), axis=0)
-        mine.crossing += [told.crossing for told in times[child.name]]
 
 
 def _save_manifest(pairs: int, seed: int, measured: Mapping[str, Measured], folder: Path) -> None:

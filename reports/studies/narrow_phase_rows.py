@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.detectors import DETECTORS, FAILURES, REFERENCE, UNCONVERGED, Failure, Pair
+from adapters.detectors import DETECTORS, FAILURES, REFERENCE, UNCONVERGED, Pair
 from adapters.engine import Array
 from reports.ratios import median_interval, time_ratio
 from reports.results import Row
 from reports.studies.poses import FAMILIES
+from reports.studies.turns import Measured
 
 STUDY = "narrow-phase"
 ALL = "all"
@@ -45,21 +46,6 @@ class Truth:
     size: Array
     distance: Array
     normal: Array
-
-
-@dataclass(slots=True)
-class Measured:
-    """What a detector gave: distance (n,) [m] and normal (n, 3), NaN where nothing is reported; seconds of
-    each query (n,) and of the crossings, apart and touching (c, 2); failures by pair; version and settings.
-    `ended`: verdict and reason of one that is out."""
-
-    distance: Array
-    normal: Array
-    seconds: Array
-    crossing: list[Array]
-    failures: dict[int, Failure]
-    facts: Mapping[str, object]
-    ended: tuple[str, str] | None = None
 
 
 def rows_of_study(truth: Truth, measured: Mapping[str, Measured]) -> list[Row]:
@@ -108,7 +94,7 @@ def _family(base: Row, chosen: Mask, truth: Truth, mine: Measured, errors: Array
         reasons = [failure.reason for failure in failures if failure.kind == kind]
         row = replace(base, metric="exception", subject=kind, unit="pairs", value=float(len(reasons)))
         rows.append(replace(row, reason=reasons[0] if reasons else ""))
-    for metric, sample in (("time.query", mine.seconds), ("time.net", _net(truth, mine))):
+    for metric, sample in (("time.query", mine.seconds), ("time.net", mine.net(truth.distance))):
         row, seconds = replace(base, metric=metric, unit="s"), sample[chosen][np.isfinite(sample[chosen])]
         if len(seconds):
             middle, low, high = median_interval(seconds)
@@ -158,7 +144,7 @@ def _ratios(truth: Truth, measured: Mapping[str, Measured], errors: Mapping[str,
     for name in errors:
         if name == REFERENCE:
             continue
-        net = _net(truth, measured[name])
+        net = measured[name].net(truth.distance)
         for family in (ALL, *FAMILIES):
             chosen = np.isfinite(net) & ((truth.family == family) | (family == ALL))
             profile = DETECTORS[REFERENCE].profile
@@ -170,10 +156,3 @@ def _ratios(truth: Truth, measured: Mapping[str, Measured], errors: Mapping[str,
             ratio = time_ratio(ours.seconds[chosen], net[chosen])
             rows.append(replace(row, value=ratio.value, low=ratio.low, high=ratio.high))
     return rows
-
-
-def _net(truth: Truth, mine: Measured) -> Array:
-    """Seconds per query without the crossing: results of an overlap cost more to hand back."""
-    apart, touching = np.median(np.concatenate(mine.crossing), axis=0)
-    contact = np.isfinite(mine.distance) & (truth.distance < 0)
-    return mine.seconds - np.where(contact, touching, apart)
