@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from math import nan
 from pathlib import Path
@@ -82,3 +83,11 @@ def save(frame: pd.DataFrame, folder: Path) -> None:
     """Write `results.parquet` and `results.csv`."""
     write_beside(folder / "results.parquet", lambda part: frame.to_parquet(part, index=False))
     write_beside(folder / "results.csv", lambda part: frame.to_csv(part, index=False))
+
+
+def save_manifest(folder: Path, facts: Mapping[str, object]) -> None:
+    """Write `manifest.json`: the machine, and what was run on it."""
+    from reports.doctor import machine
+
+    text = json.dumps({"machine": machine(), **facts}, indent=1)
+    write_beside(folder / "manifest.json", lambda part: part.write_text(text))

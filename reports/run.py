@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -22,7 +21,7 @@ from reports.metrics.contact import AUDIT_LIMIT
 from reports.metrics.evidence import Evidence, NotMeasured, Value
 from reports.output import OutputError, output_folder
 from reports.ratios import time_ratio
-from reports.results import Row, save, table, write_beside
+from reports.results import Row, save, save_manifest, table, write_beside
 from scenarios.scenario import Scenario
 
 STUDY = "run"
@@ -70,7 +69,12 @@ def run(request: Request, progress: Progress) -> Results:
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
         results = Results(table(wanted), recordings)
         save(results.frame, folder)
-        _save_manifest(request, recordings, folder)
+        manifest = {
+            "command": request.command,
+            "scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in request.scenarios},
+            "engines": {"/".join(key): recording.facts for key, recording in recordings.items()},
+        }
+        save_manifest(folder, manifest)
         from reports.markdown import report
 
         write_beside(folder / "report.md", lambda part: part.write_text(report(request, results)))
@@ -239,19 +243,6 @@ def _spreads(scenario: Scenario, rows: list[Row]) -> list[Row]:
             )
         )
     return found
-
-
-def _save_manifest(request: Request, recordings: dict[tuple[str, str, str], Recording], folder: Path) -> None:
-    from reports.doctor import machine
-
-    manifest = {
-        "command": request.command,
-        "machine": machine(),
-        "scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in request.scenarios},
-        "engines": {"/".join(key): recording.facts for key, recording in recordings.items()},
-    }
-    text = json.dumps(manifest, indent=1)
-    write_beside(folder / "manifest.json", lambda part: part.write_text(text))
 
 
 def step_text(dt: float) -> str:

@@ -99,6 +99,13 @@ def number(value: float) -> str:
     return f"{value:.1e}"
 
 
+def exact_number(value: float) -> str:
+    """As `number`, where 1e-15 is no zero; - for none."""
+    if isnan(value):
+        return "-"
+    return f"{value:.1e}" if 0 < abs(value) < 1e-3 else number(value)
+
+
 def _with_outlier(
     cells: list[Cell], part: pd.DataFrame, subject: str, columns: list[tuple[str, str]]
 ) -> list[Cell]:

@@ -8,8 +8,6 @@ call off, that of two spheres.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,10 +19,10 @@ from adapters.oracles.minkowski import signed_distance
 from reports.limits import judged
 from reports.output import output_folder
 from reports.progress import Progress
-from reports.results import save, table, write_beside
+from reports.results import save, save_manifest, table, write_beside
 from reports.studies.narrow_phase_rows import STUDY, Truth, rows_of_study
 from reports.studies.poses import FAMILIES, corners, draw, size_of
-from reports.studies.turns import Measured, Stretch, measure
+from reports.studies.turns import Stretch, measure
 
 SLICE = 5 * len(FAMILIES)
 """Pairs per turn: every family five times, so that detectors share the machine's ups and downs."""
@@ -54,7 +52,8 @@ def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
         progress("judge", 0)
         frame = table(judged(replace(row, seed=seed), ()) for row in rows_of_study(truth, measured))
         save(frame, folder)
-        _save_manifest(pairs, seed, measured, folder)
+        facts = {name: dict(mine.facts) for name, mine in measured.items()}
+        save_manifest(folder, {"study": STUDY, "pairs": pairs, "seed": seed, "detectors": facts})
         from reports.pictures import work_precision
 
         write_beside(folder / "narrow_phase.png", lambda part: work_precision(frame, part))
@@ -74,17 +73,3 @@ def truth_of(count: int, seed: int) -> Truth:
         np.array([distance for distance, _ in found]),
         np.array([normal for _, normal in found]),
     )
-
-
-def _save_manifest(pairs: int, seed: int, measured: Mapping[str, Measured], folder: Path) -> None:
-    from reports.doctor import machine
-
-    manifest = {
-        "study": STUDY,
-        "pairs": pairs,
-        "seed": seed,
-        "machine": machine(),
-        "detectors": {name: dict(mine.facts) for name, mine in measured.items()},
-    }
-    text = json.dumps(manifest, indent=1)
-    write_beside(folder / "manifest.json", lambda part: part.write_text(text))

@@ -95,12 +95,7 @@ def _family(base: Row, chosen: Mask, truth: Truth, mine: Measured, errors: Array
         row = replace(base, metric="exception", subject=kind, unit="pairs", value=float(len(reasons)))
         rows.append(replace(row, reason=reasons[0] if reasons else ""))
     for metric, sample in (("time.query", mine.seconds), ("time.net", mine.net(truth.distance))):
-        row, seconds = replace(base, metric=metric, unit="s"), sample[chosen][np.isfinite(sample[chosen])]
-        if len(seconds):
-            middle, low, high = median_interval(seconds)
-            rows.append(replace(row, value=middle, low=low, high=high))
-        else:
-            rows.append(replace(row, verdict="skipped", reason=reason))
+        rows.append(with_median(replace(base, metric=metric), sample[chosen], reason))
     return rows
 
 
@@ -146,13 +141,29 @@ def _ratios(truth: Truth, measured: Mapping[str, Measured], errors: Mapping[str,
             continue
         net = measured[name].net(truth.distance)
         for family in (ALL, *FAMILIES):
-            chosen = np.isfinite(net) & ((truth.family == family) | (family == ALL))
+            chosen = (truth.family == family) | (family == ALL)
             profile = DETECTORS[REFERENCE].profile
-            row = Row(STUDY, family, REFERENCE, profile, float("nan"), "ratio.time", unit="1", subject=name)
-            if not chosen.any() or np.median(net[chosen]) <= 0:
-                reason = "no query" if not chosen.any() else "queries cost no more than their crossing"
-                rows.append(replace(row, verdict="skipped", reason=reason))
-                continue
-            ratio = time_ratio(ours.seconds[chosen], net[chosen])
-            rows.append(replace(row, value=ratio.value, low=ratio.low, high=ratio.high))
+            row = Row(STUDY, family, REFERENCE, profile, float("nan"), "ratio.time", subject=name)
+            rows.append(with_ratio(row, ours.net(truth.distance)[chosen], net[chosen]))
     return rows
+
+
+def with_ratio(row: Row, ours: Array, theirs: Array) -> Row:
+    """The row with the ratio of two detectors' times on the queries that both answered; skipped where there
+    are none, or where they cost no more than their crossing."""
+    both = np.isfinite(ours) & np.isfinite(theirs)
+    row = replace(row, unit="1")
+    if not both.any() or np.median(theirs[both]) <= 0:
+        reason = "no query" if not both.any() else "queries cost no more than their crossing"
+        return replace(row, verdict="skipped", reason=reason)
+    ratio = time_ratio(ours[both], theirs[both])
+    return replace(row, value=ratio.value, low=ratio.low, high=ratio.high)
+
+
+def with_median(row: Row, seconds: Array, reason: str) -> Row:
+    """The row with the median of times that are finite; skipped for the reason where none is."""
+    seconds, row = seconds[np.isfinite(seconds)], replace(row, unit="s")
+    if not len(seconds):
+        return replace(row, verdict="skipped", reason=reason)
+    value, low, high = median_interval(seconds)
+    return replace(row, value=value, low=low, high=high)

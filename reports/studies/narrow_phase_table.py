@@ -11,7 +11,7 @@ from rich.table import Table
 
 from reports.results import rows_of
 from reports.studies.poses import FAMILIES
-from reports.tables import number
+from reports.tables import exact_number
 
 MICRO = 1e6
 ROUNDING, FINE = 1e-12, 1e-4
@@ -69,23 +69,16 @@ def _cells(whole: pd.DataFrame, name: str) -> list[str]:
     ratio = next(iter(rows_of(whole[(whole.metric == "ratio.time") & (whole.subject == name)])), None)
     failed = sum(row.value for (metric, _), row in mine.items() if metric == "exception")
     return [
-        *(_text(mine["depth.error." + kind, ""].value) for kind in ("median", "p95", "max")),
-        _text(mine["normal.error", "max"].value),
+        *(exact_number(mine["depth.error." + kind, ""].value) for kind in ("median", "p95", "max")),
+        exact_number(mine["normal.error", "max"].value),
         f"{mine['sign.wrong', ''].value:.0f}",
         f"{mine['contact.missed', ''].value:.0f}",
         f"{failed:.0f}",
-        *(_text(mine[metric, ""].value * MICRO) for metric in ("time.query", "time.net")),
+        *(exact_number(mine[metric, ""].value * MICRO) for metric in ("time.query", "time.net")),
         f"{ratio.value:.2f} ({ratio.low:.2f} to {ratio.high:.2f})"
         if ratio is not None and not isnan(ratio.value)
         else "",
     ]
-
-
-def _text(value: float) -> str:
-    """Three digits, or two and an exponent; here 1e-15 is no zero."""
-    if isnan(value):
-        return "-"
-    return f"{value:.1e}" if 0 < abs(value) < 1e-3 else number(value)
 
 
 def _families(frame: pd.DataFrame) -> Table:
@@ -100,7 +93,7 @@ def _families(frame: pd.DataFrame) -> Table:
         right = [name for name in error if error[name] < ROUNDING]
         times = [row for row in rows_of(part[part.metric == "time.net"]) if error.get(row.engine, 1.0) < FINE]
         best = min(times, key=lambda row: row.value, default=None)
-        fastest = "-" if best is None else f"{best.engine} {_text(best.value * MICRO)}"
+        fastest = "-" if best is None else f"{best.engine} {exact_number(best.value * MICRO)}"
         table.add_row(family, ", ".join(right) or "-", fastest)
     return table
 
@@ -109,8 +102,8 @@ def remarks(frame: pd.DataFrame) -> list[str]:
     """What broke a limit, is skipped as a whole or failed, and why."""
     lines = []
     for row in rows_of(frame[frame.verdict.isin(["fail", "known", "error"])]):
-        value = "" if row.metric == "run" else f" {row.scenario} {row.metric} {_text(row.value)}"
-        limit = "" if row.metric == "run" else f", limit {_text(row.limit)}"
+        value = "" if row.metric == "run" else f" {row.scenario} {row.metric} {exact_number(row.value)}"
+        limit = "" if row.metric == "run" else f", limit {exact_number(row.limit)}"
         lines.append(f"{row.verdict}: {row.engine}:{value}{limit}: {row.reason}")
     for row in rows_of(frame[(frame.verdict == "skipped") & (frame.metric == "run")]):
         lines.append(f"skipped: {row.engine}: {row.reason}")
