@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from resource import RUSAGE_THREAD, getrusage
 from time import perf_counter
 
 import numpy as np
@@ -15,6 +16,8 @@ from scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
 """Frames played and thrown away before the clock counts: compilers and caches."""
+TRIES = 10
+"""Frames until one is undisturbed: those of milliseconds are as long as a scheduler's slice."""
 CROSSINGS = 200
 """Empty calls timed per run."""
 
@@ -53,6 +56,29 @@ def record(engine: Engine, scenario: Scenario, settings: Settings) -> Recording:
         return player.recording()
     finally:
         player.world.close()
+
+
+def undisturbed(measure: Callable[[], float]) -> float:
+    """The first of TRIES measurements during which no other process was given the processor, or the least."""
+    seconds = []
+    for _ in range(TRIES):
+        before = getrusage(RUSAGE_THREAD).ru_nivcsw
+        seconds.append(measure())
+        if getrusage(RUSAGE_THREAD).ru_nivcsw == before:
+            return seconds[-1]
+    return min(seconds)
+
+
+def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: int) -> float:
+    """Seconds of the step calls of one displayed frame; nothing is read out."""
+    each = substeps(scenario, settings.dt)
+    seconds = 0.0
+    for substep in range(number * each, (number + 1) * each):
+        world.drive(substep)
+        start = perf_counter()
+        world.step()
+        seconds += perf_counter() - start
+    return seconds
 
 
 class Player:

@@ -1,0 +1,40 @@
+"""Postures: where hinged links are, by closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from adapters.postures import driven_pieces, moved
+from scenarios.scenario import Body, Box, Joint, Piece, Tracker
+from scenarios.solids import sphere_inertia
+
+ROUNDING = 1e-12
+"""A few dozen operations on lengths of metres [m]."""
+
+
+def test_a_bent_arm(lab) -> None:
+    """Bend an upright arm by a right angle: its hand points along x of a palm that is turned about z."""
+    box = (Piece("box", Box((0.1, 0.1, 0.1)), (0.0, 0.0, 1.0)),)
+    inertia = sphere_inertia(1.0, 0.1)
+    links = [Body(name, "driven", "wood", box, mass=1.0, inertia=inertia) for name in ("upper", "lower")]
+    joint = Joint("elbow", "upper", "lower", (0.0, 0.0, 2.0), (0.0, 1.0, 0.0))
+    quarter = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
+    tracker = Tracker(
+        "upper", ("elbow",), (0.0, 1.0), ((1.0, 2.0, 3.0),) * 2, (quarter,) * 2, ((np.pi / 2,),) * 2
+    )
+    scenario = lab.scene(lab.ground(), *links, joints=(joint,), trackers=(tracker,))
+    upper, lower = driven_pieces(scenario)
+    assert upper.position == pytest.approx((1.0, 2.0, 4.0), abs=ROUNDING)
+    # the elbow is 2 m up; a right angle about the turned y, which is -x, leads up to +y
+    assert lower.position == pytest.approx((1.0, 3.0, 5.0), abs=ROUNDING)
+
+
+def test_moving_is_turning_then_shifting() -> None:
+    """Turn about the origin, then shift; the piece turns with its position."""
+    turn = Rotation.from_rotvec((0.0, 0.0, np.pi / 2))
+    found = moved(Piece("a", Box((1.0, 2.0, 3.0)), (1.0, 0.0, 0.0)), turn, np.array([0.0, 0.0, 5.0]))
+    assert found.position == pytest.approx((0.0, 1.0, 5.0), abs=ROUNDING)
+    assert found.orientation == pytest.approx((0.5**0.5, 0.0, 0.0, 0.5**0.5), abs=ROUNDING)
+    assert (found.name, found.shape) == ("a", Box((1.0, 2.0, 3.0)))
