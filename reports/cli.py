@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from reports.cli_studies import study
+from reports.cli_studies import bench, study
 from reports.command import (
     BAD_INPUT,
     INTERRUPTED,
@@ -37,6 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(study, name="study")
+app.command()(bench)
 
 
 class Listing(StrEnum):

@@ -1,4 +1,4 @@
-"""`touchstone study`: what is measured beside the scenes."""
+"""`touchstone study` and `touchstone bench`: what is measured beside the scenes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from reports.command import (
     columns_for,
     exit_for,
     folder_of_now,
+    known,
     printed,
     progress_for,
     stop,
@@ -76,3 +77,28 @@ def calibration(
         show_study(frame, console())
         print(f"results: {folder}")
     exit_for(frame.verdict, frame.reason, bool(engine))
+
+
+def bench(
+    name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
+    from reports.bench import BENCHES, load
+    from reports.output import OutputError
+
+    chosen = load(known("bench", name, BENCHES))
+    folder = out or folder_of_now(f"bench-{name}-")
+    try:
+        with progress_for(chosen.steps(), quiet) as progress:
+            frame = chosen.run(folder, progress)
+    except OutputError as error:
+        stop(str(error), BAD_INPUT)
+    if not printed(frame, output) and not quiet:
+        from reports.terminal import console
+
+        chosen.show(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, by_name=False)

@@ -78,6 +78,17 @@ LIMITS: tuple[Limit, ...] = (
     Limit("events.leave.spread", 0.1, "a servo gives way and a posed finger does not: v0 differs by 15 %"),
     Limit("events.land.spread", 0.1, "the same, the fall itself takes equally long"),
     Limit("events.land.place.spread", 0.05, "0.4 s of fall at velocities that differ by 15 %"),
+    Limit(
+        "ratio.time",
+        0.3,
+        "three exact depths in the time of one: nobody need do with less",
+        engine="reference.exact",
+        scenario="hulls overlapping",
+        subject="coal",
+    ),
+    Limit("certificate.open", 0.01, "99 of 100 answers are vouched for", scenario="hand sliding"),
+    Limit("certificate.false", 0, "an answer that is vouched for is right", scenario="hand sliding"),
+    Limit("scaling.exponent", 1.1, "work linear in the pieces, and a cache to spare", scenario="broad phase"),
 )
 LANDING = "touchstone run ball_snip --engine {} --metric overlap.max"
 DISCRETE = (

@@ -115,6 +115,24 @@ def _overlapping(rng: np.random.Generator, shapes: Shapes) -> Pair:
     return a, b
 
 
+def parted_pair(rng: np.random.Generator, one: Shape, two: Shape, gap: Callable[[float], float]) -> Pair:
+    """Two shapes turned at random and put into one another, then parted along the deepest face's normal so
+    that depth d becomes distance gap(d) [m]."""
+    a, b = (_posed(shape, rng.normal(size=3), _turn(rng)) for shape in (one, two))
+    return _parted((a, replace(b, position=a.position)), gap)
+
+
+def elliptic(rng: np.random.Generator, scale: float = 1.0) -> Hull:
+    """An elliptic hull of 80 triangles, about 1 m in size times `scale`."""
+    x, y, z = (scale * axis for axis in _axes(rng))
+    return Hull(elliptic_hull((x, y, z)))
+
+
+def random_box(rng: np.random.Generator) -> Box:
+    """A box about 1 m in size."""
+    return Box(_axes(rng))
+
+
 def overlap(rng: np.random.Generator, shapes: Shapes) -> Pair:
     """Overlap by 2 to 50 % of the depth the pieces have when put into one another."""
     share = rng.uniform(0.02, 0.5)

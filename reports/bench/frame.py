@@ -1,0 +1,125 @@
+"""`bench frame`: one displayed frame of every scene, on every engine, over that of every other.
+
+The recorder of `touchstone run` plays all columns in turns of half a second of the scene, then all again.
+Engines are compared at their recommended steps and at equal steps; the reference takes one step a frame in
+both. A ratio tells something where the overlap of the engine in front is no larger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adapters.engine import Array
+from adapters.registry import ENGINES
+from reports.bench.frame_table import show
+from reports.output import output_folder
+from reports.progress import Progress
+from reports.ratios import median_interval, time_ratio
+from reports.results import Row, rows_of, save, save_manifest, table
+from reports.run import REFERENCE, Request, Results, columns_of
+from reports.run import run as play
+from scenarios.catalogue import tagged, tags
+from scenarios.scenario import Scenario
+
+__all__ = ["run", "show", "steps"]
+
+STUDY = "bench frame"
+TAGS = ("gallery", "probe")
+"""Scenes of these tags are played."""
+OURS, CLASSES = "balanced", ("recommended", "equal-step")
+"""The reference's profile, and those of the engines, that are compared among themselves and with it."""
+REPEATS = 2
+METRICS = ("overlap.max", "ratio.time")
+
+Column = tuple[str, str]
+
+
+def scenes() -> list[Scenario]:
+    """The scenes with one of TAGS, each once."""
+    found = {scenario.name: scenario for tag in TAGS if tag in tags() for scenario in tagged(tag)}
+    return list(found.values())
+
+
+def columns() -> tuple[Column, ...]:
+    """(engine, profile) of all engines."""
+    return columns_of(ENGINES, (OURS, *CLASSES))
+
+
+def steps(scenarios: Sequence[Scenario] | None = None, repeats: int = REPEATS) -> int:
+    """Displayed frames of all columns."""
+    frames = sum(scenario.frame_count for scenario in scenarios or scenes())
+    return frames * len(columns()) * repeats
+
+
+def run(
+    out: Path, progress: Progress, scenarios: Sequence[Scenario] | None = None, repeats: int = REPEATS
+) -> pd.DataFrame:
+    """Play all scenes `repeats` times; store rows, manifest and what every repetition left."""
+    played = tuple(scenarios or scenes())
+    with output_folder(out) as folder:
+        results = [
+            play(Request(played, columns(), folder / f"repeat-{k + 1}", metrics=METRICS), progress)
+            for k in range(repeats)
+        ]
+        frame = table(rows_of_bench(results))
+        save(frame, folder)
+        save_manifest(folder, {"study": STUDY, "repeats": repeats, "scenarios": [s.name for s in played]})
+    return frame
+
+
+def rows_of_bench(results: Sequence[Results]) -> list[Row]:
+    """Overlap, time and ratios of every scene, over all repetitions; an engine that failed keeps its row."""
+    first = [replace(row, study=STUDY) for row in rows_of(results[0].frame)]
+    times: dict[str, dict[Column, Array]] = {}
+    for scenario, engine, profile in results[0].recordings:
+        key = (scenario, engine, profile)
+        seconds = [result.recordings[key].time_frame for result in results if key in result.recordings]
+        times.setdefault(scenario, {})[engine, profile] = np.concatenate(seconds)
+    rows = [row for row in first if row.metric != "ratio.time"]
+    for scenario, columns_played in times.items():
+        steps_of = {(r.engine, r.profile): r.dt for r in rows if r.scenario == scenario}
+        for (engine, profile), sample in columns_played.items():
+            value, low, high = median_interval(sample)
+            base = Row(STUDY, scenario, engine, profile, steps_of[engine, profile], "time.frame", unit="s")
+            rows.append(replace(base, value=value, low=low, high=high))
+        judged = {
+            (r.engine, r.subject): r for r in first if r.scenario == scenario and r.metric == "ratio.time"
+        }
+        rows += _ratios(scenario, columns_played, steps_of, judged)
+    return rows
+
+
+def _ratios(
+    scenario: str,
+    times: Mapping[Column, Array],
+    steps_of: Mapping[Column, float],
+    judged: Mapping[tuple[str, str], Row],
+) -> list[Row]:
+    """Every engine over every other of its class; the one that `run` judges is judged again."""
+    rows = []
+    for mine, other in permutations(times, 2):
+        if not _comparable(mine, other):
+            continue
+        ratio = time_ratio(times[mine], times[other])
+        row = Row(STUDY, scenario, *mine, steps_of[mine], "ratio.time", ratio.value, "1", " ".join(other))
+        row = replace(row, low=ratio.low, high=ratio.high)
+        asked = judged.get((mine[0], row.subject))
+        if asked is not None and asked.verdict:
+            larger = asked.reason.endswith("overlap larger")
+            verdict = "pass" if ratio.value <= asked.limit and not larger else "fail"
+            row = replace(row, limit=asked.limit, verdict=verdict, reason=asked.reason)
+        rows.append(row)
+    return rows
+
+
+def _comparable(one: Column, two: Column) -> bool:
+    """Two engines of one class; the reference belongs to each."""
+    if one[0] == two[0]:
+        return False
+    return one[1] == two[1] or REFERENCE in (one[0], two[0])

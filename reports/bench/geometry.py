@@ -1,0 +1,155 @@
+"""`bench geometry`: time per query of convex depth, and how right it is.
+
+Single pairs by family, and a hand that slides over a table, asked frame after frame. `time.query` is what a
+caller from Python waits; `time.net` and ratios take the cheapest call off. The reference is asked in a batch
+inside one compiled call. Errors are against the explicit Minkowski difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adapters.detectors import DETECTORS, UNCONVERGED, Pair
+from adapters.detectors import load as load_detector
+from adapters.detectors.children import Loader
+from adapters.oracles.minkowski import signed_distance
+from reports.bench.geometry_table import show
+from reports.bench.poses import FAMILIES, hand_slide
+from reports.limits import judged
+from reports.output import output_folder
+from reports.progress import Progress
+from reports.results import Row, save, save_manifest, table
+from reports.studies.narrow_phase_rows import Mask, Truth, depth_errors, with_median, with_ratio
+from reports.studies.poses import corners, size_of
+from reports.studies.turns import Measured, Stretch, measure
+
+__all__ = ["Plan", "run", "show", "steps"]
+
+STUDY = "bench geometry"
+SUBJECTS = ("reference.exact", "coal", "python-fcl.distance", "mujoco")
+"""Detectors asked; those of the reference are held against the rest."""
+MOTION = "hand sliding"
+"""The family whose pairs come frame after frame."""
+FALSE = 1e-11
+"""Error over max(depth, size / 1000) from which an answer is wrong [1]: a hundred roundings of the truth."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How much is asked: pairs per family, frames of the motion, turns of all detectors, passes per turn."""
+
+    pairs: int = 100
+    frames: int = 120
+    turns: int = 5
+    passes: int = 4
+
+
+PLAN = Plan()
+
+
+def steps(plan: Plan = PLAN) -> int:
+    """Queries of all detectors."""
+    return len(SUBJECTS) * (len(FAMILIES) * plan.pairs + plan.frames * len(hand_slide(1)[0]))
+
+
+def run(out: Path, progress: Progress, plan: Plan = PLAN, loader: Loader = load_detector) -> pd.DataFrame:
+    """Measure all detectors; store rows and manifest."""
+    with output_folder(out) as folder:
+        (folder / "output").mkdir()
+        progress("draw pairs", 0)
+        truth, stretches = queries(plan)
+        measured = measure(
+            SUBJECTS, truth.pairs, stretches, plan.turns, plan.passes, folder / "output", progress, loader
+        )
+        frame = table(judged(row, ()) for row in rows_of_bench(truth, measured))
+        save(frame, folder)
+        facts = {name: dict(mine.facts) for name, mine in measured.items()}
+        save_manifest(folder, {"study": STUDY, **asdict(plan), "detectors": facts})
+    return frame
+
+
+def queries(plan: Plan) -> tuple[Truth, list[Stretch]]:
+    """All queries with their truths: the families in turn, then the motion."""
+    rng = np.random.default_rng(0)
+    names = list(FAMILIES) * plan.pairs
+    pairs: list[Pair] = [FAMILIES[name](rng) for name in names]
+    motion = hand_slide(plan.frames)
+    stretches = [Stretch(0, len(pairs))]
+    pairs += [pair for frame in motion for pair in frame]
+    stretches.append(Stretch(len(names), len(pairs), len(motion[0])))
+    family = np.array(names + [MOTION] * (len(pairs) - len(names)))
+    vertices = [(corners(a), corners(b)) for a, b in pairs]
+    found = [signed_distance(a, b) for a, b in vertices]
+    distance, normal = (np.array(column) for column in zip(*found))
+    return Truth(pairs, vertices, family, np.array([size_of(p) for p in pairs]), distance, normal), stretches
+
+
+def rows_of_bench(truth: Truth, measured: Mapping[str, Measured]) -> list[Row]:
+    """Rows of every detector and family; of the sliding hand also what a detector says of its own answers."""
+    rows = []
+    asked = {}
+    for name, mine in measured.items():
+        base = Row(STUDY, "all", name, DETECTORS[name].profile, float("nan"), "run")
+        if mine.ended is not None:
+            rows.append(replace(base, verdict=mine.ended[0], reason=mine.ended[1]))
+            continue
+        asked[name] = mine
+        for family in (*FAMILIES, MOTION):
+            chosen = truth.family == family
+            rows += _rows(replace(base, scenario=family), truth, mine, chosen)
+            if family == MOTION and _ours(name):
+                rows += _certificates(replace(base, scenario=family), truth, mine, chosen)
+    return rows + _ratios(truth, asked)
+
+
+def _ours(name: str) -> bool:
+    return name.startswith("reference.")
+
+
+def _rows(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list[Row]:
+    """Times and the largest error of one detector on one family."""
+    rows = []
+    failures = [mine.failures[k] for k in np.flatnonzero(chosen).tolist() if k in mine.failures]
+    failed = [failure.reason for failure in failures if failure.kind != UNCONVERGED]
+    reason = failed[0] if failed else "no query"
+    for metric, sample in (("time.query", mine.seconds), ("time.net", mine.net(truth.distance))):
+        rows.append(with_median(replace(base, metric=metric), sample[chosen], reason))
+    errors = depth_errors(truth, mine)[chosen]
+    error = replace(base, metric="depth.error.max", unit="1")
+    if np.isfinite(errors).any():
+        rows.append(replace(error, value=float(np.nanmax(errors))))
+    else:
+        rows.append(replace(error, verdict="skipped", reason=reason))
+    exception = replace(base, metric="exception", unit="pairs", value=float(len(failed)))
+    return [*rows, replace(exception, reason=reason if failed else "")]
+
+
+def _certificates(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list[Row]:
+    """Share of answers that the detector does not vouch for, and how many that it does are wrong."""
+    vouched = chosen.copy()
+    vouched[[k for k, failure in mine.failures.items() if failure.kind == UNCONVERGED]] = False
+    wrong = vouched & (depth_errors(truth, mine) > FALSE)
+    return [
+        replace(base, metric="certificate.open", unit="1", value=1 - float(vouched.sum() / chosen.sum())),
+        replace(base, metric="certificate.false", unit="queries", value=float(wrong.sum())),
+    ]
+
+
+def _ratios(truth: Truth, asked: Mapping[str, Measured]) -> list[Row]:
+    """Time of each of the reference's detectors over each other's, query by query."""
+    rows = []
+    for name in filter(_ours, asked):
+        for other in asked:
+            if _ours(other):
+                continue
+            ours, theirs = asked[name].net(truth.distance), asked[other].net(truth.distance)
+            for family in (*FAMILIES, MOTION):
+                chosen = truth.family == family
+                row = Row(STUDY, family, name, DETECTORS[name].profile, float("nan"), "ratio.time")
+                rows.append(with_ratio(replace(row, subject=other), ours[chosen], theirs[chosen]))
+    return rows

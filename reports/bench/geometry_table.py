@@ -1,0 +1,58 @@
+"""The table of `bench geometry`."""
+
+from __future__ import annotations
+
+import pandas as pd
+from rich.console import Console
+
+from reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, table_of, value_text
+from reports.results import Row, rows_of
+
+HEADS = ("family", "detector", "query [µs]", "net [µs]", "error", "over it", "95 % interval", "limit")
+NOTES = (
+    "query: median from Python, shapes and poses prepared; net: less the cheapest call, of two spheres",
+    "error: the largest of the depth over max(depth, size / 1000), against the explicit Minkowski difference",
+    "over it: net time of the reference over the detector's, query by query",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """One row per family and detector for each of the reference's, and what those say of their answers."""
+    rows = {(row.scenario, row.engine, row.metric, row.subject): row for row in rows_of(frame)}
+    timed = frame[frame.metric == "time.net"]
+    ratios = frame[frame.metric == "ratio.time"]
+    for name in dict.fromkeys(ratios.engine):
+        title = f"bench geometry: {name} over other detectors"
+        table = table_of(title, HEADS, left=2)
+        for family in dict.fromkeys(timed.scenario):
+            table.add_section()
+            detectors = [
+                e for e in dict.fromkeys(timed.engine) if e == name or (family, name, "ratio.time", e) in rows
+            ]
+            for k, detector in enumerate(detectors):
+                ratio = rows.get((family, name, "ratio.time", detector))
+                table.add_row(
+                    "" if k else family,
+                    detector,
+                    *_times(rows, family, detector),
+                    value_text(ratio),
+                    interval_text(ratio),
+                    limit_text(ratio),
+                )
+        out.print(table)
+    for row in rows_of(frame[frame.metric.str.startswith("certificate.")]):
+        out.print(f"{row.scenario}: {row.engine} {CERTIFICATE[row.metric]}: {value_text(row)} {row.verdict}")
+    print_remarks(frame, out, NOTES)
+
+
+CERTIFICATE = {
+    "certificate.open": "does not vouch for a share of",
+    "certificate.false": "vouches wrongly for queries",
+}
+
+
+def _times(rows: dict[tuple[str, str, str, str], Row], family: str, detector: str) -> list[str]:
+    query, net, error = (
+        rows.get((family, detector, metric, "")) for metric in ("time.query", "time.net", "depth.error.max")
+    )
+    return [value_text(query, MICRO), value_text(net, MICRO), value_text(error)]

@@ -1,0 +1,145 @@
+"""What `bench` asks detectors: single pairs by family, and motions frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.detectors import Pair
+from adapters.engine import Array
+from adapters.postures import driven_pieces, moved
+from reports.studies.poses import corners, elliptic, parted_pair, random_box
+from scenarios.hand import FINGERS, hand_parts
+from scenarios.materials import TABLE_1
+from scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector
+
+SMALL = 0.01
+"""Size of the small hull over that of the large one [1]: a ball beside a table."""
+DEPTHS = (0.02, 0.5)
+"""Overlap over the depth of pieces put into one another [1]."""
+GAPS = (-3.0, 0.0)
+"""Powers of ten of the gaps of pieces apart [m]."""
+
+
+def _overlap(rng: np.random.Generator) -> Callable[[float], float]:
+    share = rng.uniform(*DEPTHS)
+    return lambda depth: -share * depth
+
+
+def _gap(rng: np.random.Generator) -> Callable[[float], float]:
+    gap = float(10 ** rng.uniform(*GAPS))
+    return lambda depth: gap
+
+
+def hulls_overlapping(rng: np.random.Generator) -> Pair:
+    """Two elliptic hulls of 80 triangles, overlapping by 2 to 50 % of their depth."""
+    return parted_pair(rng, elliptic(rng), elliptic(rng), _overlap(rng))
+
+
+def hulls_apart(rng: np.random.Generator) -> Pair:
+    """Two of them, 1 mm to 1 m apart."""
+    return parted_pair(rng, elliptic(rng), elliptic(rng), _gap(rng))
+
+
+def boxes_overlapping(rng: np.random.Generator) -> Pair:
+    """Two boxes, overlapping as the hulls do."""
+    return parted_pair(rng, random_box(rng), random_box(rng), _overlap(rng))
+
+
+def small_and_large(rng: np.random.Generator) -> Pair:
+    """A hull and one a hundredth of its size, overlapping by the same shares."""
+    return parted_pair(rng, elliptic(rng), elliptic(rng, SMALL), _overlap(rng))
+
+
+FAMILIES: dict[str, Callable[[np.random.Generator], Pair]] = {
+    "hulls overlapping": hulls_overlapping,
+    "hulls apart": hulls_apart,
+    "boxes overlapping": boxes_overlapping,
+    "small and large": small_and_large,
+}
+
+STEP = 1e-3
+"""The hand's way per frame [m]: 6 cm/s."""
+SINK = 5e-3
+"""How deep the lowest point lies in the table when the hand neither rocks nor bobs [m]."""
+ROCK, BOB, PERIOD = 0.02, 1.5e-3, 60
+"""Amplitudes of pitch and roll [rad] and of height [m], and frames a cycle takes: no hand slides like a
+ruler."""
+THUMB, FINGER = (-0.25, 0.2, 0.1), (0.01, 0.01, 0.01)
+"""Angles of the hinges [rad]: the hand lies flat, each part within a few millimetres of the surface, as are
+all pairs that a broad phase hands on."""
+TABLE = Piece("table", Box((0.6, 0.4, 0.02)), (0.0, 0.0, -0.02))
+"""Its surface is z = 0."""
+START = -0.1
+"""Where the palm starts along x [m]."""
+
+
+def hand_slide(frames: int) -> list[list[Pair]]:
+    """The fifteen parts of the hand against a table over which it slides, frame by frame."""
+    parts = _resting_hand()
+    motion = []
+    for k in range(frames):
+        phase = 2 * np.pi * k / PERIOD
+        rock = Rotation.from_euler("xy", (ROCK * np.sin(phase), ROCK * np.cos(1.7 * phase)))
+        shift = np.array([START + STEP * k, 0.0, BOB * np.sin(1.3 * phase)])
+        motion.append([(moved(part, rock, shift), TABLE) for part in parts])
+    return motion
+
+
+def _resting_hand() -> list[Piece]:
+    """The parts round the palm's x and y, so high that the lowest sinks by SINK."""
+    links, joints = hand_parts()
+    names = tuple(joint.name for joint in joints)
+    origin, upright = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    angles = tuple(a for finger in FINGERS for a in (THUMB if finger == "thumb" else FINGER))
+    tracker = Tracker("palm", names, (0.0, 1.0), (origin,) * 2, (upright,) * 2, (angles,) * 2)
+    table = Body("table", "fixed", "wood", (TABLE,))
+    scenario = Scenario(
+        "hand_slide", "", (), (table, *links), 1.0, TABLE_1, joints=joints, trackers=(tracker,)
+    )
+    parts = driven_pieces(scenario)
+    height = -SINK - min(float(corners(part)[:, 2].min()) for part in parts)
+    return [moved(part, Rotation.identity(), np.array([0.0, 0.0, height])) for part in parts]
+
+
+HALF_AXES: Vector = (0.6, 0.5, 0.4)
+"""Half axes of the hulls of many vertices [m]."""
+OVERLAPPING = 0.75
+"""Distance of their centres [m]: they overlap by 5 to 45 cm, whichever way they are turned."""
+TURN = 4e-3
+"""How far one of them turns per frame [rad]; it moves by STEP."""
+
+
+def hull_slide(vertices: int, pairs: int, frames: int, rng: np.random.Generator) -> list[list[Pair]]:
+    """Pairs of overlapping hulls of so many vertices, one sliding and turning past the other."""
+    hull = Hull(spread_vertices(vertices))
+    starts = []
+    for _ in range(pairs):
+        turns = Rotation.from_quat(rng.normal(size=(2, 4)))
+        way, axis, side = (_direction(rng) for _ in range(3))
+        starts.append((turns[0], turns[1], way * STEP, axis * TURN, side * OVERLAPPING))
+    still = Piece("hull", hull)
+    motion = []
+    for k in range(frames):
+        frame = []
+        for turn_a, turn_b, way, spin, side in starts:
+            a = moved(still, turn_a, np.zeros(3))
+            frame.append((a, moved(still, Rotation.from_rotvec(k * spin) * turn_b, side + k * way)))
+        motion.append(frame)
+    return motion
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    way = rng.normal(size=3)
+    return np.asarray(way / np.linalg.norm(way))
+
+
+def spread_vertices(count: int) -> tuple[Vector, ...]:
+    """Points spread evenly over an ellipsoid by the golden angle, all of them corners of their hull."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    across = np.sqrt(1 - z * z)
+    points = np.column_stack([across * np.cos(turn), across * np.sin(turn), z]) * HALF_AXES
+    return tuple((float(x), float(y), float(z)) for x, y, z in points)

@@ -1,0 +1,65 @@
+"""What the tables of `bench` share."""
+
+from __future__ import annotations
+
+import pandas as pd
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from reports.results import Row, rows_of
+from reports.tables import exact_number
+from reports.terminal import STYLES
+
+MICRO = 1e6
+
+
+def table_of(title: str, heads: tuple[str, ...], left: int) -> Table:
+    """An empty table whose first `left` columns hold words, the others numbers."""
+    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1), pad_edge=False)
+    for k, head in enumerate(heads):
+        table.add_column(Text(head), justify="left" if k < left else "right", no_wrap=True)
+    return table
+
+
+def value_text(row: Row | None, factor: float = 1.0) -> str:
+    """The value of a row; blank where there is no row, - where it holds none."""
+    return "" if row is None else exact_number(row.value * factor)
+
+
+def interval_text(row: Row | None, factor: float = 1.0) -> str:
+    """The interval of a row."""
+    if row is None or row.low != row.low:
+        return ""
+    return f"{exact_number(row.low * factor)} to {exact_number(row.high * factor)}"
+
+
+def spread_text(row: Row | None, factor: float = 1.0) -> str:
+    """The value of a row, and how far the farther end of its interval lies from it."""
+    if row is None or row.low != row.low or row.value == 0:
+        return value_text(row, factor)
+    away = max(row.high - row.value, row.value - row.low) / abs(row.value)
+    return f"{value_text(row, factor)} ±{100 * away:.0f} %"
+
+
+def limit_text(row: Row | None) -> Text:
+    """The verdict of a row and the limit behind it."""
+    if row is None or row.limit != row.limit:
+        return Text("")
+    return Text(f"{row.verdict}: {row.limit:g}", style=STYLES.get(row.verdict, ""))
+
+
+def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> None:
+    """Notes, then every row that broke a limit, failed or was skipped, with its reason."""
+    for note in notes:
+        out.print(note, style="dim", highlight=False)
+    told = frame[frame.verdict.isin(["fail", "error", "known", "skipped"])]
+    for row in rows_of(told):
+        name = " ".join(filter(None, (row.scenario, row.metric, row.subject))) if row.metric != "run" else ""
+        value = (
+            f" {exact_number(row.value)}, limit {exact_number(row.limit)}" if row.limit == row.limit else ""
+        )
+        style = "red" if row.verdict in ("fail", "error") else ""
+        line = f"{row.verdict}: {row.engine}: {name}{value}: {row.reason}".replace(": :", ":")
+        out.print(line, highlight=False, markup=False, style=style)

@@ -1,0 +1,203 @@
+"""`bench geometry` on tiny sizes and on times known in advance: complete rows, exact ratios, honest poses."""
+
+from __future__ import annotations
+
+import json
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from adapters.detectors import DETECTORS, REFERENCE, UNCONVERGED, Entry, Failure, missing_reason
+from adapters.oracles.minkowski import signed_distance
+from reports.bench import geometry
+from reports.bench.geometry import MOTION, Plan, queries, rows_of_bench
+from reports.bench.poses import FAMILIES, STEP, hand_slide, hull_slide, spread_vertices
+from reports.results import COLUMNS
+from reports.studies.poses import corners
+from reports.studies.turns import Measured
+
+OTHER, ABSENT = "coal", "absent"
+TINY = Plan(pairs=2, frames=3, turns=1, passes=1)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Path, int]:
+    """A tiny run with the reference, coal and a detector that is not installed; its folder and progress."""
+    if reason := missing_reason(OTHER):
+        pytest.skip(f"{OTHER}: {reason}")
+    folder, told = tmp_path_factory.mktemp("bench") / "out", []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(geometry, "SUBJECTS", (REFERENCE, OTHER, ABSENT))
+        patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package", "extra"))
+        rows = geometry.run(folder, lambda label, count: told.append(count), TINY)
+        assert sum(told) == geometry.steps(TINY)
+    return rows, folder, sum(told)
+
+
+def test_geometry_has_all_rows(measured) -> None:
+    """Hold times, error and failures per family and detector, ratios in one direction, and certificates."""
+    rows = measured[0]
+    assert tuple(rows.columns) == COLUMNS
+    assert set(rows.study) == {"bench geometry"}
+    per_family = {"time.query", "time.net", "depth.error.max", "exception"}
+    certificates = {"certificate.open", "certificate.false"}
+    for family in (*FAMILIES, MOTION):
+        ours, theirs = (
+            rows[(rows.engine == name) & (rows.scenario == family)] for name in (REFERENCE, OTHER)
+        )
+        extra = certificates if family == MOTION else set()
+        assert sorted(ours.metric) == sorted({*per_family, *extra, "ratio.time"})
+        assert sorted(theirs.metric) == sorted(per_family)
+        assert set(ours[ours.metric == "ratio.time"].subject) == {OTHER}
+        assert ours[ours.metric == "depth.error.max"].value.item() <= geometry.FALSE
+    times = rows[rows.metric.str.startswith(("time.", "ratio."))]
+    assert ((times.low <= times.value) & (times.value <= times.high)).all()
+    assert (rows[rows.metric == "certificate.false"].value == 0).all()
+
+
+def test_geometry_skips_what_is_missing(measured, shown) -> None:
+    """Skip a detector that is not installed, once, with the reason; show it."""
+    rows = measured[0]
+    absent = rows[rows.engine == ABSENT]
+    reason = "not installed (pip install 'touchstone[extra]')"
+    assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "skipped", reason]]
+    assert f"skipped: absent: {reason}" in shown(geometry, rows)
+
+
+def test_geometry_judges_where_a_figure_is_asked(measured) -> None:
+    """Judge one ratio and the certificates by their limits, and nothing else."""
+    rows = measured[0]
+    judged = rows[rows.limit.notna()]
+    assert set(zip(judged.metric, judged.scenario)) == {
+        ("ratio.time", "hulls overlapping"),
+        ("certificate.open", MOTION),
+        ("certificate.false", MOTION),
+    }
+    ratio = judged[judged.metric == "ratio.time"].iloc[0]
+    assert (ratio.limit, ratio.verdict) == (0.3, "pass" if ratio.value <= 0.3 else "fail")
+
+
+def test_geometry_leaves_a_whole_folder(measured) -> None:
+    """Leave table, manifest and the children's output, and nothing beside the folder."""
+    rows, folder, _ = measured
+    pd.testing.assert_frame_equal(pd.read_parquet(folder / "results.parquet"), rows)
+    assert {path.name for path in folder.iterdir()} == {
+        *("results.parquet", "results.csv", "manifest.json", "output")
+    }
+    assert [path.name for path in folder.parent.iterdir()] == ["out"]
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert (manifest["pairs"], manifest["frames"]) == (2, 3)
+    assert set(manifest["detectors"]) == {REFERENCE, OTHER, ABSENT}
+    assert "processor" in manifest["machine"]
+
+
+def test_geometry_shows_every_ratio(measured, shown) -> None:
+    """Show a line per family and detector, none cut off."""
+    text = shown(geometry, measured[0])
+    assert "…" not in text
+    for family in (*FAMILIES, MOTION):
+        assert family in text
+    assert sum(line.split()[:1] == [OTHER] for line in text.splitlines()) == len(FAMILIES) + 1
+
+
+def known_answers(truth, seconds: float, crossing: float) -> Measured:
+    """A detector that is right, takes as long as told, and pays for its crossing."""
+    n = len(truth.pairs)
+    cross = np.full((4, 2), crossing)
+    return Measured(truth.distance.copy(), truth.normal.copy(), np.full(n, seconds), [cross], {}, {})
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """The queries of a tiny plan."""
+    return queries(TINY)[0]
+
+
+def test_ratios_are_net_of_the_crossing(truth) -> None:
+    """Divide times without the crossing: 1 us over 3 us less 1 us of crossing is a half."""
+    asked = {REFERENCE: known_answers(truth, 1e-6, 0.0), OTHER: known_answers(truth, 3e-6, 1e-6)}
+    rows = {(r.scenario, r.metric, r.engine): r for r in rows_of_bench(truth, asked)}
+    for family in (*FAMILIES, MOTION):
+        ratio = rows[family, "ratio.time", REFERENCE]
+        assert (ratio.subject, ratio.value) == (OTHER, pytest.approx(0.5, rel=1e-12))
+        assert rows[family, "time.query", OTHER].value == pytest.approx(3e-6)
+        assert rows[family, "time.net", OTHER].value == pytest.approx(2e-6)
+
+
+def test_crossings_that_cost_all_are_skipped(truth) -> None:
+    """Skip the ratio where a query costs no more than its crossing."""
+    asked = {REFERENCE: known_answers(truth, 1e-6, 0.0), OTHER: known_answers(truth, 1e-6, 1e-6)}
+    ratios = [row for row in rows_of_bench(truth, asked) if row.metric == "ratio.time"]
+    assert {(row.verdict, row.reason) for row in ratios} == {
+        ("skipped", "queries cost no more than their crossing")
+    }
+
+
+def test_certificates_tell_open_from_false(truth) -> None:
+    """Count what is not vouched for as open, right or wrong, and what is vouched for and wrong as false."""
+    mine = known_answers(truth, 1e-6, 0.0)
+    moving = np.flatnonzero(truth.family == MOTION)
+    mine.failures = {int(k): Failure(UNCONVERGED, "test") for k in moving[:9]}
+    mine.distance[moving[[0, 20, 21, 22]]] += 1e-6
+    rows = {
+        row.metric: row.value for row in rows_of_bench(truth, {REFERENCE: mine}) if row.scenario == MOTION
+    }
+    assert rows["certificate.open"] == pytest.approx(9 / 45)
+    assert rows["certificate.false"] == 3
+
+
+def test_a_detector_that_fails_at_all_is_skipped(truth) -> None:
+    """Skip times and errors with the first failure's reason, and count the failures."""
+    n = len(truth.pairs)
+    failures = {k: Failure("threw", "boom") for k in range(n)}
+    nothing = np.full(n, nan)
+    broken = Measured(nothing, np.full((n, 3), nan), nothing, [np.zeros((4, 2))], failures, {})
+    rows = rows_of_bench(truth, {REFERENCE: known_answers(truth, 1e-6, 0.0), OTHER: broken})
+    for row in rows:
+        if row.engine == OTHER and row.metric != "exception":
+            assert (row.verdict, row.reason) == ("skipped", "boom")
+        if row.metric == "exception":
+            per_family = 45 if row.scenario == MOTION else 2
+            assert row.value == (per_family if row.engine == OTHER else 0)
+        if row.metric == "ratio.time":
+            assert (row.verdict, row.reason) == ("skipped", "no query")
+
+
+def test_families_are_what_they_say(truth) -> None:
+    """Overlap, part and differ in size as the names promise."""
+    distance = {name: truth.distance[truth.family == name] for name in FAMILIES}
+    for name in ("hulls overlapping", "boxes overlapping", "small and large"):
+        assert (distance[name] < 0).all()
+    assert (distance["hulls apart"] > 0).all()
+    one, two = (np.ptp(c, axis=0).max() for c in truth.corners[list(truth.family).index("small and large")])
+    assert 20 < one / two < 500
+
+
+def test_the_hand_slides_near_the_table() -> None:
+    """Move the fifteen parts by about a millimetre a frame, each within a centimetre of the surface; some
+    parts overlap it, some do not, and none by more than its thickness."""
+    motion = hand_slide(60)
+    assert {len(frame_pairs) for frame_pairs in motion} == {15}
+    places = np.array([[a.position for a, _ in pairs] for pairs in motion])
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=2)
+    # rocking by 0.02 rad and bobbing by 1.5 mm a second adds and takes away
+    assert steps.mean() == pytest.approx(STEP, rel=0.2)
+    assert steps.max() < 2 * STEP
+    distance = [signed_distance(corners(a), corners(b))[0] for pairs in motion[::15] for a, b in pairs]
+    assert -0.01 < min(distance) < 0 < max(distance) < 0.01
+    assert 0.2 < np.mean(np.array(distance) < 0) < 0.8
+
+
+def test_hulls_have_the_vertices_asked_for() -> None:
+    """Give hulls whose vertices are all corners, in motions that overlap from first to last frame."""
+    from scipy.spatial import ConvexHull
+
+    for count in (50, 700):
+        assert len(ConvexHull(np.array(spread_vertices(count))).vertices) == count
+    motion = hull_slide(50, 3, 30, np.random.default_rng(0))
+    assert (len(motion), {len(pairs) for pairs in motion}) == (30, {3})
+    for pairs in (motion[0], motion[-1]):
+        assert all(signed_distance(corners(a), corners(b))[0] < 0 for a, b in pairs)
