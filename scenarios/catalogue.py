@@ -9,12 +9,12 @@ from functools import cache
 
 from scenarios.scenario import Scenario
 
-Scene = Callable[[], Scenario]
+Scene = Callable[[], Scenario | tuple[Scenario, ...]]
 _MARK = "is_touchstone_scene"
 
 
 def scene(function: Scene) -> Scene:
-    """Mark a function of `families/` that builds a scenario."""
+    """Mark a function of `families/` that builds a scenario, or several that differ in their numbers."""
     setattr(function, _MARK, True)
     return function
 
@@ -29,10 +29,11 @@ def catalogue() -> dict[str, Scenario]:
         module = importlib.import_module(f"scenarios.families.{module_info.name}")
         for value in vars(module).values():
             if callable(value) and getattr(value, _MARK, False):
-                scenario = value()
-                if scenario.name in found:
-                    raise ValueError(f"two scenes are called {scenario.name!r}")
-                found[scenario.name] = scenario
+                built = value()
+                for scenario in (built,) if isinstance(built, Scenario) else built:
+                    if scenario.name in found:
+                        raise ValueError(f"two scenes are called {scenario.name!r}")
+                    found[scenario.name] = scenario
     return dict(sorted(found.items()))
 
 

@@ -8,7 +8,7 @@ link frame has its origin on the hinge. Every object is plain, frozen data.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
@@ -22,6 +22,15 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land")
+LAWS = ("arcs", "torque_free", "coupling")
+GRAVITY = 9.81
+"""On the ground, unless a scene says otherwise [m/s^2]."""
+
+
+def vector(values: Iterable[float]) -> Vector:
+    """Three numbers, as an array has them, in plain form."""
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
 
 
 class ScenarioError(ValueError):
@@ -191,6 +200,33 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
+class Arc:
+    """Motion from `start` [s] to the next arc: where the centre of mass is then [m] and how fast [m/s], its
+    acceleration, the angular velocity [rad/s] and its rate along the same axis, all constant; world."""
+
+    start: float
+    position: Vector
+    velocity: Vector = ORIGIN
+    acceleration: Vector = ORIGIN
+    angular_velocity: Vector = ORIGIN
+    angular_acceleration: Vector = ORIGIN
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """How `body` must move, in closed form; `truths.py` works it out.
+
+    arcs: as `arcs` say, the first from 0 s. torque_free: as its initial state and gravity make it go on, with
+    three different moments of inertia. coupling: as Eq. 6 pulls it after a tracker that moves linearly within
+    a frame.
+    """
+
+    body: str
+    law: Literal["arcs", "torque_free", "coupling"]
+    arcs: tuple[Arc, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Scenario:
     """A scene and its truth. Building one validates it: `ScenarioError` names every fault at once."""
 
@@ -203,10 +239,11 @@ class Scenario:
     joints: tuple[Joint, ...] = ()
     trackers: tuple[Tracker, ...] = ()
     chains: tuple[Chain, ...] = ()
-    gravity: Vector = (0.0, 0.0, -9.81)
+    gravity: Vector = (0.0, 0.0, -GRAVITY)
     frame_rate: int = 60
     effects: tuple[str, ...] = ("gravity", "restitution", "friction")
     expectations: tuple[Expectation, ...] = ()
+    truths: tuple[Truth, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:

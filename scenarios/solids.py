@@ -1,10 +1,21 @@
-"""Inertia of uniform solids about their centre, and the vertices of elliptic hulls."""
+"""Uniform solids: their inertia about the centre, bodies made of one, and the vertices of elliptic hulls."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scenarios.scenario import Matrix, Vector
+from scenarios.scenario import (
+    IDENTITY,
+    ORIGIN,
+    Body,
+    Box,
+    Kind,
+    Matrix,
+    Piece,
+    Quaternion,
+    Sphere,
+    Vector,
+)
 
 
 def _diagonal(x: float, y: float, z: float) -> Matrix:
@@ -35,6 +46,73 @@ def capsule_inertia(mass: float, radius: float, half_length: float) -> Matrix:
     middle = mass - ends
     across = middle * (r * r / 4 + h * h / 3) + ends * (2 * r * r / 5 + h * h + 3 * h * r / 4)
     return _diagonal(across, across, middle * r * r / 2 + ends * 2 * r * r / 5)
+
+
+def ball(
+    name: str,
+    material: str,
+    radius: float,
+    mass: float,
+    position: Vector = ORIGIN,
+    velocity: Vector = ORIGIN,
+    spin: Vector = ORIGIN,
+) -> Body:
+    """A simulated solid ball; radius in m, mass in kg, then its state."""
+    return Body(
+        name,
+        "simulated",
+        material,
+        (Piece(name, Sphere(radius)),),
+        mass=mass,
+        inertia=sphere_inertia(mass, radius),
+        position=position,
+        linear_velocity=velocity,
+        angular_velocity=spin,
+    )
+
+
+def block(
+    name: str,
+    material: str,
+    half_extents: Vector,
+    mass: float = 0.0,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    velocity: Vector = ORIGIN,
+    spin: Vector = ORIGIN,
+    kind: Kind = "simulated",
+) -> Body:
+    """A solid box of one body; half extents in m, mass in kg, then its state."""
+    return Body(
+        name,
+        kind,
+        material,
+        (Piece(name, Box(half_extents)),),
+        mass=mass,
+        inertia=box_inertia(mass, half_extents),
+        position=position,
+        orientation=orientation,
+        linear_velocity=velocity,
+        angular_velocity=spin,
+    )
+
+
+def slab(
+    name: str, material: str, normal: Vector = (0.0, 0.0, 1.0), orientation: Quaternion = IDENTITY
+) -> Body:
+    """A fixed slab of 20 m by 20 m by 1 m whose upper face passes through the origin.
+
+    Its origin is the box' centre: an offset piece would be a compound to Bullet, which treats it otherwise.
+    """
+    x, y, z = normal
+    return Body(
+        name,
+        "fixed",
+        material,
+        (Piece(name, Box((10.0, 10.0, 0.5))),),
+        position=(-0.5 * x, -0.5 * y, -0.5 * z),
+        orientation=orientation,
+    )
 
 
 def elliptic_hull(half_axes: Vector) -> tuple[Vector, ...]:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from math import isfinite
 from typing import get_args
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
 from scenarios.chains import check_chains
 from scenarios.scenario import (
     EFFECTS,
     EVENTS,
     IDENTITY,
+    LAWS,
     ORIGIN,
     Body,
     Box,
@@ -26,6 +29,7 @@ from scenarios.scenario import (
     Shape,
     Sphere,
     Tracker,
+    Truth,
 )
 
 Report = Callable[[str, str], None]
@@ -37,6 +41,8 @@ FLATNESS = 1e-6
 """Volume of a hull over the cube of its size below which it counts as flat [1]."""
 SYMMETRY = 1e-12
 """Relative slack of inertia's symmetry and triangle inequality, for rounding [1]."""
+DISTINCT = 1e-9
+"""Share of the largest by which moments of a free top must differ, and rates count as none [1]: rounding."""
 WHOLE = 1e-9
 """Deviation of duration times frame rate from a whole number [frames]."""
 
@@ -60,6 +66,7 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
         check_chains(scenario, report)
     _check_coefficients(scenario, report)
     _check_expectations(scenario, report)
+    _check_truths(scenario, report)
     return found
 
 
@@ -317,3 +324,62 @@ def _check_expectations(scenario: Scenario, report: Report) -> None:
             report(f"{path}.other", f"{expectation.other!r} is the body itself")
         if not 0 <= expectation.earliest < expectation.latest <= scenario.duration:
             report(f"{path}.earliest", f"expected 0 <= earliest < latest <= {scenario.duration}")
+
+
+def _check_truths(scenario: Scenario, report: Report) -> None:
+    bodies = {body.name: body for body in scenario.bodies}
+    trackers = {tracker.root: tracker for tracker in scenario.trackers}
+    for i, truth in enumerate(scenario.truths):
+        path = f"truths[{i}]"
+        body = bodies.get(truth.body)
+        if truth.law not in LAWS:
+            report(f"{path}.law", f"unknown law {truth.law!r}; valid: {', '.join(LAWS)}")
+        elif body is None:
+            report(f"{path}.body", f"unknown body {truth.body!r}; valid: {', '.join(bodies)}")
+        elif truth.law == "coupling" and truth.body not in trackers:
+            report(f"{path}.body", f"{truth.body!r} follows no tracker, as the law coupling asks")
+        elif truth.law == "coupling":
+            tracker = trackers[truth.body]
+            if tracker.joints or len(set(tracker.orientations)) > 1 or tuple(body.center_of_mass) != ORIGIN:
+                report(
+                    f"{path}.body", "expected one link about its centre of mass whose tracker does not turn"
+                )
+        elif body.kind != "simulated":
+            report(f"{path}.body", f"{truth.body!r} is {body.kind}, expected a simulated body")
+        elif truth.law == "torque_free":
+            _check_top(body, f"{path}.body", report)
+        if truth.body in [other.body for other in scenario.truths[:i]]:
+            report(f"{path}.body", f"{truth.body!r} has two truths")
+        _check_arcs(truth, path, report)
+
+
+def _check_top(body: Body, path: str, report: Report) -> None:
+    """The closed form holds for three different moments and a spin off the principal axes."""
+    inertia = np.array(body.inertia)
+    if inertia.shape != (3, 3):
+        return
+    moments, axes = np.linalg.eigh(inertia)
+    turned = Rotation.from_quat(body.orientation, scalar_first=True).as_matrix() @ axes
+    rates = np.abs(turned.T @ np.array(body.angular_velocity))
+    if np.min(np.diff(moments)) <= DISTINCT * moments[2]:
+        report(path, f"principal moments {', '.join(f'{m:.6g}' for m in moments)}: expected three different")
+    elif np.sum(rates > DISTINCT * rates.max()) < 2:
+        report(path, "spins about a principal axis, expected a spin off all three")
+
+
+def _check_arcs(truth: Truth, path: str, report: Report) -> None:
+    if bool(truth.arcs) != (truth.law == "arcs"):
+        report(f"{path}.arcs", f"found {len(truth.arcs)}, which does not fit the law {truth.law!r}")
+        return
+    starts = [arc.start for arc in truth.arcs]
+    if truth.arcs and (starts[0] != 0 or any(a >= b for a, b in pairwise(starts))):
+        report(f"{path}.arcs", "expected increasing starts from 0 on")
+    fields = ("position", "velocity", "acceleration", "angular_velocity", "angular_acceleration")
+    for k, arc in enumerate(truth.arcs):
+        for field in fields:
+            _finite(getattr(arc, field), f"{path}.arcs[{k}].{field}", report, 3)
+        spin, change = np.array(arc.angular_velocity), np.array(arc.angular_acceleration)
+        if spin.shape == change.shape == (3,) and np.linalg.norm(np.cross(spin, change)) > (
+            UNIT_TOLERANCE * np.linalg.norm(spin) * np.linalg.norm(change)
+        ):
+            report(f"{path}.arcs[{k}].angular_acceleration", "expected along the angular velocity")
