@@ -115,6 +115,8 @@ def test_the_catalogue_finds_the_families() -> None:
     assert all(name == scenario.name for name, scenario in catalogue().items())
     assert "gallery" in tags()
     assert catalogue()["ball_snip"] in tagged("gallery")
+    # one function may build several scenes
+    assert {"bounce_e0", "bounce_e03", "bounce_e05", "bounce_e08", "bounce_e1"} <= set(catalogue())
     assert list(tagged("no such tag")) == []
 
 
@@ -130,6 +132,34 @@ def test_two_scenes_of_one_name_are_rejected(monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.undo()
         catalogue.cache_clear()
     assert families.__name__ == "scenarios.families"
+
+
+def test_probes_and_seeded_scenes_are_told_apart() -> None:
+    """Play no seeded scene with the probes; keep what is isolated free of gravity and of fixed bodies."""
+    assert not {s.name for s in tagged("probe")} & {s.name for s in tagged("seeded")}
+    assert all(scenario.seed == int(scenario.name[-1]) for scenario in tagged("seeded"))
+    for scenario in tagged("isolated"):
+        assert {body.kind for body in scenario.bodies} == {"simulated"}
+        assert scenario.acting_gravity == (0.0, 0.0, 0.0)
+    for scenario in tagged("conservative"):
+        assert {truth.body for truth in scenario.truths} == {
+            b.name for b in scenario.bodies if b.kind != "fixed"
+        }
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [scene for tag in ("probe", "seeded") for scene in tagged(tag) if not scene.trackers],
+    ids=lambda scenario: scenario.name,
+)
+def test_probes_start_free_of_overlap(scenario, recordings) -> None:
+    """Start with no two bodies deeper in each other than rounding of their positions."""
+    oracle = pytest.importorskip("adapters.oracles.overlap")
+    still = recordings.recording(dataclasses.replace(scenario, truths=()))
+    short = dataclasses.replace(still, time=still.time[:1])
+    found = oracle.measure(short, scenario).distance
+    # coal's depth of faces that touch: 20 m of slab times 1e-16, and EPA's tolerance of 1e-8
+    assert all(distance.min() > -1e-8 for distance in found.values())
 
 
 def test_who_may_touch(lab: SimpleNamespace) -> None:

@@ -1,0 +1,27 @@
+"""`fall`: a ball falls from rest; p = p_0 + g t^2 / 2."""
+
+from __future__ import annotations
+
+from scenarios.catalogue import scene
+from scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth
+from scenarios.solids import ball
+
+PULL = (0.0, 0.0, -GRAVITY)
+SPIN = (0.0, 5.0, 0.0)
+"""Of the ball, about any axis the same [rad/s]."""
+
+
+@scene
+def fall() -> Scenario:
+    """One spinning ball and nothing to hit: a first-order integrator is off by g h T / 2 after the time T."""
+    return Scenario(
+        name="fall",
+        summary="a spinning ball falls from rest for a second",
+        tags=("probe", "conservative"),
+        bodies=(ball("ball", "wood", 0.05, 1.0, spin=SPIN),),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, 0.0),),
+        duration=1.0,
+        truths=(
+            Truth("ball", "arcs", (Arc(0.0, (0.0, 0.0, 0.0), acceleration=PULL, angular_velocity=SPIN),)),
+        ),
+    )

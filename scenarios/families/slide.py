@@ -1,0 +1,133 @@
+"""Boxes that slide: over a plane until friction stops them, and on inclines around the friction angle."""
+
+from __future__ import annotations
+
+from math import atan, cos, degrees, pi, radians, sin
+
+import numpy as np
+
+from scenarios.catalogue import scene
+from scenarios.scenario import (
+    GRAVITY,
+    Arc,
+    Body,
+    PairCoefficients,
+    Quaternion,
+    Scenario,
+    Truth,
+    Vector,
+    vector,
+)
+from scenarios.solids import block, slab
+
+HALF = 0.05
+"""Half an edge of a cube [m]."""
+LANE = 1.0
+"""Distance between the starts of cubes side by side [m]: fanned out, they never meet."""
+HEADINGS = (0.0, 22.5, 45.0)
+"""Directions of sliding [degrees]: a pyramid for a friction cone shows between them."""
+
+
+@scene
+def slide() -> Scenario:
+    """Three cubes at three headings: v^2 / (2 mu g) = 3.67 m, flat on the plane all the way."""
+    return sliding("slide", ("probe", "headings"), HEADINGS, mu=0.5, speed=6.0, duration=1.5)
+
+
+@scene
+def slide_seeded() -> tuple[Scenario, ...]:
+    """The same with headings, speeds and frictions by chance."""
+    return tuple(_seeded(seed) for seed in range(3))
+
+
+def _seeded(seed: int) -> Scenario:
+    rng = np.random.default_rng(seed)
+    mu, speed = rng.uniform(0.2, 0.8), rng.uniform(1.0, 4.0)
+    # at the most 4 / (0.2 g) = 2.04 s until rest
+    headings = np.sort(rng.uniform(0.0, 90.0, 3)).tolist()
+    return sliding(f"slide_seed{seed}", ("seeded", "headings"), tuple(headings), mu, speed, 2.5, seed)
+
+
+def sliding(
+    name: str,
+    tags: tuple[str, ...],
+    headings: tuple[float, ...],
+    mu: float,
+    speed: float,
+    duration: float,
+    seed: int = 0,
+) -> Scenario:
+    """Cubes that slide over a plane at `headings` [degrees] from `speed` [m/s] to rest."""
+    names = [f"box_{heading:.3g}" for heading in headings]
+    starts = [_start(k) for k in range(len(headings))]
+    turns = [radians(heading) for heading in headings]
+    cubes = tuple(
+        block(
+            box,
+            "wood",
+            (HALF, HALF, HALF),
+            1.0,
+            start,
+            (cos(turn / 2), 0.0, 0.0, sin(turn / 2)),
+            (speed * cos(turn), speed * sin(turn), 0.0),
+        )
+        for box, start, turn in zip(names, starts, turns)
+    )
+    truths = tuple(
+        Truth(box, "arcs", _until_rest(start, turn, speed, mu))
+        for box, start, turn in zip(names, starts, turns)
+    )
+    return Scenario(
+        name=name,
+        summary=f"cubes slide at {speed:.3g} m/s with mu = {mu:.3g} until they stop",
+        tags=tags,
+        bodies=(slab("plane", "wood"), *cubes),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, mu),),
+        duration=duration,
+        truths=truths,
+        seed=seed,
+    )
+
+
+def _start(lane: int) -> Vector:
+    """Side by side across the first heading, the last at the left."""
+    return (0.0, LANE * lane, HALF)
+
+
+def _until_rest(start: Vector, turn: float, speed: float, mu: float) -> tuple[Arc, Arc]:
+    along = np.array([cos(turn), sin(turn), 0.0])
+    stop = start + speed**2 / (2 * mu * GRAVITY) * along
+    return (
+        Arc(0.0, start, vector(speed * along), vector(-mu * GRAVITY * along)),
+        Arc(speed / (mu * GRAVITY), vector(stop)),
+    )
+
+
+MU = 0.5
+FRICTION_ANGLE = degrees(atan(MU))
+"""26.57 degrees."""
+
+
+@scene
+def inclines() -> tuple[Scenario, Scenario]:
+    """A cube on a slope just below and just above the friction angle: it holds, or a = g (sin - mu cos)."""
+    return _incline("incline_holds", 26.0), _incline("incline_slides", 27.0)
+
+
+def _incline(name: str, slope: float) -> Scenario:
+    angle = slope * pi / 180
+    turn: Quaternion = (cos(angle / 2), 0.0, sin(angle / 2), 0.0)
+    downhill, up = np.array([cos(angle), 0.0, -sin(angle)]), np.array([sin(angle), 0.0, cos(angle)])
+    pull = max(0.0, GRAVITY * (sin(angle) - MU * cos(angle)))
+    start = vector(HALF * up)
+    cube: Body = block("box", "wood", (HALF, HALF, HALF), 1.0, start, turn)
+    does = "slides" if pull else "holds"
+    return Scenario(
+        name=name,
+        summary=f"a cube {does} on a slope of {slope:g} degrees; friction angle {FRICTION_ANGLE:.4g}",
+        tags=("probe",),
+        bodies=(slab("slope", "wood", vector(up), turn), cube),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, MU),),
+        duration=1.5,
+        truths=(Truth("box", "arcs", (Arc(0.0, start, acceleration=vector(pull * downhill)),)),),
+    )
