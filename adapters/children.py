@@ -1,7 +1,9 @@
-"""One spawned child per run, so that a crash is one column; a token lets only one of them work at a time.
+"""One spawned child per engine and profile, so that a crash is one column; a token lets only one of them work
+at a time.
 
 The parent sends a child one command, waits for its answer, and turns to the next child: engines play in
-slices of `SLICE` frames, interleaved. A child's standard output and error go to a file of its own.
+slices of `SLICE` frames, interleaved. A child goes on from scene to scene, for starting it and importing its
+engine takes longer than most scenes; one that failed is replaced. What it prints goes to the job's file.
 """
 
 from __future__ import annotations
@@ -10,9 +12,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from adapters.engine import AdapterError, Engine, Settings
-from adapters.process import PATIENCE, ChildProcess, interrupt_held, obey
+from adapters.process import PATIENCE, ChildProcess, divert_output, interrupt_held, obey
 from adapters.record import Player, warm_up
 from adapters.registry import load
 from scenarios.scenario import Scenario
@@ -44,23 +47,34 @@ class Outcome:
     reason: str = ""
 
 
-def play(
-    jobs: Iterable[Job], progress: Progress, loader: Loader = load, patience: float = PATIENCE
-) -> list[Outcome]:
-    """Play all jobs of one scene, interleaved; one that fails does not stop the others.
+class Children:
+    """The children of a run, per engine and profile; a context that ends them."""
 
-    Raises OSError where a recording cannot be written: no engine is to blame for a full disk.
-    """
-    children: list[_Child] = []
-    try:
+    def __init__(self, loader: Loader = load, patience: float = PATIENCE) -> None:
+        self._loader, self._patience = loader, patience
+        self._kept: dict[tuple[str, str], _Child] = {}
+
+    def __enter__(self) -> Children:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for child in self._kept.values():
+            child.stop()
+
+    def play(self, jobs: Iterable[Job], progress: Progress) -> list[Outcome]:
+        """Play all jobs of one scene, interleaved; one that fails does not stop the others.
+
+        Raises OSError where a recording cannot be written: no engine is to blame for a full disk.
+        """
+        children: list[_Child] = []
         with interrupt_held():
             for job in jobs:
-                children.append(_Child(job, loader, patience))
+                children.append(self._child(job))
         for command in ("build", "warm up", "start"):
             for child in children:
                 if child.failure is None:
                     progress(f"{child.label}: {command}", 0)
-                    child.ask(command)
+                    child.ask(command, child.job if command == "build" else None)
         frames = max((child.job.scenario.frame_count for child in children), default=0)
         for first in range(0, frames, SLICE):
             for child in children:
@@ -76,9 +90,15 @@ def play(
             if child.outcome.status == _NotSaved.status:
                 raise OSError(child.outcome.reason)
         return [child.outcome for child in children]
-    finally:
-        for child in children:
-            child.stop()
+
+    def _child(self, job: Job) -> _Child:
+        """The child of the job's column, started if there is none or no longer one."""
+        key = (job.engine, job.settings.profile)
+        child = self._kept.get(key)
+        if child is None or child.failure is not None:
+            child = self._kept[key] = _Child(job, self._loader, self._patience)
+        child.job = job
+        return child
 
 
 class _NotSaved(AdapterError):
@@ -88,10 +108,10 @@ class _NotSaved(AdapterError):
 
 
 class _Child(ChildProcess):
-    """The parent's end of one run."""
+    """The parent's end of one column."""
 
     def __init__(self, job: Job, loader: Loader, patience: float) -> None:
-        super().__init__(_serve, (job, loader), patience)
+        super().__init__(_serve, (job.engine, job.output, loader), patience)
         self.job = job
         self.label = f"{job.engine} {job.settings.profile}"
 
@@ -101,32 +121,38 @@ class _Child(ChildProcess):
         return Outcome(self.job, *(self.failure or ("done",)))
 
 
-def _serve(pipe: Connection, job: Job, loader: Loader) -> None:
-    run = _Run(job, loader)
-    obey(pipe, job.output, run.handle)
+def _serve(pipe: Connection, engine: str, output: Path, loader: Loader) -> None:
+    obey(pipe, output, _Run(engine, loader).handle)
 
 
 class _Run:
-    """The child's end: an engine and the world it plays."""
+    """The child's end: an engine, loaded once, and the world it plays."""
 
-    def __init__(self, job: Job, loader: Loader) -> None:
-        self._job, self._loader = job, loader
+    _engine: Engine | None = None
 
-    def handle(self, command: str, count: int) -> None:
-        """Obey one command; they come in the order below."""
-        job = self._job
+    def __init__(self, name: str, loader: Loader) -> None:
+        self._name, self._loader = name, loader
+
+    def handle(self, command: str, argument: Any) -> None:
+        """Obey one command; they come in the order below, for each job anew."""
+        if command == "build":
+            self._job: Job = argument
+            divert_output(self._job.output)
+            self._engine = self._engine or self._loader(self._name)
+            return
+        job, engine = self._job, self._engine
+        assert engine is not None
         match command:
-            case "build":
-                self._engine = self._loader(job.engine)
             case "warm up":
-                warm_up(self._engine, job.scenario, job.settings)
+                warm_up(engine, job.scenario, job.settings)
             case "start":
-                world = self._engine.build(job.scenario, job.settings)
+                world = engine.build(job.scenario, job.settings)
                 self._player = Player(world, job.scenario, job.settings)
             case "play":
-                self._player.play(count)
+                self._player.play(argument)
             case "save":
                 recording = self._player.recording()
+                self._player.world.close()
                 try:
                     recording.save(job.recording)
                 except OSError as error:

@@ -99,7 +99,7 @@ class ChildProcess:
 
 def obey(pipe: Connection, output: Path, handle: Callable[[str, Any], object]) -> None:
     """The child's end: answer commands by `handle(command, argument)` until the pipe closes."""
-    _divert_output(output)
+    divert_output(output)
     while True:
         try:
             command, argument = pipe.recv()
@@ -118,7 +118,8 @@ def obey(pipe: Connection, output: Path, handle: Callable[[str, Any], object]) -
             pipe.send(("error", f"{type(error).__name__}: {error}".splitlines()[0]))
 
 
-def _divert_output(path: Path) -> None:
+def divert_output(path: Path) -> None:
+    """Send this process' standard output and error, native code's included, to the end of a file."""
     sys.stdout.flush()
     sys.stderr.flush()
     file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.children import Job, Outcome, play
+from adapters.children import Children, Job, Outcome
 from adapters.engine import Settings
 from adapters.recording import Recording, load
 from adapters.registry import ENGINES, installed, missing_reason
@@ -63,9 +63,10 @@ def run(request: Request, progress: Progress) -> Results:
         (folder / "output").mkdir()
         rows: list[Row] = []
         recordings: dict[tuple[str, str, str], Recording] = {}
-        for scenario in request.scenarios:
-            outcomes, missing = _play(request, scenario, folder, progress)
-            rows += _judge(scenario, outcomes, recordings, progress) + missing
+        with Children() as children:
+            for scenario in request.scenarios:
+                outcomes, missing = _play(request, scenario, folder, children, progress)
+                rows += _judge(scenario, outcomes, recordings, progress) + missing
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
         results = Results(table(wanted), recordings)
         save(results.frame, folder)
@@ -82,7 +83,7 @@ def run(request: Request, progress: Progress) -> Results:
 
 
 def _play(
-    request: Request, scenario: Scenario, folder: Path, progress: Progress
+    request: Request, scenario: Scenario, folder: Path, children: Children, progress: Progress
 ) -> tuple[list[Outcome], list[Row]]:
     jobs, missing = [], []
     for engine, profile in request.columns:
@@ -94,7 +95,7 @@ def _play(
         settings = Settings(profile, request.dt or ENGINES[engine].profiles[profile])
         recording, output = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
         jobs.append(Job(engine, scenario, settings, recording, output))
-    return play(jobs, progress), missing
+    return children.play(jobs, progress), missing
 
 
 def _judge(

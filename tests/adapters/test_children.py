@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.children import SLICE, Job, play
+from adapters.children import SLICE, Children, Job
 from adapters.engine import Settings
 from adapters.recording import load
 
@@ -49,7 +49,8 @@ class Stage:
         from fake_engines import load as fakes
 
         told = lambda label, frames: self.progress.append((label, frames))  # noqa: E731
-        outcomes = play(self.jobs(names), told, partial(fakes, str(self.folder)), **options)
+        with Children(partial(fakes, str(self.folder)), **options) as children:
+            outcomes = children.play(self.jobs(names), told)
         return {outcome.job.engine: outcome for outcome in outcomes}
 
     def alive(self):
@@ -194,6 +195,32 @@ def test_children_do_not_hear_ctrl_c(scenario, tmp_path):
     assert (tmp_path / "healthy.txt").read_text() == ""
 
 
+def test_children_go_on_from_scene_to_scene(scenario, tmp_path):
+    """A second scene is played by the same process with its own output; one that failed is replaced."""
+    from fake_engines import load as fakes
+
+    stage = Stage(tmp_path, scenario)
+    names = ("healthy", "prints", "throws")
+    with Children(partial(fakes, str(tmp_path))) as children:
+        told = []
+        for folder in (tmp_path / "first", tmp_path / "second"):
+            folder.mkdir()
+            jobs = [
+                Job(name, scenario, SETTINGS, folder / f"{name}.npz", folder / f"{name}.txt")
+                for name in names
+            ]
+            outcomes = children.play(jobs, lambda label, frames: None)
+            told.append({name: (tmp_path / f"{name}.pid").read_text() for name in names})
+            assert [outcome.status for outcome in outcomes] == ["done", "done", "error"]
+            assert load(folder / "healthy.npz").position.shape[0] == FRAMES + 1
+            assert "native to stdout" in (folder / "prints.txt").read_text()
+            assert "Traceback" in (folder / "throws.txt").read_text()
+    first, second = told
+    assert [first[name] == second[name] for name in names] == [True, True, False]
+    assert stage.alive() == []
+
+
 def test_no_jobs_is_no_play(scenario):
     """Nothing to play gives nothing."""
-    assert play([], lambda label, frames: None) == []
+    with Children() as children:
+        assert children.play([], lambda label, frames: None) == []

@@ -50,7 +50,7 @@ def touchstone(monkeypatch, capfd, tmp_path):
 def quick(monkeypatch, registry):
     """Children that hand over the session's recordings in place of playing."""
 
-    def play(jobs, progress):
+    def play(self, jobs, progress):
         outcomes = []
         for job in jobs:
             progress(f"{job.engine} {job.settings.profile}", 0)
@@ -58,7 +58,7 @@ def quick(monkeypatch, registry):
             outcomes.append(Outcome(job, "done"))
         return outcomes
 
-    monkeypatch.setattr(study, "play", play)
+    monkeypatch.setattr(study.Children, "play", play)
 
 
 def left(folder):
@@ -87,14 +87,14 @@ def test_the_program_is_installed():
     done = subprocess.run([program, "run", "bal_snip"], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (2, "")
     valid = ", ".join(catalogue())
-    said = f"unknown scenario 'bal_snip'; did you mean 'ball_snip'? (valid: {valid})"
+    said = f"unknown scenario 'bal_snip'; did you mean 'ball_snip' or 'slip'? (valid: {valid})"
     assert done.stderr == f"touchstone: {said}\n"
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip'?"),
+        (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip' or 'slip'?"),
         (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
         (["--engine", "zzz"], "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco)"),
         (["--metric", "overlp.max"], "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
@@ -234,7 +234,8 @@ def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch):
 def test_an_engine_that_dies_is_exit_1(touchstone, monkeypatch):
     """An engine that dies is a row with its reason, and exit 1."""
     said = "died during 'play': signal SIGSEGV"
-    monkeypatch.setattr(study, "play", lambda jobs, progress: [Outcome(job, "error", said) for job in jobs])
+    crash = lambda self, jobs, progress: [Outcome(job, "error", said) for job in jobs]  # noqa: E731
+    monkeypatch.setattr(study.Children, "play", crash)
     code, out, _ = touchstone(*RUN, "--out", "r", "--format", "json")
     rows = json.loads(out)
     assert code == 1
