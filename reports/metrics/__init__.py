@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
-from reports.metrics import contact, energy, events, friction, overlap, timing
+from reports.metrics import (
+    contact,
+    energy,
+    events,
+    flight,
+    friction,
+    momentum,
+    overlap,
+    sliding,
+    timing,
+    truth,
+)
 from reports.metrics.evidence import Metric
 
-_MM, _US = ("mm", 1e3), ("us", 1e6)
+_MM, _MS, _US = ("mm", 1e3), ("ms", 1e3), ("us", 1e6)
 
 _ALL = (
+    Metric("truth.position", "1", "lower", truth.truth_position),
+    Metric("truth.velocity", "1", "lower", truth.truth_velocity),
+    Metric("truth.orientation", "rad", "lower", truth.truth_orientation),
+    Metric("truth.spin", "1", "lower", truth.truth_spin),
+    Metric("bounce.height", "1", "lower", flight.bounce_height),
+    Metric("rotation.flip", "s", "lower", flight.rotation_flip, _MS),
+    Metric("rolling.time", "1", "lower", sliding.rolling_time),
     Metric("events.touch", "s", "none", events.event_time("touch")),
     Metric("events.roll", "s", "none", events.event_time("roll")),
     Metric("events.leave", "s", "none", events.event_time("leave")),
@@ -19,11 +37,23 @@ _ALL = (
     Metric("overlap.tunnelled", "1", "lower", overlap.overlap_tunnelled),
     Metric("contact.gap", "m", "lower", overlap.contact_gap, _MM),
     Metric("contact.impulse_balance", "1", "lower", contact.impulse_balance),
+    Metric("contact.complementarity", "1", "lower", contact.complementarity),
+    Metric("contact.at_distance", "m", "lower", contact.at_distance, _MM),
     Metric("restitution.achieved", "1", "none", contact.restitution_achieved),
     Metric("restitution.error", "1", "lower", contact.restitution_error),
     Metric("friction.cone", "1", "lower", friction.friction_cone),
     Metric("friction.deficit", "1", "lower", friction.friction_deficit),
     Metric("friction.direction", "rad", "lower", friction.friction_direction),
+    Metric("friction.stop", "1", "lower", sliding.friction_stop),
+    Metric("friction.lift", "m", "lower", sliding.friction_lift, _MM),
+    Metric("friction.tilt", "rad", "lower", sliding.friction_tilt),
+    Metric("friction.creep", "m/s", "lower", sliding.friction_creep, ("mm/s", 1e3)),
+    Metric("friction.heading", "1", "lower", sliding.friction_heading),
+    Metric("momentum.linear", "1", "lower", momentum.momentum_linear),
+    Metric("momentum.angular", "1", "lower", momentum.momentum_angular),
+    Metric("momentum.withheld", "1", "lower", momentum.momentum_withheld),
+    Metric("energy.gain", "1", "lower", energy.energy_gain),
+    Metric("energy.loss", "1", "lower", energy.energy_loss),
     Metric("energy.injected", "J", "lower", energy.energy_injected, ("mJ", 1e3)),
     Metric("time.frame.median", "s", "lower", timing.time_frame("median"), _US),
     Metric("time.frame.p95", "s", "lower", timing.time_frame("p95"), _US),
@@ -37,5 +67,8 @@ _ALL = (
 )
 
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
-IMPULSE_METRICS = ("friction.cone", "friction.deficit", "friction.direction", "energy.injected")
+IMPULSE_METRICS = (
+    *("contact.complementarity", "contact.at_distance"),
+    *("friction.cone", "friction.deficit", "friction.direction", "energy.injected"),
+)
 """Metrics that trust the engine's impulses: rejected where `contact.impulse_balance` fails its audit."""

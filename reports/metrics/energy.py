@@ -1,4 +1,4 @@
-"""Energy that comes from nowhere."""
+"""Energy that comes from nowhere, or goes where there is no way."""
 
 from __future__ import annotations
 
@@ -6,10 +6,35 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
-from reports.metrics.evidence import Evidence, Value, Values
+from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
 
 STORING = 1e-4
 """Overlap from which a soft contact may hold more than rounding of elastic energy [m]."""
+
+
+def energy_gain(evidence: Evidence) -> Values:
+    """Largest E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1].
+
+    Frames in which a soft contact stores energy are left out, as in `energy.injected`.
+    """
+    return {"": float(_change(evidence).max())}
+
+
+def energy_loss(evidence: Evidence) -> Values:
+    """Least E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1]."""
+    return {"": float(_change(evidence).min())}
+
+
+def _change(evidence: Evidence) -> Array:
+    if "conservative" not in evidence.scenario.tags:
+        raise NotMeasured("not tagged conservative: friction, impacts or a drive do work")
+    energy = _mechanical(evidence, evidence.simulated)
+    energy[_stores(evidence)] = np.nan
+    kinetic = np.zeros(len(energy))
+    for k, truth in evidence.truths.items():
+        kinetic += _kinetic(evidence, k, truth.velocity, truth.orientation, truth.angular_velocity)
+    free = energy[np.isfinite(energy)]
+    return np.asarray((free - free[0]) / kinetic.max())
 
 
 def energy_injected(evidence: Evidence) -> Values:
@@ -18,26 +43,34 @@ def energy_injected(evidence: Evidence) -> Values:
     Passive contact can only lower S, but a soft one stores energy while it is compressed: frames in which a
     simulated body overlaps by more than STORING are no start of a window.
 
-    Subject `all`: every body, W the work of the coupling springs and hinge servos; not measured where an
-    engine poses its hinges itself. Subject `simulated`: simulated bodies alone, W the work of the impulses
-    that driven bodies exert on them, J . (v- + v+) / 2 at the contact.
+    Subject `simulated`: simulated bodies alone, W the work of the impulses that driven bodies exert on them,
+    J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body, W the work of
+    the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
     """
-    moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
+    found: dict[str, float | Value] = {}
     work = evidence.recording.driver_work
-    if np.isnan(work).any():
-        whole: float | Value = Value(np.nan, "the drive is kinematic: its work is not known")
-    else:
-        whole = _largest_rise(evidence, _mechanical(evidence, moving) - work)
+    if evidence.scenario.trackers and np.isnan(work).any():
+        found["all"] = Value(np.nan, "the drive is kinematic: its work is not known")
+    elif evidence.scenario.trackers:
+        moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
+        found["all"] = _largest_rise(evidence, _mechanical(evidence, moving) - work)
     simulated = _mechanical(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
-    return {"all": whole, "simulated": _largest_rise(evidence, simulated)}
+    found["simulated"] = _largest_rise(evidence, simulated)
+    return found
 
 
-def _largest_rise(evidence: Evidence, s: Array) -> float:
+def _stores(evidence: Evidence) -> Array:
+    """Frames in which a simulated body overlaps by more than STORING: a soft contact stores energy then."""
     kind = evidence.kind
-    stores = np.zeros(len(s), dtype=bool)
+    stores = np.zeros(len(evidence.recording.time), dtype=bool)
     for (a, b), distance in evidence.distances.distance.items():
         if "simulated" in (kind[a], kind[b]):
             stores |= distance < -STORING
+    return stores
+
+
+def _largest_rise(evidence: Evidence, s: Array) -> float:
+    stores = _stores(evidence)
     lowest = np.minimum.accumulate(np.where(stores, np.inf, s))
     return float(np.max(np.where(stores, 0.0, s - lowest)))
 
@@ -47,14 +80,25 @@ def _mechanical(evidence: Evidence, bodies: list[int]) -> Array:
     r = evidence.recording
     energy = np.zeros(len(r.time))
     for k in bodies:
-        body = evidence.scenario.bodies[k]
-        turned = Rotation.from_quat(r.orientation[:, k], scalar_first=True)
-        spin = turned.inv().apply(r.angular_velocity[:, k])
-        energy += 0.5 * body.mass * np.einsum("fi,fi->f", r.linear_velocity[:, k], r.linear_velocity[:, k])
-        energy += 0.5 * np.einsum("fi,ij,fj->f", spin, np.array(body.inertia), spin)
-        if body.kind == "simulated":
-            energy -= body.mass * evidence.mass_centers[:, k] @ evidence.gravity
+        energy += _kinetic(
+            evidence, k, r.linear_velocity[:, k], r.orientation[:, k], r.angular_velocity[:, k]
+        )
+        if evidence.kind[k] == "simulated":
+            energy -= evidence.mass[k] * evidence.mass_centers[:, k] @ evidence.gravity
     return energy
+
+
+def _kinetic(evidence: Evidence, body: int, velocity: Array, orientation: Array, omega: Array) -> Array:
+    """Kinetic energy of a body per frame (f,) [J]."""
+    moving = evidence.mass[body] * np.einsum("fi,fi->f", velocity, velocity)
+    return np.asarray((moving + np.einsum("fi,fi->f", omega, spin(evidence, body, orientation, omega))) / 2)
+
+
+def spin(evidence: Evidence, body: int, orientation: Array, omega: Array) -> Array:
+    """I w of a body per frame (f, 3), world [kg m^2/s]."""
+    turned = Rotation.from_quat(orientation, scalar_first=True)
+    inertia = np.array(evidence.scenario.bodies[body].inertia)
+    return np.asarray(turned.apply(turned.inv().apply(omega) @ inertia))
 
 
 def _work_of_driven_contacts(evidence: Evidence) -> Array:

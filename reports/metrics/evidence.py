@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from adapters.engine import Array
 from adapters.recording import Recording
 from scenarios.scenario import Scenario
+from scenarios.truths import Motion, motion
 
 if TYPE_CHECKING:
     from adapters.oracles.overlap import Distances
@@ -37,6 +38,12 @@ class Value:
 
 Values = Mapping[str, float | Value]
 """Subject (a pair, a body, an event; "" for the whole scene) -> value."""
+
+
+def worst(found: Mapping[str, float]) -> Values:
+    """The largest of several bodies' values for the whole scene, with the name of the body as a remark."""
+    name = max(found, key=lambda body: abs(found[body]))
+    return {"": Value(found[name], f"of {name}" if len(found) > 1 else "")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +96,20 @@ class Evidence:
             from adapters.oracles.overlap import measure
         except ModuleNotFoundError as error:
             raise NotMeasured("not installed (pip install 'touchstone[fcl,pin]')") from error
-        asked = [pair for pairs in self.expected_pairs.values() for pair in pairs]
+        asked = {pair for pairs in self.expected_pairs.values() for pair in pairs}
+        rows = self.recording.contacts
+        met = set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))
+        asked |= {pair for pair in met if "simulated" in (self.kind[pair[0]], self.kind[pair[1]])}
+        asked |= {pair for pair in self.scenario.touching_pairs() if set(pair) & self.truths.keys()}
         return measure(self.recording, self.scenario, asked)
+
+    @cached_property
+    def truths(self) -> dict[int, Motion]:
+        """How bodies must move, by index, at the recording's times; empty where the scene has no truth."""
+        scenario = self.scenario
+        return {
+            scenario.body_index(t.body): motion(scenario, t, self.recording.time) for t in scenario.truths
+        }
 
     @cached_property
     def mass_centers(self) -> Array:
@@ -108,11 +127,21 @@ class Evidence:
         return r.linear_velocity[:, body] + np.cross(r.angular_velocity[:, body], arm)
 
     @cached_property
+    def restitution(self) -> Array:
+        """Coefficient of restitution asked for, per contact row."""
+        return self._coefficients[:, 0]
+
+    @cached_property
     def friction(self) -> Array:
         """Friction coefficient asked for, per contact row."""
+        return self._coefficients[:, 1]
+
+    @cached_property
+    def _coefficients(self) -> Array:
         rows = self.recording.contacts
-        table = {pair: self.scenario.pair_coefficients(*pair)[1] for pair in self.scenario.touching_pairs()}
-        return np.array([table[(int(row["body_a"]), int(row["body_b"]))] for row in rows])
+        table = {pair: self.scenario.pair_coefficients(*pair) for pair in self.scenario.touching_pairs()}
+        asked = [table[(int(row["body_a"]), int(row["body_b"]))] for row in rows]
+        return np.array(asked).reshape(-1, 2)
 
     @cached_property
     def impulses(self) -> tuple[Array, Array]:

@@ -10,6 +10,9 @@ from reports.metrics.evidence import Evidence, NotMeasured, Values
 SLIDING_SPEED = 0.05
 """Slip above which a contact slides [m/s]."""
 
+ROUNDING = 1e-15
+"""Share of an impulse that rounding of its normal may turn across it [1]: some five roundings."""
+
 
 def friction_cone(evidence: Evidence) -> Values:
     """Largest max(0, |j_t| - mu j_n) / (mu j_n + j_0) of any contact [relative]; truth 0."""
@@ -17,7 +20,9 @@ def friction_cone(evidence: Evidence) -> Values:
         raise NotMeasured("no contact")
     normal, tangential = evidence.impulses
     limit = evidence.friction * np.maximum(normal, 0.0)
-    excess = np.maximum(0.0, np.linalg.norm(tangential, axis=1) - limit)
+    # what is left across the normal of a frictionless impulse by rounding is no friction
+    rounding = ROUNDING * np.linalg.norm(evidence.recording.contacts["impulse"], axis=1)
+    excess = np.maximum(0.0, np.linalg.norm(tangential, axis=1) - limit - rounding)
     return {"": float(np.max(excess / (limit + evidence.least_impulse)))}
 
 

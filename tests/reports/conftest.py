@@ -9,6 +9,7 @@ import pytest
 
 from reports.metrics import METRICS
 from reports.metrics.evidence import Evidence
+from scenarios.truths import motion
 
 G = 9.81
 RADIUS = 0.05
@@ -39,6 +40,21 @@ def path(scenario, index, position, velocity):
     return {"position": positions, "linear_velocity": velocities}
 
 
+def ideal(recordings, scenario, **columns):
+    """A recording in which every body moves as its truth says; other columns as given."""
+    times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
+    still = recordings.recording(scenario)
+    kept = {
+        name: getattr(still, name).copy()
+        for name in ("position", "orientation", "linear_velocity", "angular_velocity")
+    }
+    for truth in scenario.truths:
+        moved, k = motion(scenario, truth, times), scenario.body_index(truth.body)
+        kept["position"][:, k], kept["linear_velocity"][:, k] = moved.position, moved.velocity
+        kept["orientation"][:, k], kept["angular_velocity"][:, k] = moved.orientation, moved.angular_velocity
+    return recordings.recording(scenario, **(kept | columns))
+
+
 def value(name, recording, scenario):
     """What a metric says: subject -> value."""
     return dict(METRICS[name].measure(Evidence(recording, scenario)))
@@ -47,4 +63,4 @@ def value(name, recording, scenario):
 @pytest.fixture(scope="session")
 def known() -> SimpleNamespace:
     """The builders of this file."""
-    return SimpleNamespace(bouncing=bouncing, path=path, value=value, g=G, radius=RADIUS)
+    return SimpleNamespace(bouncing=bouncing, path=path, ideal=ideal, value=value, g=G, radius=RADIUS)

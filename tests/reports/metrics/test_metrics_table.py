@@ -11,9 +11,11 @@ import pytest
 from adapters.registry import ENGINES
 from reports.metrics import IMPULSE_METRICS, METRICS
 from reports.metrics.evidence import Evidence, NotMeasured, Value
-from scenarios.catalogue import catalogue
+from scenarios.catalogue import catalogue, tagged
 
-UNITS = {"s", "m", "m s", "1", "J", "rad"}
+UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad"}
+OF_PROBES = ("truth.", "bounce.", "rotation.", "rolling.", "momentum.", "energy.gain", "energy.loss")
+"""Metrics that need a closed form or a tag that scenes of the gallery do not have."""
 
 
 @pytest.mark.parametrize("name", METRICS)
@@ -41,7 +43,7 @@ def test_impulse_metrics_exist():
     assert set(IMPULSE_METRICS) <= set(METRICS)
 
 
-@pytest.mark.parametrize("scene", list(catalogue()))
+@pytest.mark.parametrize("scene", [scenario.name for scenario in tagged("gallery")])
 @pytest.mark.parametrize("engine", ENGINES)
 def test_every_metric_runs_over_a_real_recording(registry, engine, scene):
     """Each metric gives finite values, or says in one line why not."""
@@ -61,7 +63,9 @@ def test_every_metric_runs_over_a_real_recording(registry, engine, scene):
             else:
                 assert isfinite(value), (name, subject)
     assert all(re.fullmatch(r"[^\n]{5,}", reason) for reason in missed.values())
-    assert set(missed) <= {"time.share", "work", "contact.gap"}
+    sliding = {f"friction.{name}" for name in ("stop", "lift", "tilt", "creep", "heading")}
+    others = {name for name in missed if not name.startswith(OF_PROBES)} - sliding
+    assert others <= {"time.share", "work", "contact.gap"}
 
 
 def test_a_missing_oracle_is_told(registry, monkeypatch):
