@@ -1,4 +1,4 @@
-"""Limits as data: what a metric may be, where, and why. Known failings are listed here too, and strict."""
+"""Limits as data: what a metric may be, where, and why; known failings stand in `known.py`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from math import isnan
 
 from adapters.registry import ENGINES
+from reports.known import KNOWN, Known
 from reports.results import Row
 
 
@@ -23,20 +24,7 @@ class Limit:
     subject: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
-    """A documented failing of an engine. Strict: where the limit is met after all, the row fails."""
-
-    metric: str
-    engine: str
-    reason: str
-    scenario: str = ""
-    profile: str = ""
-    subject: str = ""
-    never: bool = False  # the failing is that an event never happens
-
-
-LIMITS: tuple[Limit, ...] = (
+GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
     Limit("overlap.max", 1e-6, "method, section 3: removal ends at 1e-6 m", engine="reference"),
     Limit("overlap.tunnelled", 0, "nothing passes through a fixed body"),
@@ -63,7 +51,7 @@ LIMITS: tuple[Limit, ...] = (
     Limit("friction.deficit", 0.05, "sliding friction within 5 % of mu", subject="table-ball"),
     Limit("friction.deficit", 1e-9, "Coulomb's law, to rounding", engine="reference"),
     Limit("friction.direction", 0.02, "about one degree", subject="table-ball"),
-    Limit("energy.injected", 1e-4, "0.1 % of the energy with which the ball lands"),
+    Limit("energy.injected", 1e-4, "0.1 % of the energy with which the ball lands", scenario="gallery"),
     Limit("energy.injected", 1e-9, "nothing but rounding", engine="reference"),
     Limit("ik.missed", 0.02, "goals of a chain, from within 0.1 rad", "reference", "arm, near"),
     Limit("ik.missed", 0.005, "and from the hanging arm with restarts", "reference", profile="accurate"),
@@ -90,46 +78,107 @@ LIMITS: tuple[Limit, ...] = (
     Limit("certificate.false", 0, "an answer that is vouched for is right", scenario="hand sliding"),
     Limit("scaling.exponent", 1.1, "work linear in the pieces, and a cache to spare", scenario="broad phase"),
 )
-LANDING = "touchstone run ball_snip --engine {} --metric overlap.max"
-DISCRETE = (
-    "the ball meets the floor at 3.8 m/s, 16 mm a native step, and contact is found only once it overlaps: "
-    + LANDING
-)
-SINKS = (
-    "a body at rest sinks by about g h^2 = 0.17 mm before contact is found: "
-    "touchstone run ball_snip --engine dart --profile equal-step --metric contact.gap"
-)
-COMPLIANT = "contact is a damped spring with a time constant of 20 ms, into which 3.8 m/s sink: " + LANDING
-BOXED = (
-    "the boxed LCP bounds friction by normal impulses found without it, as when the finger lifts the ball "
-    "off the table: touchstone run ball_snip --engine dart --metric friction.cone"
-)
-LETS_GO = (
-    "a damped spring that may not pull lets go while compressed: 0.397 for 0.3 in closed form (Schwager and "
-    "Poeschel 2007): touchstone run ball_snip --engine mujoco --metric restitution.error"
-)
-ALWAYS_MU = (
-    "Eq. 10 as printed applies mu j to any sliding, however slow: a rolling ball is reversed every frame: "
-    "touchstone run ball_snip --engine reference --profile paper --metric events.roll"
-)
-KNOWN: tuple[Known, ...] = (
-    Known("events.roll", "reference", ALWAYS_MU, profile="paper", never=True),
-    Known("energy.injected", "reference", ALWAYS_MU, profile="paper"),
-    Known("overlap.max", "bullet", DISCRETE.format("bullet"), scenario="ball_snip"),
-    Known("overlap.max", "dart", DISCRETE.format("dart"), scenario="ball_snip", profile="equal-step"),
-    Known("contact.gap", "dart", SINKS, scenario="ball_snip", profile="equal-step"),
-    *(
-        known
-        # the tuned profiles mend these
-        for profile in ("recommended", "equal-step")
-        for known in (
-            Known("overlap.max", "mujoco", COMPLIANT.format("mujoco"), "ball_snip", profile),
-            Known("friction.cone", "dart", BOXED, "ball_snip", profile),
-            Known("friction.deficit", "dart", BOXED, "ball_snip", profile, "table-ball"),
-        )
+FIRST_ORDER = "5 %: an integrator of first order at a fitting step is off by h / T, below 1 %"
+BOUNCES = tuple(f"bounce_{e}" for e in ("e0", "e03", "e05", "e08", "e1"))
+PROBES: tuple[Limit, ...] = (
+    # what a correct engine of first order meets
+    Limit("overlap.max", 1e-2, "met at 2.4 m/s, v h at 1/240 s: found once it overlaps", scenario="impact"),
+    Limit("contact.gap", 2e-4, "a body at rest falls by g h^2 = 0.17 mm in 1/240 s", scenario="probe"),
+    Limit("contact.at_distance", 4e-4, "known to g dt h / 2: 0.34 mm at 1/240 s", scenario="probe"),
+    Limit(
+        "contact.at_distance",
+        1.4e-3,
+        "known to g h^2 / 2 on an Euler path of 1/60 s",
+        engine="reference",
+        scenario="probe",
+        profile="paper",
     ),
-    Known("restitution.error", "mujoco", LETS_GO, scenario="ball_snip"),
+    Limit("truth.position", 0.05, FIRST_ORDER, scenario="fall"),
+    Limit("truth.position", 0.05, FIRST_ORDER, scenario="spring"),
+    Limit("truth.velocity", 0.05, "5 % of the outcome, as of the coefficients", scenario="isolated"),
+    Limit("rotation.flip", 0.05, "5 % of a second; flips are seconds apart", scenario="probe"),
+    Limit("rolling.time", 0.05, "5 %, as of mu", scenario="probe"),
+    Limit("friction.stop", 0.05, "5 %, as of mu", scenario="probe"),
+    Limit("friction.lift", 1e-3, "a hundredth of the cube: what a viewer does not see", scenario="probe"),
+    Limit("friction.tilt", 0.02, "about one degree", scenario="probe"),
+    Limit("friction.creep", 1e-3, "a millimetre a second is not seen", scenario="probe"),
+    Limit("momentum.linear", 1e-9, "impulses act on both sides, to a solver's rounding", scenario="probe"),
+    Limit("momentum.angular", 1e-9, "impulses act on both sides, to a solver's rounding", scenario="probe"),
+    Limit("momentum.angular", 0.05, FIRST_ORDER, scenario="tumble_stable"),
+    Limit("momentum.angular", 0.05, FIRST_ORDER, scenario="tumble_unstable"),
+    Limit("momentum.withheld", 0.05, "the last ball takes all but 5 %", scenario="probe"),
+    Limit("energy.gain", 0.05, FIRST_ORDER, scenario="probe"),
+    Limit("energy.loss", 0.05, FIRST_ORDER, scenario="probe"),
+    Limit("energy.injected", 0.1, "5 % of 2 J, with which bodies of 1 kg meet", scenario="probe"),
+    *(Limit("energy.injected", 0.15, "5 % of the 2.9 J of the fall", scenario=scene) for scene in BOUNCES),
+    *(
+        Limit("energy.injected", 0.4, "5 % of the 8 J with which the light ball leaves", scenario=scene)
+        for scene in ("collide_ratio_1e3", "collide_ratio_1e6")
+    ),
 )
+FOUND = "touching points are found within 1e-6 m"
+MET = "bodies meet within 1e-6 m: their normal is good to 1e-5 at 5 cm, and so are times and outcomes"
+EXACT = "exact for constant forces: nothing but rounding over the frames"
+ROUNDING = "the laws of Newton and Coulomb, to rounding"
+HELD = "contacts are held over whole frames: what ends within one is off by mu g h^2 / 8"
+CLOSED = "the closed form, to rounding"
+EXACTING: tuple[Limit, ...] = (
+    # what the reference must reach, beside its limits everywhere
+    Limit("contact.at_distance", 1e-6, FOUND, scenario="probe"),
+    Limit("contact.complementarity", 1e-12, ROUNDING, scenario="isolated"),
+    Limit("truth.position", 1e-4, HELD, scenario="probe"),
+    Limit("truth.position", 1e-9, EXACT, scenario="conservative"),
+    Limit("truth.position", 1e-12, EXACT, scenario="isolated"),
+    Limit("truth.position", 1e-12, EXACT, scenario="fall"),
+    Limit("truth.position", 1e-12, "Eq. 6 is solved in closed form", scenario="spring"),
+    Limit("truth.position", 1e-5, MET, scenario="impact"),
+    Limit("truth.velocity", 1e-6, FOUND, scenario="probe"),
+    Limit("truth.velocity", 1e-5, MET, scenario="impact"),
+    Limit("truth.velocity", 1e-9, "the last ball takes all", scenario="cradle"),
+    Limit("truth.spin", 1e-9, EXACT, scenario="probe"),
+    Limit("truth.spin", 1e-5, MET, scenario="impact"),
+    Limit("truth.orientation", 1e-6, FOUND, scenario="probe"),
+    Limit("truth.orientation", 1e-9, CLOSED, scenario="isolated"),
+    Limit("truth.orientation", 1e-4, MET, scenario="impact"),
+    *(
+        Limit("truth.orientation", 1e-2, "contacts are held: off by 5/2 mu g h^2 / 8 r", scenario=scene)
+        for scene in ("slip", "slip_seed0", "slip_seed1", "slip_seed2")
+    ),
+    Limit("bounce.height", 1e-6, "an impact is found where it happens", scenario="probe"),
+    Limit("restitution.error", 1e-6, "an impact is found where it happens", scenario="probe"),
+    Limit("restitution.error", 1e-12, ROUNDING, scenario="isolated"),
+    Limit("rotation.flip", 1e-6, "the closed form; between frames by cubics", scenario="probe"),
+    Limit("rolling.time", 1e-9, EXACT, scenario="probe"),
+    Limit("friction.stop", 1e-4, HELD, scenario="probe"),
+    Limit("friction.direction", 1e-9, ROUNDING, scenario="probe"),
+    Limit("friction.lift", 1e-6, FOUND, scenario="probe"),
+    Limit("friction.tilt", 1e-5, "1e-6 m over the edge of the cube", scenario="probe"),
+    Limit("friction.creep", 1e-9, "what is held sticks, to rounding", scenario="probe"),
+    Limit("friction.heading", 1e-9, "nothing knows a direction", scenario="probe"),
+    Limit("momentum.linear", 1e-12, CLOSED, scenario="probe"),
+    Limit("momentum.angular", 1e-12, CLOSED, scenario="probe"),
+    Limit("momentum.withheld", 1e-9, "the last ball takes all", scenario="probe"),
+    Limit("energy.gain", 1e-9, "over ten seconds of tumbling", scenario="probe"),
+    Limit("energy.loss", 1e-9, "over ten seconds of tumbling", scenario="probe"),
+)
+BALANCED: tuple[Limit, ...] = tuple(
+    # it takes an impact 5e-7 m ahead, which is 2e-4 of a bounce of 2.4 mm
+    Limit(metric, largest, FOUND, scenario=scene)
+    for metric, largest in (("truth.position", 1e-4), ("bounce.height", 1e-3), ("restitution.error", 1e-5))
+    for scene in BOUNCES
+)
+LIMITS = (
+    *PROBES,
+    *GALLERY,
+    *(
+        replace(limit, engine="reference", profile=profile, scenario=tag)
+        for limit in EXACTING
+        for profile in ("balanced", "accurate")
+        for tag in (("probe", "seeded") if limit.scenario == "probe" else (limit.scenario,))
+    ),
+    *(replace(limit, engine="reference", profile="balanced") for limit in BALANCED),
+)
+"""All of them; the later of equally specific ones wins."""
 
 
 def judged(row: Row, tags: tuple[str, ...]) -> Row:
@@ -149,7 +198,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     if known is not None and not met and (known.never or not isnan(row.value)):
         verdict, reason = "known", known.reason
     elif known is not None and met and _at_own_step(row):
-        verdict, reason = "fail", f"a known failing is gone: take it out of limits.py ({known.reason})"
+        verdict, reason = "fail", f"a known failing is gone: take it out of known.py ({known.reason})"
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
     return replace(row, limit=largest, verdict=verdict, reason=remark)
 
