@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from math import isnan
+from math import isnan, nan
 
 import numpy as np
 import pandas as pd
 
 from reports.metrics import METRICS
+from reports.results import Row, rows_of
 from reports.run import step_text
 
 HIDDEN = ("work", "time.share")
@@ -44,46 +45,67 @@ class Grid:
     rows: list[tuple[str, str, str, list[Cell]]]
 
 
-def grid(frame: pd.DataFrame, scenario: str, shown: Collection[tuple[str, str]] = ()) -> Grid:
-    """The grid of one scene from the long table; `shown` (engine, profile) columns, or all."""
-    scene = frame[(frame.scenario == scenario) & (frame.engine != "all") & (frame.metric != "ratio.time")]
-    columns = [c for c in dict.fromkeys(zip(scene.engine, scene.profile)) if not shown or c in shown]
-    heads = []
-    for engine, profile in columns:
-        steps = scene[(scene.engine == engine) & (scene.profile == profile)].dt
-        heads.append((engine, profile, step_text(float(steps.iloc[0]))))
-    broken = scene[scene.metric == "run"]
-    order = [name for name in METRICS if name not in HIDDEN]
+Column = tuple[str, str]
+"""Engine and profile."""
+Rows = dict[tuple[Column, str, str], Row]
+"""By column, metric and subject."""
+
+
+def grid(frame: pd.DataFrame, scenario: str, shown: Collection[Column] = ()) -> Grid:
+    """The grid of one scene from the long table; `shown` (engine, profile) columns, or all. A metric that
+    applies to none of them has no row."""
+    scene = [
+        row
+        for row in rows_of(frame[frame.scenario == scenario])
+        if row.engine != "all" and row.metric != "ratio.time"
+    ]
+    found: Rows = {((row.engine, row.profile), row.metric, row.subject): row for row in scene}
+    steps = columns_of(row for row in scene if not shown or (row.engine, row.profile) in shown)
+    subjects: dict[str, dict[str, None]] = {}
+    for column, metric, subject in found:
+        row = found[column, metric, subject]
+        if column in steps and (row.verdict != "skipped" or subject):
+            subjects.setdefault(metric, {})[subject] = None
     rows = []
-    for metric in order:
-        part = scene[scene.metric == metric]
-        mine = np.array([column in columns for column in zip(part.engine, part.profile)], dtype=bool)
-        named = part[mine & ~((part.verdict == "skipped") & (part.subject == ""))]
-        for subject in dict.fromkeys(named.subject) or [""]:
-            cells = [_cell(part, broken, metric, subject, column) for column in columns]
-            rows.append((metric, subject, _unit(metric), _with_outlier(cells, part, subject, columns)))
-    return Grid(heads, rows)
+    for metric in (name for name in METRICS if name not in HIDDEN):
+        for subject in subjects.get(metric, {}):
+            cells = [_cell(found, column, metric, subject) for column in steps]
+            values = [_value(found.get((column, metric, subject))) for column in steps]
+            rows.append((metric, subject, unit_of(metric), _with_outlier(cells, values)))
+    return Grid([(*column, step) for column, step in steps.items()], rows)
 
 
-def _unit(metric: str) -> str:
+def columns_of(rows: Iterable[Row]) -> dict[Column, str]:
+    """The columns in their order, each with its step."""
+    steps: dict[Column, str] = {}
+    for row in rows:
+        steps.setdefault((row.engine, row.profile), step_text(row.dt))
+    return steps
+
+
+def unit_of(metric: str) -> str:
+    """The unit of tables."""
     shown = METRICS[metric].shown
     return shown[0] if shown else METRICS[metric].unit
 
 
-def _cell(
-    part: pd.DataFrame, broken: pd.DataFrame, metric: str, subject: str, column: tuple[str, str]
-) -> Cell:
-    mine = part[(part.engine == column[0]) & (part.profile == column[1])]
-    chosen = mine[mine.subject == subject]
-    if chosen.empty:
-        failed = broken[(broken.engine == column[0]) & (broken.profile == column[1])]
-        if not failed.empty:
-            return Cell(str(failed.verdict.iloc[0]), str(failed.verdict.iloc[0]))
-        return Cell("-")
-    row = chosen.iloc[0]
+def _value(row: Row | None) -> float:
+    return nan if row is None else row.value
+
+
+def _cell(found: Rows, column: Column, metric: str, subject: str) -> Cell:
+    row = found.get((column, metric, subject))
+    if row is None:
+        broken = found.get((column, "run", ""))
+        return Cell(broken.verdict, broken.verdict) if broken else Cell("-")
+    return cell_of(row)
+
+
+def cell_of(row: Row) -> Cell:
+    """The value of a row in the unit of tables, with its verdict."""
     if isnan(row.value):
         return Cell("never" if row.verdict == "fail" else "-", row.verdict)
-    shown = METRICS[metric].shown
+    shown = METRICS[row.metric].shown
     return Cell(number(row.value * (shown[1] if shown else 1.0)), row.verdict)
 
 
@@ -106,20 +128,12 @@ def exact_number(value: float) -> str:
     return f"{value:.1e}" if 0 < abs(value) < 1e-3 else number(value)
 
 
-def _with_outlier(
-    cells: list[Cell], part: pd.DataFrame, subject: str, columns: list[tuple[str, str]]
-) -> list[Cell]:
-    """Mark the one value that stands apart from the others."""
-    rows = part[part.subject == subject]
-    values = np.full(len(columns), np.nan)
-    for k, (engine, profile) in enumerate(columns):
-        mine = rows[(rows.engine == engine) & (rows.profile == profile)].value
-        if not mine.empty:
-            values[k] = mine.iloc[0]
+def _with_outlier(cells: list[Cell], values: Sequence[float]) -> list[Cell]:
+    """Mark the one of four values or more that stands apart from the others."""
     if np.isfinite(values).sum() < 4:
         return cells
     middle = np.nanmedian(values)
-    away = np.abs(values - middle)
+    away = np.abs(np.array(values) - middle)
     k = int(np.nanargmax(away))
     rest = np.delete(away, k)
     if away[k] > max(OUTLIER_FACTOR * float(np.nanmedian(rest)), OUTLIER_SHARE * abs(middle), 1e-12):

@@ -10,10 +10,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from reports.overview import LEGEND as OVERVIEW_LEGEND
+from reports.overview import TOTALS, Overview, overview
 from reports.results import rows_of
 from reports.tables import LEGEND, Cell, Grid, grid, number
 
 STYLES = {"fail": "bold red", "known": "yellow", "error": "bold red", "skipped": "dim", "pass": ""}
+IN_FULL = 8
+"""Scenes up to which each has its whole table; more are shown at a glance."""
 NARROW = 112
 """Columns a table needs; plain output (files, pipes) is never narrower."""
 
@@ -25,7 +29,11 @@ def console(**options: bool) -> Console:
 
 
 def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
-    """Print one table per scene with the `shown` columns, its ratios, and every verdict that is no pass."""
+    """Print one table per scene with the `shown` columns, its ratios, and every verdict that is no pass; an
+    overview where there are more than IN_FULL scenes."""
+    if frame.scenario.nunique() > IN_FULL:
+        _show_overview(overview(frame, shown), out)
+        return
     for scenario in dict.fromkeys(frame.scenario):
         scene = frame[frame.scenario == scenario]
         out.print(_table(scenario, grid(frame, scenario, shown)))
@@ -34,10 +42,37 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
         ratios = ratio_rows(scene)
         if ratios:
             out.print(_ratio_table(ratios))
-        for line in remark_lines(scene, shown):
-            out.print(
-                line, highlight=False, markup=False, style="red" if line.startswith(("fail", "error")) else ""
-            )
+        _print_lines(remark_lines(scene, shown), out)
+
+
+def _print_lines(lines: list[str], out: Console) -> None:
+    for line in lines:
+        style = "red" if line.startswith(("fail", "error")) else ""
+        out.print(line, highlight=False, markup=False, style=style)
+
+
+def _show_overview(seen: Overview, out: Console) -> None:
+    table = Table(header_style="bold")
+    table.add_column("scene", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for engine, profile, step in seen.heads:
+        table.add_column(f"{engine}\n{profile}\n{step} s", justify="right", no_wrap=True)
+    for section in seen.sections:
+        table.add_section()
+        table.add_row(Text(section.scenario, style="bold"), "", *[_text(cell) for cell in section.outcome])
+        for metric, unit, cells in section.rows:
+            shown = [_text(cell) for cell in cells]
+            table.add_row(Text(f"  {metric}"), "" if unit == "1" else unit, *shown)
+    out.print(table)
+    out.print(Text(OVERVIEW_LEGEND, style="dim"))
+    out.print()
+    totals = Table(box=SIMPLE)
+    for name in ("engine", *TOTALS):
+        totals.add_column(name, justify="left" if name == "engine" else "right", no_wrap=True)
+    for name, counts in seen.totals:
+        totals.add_row(name, *map(str, counts))
+    out.print(totals)
+    _print_lines(seen.remarks, out)
 
 
 def _table(scenario: str, cells: Grid) -> Table:

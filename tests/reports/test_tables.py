@@ -116,13 +116,16 @@ def test_a_missed_event_never_happened():
     assert shown[1].marked == "error" + MARKS["error"]
 
 
-def test_every_metric_has_a_row_in_order():
-    """Rows follow the METRICS table, one per subject; those with tables of their own are left out."""
+def test_what_applies_has_a_row_in_order():
+    """Rows follow the METRICS table, one per subject; what applies nowhere and what has a table of its own is
+    left out."""
     rows = [(0, "restitution.achieved", 0.3, {"subject": s}) for s in ("x #1", "x #2")]
-    cells = grid(frame(*rows, (1, "overlap.max", 0.1, {})), "scene")
+    away = [(k, "friction.stop", nan, {"verdict": "skipped", "reason": "why"}) for k in range(2)]
+    some = [(0, "work", 1.0, {}), (1, "overlap.max", 0.1, {}), (0, "contact.gap", nan, {"verdict": "error"})]
+    cells = grid(frame(*rows, *away, *some), "scene")
     names = [metric for metric, *_ in cells.rows]
-    assert list(dict.fromkeys(names)) == [name for name in METRICS if name not in HIDDEN]
-    assert names.count("restitution.achieved") == 2
+    assert names == ["overlap.max", "contact.gap", "restitution.achieved", "restitution.achieved"]
+    assert set(names).isdisjoint(HIDDEN)
 
 
 def test_only_the_shown_columns_are_shown():

@@ -1,0 +1,119 @@
+"""Many scenes at a glance: counts, the figures that stand out, and each reason once."""
+
+from __future__ import annotations
+
+from io import StringIO
+from math import nan
+
+from rich.console import Console
+
+from reports.overview import overview
+from reports.results import Row, table
+from reports.tables import MARKS
+from reports.terminal import IN_FULL, show
+
+COLUMNS = (("reference", "balanced", 1 / 60), ("dart", "recommended", 1 / 1020))
+
+
+def row(scene, k, metric, value=nan, **more):
+    """A row of the k-th column."""
+    return Row("run", scene, *COLUMNS[k], metric, value, more.pop("unit", "1"), **more)
+
+
+def seen(*rows, shown=()):
+    """The overview of rows."""
+    return overview(table(rows), shown)
+
+
+def test_limits_are_counted_per_scene_and_column():
+    """Each scene tells how many limits were met of those that apply, and the worst that happened."""
+    found = seen(
+        row("fall", 0, "truth.position", 0.0, verdict="pass"),
+        row("fall", 0, "energy.gain", 0.0, verdict="pass"),
+        row("fall", 0, "time.read", 1e-6),
+        row("fall", 1, "truth.position", 1e-3, verdict="pass"),
+        row("fall", 1, "energy.gain", 0.2, verdict="known", reason="it drifts: touchstone run fall"),
+        row("roll", 0, "truth.position", 1.0, verdict="fail", reason="far", limit=0.5),
+        row("roll", 0, "energy.gain", 0.0, verdict="known", reason="known"),
+        row("roll", 1, "run", verdict="error", reason="died"),
+    )
+    assert found.heads == [("reference", "balanced", "1/60"), ("dart", "recommended", "1/1020")]
+    fall, roll = found.sections
+    assert (fall.scenario, roll.scenario) == ("fall", "roll")
+    assert [cell.marked for cell in fall.outcome] == ["2 of 2", f"1 of 2{MARKS['known']}"]
+    assert [cell.marked for cell in roll.outcome] == [f"0 of 2{MARKS['fail']}", f"error{MARKS['error']}"]
+    assert found.totals == [("reference balanced", [2, 1, 1, 0, 0]), ("dart recommended", [1, 1, 0, 1, 0])]
+
+
+def test_only_what_stands_out_has_a_row():
+    """A scene shows its first figure that is not 0 and what misses a limit, of the worst subject."""
+    found = seen(
+        row("slide", 0, "truth.position", 0.0, verdict="pass"),
+        row("slide", 0, "overlap.max", 2e-6, verdict="pass", unit="m"),
+        row("slide", 0, "friction.cone", 0.0, verdict="pass"),
+        row("slide", 0, "friction.stop", 0.01, subject="a", verdict="pass"),
+        row("slide", 0, "friction.stop", -0.2, subject="b", verdict="fail", reason="far", limit=0.1),
+        row("slide", 0, "friction.stop", 0.15, subject="c", verdict="fail", reason="far", limit=0.1),
+        row("slide", 0, "time.read", 1.0),
+        row("slide", 1, "friction.stop", 0.03, subject="a", verdict="pass"),
+        row("slide", 1, "friction.stop", -0.04, subject="b", verdict="pass"),
+    )
+    (section,) = found.sections
+    rows = {metric: [cell.marked for cell in cells] for metric, _, cells in section.rows}
+    assert rows == {"overlap.max": ["0.00200", "-"], "friction.stop": [f"-0.200{MARKS['fail']}", "-0.0400"]}
+    assert [unit for _, unit, _ in section.rows] == ["mm", "1"]
+
+
+def test_each_reason_is_told_once():
+    """Remarks group the figures by reason, the broken first, without the body's name and the command."""
+    why = "it is soft: touchstone run {} --engine dart --metric energy.gain"
+    found = seen(
+        row("a", 1, "energy.gain", 0.2, verdict="known", reason="of ball; " + why.format("a")),
+        row("b", 1, "energy.gain", 0.3, verdict="known", reason=why.format("b")),
+        row("b", 0, "overlap.max", 0.1, unit="m", verdict="fail", limit=0.01, reason="deep"),
+        row("c", 1, "run", verdict="skipped", reason="dart: no such shape"),
+        row("c", 0, "energy.loss", verdict="skipped", reason="not tagged conservative"),
+    )
+    assert found.remarks == [
+        "fail: reference balanced: deep: b overlap.max 0.100 m (limit 0.01)",
+        "known: dart recommended: it is soft: a energy.gain 0.200, b energy.gain 0.300",
+        "skipped: dart recommended: dart: no such shape: c",
+    ]
+    assert dict(found.totals)["dart recommended"] == [0, 2, 0, 0, 1]
+
+
+def test_ratios_are_told_in_one_line():
+    """Judged time ratios count as limits and are told by their range; the others are not."""
+    found = seen(
+        *(
+            row(scene, 0, "ratio.time", value, subject="dart recommended", verdict="pass", limit=1.0)
+            for scene, value in (("a", 0.5), ("b", 0.125), ("c", 0.25))
+        ),
+        row("a", 0, "ratio.time", 9.0, subject="dart equal-step"),
+    )
+    assert found.remarks == [
+        "ratio.time: the reference takes 0.125 (b) to 0.500 (a) of the fastest engine's median frame"
+    ]
+    assert [section.outcome[0].text for section in found.sections] == ["1 of 1"] * 3
+
+
+def test_hidden_columns_are_left_out():
+    """Columns that are not shown are neither counted nor told."""
+    found = seen(
+        row("a", 0, "energy.gain", 0.0, verdict="pass"),
+        row("a", 1, "energy.gain", 1.0, verdict="fail", reason="bad", limit=0.5),
+        shown={("reference", "balanced")},
+    )
+    assert [head[0] for head in found.heads] == ["reference"]
+    assert found.remarks == []
+
+
+def test_many_scenes_are_shown_at_a_glance():
+    """Up to IN_FULL scenes each have their whole table; one more turns them into one overview."""
+    for count in (IN_FULL, IN_FULL + 1):
+        rows = [row(f"scene_{k}", 0, "truth.position", 0.5, verdict="pass") for k in range(count)]
+        text = StringIO()
+        show(table(rows), Console(file=text, width=112))
+        assert ("1 of 1" in text.getvalue()) == (count > IN_FULL)
+        assert text.getvalue().count("truth.position") == count
+        assert text.getvalue().count("metric") == (0 if count > IN_FULL else count)
