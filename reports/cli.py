@@ -155,7 +155,13 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
         from scenarios.catalogue import catalogue
 
         rows = [
-            {"scenario": s.name, "tags": " ".join(s.tags), "duration [s]": s.duration, "summary": s.summary}
+            {
+                "scenario": s.name,
+                "tags": " ".join(s.tags),
+                "duration [s]": s.duration,
+                "truth": " ".join(dict.fromkeys(truth.law for truth in s.truths)),
+                "summary": s.summary,
+            }
             for s in catalogue().values()
         ]
     elif what is Listing.engines:
@@ -184,7 +190,7 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
 def show(scenario: str, output: FormatOption = Format.table) -> None:
     """Show what a scenario is made of."""
     from adapters.record import scenario_json
-    from reports.listing import show_rows
+    from reports.listing import show_rows, truth_lines
 
     chosen = _scenarios([scenario], "")[0]
     if output is Format.json:
@@ -206,6 +212,8 @@ def show(scenario: str, output: FormatOption = Format.table) -> None:
         print(f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {effects}")
         for e in chosen.expectations:
             print(f"expects {e.event} {e.body}-{e.other} from {e.earliest:g} to {e.latest:g} s")
+        for line in truth_lines(chosen):
+            print(line)
     show_rows(rows, output)
 
 
