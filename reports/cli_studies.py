@@ -79,6 +79,36 @@ def calibration(
     exit_for(frame.verdict, frame.reason, bool(engine))
 
 
+@study.command("agreement")
+def agreement(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes with a closed form (default: one or two per family).")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/agreement-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play scenes at ever smaller steps: errors of step and of model, orders of convergence, the outlier."""
+    from reports.output import OutputError
+    from reports.studies.agreement import SCENES, NoTruth, run, steps
+    from scenarios.catalogue import catalogue
+
+    chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or SCENES]
+    folder = out or folder_of_now("agreement-")
+    try:
+        with progress_for(steps(chosen), quiet) as progress:
+            frame = run(chosen, folder, progress)
+    except (NoTruth, OutputError) as error:
+        stop(str(error), BAD_INPUT)
+    if not printed(frame, output) and not quiet:
+        from reports.studies.agreement_table import show as show_study
+        from reports.terminal import console
+
+        show_study(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, by_name=False)
+
+
 def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,

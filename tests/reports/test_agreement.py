@@ -1,0 +1,164 @@
+"""The study agreement: players whose errors are known must come out with that order, model and outlier."""
+
+from __future__ import annotations
+
+from math import inf, isnan
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from adapters.children import Outcome
+from reports.output import OutputError
+from reports.results import COLUMNS, table
+from reports.studies import agreement
+from reports.studies.agreement import LADDER, SCENES, Course, NoTruth, order_of, run
+from reports.studies.agreement_picture import convergence
+from reports.studies.agreement_table import show
+from scenarios.catalogue import catalogue
+from scenarios.truths import motion
+
+ORDERS = {"reference": (0.0, inf), "dart": (0.0, 1.0), "bullet": (0.0, 2.0), "mujoco": (0.05, 1.0)}
+"""Per engine the error [m] that no step mends, and the order at which the rest vanishes."""
+
+
+class Player:
+    """In place of the children: the truth, off to the side by the model's error and by dt to the order."""
+
+    def __init__(self, recording, refuse: str = "") -> None:
+        self._recording, self._refuse = recording, refuse
+
+    def __enter__(self) -> Player:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def play(self, jobs, progress):
+        outcomes = []
+        for job in jobs:
+            if job.engine == self._refuse:
+                outcomes.append(Outcome(job, "skipped", "cannot"))
+                continue
+            still = self._recording(job.scenario)
+            position = still.position.copy()
+            model, order = ORDERS[job.engine]
+            for truth in job.scenario.truths:
+                body = job.scenario.body_index(truth.body)
+                position[:, body] = motion(job.scenario, truth, still.time).position
+                position[1:, body, 0] += model + job.settings.dt**order
+            self._recording(job.scenario, position=position).save(job.recording)
+            outcomes.append(Outcome(job, "done"))
+        return outcomes
+
+
+@pytest.fixture
+def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """Run the study on the falling ball with a player."""
+
+    def play(**options: str) -> pd.DataFrame:
+        monkeypatch.setattr(agreement, "installed", lambda engine: True)
+        monkeypatch.setattr(agreement, "Children", lambda: Player(recordings.recording, **options))
+        return run([catalogue()["fall"]], tmp_path / "out", lambda label, count: None)
+
+    return play
+
+
+def value(frame: pd.DataFrame, engine: str, metric: str) -> float:
+    part = frame[(frame.engine == engine) & (frame.metric == metric) & (frame.subject == "position")]
+    assert len(part) == 1
+    return float(part.value.iloc[0])
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 4.0])
+def test_a_power_law_gives_its_exponent(order: float) -> None:
+    """Find the order of changes that follow a power of the step, with no width."""
+    dt = np.array(LADDER[:-1])
+    slope, low, high = order_of(dt, 300 * dt**order)
+    assert slope == pytest.approx(order, abs=1e-12)
+    assert high - low < 1e-6
+
+
+def test_rounding_has_no_order() -> None:
+    """Give no order where steps change nothing."""
+    assert all(isnan(number) for number in order_of(np.array(LADDER[:-1]), np.full(len(LADDER) - 1, 1e-13)))
+
+
+def test_the_parts_of_an_error_are_told_apart(played) -> None:
+    """Find each engine's order, its model's error and what its own step adds."""
+    frame = played()
+    assert tuple(frame.columns) == COLUMNS
+    fall = catalogue()["fall"]
+    ends = motion(fall, fall.truths[0], np.array([0.0, fall.duration])).position
+    way = float(np.linalg.norm(ends[1] - ends[0]))
+    assert isnan(value(frame, "reference", "agreement.order"))
+    for engine, order in (("dart", 1.0), ("bullet", 2.0), ("mujoco", 1.0)):
+        assert value(frame, engine, "agreement.order") == pytest.approx(order, abs=1e-9)
+    assert value(frame, "dart", "agreement.model") == pytest.approx(0, abs=1e-9)
+    assert value(frame, "mujoco", "agreement.model") == pytest.approx(0.05 / way, rel=1e-6)
+    own = agreement.ENGINES["mujoco"].profiles["recommended"]
+    assert value(frame, "mujoco", "agreement.discretisation") == pytest.approx(own / way, rel=1e-6)
+
+
+def test_the_outlier_and_the_stubborn_are_named(played) -> None:
+    """Name the engine that stands apart, and say whose error does not fall."""
+    frame = played()
+    outlier = frame[(frame.metric == "agreement.outlier") & (frame.subject == "position")]
+    assert list(outlier.reason) == ["mujoco"]
+    orders = frame[(frame.metric == "agreement.order") & (frame.subject == "position")]
+    stubborn = orders[orders.reason.str.contains("does not fall")]
+    assert list(stubborn.engine) == ["mujoco"]
+
+
+def test_an_engine_that_cannot_is_skipped(played) -> None:
+    """Keep a row with the reason, and the others' rows."""
+    frame = played(refuse="dart")
+    row = frame[frame.engine == "dart"]
+    assert list(row.verdict) == ["skipped"]
+    assert list(row.reason) == ["cannot"]
+    assert value(frame, "bullet", "agreement.order") == pytest.approx(2.0, abs=1e-9)
+
+
+def test_a_used_folder_is_refused(tmp_path: Path) -> None:
+    """Do not write over results."""
+    (tmp_path / "kept").write_text("")
+    with pytest.raises(OutputError, match="not an empty folder"):
+        run([], tmp_path, lambda label, count: None)
+
+
+def test_scenes_have_a_closed_form(tmp_path: Path) -> None:
+    """Play scenes with a truth by default, and refuse others with the valid ones."""
+    assert all(catalogue()[name].truths for name in SCENES)
+    with pytest.raises(NoTruth, match=r"no closed form for ball_snip; valid: .*fall"):
+        run([catalogue()["ball_snip"]], tmp_path / "out", lambda label, count: None)
+
+
+def test_limits_of_turns_are_extrapolated() -> None:
+    """Find the limit of positions and turns whose error is proportional to the step."""
+    fine, coarse = (
+        Course(np.full((1, 1, 3), 1 + h), np.array([[[np.cos(h / 2), np.sin(h / 2), 0.0, 0.0]]]))
+        for h in (0.1, 0.2)
+    )
+    limit = fine.limit(coarse, 1.0)
+    np.testing.assert_allclose(limit.position, 1.0, atol=1e-15)
+    np.testing.assert_allclose(np.abs(limit.orientation), [[[1.0, 0.0, 0.0, 0.0]]], atol=1e-15)
+
+
+def test_the_table_tells_all(played, capsys: pytest.CaptureFixture[str]) -> None:
+    """Print every engine, its order, marks and remarks."""
+    show(played(refuse="dart"), Console(width=120, force_terminal=False))
+    text = capsys.readouterr().out
+    assert "mujoco*" in text
+    assert "2.00 (2.00 to 2.00)" in text
+    assert "skipped: fall: dart: cannot" in text
+
+
+def test_the_picture_is_drawn_even_without_scenes(played, tmp_path: Path) -> None:
+    """Write a picture of the rows, and one that says that there are none."""
+    convergence(played(), tmp_path / "full.png")
+    convergence(table([]), tmp_path / "empty.png")
+    for name in ("full.png", "empty.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
