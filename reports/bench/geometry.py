@@ -31,7 +31,7 @@ from reports.studies.turns import Measured, Stretch, measure
 __all__ = ["Plan", "run", "show", "steps"]
 
 STUDY = "bench geometry"
-SUBJECTS = ("reference.exact", "coal", "python-fcl.distance", "mujoco")
+SUBJECTS = ("reference.exact", "coal", "coal.tight", "python-fcl.distance", "mujoco")
 """Detectors asked; those of the reference are held against the rest."""
 MOTION = "hand sliding"
 """The family whose pairs come frame after frame."""

@@ -8,9 +8,9 @@ from rich.console import Console
 from reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, table_of, value_text
 from reports.results import Row, rows_of
 
-HEADS = ("family", "detector", "query [µs]", "net [µs]", "error", "over it", "95 % interval", "limit")
+HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")
 NOTES = (
-    "query: median from Python, shapes and poses prepared; net: less the cheapest call, of two spheres",
+    "query: median from Python [µs], shapes and poses prepared; net: less the cheapest call, of two spheres",
     "error: the largest of the depth over max(depth, size / 1000), against the explicit Minkowski difference",
     "over it: net time of the reference over the detector's, query by query",
 )
@@ -40,15 +40,17 @@ def show(frame: pd.DataFrame, out: Console) -> None:
                     limit_text(ratio),
                 )
         out.print(table)
-    for row in rows_of(frame[frame.metric.str.startswith("certificate.")]):
-        out.print(f"{row.scenario}: {row.engine} {CERTIFICATE[row.metric]}: {value_text(row)} {row.verdict}")
+    for family, name in dict.fromkeys((row[0], row[1]) for row in rows if row[2] == "certificate.open"):
+        unsure, wrong = (
+            rows[family, name, metric, ""] for metric in ("certificate.open", "certificate.false")
+        )
+        share, count = (
+            f"{100 * unsure.value:.3g} % ({unsure.verdict})",
+            f"{wrong.value:.0f} ({wrong.verdict})",
+        )
+        line = f"{family}: {name} does not vouch for {share} of its answers; vouches wrongly for {count}"
+        out.print(line, highlight=False)
     print_remarks(frame, out, NOTES)
-
-
-CERTIFICATE = {
-    "certificate.open": "does not vouch for a share of",
-    "certificate.false": "vouches wrongly for queries",
-}
 
 
 def _times(rows: dict[tuple[str, str, str, str], Row], family: str, detector: str) -> list[str]:
