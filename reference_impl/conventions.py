@@ -173,8 +173,6 @@ TOUCH_CLOSED = 9e-7
 """Gap that a near pair may close to [m]: it touches then, and is not yet an impact (IMPACT_TARGET)."""
 EVENT_CAP = 64
 """Events of one frame."""
-MARK_TABLE = 16384
-"""Places of the hash table of touching pairs, a power of two; rows of `pairs` fill a quarter."""
 HOLD_MEMORY = 256
 """Points of patches whose forces the next hold starts from."""
 HOLD_SWEEPS = 200

@@ -53,7 +53,10 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
     end = expand_patches(pieces, vertices, pairs, end, state)
     for k in range(end):
         gap = pairs[k]["distance"]
-        pairs[k]["close"] = (gap - TOUCH_CLOSED) / h if gap > TOUCH_DISTANCE else 0.0
+        pairs[k]["close"] = 0.0
+        # what passes by as it goes now may go on so
+        if gap > TOUCH_DISTANCE:
+            pairs[k]["close"] = max((gap - TOUCH_CLOSED) / h, pairs[k]["key"])
     state["rows"] += end
     state["last_rows"] = end
     return end, h
@@ -81,11 +84,13 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
     h, end = left / parts, 0
     for k in range(found):
         pair = pairs[k]
-        # what comes fast must meet by all that is known, what is near may come to be pushed there
-        if pair["distance"] > TOUCH_DISTANCE and pair["distance"] < pair["key"] * h:
-            if not _meets(bodies, pieces, vertices, pair, state, 1 / parts):
-                continue
-        elif pair["distance"] > max(TOUCH_DISTANCE, CROWD_SLACK * v_rest * h):
+        # what will meet by all that is known, and what is so near that it may come to be pushed there
+        gap = pair["distance"]
+        if TOUCH_DISTANCE < gap < pair["key"] * h and _meets(
+            bodies, pieces, vertices, pair, state, 1 / parts
+        ):
+            pair["key"] = 0.0
+        elif gap > max(TOUCH_DISTANCE, CROWD_SLACK * v_rest * h):
             continue
         set_coefficients(bodies, pair, state)
         if k != end:
@@ -102,6 +107,9 @@ def _meets(bodies, pieces, vertices, pair, state, until):
     fraction, _, _ = sweep(bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
     a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
     place_pair(bodies, pieces, vertices, pair, 0.0)
+    if fraction == until:
+        _measure(bodies, pieces, vertices, pair, state)
+        return False
     s, moving = fraction, a["moves"] + b["moves"]
     for i in range(3):
         way = a["moves"] * (a["travel"][i] + s * a["travel_bend"][i])
@@ -110,7 +118,7 @@ def _meets(bodies, pieces, vertices, pair, state, until):
         pair["point_b"][i] -= s * way / moving
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     pair["distance"] = gap_along(one, two, vertices, n[0], n[1], n[2], state)
-    return fraction < until
+    return True
 
 
 @kernel

@@ -6,8 +6,8 @@ from reference_impl.conventions import (
     COUNT_LOST,
     COUNT_PAIRS,
     COUNT_UNCONVERGED,
-    MARK_TABLE,
     OVERLAP_TOLERANCE,
+    SIMULATED,
     STAGE_COLLISION,
     TOUCH_DISTANCE,
 )
@@ -83,29 +83,29 @@ def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
 
 
 @kernel
-def mark_pairs(pairs, count, state):
-    """Mark `pairs[:count]`, and no others, for `is_marked`."""
-    state["mark"] += 1
+def mark_pairs(bodies, pieces, pairs, count):
+    """Mark `pairs[:count]`, and no others, for `is_marked`: in lists at one piece of each."""
+    for k in range(len(pieces)):
+        pieces[k]["marked"] = 0
     for k in range(count):
-        place = _place_of(state, pairs[k])
-        state["marked"][place, 0], state["marked"][place, 1] = pairs[k]["piece_a"], pairs[k]["piece_b"]
-        state["marked"][place, 2] = state["mark"]
+        piece = pieces[_listing_piece(bodies, pairs[k])]
+        pairs[k]["next_marked"] = piece["marked"]
+        piece["marked"] = k + 1
 
 
 @kernel
-def is_marked(state, pair):
+def is_marked(bodies, pieces, pairs, pair):
     """Whether `mark_pairs` was last given a pair of the same two pieces."""
-    return state["marked"][_place_of(state, pair), 2] == state["mark"]
+    k = pieces[_listing_piece(bodies, pair)]["marked"] - 1
+    while k >= 0 and (pairs[k]["piece_a"] != pair["piece_a"] or pairs[k]["piece_b"] != pair["piece_b"]):
+        k = pairs[k]["next_marked"] - 1
+    return k >= 0
 
 
 @kernel
-def _place_of(state, pair):
-    """Place of a pair in the table, or the free one where it belongs (Knuth 1973: linear probing)."""
-    a, b, table = pair["piece_a"], pair["piece_b"], state["marked"]
-    place = (a * 7919 + b) % MARK_TABLE
-    while table[place, 2] == state["mark"] and (table[place, 0] != a or table[place, 1] != b):
-        place = (place + 1) % MARK_TABLE
-    return place
+def _listing_piece(bodies, pair):
+    """The later piece of those of simulated bodies: few pairs share it, while all share a floor."""
+    return pair["piece_b"] if bodies[pair["body_b"]]["kind"] == SIMULATED else pair["piece_a"]
 
 
 @kernel

@@ -38,7 +38,7 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
         pair = pairs[k]
         if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
             continue
-        if is_marked(state, pair):
+        if is_marked(bodies, pieces, pairs, pair):
             fraction, sank = _sinking(bodies, pieces, vertices, pair, state, first, sweeps)
             first, drifted = min(first, fraction), drifted or sank
         elif sweeps:

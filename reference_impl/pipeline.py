@@ -141,7 +141,7 @@ def _advance(bodies, pieces, vertices, pairs, touching, state):
         (fraction, drifted) of `earliest_impact`.
     """
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
-    mark_pairs(pairs, touching, state)
+    mark_pairs(bodies, pieces, pairs, touching)
     if state["detection"] == DETECTION_SWEEP:
         end = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
     else:

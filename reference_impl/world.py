@@ -13,7 +13,6 @@ from reference_impl.conventions import (
     EPA_FACES,
     EPA_VERTICES,
     HOLD_MEMORY,
-    MARK_TABLE,
     SPIN_TERMS,
     STAGES,
     STRIP_LEVELS,
@@ -117,6 +116,7 @@ PIECE = _record(
     world_rotation=_MATRIX,
     low=_VECTOR,  # bounding box, world
     high=_VECTOR,
+    marked="i8",  # first marked row of `pairs` at it, counted from 1, or 0
     owner="i8",  # pieces of one owner never meet: its body, or -1 - its driver
     # scratch of the broad phase: row k holds slot k and strip k, whatever piece k is
     slot=SLOT,
@@ -217,6 +217,7 @@ PAIR = _record(
     normal=_VECTOR,
     point_a=_VECTOR,  # witnesses, world
     point_b=_VECTOR,
+    next_marked="i8",  # next marked row at the same piece, counted from 1, or 0
     patch="i8",  # first row of the pair's patch, or -1
     floor="f8",  # speed along the normal that a hold or a patch's impact leaves at least [m/s]
     close="f8",  # speed at which a near pair may still close its gap [m/s]
@@ -271,10 +272,7 @@ STATE = _record(
     stage_seconds=("f8", (len(STAGES),)),
     counters=("i8", (len(COUNTERS),)),
     clock=("i8", (2,)),
-    # hash table of touching pairs: their two pieces, and the mark that was current then
     groups=(GROUP, (3,)),  # of the broad phase: pieces of fixed, simulated and driven bodies
-    mark="i8",
-    marked=("i8", (MARK_TABLE, 3)),
     # points of patches that were held last: the next hold starts from their forces [N]
     held_count="i8",
     held_pieces=("i8", (HOLD_MEMORY, 2)),
