@@ -43,6 +43,7 @@ DAMPING, STEPS = 0.01, 200
 """Of pinocchio's loop: damping [m], the fastest of 0.01, 0.03 and 0.1, and the cap of its steps."""
 SOLVERS = (("reference", "balanced"), ("reference", "accurate"), ("pinocchio", "damped least squares"))
 """Engine and profile; `ccd_ik` alone is what `balanced` does."""
+MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
 CROSSINGS = 1000
 Answer = Sequence[Any]
 Progress = Callable[[str, int], None]
