@@ -15,6 +15,7 @@ from time import perf_counter
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adapters.engine import AdapterError, Array, Scalar, Unsupported
 from scenarios.scenario import Piece, Sphere
@@ -40,11 +41,13 @@ class Failure(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Answers:
     """What a batch of n queries gave: distance (n,) [m] and normal (n, 3), NaN where nothing is reported;
-    `failures` by the number of the query."""
+    `failures` by the number of the query; `held` (n,) where a motion is followed: whether the answer of the
+    frame before, posed anew, was proved to be this frame's."""
 
     distance: Array
     normal: Array
     failures: Mapping[int, Failure]
+    held: NDArray[np.bool_] | None = None
 
 
 class Batch(Protocol):

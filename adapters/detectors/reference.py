@@ -6,6 +6,7 @@ A batch of pairs is asked in one compiled call and clocked inside it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
@@ -56,6 +57,22 @@ def walk_batch(  # type: ignore[no-untyped-def]
 
 
 @kernel
+def walk_motion(  # type: ignore[no-untyped-def]
+    pieces, vertices, frame, state, out_pairs, out_converged, out_held, out_seconds
+):
+    """As `depth_batch`, every `frame` pairs walked from the frame before; `out_held`: at once, with proof."""
+    for k in range(len(out_pairs)):
+        start = clock(state[0]["clock"])
+        memory = recall(state[0], k % frame, frame)
+        steps, converged, certified = walk(
+            pieces[2 * k], pieces[2 * k + 1], vertices, state[0], memory, out_pairs[k]
+        )
+        out_seconds[k] = clock(state[0]["clock"]) - start
+        out_converged[k] = converged and certified
+        out_held[k] = certified and steps == 1
+
+
+@kernel
 def empty_batch(state, out_seconds):  # type: ignore[no-untyped-def]
     """The seconds that reading the clock takes."""
     for k in range(len(out_seconds)):
@@ -88,6 +105,10 @@ class WalkDetector(ReferenceDetector):
         """Lay pairs out as the kernel's arrays, twice."""
         return WalkBatch(pairs)
 
+    def follow(self, pairs: Sequence[Pair], frame: int) -> ReferenceBatch:
+        """Lay a motion out as the kernel's arrays."""
+        return MotionBatch(pairs, frame)
+
     def describe(self) -> Mapping[str, Scalar]:
         """As exact depth, and how far away the frame before is."""
         return {**super().describe(), "walk_gap": conventions.WALK_GAP, "frame_step": FRAME_STEP}
@@ -110,8 +131,12 @@ class ReferenceBatch:
 
     def ask(self) -> Array:
         """Seconds of each query, clocked inside the one compiled call, less those of an empty one."""
-        seconds, empty = np.zeros(len(self._pairs)), np.zeros(EMPTY_CALLS)
+        seconds = np.zeros(len(self._pairs))
         depth_batch(self._pieces, self._vertices, self._state, self._pairs, self._converged, seconds)
+        return self._less_empty(seconds)
+
+    def _less_empty(self, seconds: Array) -> Array:
+        empty = np.zeros(EMPTY_CALLS)
         empty_batch(self._state, empty)
         return np.asarray(seconds - np.median(empty))
 
@@ -148,4 +173,32 @@ class WalkBatch(ReferenceBatch):
         walk_batch(
             self._pieces, self._before, self._vertices, self._state, self._pairs, self._converged, seconds
         )
-        return seconds
+        return self._less_empty(seconds)
+
+
+class MotionBatch(ReferenceBatch):
+    """The pieces frame by frame; what is remembered of a pair stays from one `ask` to the next."""
+
+    def __init__(self, pairs: Sequence[Pair], frame: int) -> None:
+        super().__init__(pairs)
+        self._state["depth"] = conventions.DEPTH_CERTIFIED
+        self._frame, self._held = frame, np.zeros(len(pairs), dtype=bool)
+
+    def ask(self) -> Array:
+        """Seconds of each query, in order."""
+        seconds = np.zeros(len(self._pairs))
+        walk_motion(
+            self._pieces,
+            self._vertices,
+            self._frame,
+            self._state,
+            self._pairs,
+            self._converged,
+            self._held,
+            seconds,
+        )
+        return self._less_empty(seconds)
+
+    def answers(self) -> Answers:
+        """As every batch, and whether the frame before sufficed."""
+        return replace(super().answers(), held=self._held.copy())

@@ -146,7 +146,7 @@ def hull_vertices(
     progress: Progress,
     loader: DetectorLoader = load_detector,
 ) -> list[Curve]:
-    """Depth of overlapping hulls, frame after frame of a motion, net of the crossing."""
+    """Depth of touching hulls, frame after frame of a motion, net of the crossing."""
     rng = np.random.default_rng(0)
     queries: list[Pair] = []
     stretches = []

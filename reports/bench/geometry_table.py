@@ -5,6 +5,7 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
+from adapters.detectors import REFERENCE
 from reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, table_of, value_text
 from reports.results import Row, rows_of
 
@@ -48,7 +49,9 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             f"{100 * unsure.value:.3g} % ({unsure.verdict})",
             f"{wrong.value:.0f} ({wrong.verdict})",
         )
-        line = f"{family}: {name} does not vouch for {share} of its answers; vouches wrongly for {count}"
+        source = "from the frame before" if name != REFERENCE else ""
+        line = f"{family}: {name}: {share} of the answers not proved {source}".rstrip()
+        line += f"; {count} proved and wrong"
         out.print(line, highlight=False)
     print_remarks(frame, out, NOTES)
 

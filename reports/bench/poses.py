@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.detectors import Pair
+from adapters.detectors import REFERENCE, Pair, load
 from adapters.engine import Array
 from adapters.postures import driven_pieces, moved
 from reports.studies.poses import corners, elliptic, parted_pair, random_box
@@ -106,34 +106,40 @@ def _resting_hand() -> list[Piece]:
 
 HALF_AXES: Vector = (0.6, 0.5, 0.4)
 """Half axes of the hulls of many vertices [m]."""
-OVERLAPPING = 0.75
-"""Distance of their centres [m]: they overlap by 5 to 45 cm, whichever way they are turned."""
-TURN = 4e-3
-"""How far one of them turns per frame [rad]; it moves by STEP."""
+NEAR = 0.75
+"""Distance of their centres before they are put in touch [m]: they overlap, whichever way they are turned."""
+TOUCH_DEPTH, TURN = 5e-3, 5e-4
+"""Overlap in the first frame [m], and how far one of them turns per frame [rad] while it slides by STEP."""
 
 
 def hull_slide(vertices: int, pairs: int, frames: int, rng: np.random.Generator) -> list[list[Pair]]:
-    """Pairs of overlapping hulls of so many vertices, one sliding and turning past the other."""
-    hull = Hull(spread_vertices(vertices))
-    starts = []
-    for _ in range(pairs):
-        turns = Rotation.from_quat(rng.normal(size=(2, 4)))
-        way, axis, side = (_direction(rng) for _ in range(3))
-        starts.append((turns[0], turns[1], way * STEP, axis * TURN, side * OVERLAPPING))
-    still = Piece("hull", hull)
-    motion = []
-    for k in range(frames):
-        frame = []
-        for turn_a, turn_b, way, spin, side in starts:
-            a = moved(still, turn_a, np.zeros(3))
-            frame.append((a, moved(still, Rotation.from_rotvec(k * spin) * turn_b, side + k * way)))
-        motion.append(frame)
-    return motion
+    """Pairs of touching hulls of so many vertices, one sliding past the other and turning a little."""
+    hull = Piece("hull", Hull(spread_vertices(vertices)))
+    turns = Rotation.from_quat(rng.normal(size=(pairs, 2, 4)).reshape(-1, 4))
+    sides, axes = (_directions(rng, pairs) for _ in range(2))
+    near = [
+        (moved(hull, turns[2 * k], np.zeros(3)), moved(hull, turns[2 * k + 1], NEAR * sides[k]))
+        for k in range(pairs)
+    ]
+    # along the deepest face's normal the depth changes as far as B moves
+    batch = load(REFERENCE).prepare(near)
+    batch.ask()
+    distance, normal = batch.answers().distance, batch.answers().normal
+    start = NEAR * sides - (TOUCH_DEPTH + distance)[:, None] * normal
+    ways = np.cross(normal, _directions(rng, pairs))
+    ways *= STEP / np.linalg.norm(ways, axis=1, keepdims=True)
+    return [
+        [
+            (near[k][0], moved(hull, Rotation.from_rotvec(f * TURN * axes[k]) * turns[2 * k + 1], place))
+            for k, place in enumerate(start + f * ways)
+        ]
+        for f in range(frames)
+    ]
 
 
-def _direction(rng: np.random.Generator) -> Array:
-    way = rng.normal(size=3)
-    return np.asarray(way / np.linalg.norm(way))
+def _directions(rng: np.random.Generator, count: int) -> Array:
+    ways = rng.normal(size=(count, 3))
+    return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))
 
 
 def spread_vertices(count: int) -> tuple[Vector, ...]:

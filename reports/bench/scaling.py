@@ -3,7 +3,7 @@
 - Broad phase: boxes that move in a cloud of constant density, 100 to 10,000 of them. Frames of all sizes come
   in turn, so that none keeps the processor's caches to itself: as in a step.
 - Balls at rest: whole frames of every engine at its own step; all balls touch one floor and no other ball.
-- Hull vertices: depth of overlapping hulls of 50 to 5,000 vertices, one sliding past the other.
+- Hull vertices: depth of touching hulls of 50 to 5,000 vertices, one sliding past the other.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from reports.results import Row, save, save_manifest, table, write_beside
 __all__ = ["Plan", "run", "show", "steps"]
 
 STUDY = "bench scaling"
-SUBJECTS = ("reference.exact", "coal", "coal.tight", "python-fcl.distance")
+SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance")
 """Detectors whose time over the number of vertices is measured."""
 
 

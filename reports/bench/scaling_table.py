@@ -16,8 +16,8 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     for scenario in dict.fromkeys(frame[frame.metric == "scaling.time"].scenario):
         part = frame[frame.scenario == scenario]
         sizes = list(dict.fromkeys(part[part.metric == "scaling.time"].subject))
-        # the unit on a line of its own
-        heads = ("", *(size.replace(" ", "\n") for size in sizes), "exponent", "95 % interval", "limit")
+        numbers, units = zip(*(size.split() for size in sizes))
+        heads = (units[0], *numbers, "exponent", "95 % interval", "limit")
         table = table_of(f"bench scaling: {scenario}, median time [µs]", heads, left=1)
         for engine in dict.fromkeys(part[part.metric == "scaling.time"].engine):
             mine = {(row.metric, row.subject): row for row in rows_of(part[part.engine == engine])}

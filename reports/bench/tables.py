@@ -47,7 +47,7 @@ def limit_text(row: Row | None) -> Text:
     """The verdict of a row and the limit behind it."""
     if row is None or row.limit != row.limit:
         return Text("")
-    return Text(f"{row.verdict}: {row.limit:g}", style=STYLES.get(row.verdict, ""))
+    return Text(f"{row.verdict} {row.limit:g}", style=STYLES.get(row.verdict, ""))
 
 
 def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> None:

@@ -6,7 +6,7 @@ So they share the machine's ups and downs.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +32,8 @@ class Stretch(NamedTuple):
 class Measured:
     """What a detector gave: distance (n,) [m] and normal (n, 3), NaN where nothing is reported; seconds of
     each query (n,) and of the crossings, apart and touching (c, 2); failures by pair; version and settings.
-    `ended`: verdict and reason of one that is out."""
+    `ended`: verdict and reason of one that is out; `held` (n,): whether a followed motion's answer was proved
+    from that of the frame before, NaN where it was not asked."""
 
     distance: Array
     normal: Array
@@ -41,6 +42,7 @@ class Measured:
     failures: dict[int, Failure]
     facts: Mapping[str, object]
     ended: tuple[str, str] | None = None
+    held: Array = field(default_factory=lambda: np.zeros(0))
 
     def net(self, distance: Array) -> Array:
         """Seconds per query without the crossing; results of an overlap, by the true `distance` (n,), cost
@@ -68,7 +70,16 @@ def measure(
     """
     n = len(pairs)
     measured = {
-        name: Measured(np.full(n, np.nan), np.full((n, 3), np.nan), np.full(n, np.nan), [], {}, {})
+        name: Measured(
+            np.full(n, np.nan),
+            np.full((n, 3), np.nan),
+            np.full(n, np.nan),
+            [],
+            {},
+            {},
+            None,
+            np.full(n, np.nan),
+        )
         for name in names
     }
     children = []
@@ -119,6 +130,8 @@ def _stretch(
         if answers is None:
             continue
         mine.distance[part], mine.normal[part] = answers.distance, answers.normal
+        if answers.held is not None:
+            mine.held[part] = answers.held
         mine.failures.update({part.start + k: failure for k, failure in answers.failures.items()})
         mine.seconds[part] = np.median(np.concatenate([told.query for told in times[child.name]]), axis=0)
         mine.crossing += [told.crossing for told in times[child.name]]

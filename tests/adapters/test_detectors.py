@@ -161,3 +161,23 @@ def test_a_child_that_dies_is_one_failure(tmp_path: Path) -> None:
     assert child.failure == ("error", "died during 'load': exit code 7")
     assert child.ask("time", 1) is None
     child.stop()
+
+
+def test_a_followed_motion_is_exact_and_held() -> None:
+    """Walk two pairs frame by frame: the exact depths, and proved from the frame before but for the first."""
+    hull, frames = Hull(elliptic_hull((0.3, 0.2, 0.2))), 40
+    pairs = []
+    for k in range(frames):
+        sway = 0.02 * np.sin(0.2 * k)
+        pairs.append((LOWER, Piece("b", hull, (0.001 * k, 0.1, 0.69 + sway))))
+        pairs.append((LOWER, Piece("b", hull, (0.69 + sway, 0.001 * k, 0.0))))
+    walked, exact = load("reference.walk").follow(pairs, 2), load(REFERENCE).prepare(pairs)
+    assert (walked.ask() > 0).any()
+    exact.ask()
+    found, truth = walked.answers(), exact.answers()
+    np.testing.assert_allclose(found.distance, truth.distance, atol=1e-14)
+    assert not found.failures
+    assert found.held is not None
+    assert not found.held[:2].any()
+    assert found.held[2:].all()
+    assert truth.held is None
