@@ -16,10 +16,6 @@ from reports.results import Row
 from reports.run import measured
 from scenarios.catalogue import catalogue, tagged
 
-UNFINISHED = {
-    ("reference", "stack"): "holding three boxes or more does not converge: too many contacts for the log"
-}
-"""Probes that end in an error, which is still to be cured; strict."""
 PROBES = [scenario.name for scenario in tagged("probe")]
 SEEDED = [scenario.name for scenario in tagged("seeded")]
 LAWS = (
@@ -52,10 +48,7 @@ def rows(engine: str, profile: str, scene: str) -> tuple[Row, ...]:
     except Unsupported as reason:
         pytest.skip(str(reason))
     except AdapterError as error:
-        if (engine, scene) in UNFINISHED:
-            pytest.xfail(UNFINISHED[engine, scene])
         pytest.fail(str(error))
-    assert (engine, scene) not in UNFINISHED, "cured: take it out of UNFINISHED"
     base = Row("run", scene, engine, profile, dt, "run")
     return tuple(judged(row, scenario.tags) for row in measured(base, scenario, recording))
 
@@ -114,10 +107,6 @@ def test_every_metric_leaves_a_judged_row(engine, scene):
 def test_every_law_is_measured_somewhere(engine):
     """No law is skipped in all probes, nor known to be broken wherever it applies."""
     passed = [
-        row.metric
-        for scene in PROBES
-        if (engine, scene) not in UNFINISHED
-        for row in rows(engine, FIRST[engine], scene)
-        if row.verdict == "pass"
+        row.metric for scene in PROBES for row in rows(engine, FIRST[engine], scene) if row.verdict == "pass"
     ]
     assert all(passed.count(law) >= 2 for law in LAWS)

@@ -7,7 +7,6 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from adapters.engine import AdapterError
 from adapters.record import record
 from adapters.recording import Recording
 from adapters.registry import ENGINES
@@ -18,8 +17,7 @@ from reports.run import measured
 from scenarios.catalogue import catalogue, tagged
 
 GALLERY = [scenario.name for scenario in tagged("gallery")]
-UNFINISHED = pytest.mark.xfail(strict=True, raises=AdapterError, reason="holding it does not converge")
-REFERENCE_SCENES = [pytest.param(name, marks=[UNFINISHED] * (name == "stack")) for name in catalogue()]
+REFERENCE_SCENES = list(catalogue())
 OF_THE_CLOCK = ("manifest", "time_frame", "time_drive", "time_read", "time_crossing", "stage_seconds")
 """Fields of a recording that no two runs share."""
 
