@@ -153,8 +153,8 @@ def test_friction_at_45_degrees(registry, name, factor):
 
 @pytest.mark.parametrize("name", ["dart", "bullet"])
 def test_newtons_law_gains_energy_at_an_eccentric_contact(registry, name):
-    """A rod whose end sticks with e = 1 leaves with 1.184 of its energy by Eqs. 8 and 9 with friction in DART;
-    in Bullet, which finds it 0.8 of a step late, as with e = 1 + 0.08 0.8."""
+    """A rod whose end sticks with e = 1 leaves with 1.184 of its energy by Eqs. 8 and 9 with friction in
+    DART; in Bullet, which finds it 0.8 of a step late, as with e = 1 + 0.08 0.8."""
     rod, start = catalogue()["rod_e1"].bodies[1], np.array([-1.0, -2.0])
     slope, (a, _, c) = 0.85, (0.25, 0.02, 0.02)
     arm = np.array([a * np.cos(slope) - c * np.sin(slope), -a * np.sin(slope) - c * np.cos(slope)])
