@@ -34,8 +34,8 @@ from scenarios.scenario import Scenario
 STUDY = "agreement"
 LADDER = tuple(1 / (120 * 2**k) for k in range(5))
 """Steps [s]: halved four times, about the 1/240 s that all engines share in `equal-step`."""
-ROUNDING = 1e-11
-"""A change or an error below it is rounding of some thousand steps, not discretisation [1, rad]."""
+ROUNDING = 1e-9
+"""A change or an error below it is the rounding of some ten thousand steps, not discretisation [1, rad]."""
 FALLS = 0.5
 """Share of the error left at the foot of the ladder above which it does not fall; order 1 leaves 1/16."""
 LEAST_ORDER = 0.5

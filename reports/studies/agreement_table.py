@@ -18,7 +18,8 @@ HEADS = ("engine", "own step\n[s]", "error", "discreti-\nsation", "model", "orde
 NOTES = (
     "error: at the own step, largest over frames and bodies; positions over the longest way, turns in rad",
     "discretisation: what smaller steps change of it; model: by how much their limit misses the closed form",
-    "* farthest from its nearest neighbour   = rounding at every step   ! does not fall with the step",
+    "what all play to rounding is left out   * farthest from its nearest neighbour",
+    "= rounding at every step   ! does not fall with the step",
     "unclear: the 95 % interval of the order is wider than 4",
 )
 UNCLEAR = 2.0
@@ -39,9 +40,11 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     for (scenario, quantity), part in frame[frame.metric == "agreement.order"].groupby(
         ["scenario", "subject"], sort=False
     ):
+        block = frame[(frame.scenario == scenario) & (frame.subject == quantity)]
+        if not (block[block.metric == "agreement.error"].value > ROUNDING).any():
+            continue
         table.add_section()
         table.add_row(f"[bold]{scenario}[/bold] {quantity}")
-        block = frame[(frame.scenario == scenario) & (frame.subject == quantity)]
         outliers = rows_of(block[block.metric == "agreement.outlier"])
         lone = next((row.reason for row in outliers if row.value > ROUNDING), "")
         for order in rows_of(part):
