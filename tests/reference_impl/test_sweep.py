@@ -452,6 +452,9 @@ def test_no_ball_tunnels_in_a_whole_frame(lab: SimpleNamespace, count: int) -> N
         bullet["position"] = bullet["center"] = origin
         bullet["velocity"], bullet["omega"] = way / FRAME, shot.bodies[1]["turn"] / FRAME
         early, late = (entry(origin, way, PLATE, BULLET + gap) for gap in (NEAR, IMPACT_TARGET))
+        # about one shot of 10,000 starts inside the plate: it has no side to stay on
+        if early <= 0:
+            continue
         step(*world)
         contact, logged = world.contacts[0], int(world.state[0]["contact_count"])
         if late < 1:
