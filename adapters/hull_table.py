@@ -5,7 +5,7 @@ Directions are sorted by the signs of their components (octant) and by a regular
 (|u|, |v|) / (|u| + |v| + |w|), after each axis is stretched by the hull's half extent: a needle's table is
 that of a ball. A cell of the grid keeps its candidates, the vertices that can be farthest for one of its
 directions. A vertex is left out where another is farther at all corners of the cell: heights are linear in
-the direction, so it is farther in the whole cell. Four candidates share a row; more are chained.
+the direction, so it is farther in the whole cell. A list has four entries; longer ones are chained.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 BRUTE = 16
 """Vertices up to which trying all is as fast as the table."""
 FINEST = 64
-"""Cells along a side at most: rows are numbered by 16 bits, and 8 * 64^2 cells leave half of them for chains
+"""Cells along a side at most: entries have 16 bits, and 8 * 64^2 cells leave half of the numbers for chains
 and for vertices."""
 CROWDED = 1 / 16
 """Share of cells with more than four candidates that is fine enough [1]."""
@@ -34,7 +34,7 @@ MARGIN = 1e-12
 table's answer is thus that of trying all to the bit, the lowest of equally far vertices included."""
 FEW = 16
 """Candidates up to which a cell's are compared all with all; champions alone thin out longer lists."""
-ROWS = 2**16
+NUMBERS = 2**16
 SIGNS = np.array([[1 - 2 * (k >> axis & 1) for axis in range(3)] for k in range(8)])
 
 
@@ -43,30 +43,33 @@ def hull_rows(corners: tuple[Vector, ...]) -> tuple[Array, int, Array]:
     """Rows of VERTEX, the grid's cells along a side (0: no table) and the half extents (3,) [m]."""
     points = np.array(corners)
     extent, count = np.ptp(points, axis=0) / 2, len(points)
-    rows, cells = np.zeros(count, VERTEX), 0
+    lists, cells = np.zeros((0, 4), np.uint16), 0
     if count > BRUTE:
         side, counts, vertices = _candidates(points / extent)
-        used = max(count, 8 * side**2)
-        needed = used + int(np.maximum(0, -(-(counts - 4) // 3)).sum())
-        if needed <= ROWS:
-            rows, cells = np.zeros(needed, VERTEX), side
-            _fill(rows["candidate"], counts, vertices, used)
+        chained = int(np.maximum(0, -(-(counts - 4) // 3)).sum())
+        if count + len(counts) + chained <= NUMBERS:
+            lists, cells = _lists(count, counts, vertices, chained), side
+    rows = np.zeros(count + -(-len(lists) // 4), VERTEX)
     rows["position"][:count] = points
+    rows["lists"][count:].reshape(-1, 4)[: len(lists)] = lists
     rows.flags.writeable = False
     return rows, cells, extent
 
 
-def _fill(table: Array, counts: Indices, vertices: Indices, free: int) -> None:
-    """Write each cell's candidates to its row, a fifth and more to chains of rows from `free` on."""
-    first = np.cumsum(counts) - counts
+def _lists(count: int, counts: Indices, vertices: Indices, chained: int) -> Array:
+    """Each cell's candidates as a list of four (n, 4): vertices, and last of a longer one `count` plus the
+    number of the list that goes on."""
+    first, free = np.cumsum(counts) - counts, len(counts)
+    lists = np.zeros((free + chained, 4), np.uint16)
     # short lists end by repeating their last
-    table[: len(counts)] = vertices[first[:, None] + np.minimum(np.arange(4), counts[:, None] - 1)]
+    lists[:free] = vertices[first[:, None] + np.minimum(np.arange(4), counts[:, None] - 1)]
     for cell in np.flatnonzero(counts > 4).tolist():
         rest, row = vertices[first[cell] : first[cell] + counts[cell]], cell
         while len(rest) > 4:
-            table[row, :3], table[row, 3] = rest[:3], free
+            lists[row, :3], lists[row, 3] = rest[:3], count + free
             rest, row, free = rest[3:], free, free + 1
-        table[row] = rest[np.minimum(np.arange(4), len(rest) - 1)]
+        lists[row] = rest[np.minimum(np.arange(4), len(rest) - 1)]
+    return lists
 
 
 def _candidates(points: Array) -> tuple[int, Indices, Indices]:

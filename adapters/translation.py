@@ -116,14 +116,14 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
                 rows, row["cells"], row["size"] = hull_rows(corners)
                 if corners not in first:
                     first[corners] = count
-                    hulls.append(rows)
+                    hulls.append(rows.view(f"V{VERTEX.itemsize}"))
                     count += len(rows)
                 row["kind"], row["first_vertex"] = conventions.HULL, first[corners]
                 row["vertex_count"] = len(corners)
                 row["center"] = np.mean(corners, axis=0)
             case _:
                 raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
-    return pieces, np.concatenate(hulls) if hulls else np.zeros(1, VERTEX)
+    return pieces, np.concatenate(hulls).view(VERTEX) if hulls else np.zeros(1, VERTEX)
 
 
 def _joints(scenario: Scenario) -> np.ndarray:

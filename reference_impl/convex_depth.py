@@ -7,7 +7,7 @@ distance from below, the witnesses from above.
 
 from math import isfinite, sqrt
 
-from reference_impl.conventions import APART, NEAR, STAGNATION
+from reference_impl.conventions import APART, BOX, NEAR, STAGNATION
 from reference_impl.kernel import kernel
 from reference_impl.polytope import deepest_face
 from reference_impl.rotation import copy_vector, rotate
@@ -150,13 +150,14 @@ def witnesses(state, count, out_pair):
 def witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state, out_pair):
     """Witnesses on the deepest face: from the weights of the origin's projection on it.
 
-    That need not lie on the face's triangle, for faces of a Minkowski difference are polygons. Then: the
-    nearest points once B is parted from A along the normal, up to a gap.
+    That need not lie on the face's triangle, for faces of a Minkowski difference are polygons. On one of two
+    edges, or of a box' face, it may lie on the other half of a parallelogram. Else: the nearest points once B
+    is parted from A along the normal, up to a gap.
     """
     n, point = out_pair["normal"], out_pair["point_a"]
     if face >= 0:
         _bring_to_front(state, face)
-        if _on_triangle(state["w"], n, depth, state["weights"]):
+        if _on_triangle(state["w"], n, depth, state["weights"]) or _on_other_half(piece_a, piece_b, state):
             witnesses(state, 3, out_pair)
             return
     x, y, z = (depth + parted) * n[0], (depth + parted) * n[1], (depth + parted) * n[2]
@@ -194,6 +195,30 @@ def _on_triangle(w, n, depth, out_weights):
     t = 1 - u - v
     out_weights[0], out_weights[1], out_weights[2] = u, v, t
     return u >= 0 and v >= 0 and t >= 0
+
+
+@kernel
+def _on_other_half(piece_a, piece_b, state):
+    """Turn the first three vertices, and their weights, to the other half of their parallelogram; whether
+    there is one and the origin's projection lies on it."""
+    w, a, corner, weights = state["w"], state["a"], state["corner"], state["weights"]
+    k = 0 if weights[0] < 0 else (1 if weights[1] < 0 else 2)
+    i, j = (k + 1) % 3, (k + 2) % 3
+    if not (weights[i] <= 1 and weights[j] <= 1):
+        return False
+    for side in range(2):
+        piece = piece_b if side else piece_a
+        p, q, r = corner[i, side], corner[j, side], corner[k, side]
+        # corners of a box are bits; others are those of an edge, at most
+        if p < 0 or (((p ^ r) & (q ^ r)) != 0 if piece["kind"] == BOX else p != r and q != r):
+            return False
+    for side in range(2):
+        corner[k, side] ^= corner[i, side] ^ corner[j, side]
+    for c in range(3):
+        w[k, c] = w[i, c] + w[j, c] - w[k, c]
+        a[k, c] = a[i, c] + a[j, c] - a[k, c]
+    weights[i], weights[j], weights[k] = 1 - weights[j], 1 - weights[i], -weights[k]
+    return True
 
 
 @kernel

@@ -92,10 +92,14 @@ def deepest_face(piece_a, piece_b, vertices, known, scale, state):
         faces, waiting = faces + added, waiting + added
     depth = _signed_root(upper)
     converged = waiting < 0
-    if converged and stalled:
-        converged = depth - _signed_root(_least(state, faces)) <= STAGNATION * scale
     inverse = 1 / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     n[0], n[1], n[2] = n[0] * inverse, n[1] * inverse, n[2] * inverse
+    if converged and (stalled or best < 0):
+        nearest, least = _nearest_face(state, faces)
+        converged = depth - least <= STAGNATION * scale
+        # a direction that was no face's may be that of one which was never looked at
+        if best < 0 and _reaches(state, nearest, depth - tolerance):
+            best = nearest
     return best, depth, vertex - 4, converged
 
 
@@ -135,12 +139,24 @@ def _nearest_open(state, waiting, cut):
 
 
 @kernel
-def _least(state, faces):
-    """Least key of all faces."""
-    least = NEVER
+def _nearest_face(state, faces):
+    """(face, offset) of the nearest face of all."""
+    nearest, least = 0, NEVER
     for f in range(faces):
-        least = min(least, state["key"][f])
-    return least
+        if state["key"][f] < least:
+            nearest, least = f, state["key"][f]
+    return nearest, _signed_root(least)
+
+
+@kernel
+def _reaches(state, face, least):
+    """Whether all corners of a face reach `least` along the direction of least reach."""
+    n, w = state["deepest"], state["w"]
+    for k in range(3):
+        v = w[state["start"][4 * face + k]]
+        if n[0] * v[0] + n[1] * v[1] + n[2] * v[2] < least:
+            return False
+    return True
 
 
 @kernel

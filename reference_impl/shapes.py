@@ -61,14 +61,15 @@ def corner_of_hull(piece, vertices, u, v, w):
         return best
     scale = cells / total
     octant = (1 if u < 0 else 0) + (2 if v < 0 else 0) + (4 if w < 0 else 0)
-    row = first + (octant * cells + min(int(p * scale), cells - 1)) * cells + min(int(q * scale), cells - 1)
+    place = (octant * cells + min(int(p * scale), cells - 1)) * cells + min(int(q * scale), cells - 1)
     most = -inf
     while True:
-        candidate = vertices[row]["candidate"]
-        # a fourth that is no vertex is the row at which the list goes on
-        more = candidate[3] >= count
-        i, j, k = first + candidate[0], first + candidate[1], first + candidate[2]
-        m = k if more else first + candidate[3]
+        listed = vertices[first + count + (place >> 2)]["lists"][place & 3]
+        # a fourth that is no vertex numbers the list that goes on
+        place = np.int64(listed[3]) - count
+        more = place >= 0
+        i, j, k = first + listed[0], first + listed[1], first + listed[2]
+        m = k if more else first + listed[3]
         along, other = _along(vertices, i, u, v, w), _along(vertices, j, u, v, w)
         third, fourth = _along(vertices, k, u, v, w), _along(vertices, m, u, v, w)
         # two by two: the processor needs not wait for one comparison to do the next
@@ -79,7 +80,6 @@ def corner_of_hull(piece, vertices, u, v, w):
             most, best = along, i
         if not more:
             return best
-        row = first + candidate[3]
 
 
 @inlined_kernel

@@ -124,13 +124,11 @@ PIECE = _record(
     strip_of="i8",  # strip of the piece that this slot held
     strip=STRIP,
 )
-VERTEX = _record(
-    position=_VECTOR,  # piece frame
-    candidate=(
-        "u2",
-        (4,),
-    ),  # farthest vertices in the directions of the table's cell: see shapes.corner_of_hull
+VERTEX = np.dtype(
+    {"names": ["position", "lists"], "formats": [_VECTOR, ("u2", (4, 4))], "offsets": [0, 0], "itemsize": 32}
 )
+"""A row is either a vertex of a hull by its position, piece frame, or four lists of the hull's table of
+directions: see shapes.corner_of_hull. So dense, the tables of a scene's hulls stay in cache."""
 JOINT = _record(
     parent="i8",
     child="i8",

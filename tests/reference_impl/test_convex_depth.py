@@ -79,6 +79,9 @@ def assert_true(lab: SimpleNamespace, a: Piece, b: Piece) -> bool:
     assert found.converged
     assert abs(found.distance - truth) <= EXACT * max(-truth, 1e-3 * size)
     assert_consistent(found, size)
+    for points, witness in ((points_a, found.point_a), (points_b, found.point_b)):
+        beyond = ConvexHull(points).equations @ [*witness, 1]
+        assert beyond.max() <= 1e-11 * size, "the witness does not lie on its piece"
     # normals may differ only where two faces are equally deep
     apart = (points_b @ found.normal).min() - (points_a @ found.normal).max()
     assert abs(apart - truth) <= EXACT * size
