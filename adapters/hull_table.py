@@ -21,6 +21,7 @@ from scenarios.scenario import Vector
 
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+Lists = NDArray[np.uint16]
 
 BRUTE = 16
 """Vertices up to which trying all is as fast as the table."""
@@ -39,11 +40,11 @@ SIGNS = np.array([[1 - 2 * (k >> axis & 1) for axis in range(3)] for k in range(
 
 
 @cache
-def hull_rows(corners: tuple[Vector, ...]) -> tuple[Array, int, Array]:
+def hull_rows(corners: tuple[Vector, ...]) -> tuple[np.ndarray, int, Array]:
     """Rows of VERTEX, the grid's cells along a side (0: no table) and the half extents (3,) [m]."""
     points = np.array(corners)
-    extent, count = np.ptp(points, axis=0) / 2, len(points)
-    lists, cells = np.zeros((0, 4), np.uint16), 0
+    extent, count, cells = np.ptp(points, axis=0) / 2, len(points), 0
+    lists: Lists = np.zeros((0, 4), np.uint16)
     if count > BRUTE:
         side, counts, vertices = _candidates(points / extent)
         chained = int(np.maximum(0, -(-(counts - 4) // 3)).sum())
@@ -56,11 +57,11 @@ def hull_rows(corners: tuple[Vector, ...]) -> tuple[Array, int, Array]:
     return rows, cells, extent
 
 
-def _lists(count: int, counts: Indices, vertices: Indices, chained: int) -> Array:
+def _lists(count: int, counts: Indices, vertices: Indices, chained: int) -> Lists:
     """Each cell's candidates as a list of four (n, 4): vertices, and last of a longer one `count` plus the
     number of the list that goes on."""
     first, free = np.cumsum(counts) - counts, len(counts)
-    lists = np.zeros((free + chained, 4), np.uint16)
+    lists: Lists = np.zeros((free + chained, 4), np.uint16)
     # short lists end by repeating their last
     lists[:free] = vertices[first[:, None] + np.minimum(np.arange(4), counts[:, None] - 1)]
     for cell in np.flatnonzero(counts > 4).tolist():
