@@ -187,12 +187,19 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
 
 
 @app.command()
-def show(scenario: str, output: FormatOption = Format.table) -> None:
+def show(
+    scenario: str,
+    effects: Annotated[bool, typer.Option("--effects", help="Which effects it calls for, and why.")] = False,
+    output: FormatOption = Format.table,
+) -> None:
     """Show what a scenario is made of."""
     from adapters.record import scenario_json
-    from reports.listing import show_rows, truth_lines
+    from reports.listing import effect_rows, show_rows, truth_lines
 
     chosen = _scenarios([scenario], "")[0]
+    if effects:
+        show_rows(effect_rows(chosen), output)
+        return
     if output is Format.json:
         print(scenario_json(chosen))
         return
@@ -208,8 +215,8 @@ def show(scenario: str, output: FormatOption = Format.table) -> None:
     ]
     if output is Format.table:
         print(f"{chosen.name}: {chosen.summary}")
-        effects = ", ".join(chosen.effects)
-        print(f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {effects}")
+        declared = ", ".join(chosen.effects)
+        print(f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {declared}")
         for e in chosen.expectations:
             print(f"expects {e.event} {e.body}-{e.other} from {e.earliest:g} to {e.latest:g} s")
         for line in truth_lines(chosen):

@@ -32,6 +32,15 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
             print("  ".join(f"{row[head]!s:{widths[head]}}" for head in heads).rstrip())
 
 
+def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
+    """What is done about each effect, and why."""
+    from adapters.bounds import bounds
+    from scenarios.effects import plan
+
+    decisions = plan(scenario, bounds(scenario)).decisions
+    return [{"effect": one.effect, "plan": one.state, "because": one.reason} for one in decisions]
+
+
 def truth_lines(scenario: Scenario) -> Iterator[str]:
     """How each body must move, in words and numbers."""
     for truth in scenario.truths:

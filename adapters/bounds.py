@@ -1,0 +1,169 @@
+"""What the bodies of a scenario can reach at most, by the reference's kinematics and by energy.
+
+Fixed pieces stay. A driven body's links keep to their tracker's way, up to REACH. A simulated body that meets
+nothing flies in closed form. One that can meet others keeps within what its energy allows: impacts and
+friction take energy away, and gravity adds speed at most at g to all that can pass it on. One that a driven
+body can meet is not bounded at all. A run watches that bodies keep to it: `Watch`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapters.engine import Array
+from adapters.translation import translate
+from reference_impl.conventions import FIXED
+from reference_impl.detection import place_pieces
+from reference_impl.skeleton import pose_links
+from reference_impl.world import World
+from scenarios.effects import Bounds, box_gap, least_gap
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
+from scenarios.tracking import sample
+
+Indices = NDArray[np.intp]
+
+REACH = 0.3
+"""How far a driven link may be off its tracker's way [m]: held back by objects, carried on by its mass."""
+POSTURE = 0.1
+"""How much nearer two links of one driven body may come than their tracker shows them [m]."""
+SLACK = 0.05
+"""How far a simulated body may be off its closed form or its energy's reach [m]: errors of engines' steps."""
+SAMPLES = 4
+"""Of a tracker per displayed frame."""
+MANY = 3000
+"""Pieces from which on everything is taken to meet: telling them apart would take seconds."""
+
+
+def bounds(scenario: Scenario) -> Bounds:
+    """Boxes that bodies' origins keep to, and how far bodies then stay from pieces at least."""
+    world = translate(scenario)
+    place_pieces(world.bodies, world.pieces, world.vertices, FIXED)
+    body = world.pieces["body"].astype(np.intp)
+    n, p = len(world.bodies), len(world.pieces)
+    reach = np.zeros(n)
+    np.maximum.at(reach, body, [_extent(piece) for b in scenario.bodies for piece in b.pieces])
+    low, high = world.bodies["position"].copy(), world.bodies["position"].copy()
+    if p > MANY:
+        return Bounds(body, reach, low - np.inf, high + np.inf, np.zeros((n, p)))
+    own = _follow(scenario, world, reach, low, high)
+    _fly(scenario, world, low, high)
+    gap = _settle(scenario, world, reach, low, high)
+    gap = np.where(np.isfinite(own[:, body]), own[:, body], gap)
+    return Bounds(body, reach, low, high, gap)
+
+
+def _extent(piece: Piece) -> float:
+    """Distance of a piece's farthest point from its body's origin [m], or a bound on it."""
+    match piece.shape:
+        case Sphere(radius):
+            size = radius
+        case Box(half_extents):
+            size = float(np.linalg.norm(half_extents))
+        case Capsule(radius, half_length):
+            size = radius + half_length
+        case Ellipsoid(half_axes):
+            size = max(half_axes)
+        case Hull(vertices):
+            size = float(np.linalg.norm(vertices, axis=1).max())
+    return float(np.linalg.norm(piece.position)) + size
+
+
+def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Array) -> Array:
+    """Boxes of driven links' origins, from their trackers; returns what the links of one driven body stay
+    apart at least (n, n) [m], infinite elsewhere."""
+    own = np.full((len(reach), len(reach)), np.inf)
+    times = np.linspace(0.0, scenario.duration, SAMPLES * scenario.frame_count + 1)
+    for driver, tracker in zip(world.drivers, scenario.trackers):
+        links = list(scenario.links(tracker))
+        motion = sample(tracker, times)
+        joints = world.joints[driver["first_joint"] :][: driver["joint_count"]]
+        way = np.zeros((len(times), len(links), 3))
+        for k in range(len(times)):
+            driver["position"], driver["orientation"] = motion.position[k], motion.orientation[k]
+            joints["angle"] = motion.angle[k]
+            pose_links(world.bodies, world.joints, driver)
+            way[k] = world.bodies["position"][links]
+        between = np.linalg.norm(way[:, :, None] - way[:, None], axis=-1).min(axis=0)
+        own[np.ix_(links, links)] = between - reach[links, None] - reach[links] - POSTURE
+        # a link goes on between samples
+        step = np.abs(np.diff(way, axis=0)).max(initial=0.0)
+        low[links], high[links] = way.min(axis=0) - REACH - step, way.max(axis=0) + REACH + step
+    return np.maximum(own, 0.0)
+
+
+def _fly(scenario: Scenario, world: World, low: Array, high: Array) -> None:
+    """Boxes of simulated bodies' origins in free flight."""
+    g, end = np.array(scenario.acting_gravity), scenario.duration
+    for k in np.flatnonzero([b.kind == "simulated" for b in scenario.bodies]):
+        row = world.bodies[k]
+        v = row["velocity"]
+        top = np.clip(np.divide(-v, g, out=np.zeros(3), where=g != 0), 0.0, end)
+        way = np.array([np.zeros(3), v * top + g * top**2 / 2, v * end + g * end**2 / 2])
+        around = np.linalg.norm(row["center_of_mass"]) + SLACK
+        low[k] = row["center"] + way.min(axis=0) - around
+        high[k] = row["center"] + way.max(axis=0) + around
+
+
+def _settle(scenario: Scenario, world: World, reach: Array, low: Array, high: Array) -> Array:
+    """Widen the boxes of simulated bodies that can meet something until nothing more can; returns how far
+    bodies stay from pieces (n, p) [m]."""
+    kind = np.array([b.kind for b in scenario.bodies])
+    body = world.pieces["body"]
+    may = np.zeros((len(kind), len(kind)), bool)
+    pairs = np.array(list(scenario.touching_pairs()), dtype=np.intp).reshape(-1, 2)
+    may[pairs[:, 0], pairs[:, 1]] = may[pairs[:, 1], pairs[:, 0]] = True
+    group = np.arange(len(kind))
+    state = np.zeros(len(kind), np.intp)  # of a group: 0 flies, 1 keeps within its energy, 2 is not bounded
+    while True:
+        gap = _gaps(world, kind, reach, low, high)
+        meets = may & (least_gap(gap, body) <= 0)
+        before = (group.copy(), state.copy())
+        for k in np.flatnonzero(kind == "simulated"):
+            others = np.flatnonzero(meets[k])
+            if len(others):
+                state[group[k]] = max(state[group[k]], 2 if (kind[others] == "driven").any() else 1)
+            for other in others[kind[others] == "simulated"]:
+                one, two = group[k], group[other]
+                group[group == two] = one
+                state[one] = max(state[one], state[two])
+        if np.array_equal(before[0], group) and np.array_equal(before[1], state):
+            return gap
+        _spread(scenario, world, group, state, low, high)
+
+
+def _gaps(world: World, kind: NDArray[np.str_], reach: Array, low: Array, high: Array) -> Array:
+    """Distances between the boxes of all bodies and all pieces (n, p) [m]; 0 where they overlap."""
+    body = world.pieces["body"]
+    fixed = (kind == "fixed")[body, None]
+    piece_low = np.where(fixed, world.pieces["low"], low[body] - reach[body, None])
+    piece_high = np.where(fixed, world.pieces["high"], high[body] + reach[body, None])
+    return box_gap(low - reach[:, None], high + reach[:, None], piece_low, piece_high)
+
+
+def _spread(
+    scenario: Scenario,
+    world: World,
+    group: NDArray[np.intp],
+    state: NDArray[np.int_],
+    low: Array,
+    high: Array,
+) -> None:
+    """Boxes of simulated bodies by the energy of their group.
+
+    With V^2 = sum(m v^2 + w.I w) of a group, gravity adds at most g sqrt(M) t to V, impacts take away: a body
+    is no faster than V / sqrt(m).
+    """
+    g, end = float(np.linalg.norm(scenario.acting_gravity)), scenario.duration
+    for one in np.unique(group[state[group] > 0]):
+        rows = world.bodies[group == one]
+        spins = [
+            row["omega"] @ row["rotation"] @ row["inertia"] @ row["rotation"].T @ row["omega"] for row in rows
+        ]
+        total = np.sqrt(float((rows["mass"] * (rows["velocity"] ** 2).sum(axis=1)).sum() + np.sum(spins)))
+        path = total * end + g * np.sqrt(rows["mass"].sum()) * end**2 / 2
+        around = path / np.sqrt(rows["mass"]) + np.linalg.norm(rows["center_of_mass"], axis=1) + SLACK
+        if state[one] == 2:
+            around[:] = np.inf
+        low[group == one] = rows["center"] - around[:, None]
+        high[group == one] = rows["center"] + around[:, None]

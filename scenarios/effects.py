@@ -1,0 +1,270 @@
+"""Which effects a scene calls for, and why: from bounds on its motion, never by playing it.
+
+An effect is left out only where nothing it does could change the outcome while the bounds hold; a run watches
+them (`Plan.broken`). `adapters/bounds.py` works the bounds out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.scenario import Body, Scenario, Sphere
+
+Array = NDArray[np.float64]
+Pair = tuple[int, int]
+State = Literal["needed", "not needed", "forced on", "forced off"]
+Need = tuple[bool, str]
+"""Whether an effect is needed, and the reason as words for a table."""
+
+PLANNED = (
+    "gravity",
+    "rotation",
+    "restitution",
+    "friction",
+    "contact",
+    "self_collision",
+    "overlap_removal",
+    "inverse_kinematics",
+    "reach_cones",
+    "attraction",
+    "virtual_coupling",
+    "sweep",
+    "sleeping",
+)
+"""Effects that a plan decides on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What n bodies and their p pieces, in order, can reach at most.
+
+    Attributes:
+        body: index of each piece's body (p,).
+        reach: of a body's pieces round its origin (n,) [m].
+        low, high: box that a body's origin keeps to (n, 3) [m, world]; infinite where nothing bounds it.
+        gap: what bodies stay from pieces at least (n, p) [m]; 0 where they may meet. Between links of one
+            driven body: by the balls of `reach` round their origins.
+    """
+
+    body: NDArray[np.intp]
+    reach: Array
+    low: Array
+    high: Array
+    gap: Array
+
+
+def box_gap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
+    """Distances between n boxes and p others (n, p) [m]; 0 where they overlap."""
+    with np.errstate(invalid="ignore"):
+        apart = np.maximum(low[:, None] - other_high, other_low - high[:, None])
+    return np.linalg.norm(np.maximum(np.nan_to_num(apart, nan=0.0, posinf=np.inf), 0.0), axis=-1)
+
+
+def least_gap(gap: Array, body: NDArray[np.intp]) -> Array:
+    """What n bodies stay apart at least (n, n) [m], from their gaps to the pieces of each; infinite from
+    those without pieces."""
+    least = np.full((len(gap), len(gap)), np.inf)
+    for k in np.unique(body):
+        least[:, k] = gap[:, body == k].min(axis=1)
+    return least
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What is done about an effect, and why."""
+
+    effect: str
+    state: State
+    reason: str
+
+    @property
+    def on(self) -> bool:
+        """Whether the effect's stage runs."""
+        return self.state in ("needed", "forced on")
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The effects of a run.
+
+    Attributes:
+        decisions: one per effect, in the order of PLANNED.
+        pairs: bodies (a < b) that contact is looked for between.
+        pieces: of each body the indices of the pieces that can meet something.
+        bounds: what bodies must keep to for the plan to hold.
+        apart: links of one driven body (k, 2) that must stay apart.
+    """
+
+    decisions: tuple[Decision, ...]
+    pairs: tuple[Pair, ...]
+    pieces: tuple[tuple[int, ...], ...]
+    bounds: Bounds
+    apart: NDArray[np.intp]
+
+    def on(self, effect: str) -> bool:
+        """Whether an effect's stage runs."""
+        return self.decisions[PLANNED.index(effect)].on
+
+    def broken(self, position: Array, names: Sequence[str]) -> str | None:
+        """The bound that the bodies' origins (n, 3) [m] have left, in words; None while all hold."""
+        bounds = self.bounds
+        out = ((position < bounds.low) | (position > bounds.high)).any(axis=1)
+        if out.any():
+            return f"{names[int(np.argmax(out))]} left the box that it was to keep to"
+        if len(self.apart):
+            a, b = self.apart.T
+            gap = np.linalg.norm(position[a] - position[b], axis=1) - bounds.reach[a] - bounds.reach[b]
+            if gap.min() < 0:
+                k = int(np.argmin(gap))
+                return f"{names[a[k]]} and {names[b[k]]} came together"
+        return None
+
+
+def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = None) -> Plan:
+    """Decide on every effect.
+
+    Args:
+        effects: run these and no others, whatever the scene calls for, contact between all that may touch;
+            None: those that the scene calls for, contact between those that can meet.
+    """
+    may_touch = list(scenario.touching_pairs())
+    gap = least_gap(bounds.gap, bounds.body)
+    meeting = [(a, b) for a, b in may_touch if max(gap[a, b], gap[b, a]) <= 0]
+    needs = _needs(scenario, gap, may_touch, meeting)
+    decisions = tuple(_decide(effect, *needs[effect], effects) for effect in PLANNED)
+    on = {decision.effect for decision in decisions if decision.on}
+    group = scenario.groups()
+    own = {(a, b) for a, b in may_touch if group[a] == group[b] >= 0}
+    pairs = may_touch if effects is not None else meeting
+    pairs = [pair for pair in pairs if "contact" in on and ("self_collision" in on or pair not in own)]
+    apart = [] if needs["self_collision"][0] else sorted(own)
+    return Plan(
+        decisions,
+        tuple(pairs),
+        _pieces(scenario, bounds, pairs, everything=effects is not None),
+        bounds,
+        np.array(apart, dtype=np.intp).reshape(-1, 2),
+    )
+
+
+def _decide(effect: str, needed: bool, reason: str, effects: Collection[str] | None) -> Decision:
+    state: State = "needed" if needed else "not needed"
+    if effects is None or needed == (effect in effects):
+        return Decision(effect, state, reason)
+    return Decision(effect, "forced off" if needed else "forced on", f"asked for; {state}: {reason}")
+
+
+def _pieces(
+    scenario: Scenario, bounds: Bounds, pairs: Collection[Pair], everything: bool
+) -> tuple[tuple[int, ...], ...]:
+    """Of each body the pieces near which a body of its pairs can come; all where everything is asked for."""
+    kept = [np.zeros(len(body.pieces), bool) for body in scenario.bodies]
+    first = np.searchsorted(bounds.body, np.arange(len(scenario.bodies)))
+    for pair in pairs:
+        for a, b in (pair, pair[::-1]):
+            near = bounds.gap[a, first[b] : first[b] + len(kept[b])] <= 0
+            kept[b] |= near | everything | (scenario.bodies[b].kind != "fixed")
+    return tuple(tuple(np.flatnonzero(one).tolist()) for one in kept)
+
+
+def _needs(scenario: Scenario, gap: Array, may_touch: list[Pair], meeting: list[Pair]) -> dict[str, Need]:
+    """Whether each effect is needed, and why."""
+    group = scenario.groups()
+    own = [(a, b) for a, b in may_touch if group[a] == group[b] >= 0]
+    own_meeting = [pair for pair in own if pair in set(meeting)]
+    driven = [(a, b) for a, b in meeting if max(group[a], group[b]) >= 0]
+    simulated = [body for body in scenario.bodies if body.kind == "simulated"]
+    chains, cones = len(scenario.chains), sum(len(chain.cones) for chain in scenario.chains)
+
+    def named(pairs: list[Pair]) -> str:
+        one, two = (scenario.bodies[k].name for k in pairs[0])
+        return f"{one} and {two}" + (f" and {len(pairs) - 1} pairs more" if len(pairs) > 1 else "")
+
+    def apart(pairs: list[Pair]) -> str:
+        nearest = min(pairs, key=lambda pair: max(gap[pair], gap[pair[::-1]]))
+        return f"{named([nearest])} come nearest and stay {max(gap[nearest], gap[nearest[::-1]]):.2g} m apart"
+
+    def coefficient(which: int, symbol: str) -> Need:
+        for pair in meeting:
+            value = scenario.pair_coefficients(*pair)[which]
+            if value > 0:
+                return True, f"{symbol} = {value:g} between {named([pair])}"
+        return False, f"every pair that can meet has {symbol} = 0" if meeting else "no pair can meet"
+
+    def contact() -> Need:
+        others = [pair for pair in may_touch if pair not in set(meeting)]
+        if not may_touch:
+            return False, "no two bodies may touch"
+        if not meeting:
+            return False, apart(others)
+        reason = f"{len(meeting)} of {len(may_touch)} pairs can meet: {named(meeting)}"
+        return True, f"{reason}; of the others {apart(others)}" if others else reason
+
+    def gravity() -> Need:
+        if not simulated:
+            return False, "no body is simulated"
+        pulls = any(scenario.acting_gravity)
+        return pulls, f"pulls at {named_body(simulated)}" if pulls else "is zero"
+
+    def self_collision() -> Need:
+        if own_meeting:
+            return True, f"{named(own_meeting)} can meet"
+        return False, apart(own) if own else "no two links of one driven body may touch"
+
+    moved = (True, f"{named(driven)} can meet") if driven else (False, "no driven body can meet anything")
+    if not chains:
+        kinematics: Need = (False, "no chain of hinges")
+    else:
+        kinematics = (bool(driven), f"{chains} chains, and {moved[1]}" if driven else moved[1])
+    return {
+        "gravity": gravity(),
+        "rotation": _rotation(scenario, meeting),
+        "restitution": coefficient(0, "e"),
+        "friction": coefficient(1, "mu"),
+        "contact": contact(),
+        "self_collision": self_collision(),
+        "overlap_removal": moved,
+        "inverse_kinematics": kinematics,
+        "reach_cones": (bool(cones) and kinematics[0], f"{cones} ball joints" if cones else "no ball joint"),
+        "attraction": (
+            bool(chains),
+            "postures return to the tracker's" if chains else "no chain of hinges",
+        ),
+        "virtual_coupling": (
+            bool(scenario.trackers),
+            f"{len(scenario.trackers)} driven bodies" if scenario.trackers else "no driven body",
+        ),
+        "sweep": (bool(meeting), "where the profile sweeps" if meeting else "no pair can meet"),
+        "sleeping": (False, "a body at rest is simulated like any other"),
+    }
+
+
+def named_body(bodies: list[Body]) -> str:
+    """The first body's name, and how many more."""
+    return bodies[0].name + (f" and {len(bodies) - 1} bodies more" if len(bodies) > 1 else "")
+
+
+def _rotation(scenario: Scenario, meeting: list[Pair]) -> Need:
+    """Whether a simulated body turns or could be turned, and by what."""
+    simulated = {k for k, body in enumerate(scenario.bodies) if body.kind == "simulated"}
+    if not simulated:
+        return False, "no body is simulated"
+    for k in simulated:
+        if any(scenario.bodies[k].angular_velocity):
+            return True, f"{scenario.bodies[k].name} spins from the start"
+    for pair in meeting:
+        for k in simulated & set(pair):
+            body, other = scenario.bodies[k], scenario.bodies[sum(pair) - k]
+            if scenario.pair_coefficients(*pair)[1] > 0 or not _centred_ball(body):
+                return True, f"contact with {other.name} can turn {body.name}"
+    return False, "no body spins, and nothing can turn one"
+
+
+def _centred_ball(body: Body) -> bool:
+    """A ball round its centre of mass: every normal force goes through that."""
+    return all(isinstance(p.shape, Sphere) and p.position == body.center_of_mass for p in body.pieces)

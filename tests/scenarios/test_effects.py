@@ -1,0 +1,116 @@
+"""Plans: one scene per effect in which it is called for, and one in which it is not; what is asked for."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from adapters.bounds import bounds
+from scenarios.effects import PLANNED, Plan, plan
+from scenarios.scenario import Scenario
+
+
+def planned(scenario: Scenario, effects=None) -> Plan:
+    return plan(scenario, bounds(scenario), effects)
+
+
+def reason(made: Plan, effect: str) -> str:
+    return made.decisions[PLANNED.index(effect)].reason
+
+
+@pytest.mark.parametrize(
+    ("effect", "needed", "not_needed"),
+    [
+        ("gravity", {}, {"gravity": (0.0, 0.0, 0.0)}),
+        ("restitution", {"e": 0.4}, {"e": 0.0}),
+        ("friction", {"mu": 0.1}, {"mu": 0.0}),
+        ("rotation", {"mu": 0.1}, {"mu": 0.0}),
+    ],
+)
+def test_a_ball_over_the_ground(lab: SimpleNamespace, effect: str, needed: dict, not_needed: dict) -> None:
+    """Need an effect where the scene's numbers give it something to do, and only there."""
+    bodies = (lab.ground(), lab.ball())
+    assert planned(lab.scene(*bodies, **needed)).on(effect)
+    assert not planned(lab.scene(*bodies, **not_needed)).on(effect)
+
+
+def test_rotation_of_a_spinning_ball_and_of_a_box(lab: SimpleNamespace) -> None:
+    """Need rotation where a body spins from the start, or normal forces miss its centre."""
+    assert planned(lab.scene(lab.ball(angular_velocity=(0.0, 0.0, 1.0)))).on("rotation")
+    box = lab.block("box", (0.1, 0.1, 0.1), (0.0, 0.0, 0.5))
+    assert planned(lab.scene(lab.ground(), box)).on("rotation")
+    assert not planned(lab.scene(box)).on("rotation")
+
+
+def test_contact_by_reach(lab: SimpleNamespace) -> None:
+    """Drop contact where a ball cannot come to the wall in the scene's time, and say how far it stays."""
+    wall = lab.block("wall", (0.1, 1.0, 1.0), (6.0, 0.0, 0.0), kind="fixed")
+    still = {"gravity": (0.0, 0.0, 0.0)}
+    slow = planned(lab.scene(wall, lab.ball(linear_velocity=(4.0, 0.0, 0.0)), **still))
+    assert not slow.on("contact")
+    assert slow.pairs == ()
+    assert slow.pieces == ((), ())
+    # 6 m less half the wall, the way of 1 s, the radius and the slack for the engines' steps
+    assert "wall and ball come nearest and stay 1.8 m apart" in reason(slow, "contact")
+    assert planned(lab.scene(wall, lab.ball(linear_velocity=(6.0, 0.0, 0.0)), **still)).on("contact")
+
+
+def test_energy_passed_on(lab: SimpleNamespace) -> None:
+    """Let a ball at rest reach whatever the energy of one that can hit it allows."""
+    fast = lab.ball("fast", (-1.0, 0.0, 0.0), linear_velocity=(3.0, 0.0, 0.0))
+    target, wall = (
+        lab.ball("target", (0.0, 0.0, 0.0)),
+        lab.block("wall", (0.1, 1.0, 1.0), (2.5, 0.0, 0.0), "fixed"),
+    )
+    still = {"gravity": (0.0, 0.0, 0.0)}
+    assert planned(lab.scene(fast, target, wall, e=1.0, **still)).pairs == ((0, 1), (1, 2))
+    far = lab.block("wall", (0.1, 1.0, 1.0), (3.5, 0.0, 0.0), "fixed")
+    assert planned(lab.scene(fast, target, far, e=1.0, **still)).pairs == ((0, 1),)
+
+
+def test_only_pieces_in_reach_are_kept(lab: SimpleNamespace) -> None:
+    """Keep of fixed bodies the pieces that something can come to."""
+    near = lab.block("near", (1.0, 1.0, 0.1), (0.0, 0.0, 0.0), "fixed")
+    far = lab.block("far", (1.0, 1.0, 0.1), (50.0, 0.0, 0.0), "fixed")
+    made = planned(lab.scene(near, far, lab.ball()))
+    assert made.pieces == ((0,), (), (0,))
+
+
+def test_a_person_that_meets_nothing(lab: SimpleNamespace) -> None:
+    """Need no inverse kinematics, cones or removal where no wall is near, and all of them where one is."""
+    alone = planned(lab.person())
+    for effect in ("inverse_kinematics", "reach_cones", "overlap_removal", "contact"):
+        assert not alone.on(effect)
+    assert alone.on("attraction")
+    assert alone.on("virtual_coupling")
+    bodies = lab.person().bodies
+    wall = lab.block("wall", (0.1, 2.0, 2.0), (0.5, 0.0, 0.0), kind="fixed")
+    beside = planned(lab.person(bodies=(*bodies, wall)))
+    for effect in ("inverse_kinematics", "reach_cones", "overlap_removal", "contact"):
+        assert beside.on(effect)
+
+
+def test_what_is_asked_for(lab: SimpleNamespace) -> None:
+    """Run the effects named and no others, and say what the scene itself called for."""
+    scene = lab.scene(lab.ground(), lab.ball(), mu=0.5)
+    made = planned(scene, ("gravity", "contact", "restitution"))
+    states = {one.effect: one.state for one in made.decisions}
+    assert states["friction"] == "forced off"
+    assert states["restitution"] == "forced on"
+    assert states["gravity"] == "needed"
+    assert reason(made, "friction") == "asked for; needed: mu = 0.5 between ground and ball"
+    assert planned(scene, PLANNED).pairs == ((0, 1),)
+    assert planned(scene, ()).pairs == ()
+
+
+def test_a_bound_that_breaks_is_told(lab: SimpleNamespace) -> None:
+    """Name the body that leaves its box."""
+    scene = lab.scene(lab.ground(), lab.ball())
+    made = planned(scene)
+    names = [body.name for body in scene.bodies]
+    position = np.array([body.position for body in scene.bodies])
+    assert made.broken(position, names) is None
+    position[1, 0] += 1e3
+    assert made.broken(position, names) == "ball left the box that it was to keep to"
