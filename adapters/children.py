@@ -93,7 +93,7 @@ class Children:
 
     def _child(self, job: Job) -> _Child:
         """The child of the job's column, started if there is none or no longer one."""
-        key = (job.engine, job.settings.profile)
+        key = (job.engine, job.settings.label)
         child = self._kept.get(key)
         if child is None or child.failure is not None:
             child = self._kept[key] = _Child(job, self._loader, self._patience)
@@ -113,7 +113,7 @@ class _Child(ChildProcess):
     def __init__(self, job: Job, loader: Loader, patience: float) -> None:
         super().__init__(_serve, (job.engine, job.output, loader), patience)
         self.job = job
-        self.label = f"{job.engine} {job.settings.profile}"
+        self.label = f"{job.engine} {job.settings.label}"
 
     @property
     def outcome(self) -> Outcome:

@@ -59,10 +59,17 @@ class NotInstalled(AdapterError):
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How an engine is to run: a named profile and the native step [s]."""
+    """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
+    profile (reference only)."""
 
     profile: str
     dt: float
+    changes: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """What results are filed under: a changed profile is never mistaken for the profile."""
+        return ", ".join((self.profile, *self.changes))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from adapters.engine import AdapterError, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
+from adapters.reference_settings import configure, describe
 from adapters.registry import ENGINES
 from adapters.translation import translate
 from reference_impl import conventions
@@ -22,35 +23,6 @@ from reference_impl.pipeline import prepare, step
 from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 from scenarios.tracking import TrackerMotion, sample
-
-BUNDLES: dict[str, dict[str, int]] = {
-    "paper": {
-        "friction": conventions.FRICTION_PAPER,
-        "flight": conventions.FLIGHT_EULER,
-        "detection": conventions.DETECTION_DISCRETE,
-        "removal": conventions.REMOVAL_EQ1,
-        "depth": conventions.DEPTH_WALK,
-        "event_rows": 512,
-    },
-    "balanced": {
-        "friction": conventions.FRICTION_COULOMB,
-        "flight": conventions.FLIGHT_BALLISTIC,
-        "detection": conventions.DETECTION_DISCRETE,
-        "removal": conventions.REMOVAL_EQ1,
-        "depth": conventions.DEPTH_CERTIFIED,
-        "event_rows": 512,
-    },
-    "accurate": {
-        "friction": conventions.FRICTION_COULOMB,
-        "flight": conventions.FLIGHT_BALLISTIC,
-        "detection": conventions.DETECTION_SWEEP,
-        "removal": conventions.REMOVAL_LEAST_MOTION,
-        "depth": conventions.DEPTH_CERTIFIED,
-        "event_rows": 16384,
-    },
-}
-"""What each profile sets (method, section 6), nothing more."""
-
 
 COMPILE_NOTE = "compile_seconds.txt"
 """File of the kernel cache that tells what filling it cost."""
@@ -107,8 +79,7 @@ class _World:
         self._state = self._world.state[0]
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
-        for name, value in BUNDLES[settings.profile].items():
-            self._state[name] = value
+        configure(self._state, settings.profile, settings.changes)
         times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
         times = np.minimum(times, scenario.duration)
         self._targets: list[tuple[np.ndarray, np.ndarray, int]] = []
@@ -164,11 +135,7 @@ class _World:
         """Masses, inertias, coefficients and settings as they stand in the arrays."""
         scenario, world = self._scenario, self._world
         settings: dict[str, Scalar] = {
-            "friction": "mu j always" if self._state["friction"] == conventions.FRICTION_PAPER else "coulomb",
-            "flight": "semi-implicit" if self._state["flight"] == conventions.FLIGHT_EULER else "ballistic",
-            "depth": ("walk", "certified walk", "exact")[int(self._state["depth"])],
-            "global depth": "Eq. 1" if self._state["removal"] == conventions.REMOVAL_EQ1 else "least motion",
-            "detection": ("sweep" if self._state["detection"] == conventions.DETECTION_SWEEP else "discrete"),
+            **describe(self._state),
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
         }
@@ -192,7 +159,7 @@ class _World:
         return Manifest(
             ReferenceEngine.name,
             self._version,
-            self._settings.profile,
+            self._settings.label,
             self._settings.dt,
             settings,
             facts,

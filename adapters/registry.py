@@ -71,10 +71,12 @@ def load(name: str) -> Engine:
 
 
 def require_profile(name: str, settings: Settings) -> None:
-    """Raise Unsupported where an engine has no such profile; names those it has."""
+    """Raise Unsupported where an engine has no such profile, or no settings to change; names what it has."""
     valid = ENGINES[name].profiles
     if settings.profile not in valid:
         raise Unsupported(f"{name}: no profile {settings.profile!r}; valid: {', '.join(valid)}")
+    if settings.changes:
+        raise Unsupported(f"{name}: no settings to change, found {', '.join(settings.changes)}")
 
 
 def _entry(name: str) -> Entry:

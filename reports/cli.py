@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,6 +18,7 @@ from reports.command import (
     Format,
     FormatOption,
     QuietOption,
+    changes_for,
     columns_for,
     exit_for,
     folder_of_now,
@@ -47,6 +49,7 @@ class Listing(StrEnum):
     engines = "engines"
     metrics = "metrics"
     profiles = "profiles"
+    settings = "settings"
 
 
 def main() -> None:
@@ -70,6 +73,10 @@ def run(
     ] = None,
     metric: Annotated[list[str] | None, typer.Option(help="Report these metrics alone.")] = None,
     dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240 [s].")] = None,
+    change: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="KEY=VALUE in the reference's profiles (touchstone list settings)."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -79,6 +86,7 @@ def run(
     from reports.run import run as run_study
 
     request = _request(scenario or [], tag, engine or [], profile or [], metric or [], dt, out)
+    request = replace(request, changes=changes_for(request.columns, change or []))
     try:
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet) as progress:
@@ -88,7 +96,8 @@ def run(
     if not printed(results.frame, output) and not quiet:
         from reports.terminal import console, show
 
-        shown = set(request.columns) if profile else {c for c in request.columns if c[1] != "equal-step"}
+        played = zip(results.frame.engine, results.frame.profile)
+        shown = {column for column in played if profile or column[1] != "equal-step"}
         show(results.frame, console(), shown)
         print(f"results: {request.out}")
     exit_for(results.frame.verdict, results.frame.reason, bool(engine))
@@ -146,7 +155,7 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
 
 @app.command("list")
 def list_things(what: Listing, output: FormatOption = Format.table) -> None:
-    """List scenarios, engines, metrics or profiles."""
+    """List scenarios, engines, metrics, profiles, or the settings of the reference."""
     from adapters.registry import ENGINES
     from reports.listing import show_rows
 
@@ -174,6 +183,13 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
         rows = [
             {"metric": m.name, "unit": m.unit, "better": m.better, "definition": m.formula}
             for m in METRICS.values()
+        ]
+    elif what is Listing.settings:
+        from adapters.reference_settings import PROFILES, SETTINGS
+
+        rows = [
+            {"setting": s.name, "values": s.valid, **dict(zip(PROFILES, s.profiles)), "meaning": s.summary}
+            for s in SETTINGS.values()
         ]
     else:
         from reports.run import step_text

@@ -61,6 +61,26 @@ def columns_for(
     return columns
 
 
+def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tuple[str, ...]:
+    """Changed settings ("key=value") for columns of the reference; what it cannot take ends with a line."""
+    from adapters.reference_settings import SETTINGS, Choice, SettingError, changes, split
+
+    texts = tuple(wanted)
+    for text in texts:
+        key, value = split(text)
+        setting = SETTINGS[known("setting", key, SETTINGS)]
+        if isinstance(setting, Choice):
+            known(f"value of {key}", value, setting.values)
+    try:
+        for engine, profile in columns if texts else ():
+            if engine != "reference":
+                stop(f"--set: {engine} has none of these settings; choose --engine reference", BAD_INPUT)
+            changes(profile, texts)
+    except SettingError as error:
+        stop(f"--set {error}", BAD_INPUT)
+    return texts
+
+
 def printed(frame: pd.DataFrame, output: Format) -> bool:
     """Print the long table for machines; False where a human asked."""
     if output is Format.json:

@@ -219,9 +219,11 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
 
 
 def _at_own_step(row: Row) -> bool:
-    """Whether the row was measured at its profile's own step: a known failing may be gone at another."""
+    """Whether the row was measured at its profile's own step and settings: with others a known failing may
+    be gone."""
     entry = ENGINES.get(row.engine)
-    return entry is None or abs(entry.profiles.get(row.profile, row.dt) - row.dt) < 1e-9 * row.dt
+    own = entry.profiles.get(row.profile) if entry else row.dt
+    return own is not None and abs(own - row.dt) < 1e-9 * row.dt
 
 
 def _specificity(limit: Limit) -> int:

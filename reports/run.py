@@ -14,6 +14,7 @@ import pandas as pd
 from adapters.children import Children, Job, Outcome
 from adapters.engine import Settings
 from adapters.recording import Recording, load
+from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.metrics import IMPULSE_METRICS, METRICS
@@ -41,7 +42,10 @@ Progress = Callable[[str, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What to run: scenes, (engine, profile) columns, an own native step [s] or none, and where to put it."""
+    """What to run: scenes, (engine, profile) columns, an own native step [s] or none, and where to put it.
+
+    Changed settings call for columns of the reference alone.
+    """
 
     scenarios: tuple[Scenario, ...]
     columns: tuple[tuple[str, str], ...]
@@ -49,6 +53,12 @@ class Request:
     dt: float | None = None
     metrics: tuple[str, ...] = ()
     command: str = ""
+    changes: tuple[str, ...] = ()  # "key=value" in the reference's profiles
+
+    def settings(self, engine: str, profile: str) -> Settings:
+        """How a column runs."""
+        dt = self.dt or ENGINES[engine].profiles[profile]
+        return Settings(profile, dt, changes(profile, self.changes) if self.changes else ())
 
 
 @dataclass
@@ -94,8 +104,8 @@ def _play(
             row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
             missing.append(replace(row, verdict="skipped", reason=missing_reason(engine)))
             continue
-        name = f"{scenario.name}-{engine}-{profile}"
-        settings = Settings(profile, request.dt or ENGINES[engine].profiles[profile])
+        settings = request.settings(engine, profile)
+        name = "+".join((f"{scenario.name}-{engine}-{profile}", *settings.changes))
         recording, output = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
         jobs.append(Job(engine, scenario, settings, recording, output))
     return children.play(jobs, progress), missing
@@ -112,14 +122,15 @@ def _judge(
     played: dict[tuple[str, str], Recording] = {}
     for outcome in outcomes:
         job = outcome.job
-        base = Row(STUDY, scenario.name, job.engine, job.settings.profile, job.settings.dt, "run")
+        label = job.settings.label
+        base = Row(STUDY, scenario.name, job.engine, label, job.settings.dt, "run")
         if outcome.status != "done":
             rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
             continue
-        progress(f"{job.engine} {job.settings.profile}: judge", 0)
+        progress(f"{job.engine} {label}: judge", 0)
         recording = load(job.recording)
-        played[(job.engine, job.settings.profile)] = recording
-        recordings[(scenario.name, job.engine, job.settings.profile)] = recording
+        played[job.engine, label] = recording
+        recordings[scenario.name, job.engine, label] = recording
         rows += measured(base, scenario, recording)
     rows += _ratios(scenario, played, rows) + _spreads(scenario, rows)
     return [judged(row, scenario.tags) for row in rows]

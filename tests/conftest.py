@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from adapters.engine import CONTACT_FIELDS, Engine, Settings
 from adapters.record import record, scenario_json
 from adapters.recording import Recording
-from adapters.reference_engine import BUNDLES
+from adapters.reference_settings import configure
 from adapters.registry import ENGINES, installed, load, missing_reason
 from adapters.translation import piece_arrays, translate
 from reference_impl import conventions
@@ -151,8 +151,7 @@ def build(scenario: Scenario, profile: str = "balanced", dt: float = FRAME) -> W
     """A world ready for its first step."""
     world = translate(scenario)
     world.state["dt"], world.state["gravity"] = dt, scenario.acting_gravity
-    for name, value in BUNDLES[profile].items():
-        world.state[name] = value
+    configure(world.state[0], profile)
     prepare(*world)
     return world
 

@@ -332,9 +332,9 @@ def test_a_hand_in_a_corner_ends_free(lab: SimpleNamespace, profile: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("profile", "name"), [("paper", "Eq. 1"), ("balanced", "Eq. 1"), ("accurate", "least motion")]
+    ("profile", "name"), [("paper", "eq1"), ("balanced", "eq1"), ("accurate", "least_motion")]
 )
 def test_the_manifest_names_the_translation(profile: str, name: str) -> None:
     """Read back from the state which translation a profile uses."""
     world = ReferenceEngine().build(catalogue()["ball_snip"], Settings(profile, 1 / 60))
-    assert world.describe().settings["global depth"] == name
+    assert world.describe().settings["removal"] == name

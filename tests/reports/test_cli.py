@@ -27,6 +27,7 @@ from reports.results import COLUMNS
 from scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
+REFERENCE = ("--engine", "reference")
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
 
 
@@ -102,6 +103,24 @@ def test_the_program_is_installed():
         (["--profile", "equal_step"], "unknown profile 'equal_step'; did you mean 'equal-step'?"),
         (["--engine", "dart", "--profile", "paper"], "no engine of dart has the profile paper"),
         (["--dt", "1/7"], "--dt 1/7: dt = 0.142857 s does not divide the frame of 1/60 s"),
+        (["--set", "frction=stick"], "unknown setting 'frction'; did you mean 'friction'"),
+        (["--set", "x"], "unknown setting 'x' (valid: friction, "),
+        (
+            [*REFERENCE, "--set", "friction=stik"],
+            "unknown value of friction 'stik'; did you mean 'stick'? (valid: always, stick)",
+        ),
+        ([*REFERENCE, "--set", "friction"], "unknown value of friction '' (valid: always, stick)"),
+        (
+            [*REFERENCE, "--set", "event_rows=-1"],
+            "--set event_rows: found '-1' (valid: whole, 0 to 1e+09)",
+        ),
+        ([*REFERENCE, "--set", "event_rows=2.5"], "--set event_rows: found '2.5' (valid: whole"),
+        ([*REFERENCE, "--set", "event_rows=nan"], "--set event_rows: found 'nan'"),
+        (
+            [*REFERENCE, "--set", "flight=euler", "--set", "flight=exact"],
+            "--set flight: given as flight=euler and flight=exact",
+        ),
+        (["--set", "friction=stick"], "--set: dart has none of these settings; choose --engine reference"),
         (["--dt", "x"], "--dt x: "),
         (["--dt", "1/0"], "--dt 1/0: "),
         (["--dt", "0"], "--dt 0: "),
@@ -214,6 +233,23 @@ def test_chosen_metrics_alone_are_reported(touchstone, quick):
         *RUN, "--out", "r", "--format", "json", "--metric", "overlap.max", "--metric", "work"
     )
     assert {row["metric"] for row in json.loads(out)} == {"overlap.max", "work"}
+
+
+def test_changed_settings_are_told_everywhere(touchstone, tmp_path):
+    """File results under profile and changes, in rows, table, recordings, report and manifest."""
+    changed = ("--set", "event_rows=100.0", "--set", "removal=eq1", "--set", "friction=always")
+    arguments = ("run", "fall", *REFERENCE, "--out", "r", "--metric", "overlap.max")
+    code, out, err = touchstone(*arguments, *changed)
+    label = "balanced, friction=always, event_rows=100"
+    assert code == 0
+    assert "friction=always" in out
+    assert f"reference {label}: judge" in err
+    assert set(pd.read_csv("r/results.csv").profile) == {label}
+    assert left("r/recordings") == ["fall-reference-balanced+friction=always+event_rows=100.npz"]
+    told = json.loads(Path("r/manifest.json").read_text())["engines"][f"fall/reference/{label}"]
+    assert told["profile"] == label
+    assert (told["settings"]["friction"], told["settings"]["event_rows"]) == ("always", 100)
+    assert label in Path("r/report.md").read_text()
 
 
 def test_asking_twice_is_asking_once(touchstone, quick):

@@ -1,0 +1,116 @@
+"""The table of the reference's settings: every row reaches the state, and comes back from it by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adapters.engine import Settings, Unsupported
+from adapters.reference_engine import ReferenceEngine
+from adapters.reference_settings import (
+    PROFILES,
+    SETTINGS,
+    Choice,
+    Range,
+    SettingError,
+    changes,
+    configure,
+    describe,
+    parse,
+)
+from adapters.registry import ENGINES, require_profile
+from reference_impl.world import STATE
+
+WHOLE = Range("count", 1, 9, "", ("1", "1", "1"), "a count")
+SPEED = Range("speed", 0, 0.5, "m/s", ("0", "0", "0"), "a speed", whole=False)
+
+
+def test_every_profile_is_a_column() -> None:
+    """Set in the table what the registry promises, and nothing else."""
+    assert set(PROFILES) == set(ENGINES["reference"].profiles)
+    assert all(len(setting.profiles) == len(PROFILES) for setting in SETTINGS.values())
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_profile_is_read_back_as_it_was_set(profile: str) -> None:
+    """Write a profile over a state full of other numbers; the same words come back."""
+    state = np.zeros(1, STATE)
+    for setting in SETTINGS.values():
+        state[setting.field or setting.name] = -1
+    configure(state[0], profile)
+    told = {name: str(value) for name, value in describe(state[0]).items()}
+    assert told == {name: s.profiles[PROFILES.index(profile)] for name, s in SETTINGS.items()}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [(s.name, v) for s in SETTINGS.values() if isinstance(s, Choice) for v in s.values]
+)
+def test_a_change_changes_its_own_setting_alone(name: str, value: str) -> None:
+    """Reach each named value of each setting from every profile, and leave all others alone."""
+    for profile in PROFILES:
+        plain, state = np.zeros(1, STATE), np.zeros(1, STATE)
+        configure(plain[0], profile)
+        configure(state[0], profile, changes(profile, [f" {name} = {value}"]))
+        assert describe(state[0]) == {**describe(plain[0]), name: value}
+
+
+def test_the_values_of_a_choice_differ() -> None:
+    """Name no number twice: its name could not be read back."""
+    for setting in SETTINGS.values():
+        if isinstance(setting, Choice):
+            assert len(set(setting.values.values())) == len(setting.values) > 1
+
+
+def test_changes_have_one_spelling() -> None:
+    """Drop what the profile sets anyway; order by the table, and write numbers the one way."""
+    wanted = ["event_rows=1e3", "friction=always", "flight=exact", "friction=always"]
+    assert changes("balanced", wanted) == ("friction=always", "event_rows=1000")
+    assert changes("paper", wanted) == ("flight=exact", "event_rows=1000")
+    assert changes("accurate", ["event_rows=16384.0"]) == ()
+    assert Settings("balanced", 1 / 60, ("friction=always",)).label == "balanced, friction=always"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("frition=stick", "unknown setting 'frition' .valid: friction, "),
+        ("friction=sticky", "friction: found 'sticky' .valid: always|stick"),
+        ("event_rows=1e10", "event_rows: found '1e10' .valid: whole, 0 to 1e"),
+        ("event_rows=inf", "event_rows: found 'inf'"),
+        ("event_rows=", "event_rows: found ''"),
+    ],
+)
+def test_what_cannot_be_is_refused(text: str, said: str) -> None:
+    """Name the setting, what was found, and what is valid."""
+    with pytest.raises(SettingError, match=said):
+        parse(text)
+
+
+def test_numbers_are_held_to_their_kind() -> None:
+    """Take counts that are whole, speeds that are not, and neither beyond its bounds."""
+    assert (WHOLE.number("9.0"), SPEED.number("0.25")) == (9, 0.25)
+    assert isinstance(WHOLE.word(np.int64(9)), int)
+    for setting, text in ((WHOLE, "0"), (WHOLE, "2.5"), (SPEED, "0.51"), (SPEED, "-1e-9"), (SPEED, "nan")):
+        with pytest.raises(SettingError):
+            setting.number(text)
+
+
+def test_one_setting_takes_one_value() -> None:
+    """Refuse two values of one setting, and a profile that is none."""
+    with pytest.raises(SettingError, match="friction: given as friction=stick and friction=always"):
+        changes("paper", ["friction=stick", "friction=always"])
+    with pytest.raises(SettingError, match="no profile 'papr'; valid: paper, balanced, accurate"):
+        changes("papr", [])
+
+
+def test_a_world_says_how_it_was_changed(lab) -> None:
+    """Name the change in the manifest beside the profile, and read the setting back from the arrays."""
+    settings = Settings("balanced", 1 / 60, ("friction=always",))
+    manifest = ReferenceEngine().build(lab.scene(lab.ball()), settings).describe()
+    assert (manifest.profile, manifest.settings["friction"]) == ("balanced, friction=always", "always")
+
+
+def test_other_engines_have_none() -> None:
+    """Refuse changed settings where an engine would pass over them in silence."""
+    with pytest.raises(Unsupported, match="dart: no settings to change, found friction=always"):
+        require_profile("dart", Settings("recommended", 1 / 1020, ("friction=always",)))
