@@ -15,6 +15,7 @@ steps of SPIN_STEP.
 from math import sqrt
 
 from reference_impl.conventions import (
+    FLIGHT_EULER,
     SPIN_ROUNDING,
     SPIN_STEP,
     SPIN_STEPS,
@@ -41,11 +42,13 @@ def refresh_inertia(body):
 
 
 @kernel
-def rotate_freely(body, h):
+def rotate_freely(body, h, flight):
     """Omega, orientation and world inverse inertia after a time h of torque-free rotation from `old_*`.
 
     Sets `spin_steps`: in how many steps the series covers h, or 0 where the body turns about a fixed axis.
     With steps also `spin_most` and `spin_bend`: bounds on |omega| [rad per h] and |omega'| [rad per h^2].
+    FLIGHT_EULER: after a turn at the present rate, with the omega that keeps the angular momentum there; -1
+    steps ask for the same at the end of the substep. With omega kept by itself the energy would grow.
     """
     body["spin_steps"] = 0
     inertia, omega, momentum = body["inertia"], body["old_omega"], body["momentum"]
@@ -62,11 +65,16 @@ def rotate_freely(body, h):
     rate = sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
     size = sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
     steady = x * x + y * y + z * z <= (STEADY_SPIN * size * rate) ** 2
+    euler = flight == FLIGHT_EULER and not steady
     # a spin beyond any sense, or one that is no number, keeps its axis too
-    if steady or not rate * h < SPIN_STEPS * SPIN_STEP:
+    if euler or steady or not rate * h < SPIN_STEPS * SPIN_STEP:
         turn(body["old_orientation"], omega[0] * h, omega[1] * h, omega[2] * h, body["orientation"])
         matrix_of(body["orientation"], body["rotation"])
-        refresh_inertia(body)
+        if euler:
+            body["spin_steps"] = -1
+            free_omega(body, body["omega"])
+        else:
+            refresh_inertia(body)
         return
     body["spin_steps"] = 1 + int(rate * h / SPIN_STEP)
     body["spin_span"] = h / body["spin_steps"]

@@ -24,14 +24,14 @@ def begin_substep(bodies, drivers):
 
 
 @kernel
-def apply_forces(bodies, gravity, h):
+def apply_forces(bodies, gravity, h, flight):
     """Velocities after a time h of gravity and free rotation, and the inertia as it is turned then."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
-            rotate_freely(body, h)
+            rotate_freely(body, h, flight)
 
 
 @kernel
@@ -68,7 +68,7 @@ def end_substep(bodies, joints, drivers, s):
         if body["kind"] != SIMULATED:
             continue
         _blend(body["old_velocity"], s, body["velocity"])
-        if body["spin_steps"] > 0:
+        if body["spin_steps"] != 0:
             free_omega(body, body["omega"])
         else:
             _blend(body["old_omega"], s, body["omega"])

@@ -19,8 +19,6 @@ def flight_motion(body, h, flight):
     """Way of a simulated body over a substep of length h: the constant acceleration that leads from its old
     velocities to its new ones (FLIGHT_EULER: the new velocities), and a free rotation where it has steps."""
     body["moves"] = 1
-    if flight == FLIGHT_EULER:
-        body["spin_steps"] = 0
     early = 0.0 if flight == FLIGHT_EULER else h
     late, bend = h - early, early / 2
     v0, v1, w0, w1 = body["old_velocity"], body["velocity"], body["old_omega"], body["omega"]

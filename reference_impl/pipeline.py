@@ -113,7 +113,7 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
             state["counters"][COUNT_GAVE_UP] += 1
         begin_substep(bodies, drivers)
         begin_hold(bodies, pairs, touching, state)
-        apply_forces(bodies, state["gravity"], h)
+        apply_forces(bodies, state["gravity"], h, state["flight"])
         first_held = state["contact_count"]
         if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h):
             state["counters"][COUNT_UNCONVERGED] += 1

@@ -91,6 +91,41 @@ def test_ten_seconds_of_tumbling(lab: SimpleNamespace, tumbler: str, profile: st
     np.testing.assert_array_equal(body["velocity"], velocity)
 
 
+@pytest.mark.parametrize("rate", [15.0, 60.0, 1000.0])
+def test_eulers_tumbling_stays_bounded(lab: SimpleNamespace, rate: float) -> None:
+    """Keep the momentum, and so the energy between those of the extreme axes, however fast it spins."""
+    moments = np.array([0.02, 0.03, 0.04])
+    box = lab.block("box", (0.2, 0.15, 0.1), (0.0, 0.0, 0.0), angular_velocity=(rate, -rate / 2, rate / 3))
+    box = dataclasses.replace(box, inertia=tuple(map(tuple, axes(*moments).tolist())))
+    world = lab.build(lab.scene(box, gravity=ORIGIN), "paper")
+    body = world.bodies[0]
+    momentum = moments * body["omega"]
+    lab.play(world, 600)
+    later = body["rotation"] @ body["inertia"] @ body["rotation"].T @ body["omega"]
+    # 600 frames of roundings, here a few 1e-16 each
+    assert np.linalg.norm(later - momentum) <= 1e-12 * np.linalg.norm(momentum)
+    square = momentum @ momentum
+    assert square / moments.max() <= body["omega"] @ later * (1 + 1e-12)
+    assert body["omega"] @ later <= square / moments.min() * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("tumbler", ["stable axis", "unstable axis", "any axis", "off-diagonal"])
+def test_eulers_tumbling_gains_no_energy(lab: SimpleNamespace, tumbler: str) -> None:
+    """Lose energy where the step shows, never gain any: a third of a radian a frame."""
+    inertia, omega = TUMBLERS[tumbler]
+    box = lab.block("box", (0.2, 0.15, 0.1), (0.0, 0.0, 0.0), angular_velocity=omega)
+    box = dataclasses.replace(box, inertia=tuple(map(tuple, inertia.tolist())))
+    world = lab.build(lab.scene(box, gravity=ORIGIN), "paper")
+    body, energies = world.bodies[0], []
+    for _ in range(600):
+        energies.append(
+            float(body["omega"] @ body["rotation"] @ inertia @ body["rotation"].T @ body["omega"])
+        )
+        lab.play(world, 1)
+    assert max(np.diff(energies)) <= 1e-12 * energies[0]
+    assert energies[-1] < (1 - 1e-6) * energies[0]
+
+
 def slope(errors: list[float]) -> float:
     """Order of convergence of errors at halved steps."""
     return float(np.log2(errors[0] / errors[-1]) / (len(errors) - 1))

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from adapters.oracles.minkowski import signed_distance
 from adapters.translation import piece_arrays
 from reference_impl.conventions import (
+    FLIGHT_BALLISTIC,
     HULL,
     IMPACT_SLACK,
     IMPACT_TARGET,
@@ -65,7 +66,7 @@ class Scene:
         row = self.bodies[body]
         row["inertia"], row["old_omega"] = inertia, omega
         row["rotation"] = Rotation.from_quat(row["old_orientation"], scalar_first=True).as_matrix()
-        rotate_freely(row, 1.0)
+        rotate_freely(row, 1.0, FLIGHT_BALLISTIC)
         return self
 
     def impact(self, start=0.0, until=1.0, target=IMPACT_TARGET, slack=IMPACT_SLACK) -> Found:
