@@ -94,6 +94,13 @@ _TABLE: tuple[Setting, ...] = (
         "always mu j (Eq. 10), or at most what stops the sliding",
     ),
     Choice(
+        "restitution",
+        {"newton": conventions.RESTITUTION_NEWTON, "guarded": conventions.RESTITUTION_GUARDED},
+        ("newton", "guarded", "guarded"),
+        "Newton's e whatever it does to the energy (Eq. 8), or less for an impact where that would rise",
+        field="restitution_law",
+    ),
+    Choice(
         "flight",
         {"euler": conventions.FLIGHT_EULER, "exact": conventions.FLIGHT_BALLISTIC},
         ("euler", "exact", "exact"),

@@ -23,7 +23,7 @@ def expand_patches(pieces, vertices, pairs, touching, state):
     Args:
         pairs: `pairs[:touching]` touch. A pair's deepest point takes its place there, its other points follow
             behind all pairs, as many as find room. Rows of one pair share `patch`, the index of the first;
-            it is -1 where a side is round.
+            it is -1 where a side is round. `sibling` leads from one to the next, and ends with -1.
     Returns:
         Index after the last row.
     """
@@ -31,20 +31,21 @@ def expand_patches(pieces, vertices, pairs, touching, state):
     for k in range(touching):
         pair = pairs[k]
         a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+        pair["sibling"] = -1
         if not is_polyhedral(a, b):
             pair["patch"] = -1
             continue
         pair["patch"] = k
         count, face_on_a = _clipped_feature(a, b, vertices, pair, state)
         count = _keep_four(state["w"], count)
-        # the deepest is written last: the other rows start as copies of the pair's own
+        # the deepest is written last: the other rows start as copies of the pair's own, the last found first
         for c in range(count - 1, -1, -1):
             row = k
             if c > 0:
                 if rows == len(pairs):
                     continue
                 pairs[rows] = pair
-                row = rows
+                row = pair["sibling"] = rows
                 rows += 1
             _write_point(state["w"][c], face_on_a, pair["point_a"], state, pairs[row])
     return rows

@@ -10,6 +10,8 @@ SPHERE, BOX, ELLIPSOID, HULL, CAPSULE = 0, 1, 2, 3, 4
 """Kinds of convex piece."""
 FRICTION_PAPER, FRICTION_COULOMB = 0, 1
 """Eq. 10 as printed (always mu j), or at most what stops the sliding."""
+RESTITUTION_NEWTON, RESTITUTION_GUARDED = 0, 1
+"""Eq. 8 whatever it does to the energy, or less e for an impact where the kinetic energy would rise."""
 FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
 """Semi-implicit Euler, or exact: for constant forces, and for free rotation."""
 DETECTION_DISCRETE, DETECTION_SWEEP = 0, 1
@@ -39,6 +41,7 @@ COUNTERS = (
     "certified",
     "exact",
     "crowded",
+    "guarded",
 )
 """What a step counts; depths by how they were found: walked without a certificate, with one, or anew."""
 (
@@ -55,7 +58,8 @@ COUNTERS = (
     COUNT_CERTIFIED,
     COUNT_EXACT,
     COUNT_CROWDED,
-) = range(13)
+    COUNT_GUARDED,
+) = range(len(COUNTERS))
 
 # broad phase
 FEW_PIECES = 64
@@ -149,6 +153,8 @@ APPROACH_MIN = 1e-4
 """Approach speed below which a contact is no impact [m/s]."""
 SLIP_MIN = 1e-9
 """Sliding speed without a direction [m/s]."""
+ENERGY_ROUNDING = 1e-13
+"""Gain of energy over the work of the impulse against the approach that is rounding [1]: M's condition."""
 IMPULSE_CAP = 200
 """Impulses of one event."""
 LANDING_DEPTH = 1e-7

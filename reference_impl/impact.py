@@ -4,10 +4,10 @@ from math import sqrt
 
 from reference_impl.contact import apply_to_both, approach_speed, contact_mobility, relative_velocity
 from reference_impl.contact_log import close_row, log_contact, log_held
-from reference_impl.contact_solver import begin_row, settle
-from reference_impl.conventions import APPROACH_MIN, COUNT_IMPULSES, IMPULSE_CAP
+from reference_impl.conventions import APPROACH_MIN, COUNT_GUARDED, COUNT_IMPULSES, IMPULSE_CAP
 from reference_impl.impulse import contact_impulse, resting_restitution
 from reference_impl.kernel import kernel
+from reference_impl.patch_impact import strike_patch
 from reference_impl.rotation import copy_vector
 
 
@@ -34,14 +34,16 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
         point = pair["point"]
         v_n = relative_velocity(bodies, pair, state)
         e = resting_restitution(pair["restitution"], -v_n, v_rest)
-        if _begin_patch(bodies, pairs, count, pair["patch"], e):
-            settle(bodies, joints, drivers, pairs, count, pair["patch"], state)
+        if pair["patch"] >= 0 and pairs[pair["patch"]]["sibling"] >= 0:
+            strike_patch(bodies, joints, drivers, pairs, count, pair["patch"], e, state)
             log_held(bodies, pairs, count, pair["patch"], contacts, state, time)
             state["counters"][COUNT_IMPULSES] += 1
             _refresh_keys(bodies, pairs, count, pair, state)
             continue
         contact_mobility(bodies, drivers, pair, point, mobility)
-        contact_impulse(v, pair["normal"], mobility, e, pair["friction"], state["friction"], p)
+        mu, friction, law = pair["friction"], state["friction"], state["restitution_law"]
+        guarded = contact_impulse(v, pair["normal"], mobility, e, mu, friction, law, p)
+        state["counters"][COUNT_GUARDED] += guarded
         apply_to_both(bodies, joints, drivers, pair, point, p)
         state["counters"][COUNT_IMPULSES] += 1
         row = log_contact(contacts, state, pair, point, time)
@@ -51,22 +53,6 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
             close_row(bodies, contacts[row], p)
         _refresh_keys(bodies, pairs, count, pair, state)
     return False
-
-
-@kernel
-def _begin_patch(bodies, pairs, count, patch, e):
-    """Ready a patch of two points or more for its impact; returns whether it is one.
-
-    All its points resolve as one, each by Newton's law against its own velocity before: n.v+ >= -e n.v-, with
-    an impulse only where equality holds. (v+ + e v-) / (1 + e) is then the projection of v- on the velocities
-    that do not approach: without friction the energy never rises.
-    """
-    points = 0
-    for k in range(count if patch >= 0 else 0):
-        if pairs[k]["patch"] == patch:
-            points += 1
-            begin_row(bodies, pairs[k], e * pairs[k]["key"])
-    return points > 1
 
 
 @kernel

@@ -244,7 +244,6 @@ PROBES: tuple[Cause, ...] = (
         "paper",
     ),
 )
-NO_GUARD = "no energy guard yet, and " + NEWTON.removesuffix(", and nothing guards it")
 AHEAD = "an impact is still taken 5e-7 m ahead, and restitution fades from 0.65 m/s on as in balanced"
 STOPS = "a body stops within a frame that holds its contacts: off by up to mu g h^2 / 8, 0.17 mm"
 CREEPS = "holding three boxes or more does not converge in 200 sweeps: a stack creeps and tilts"
@@ -260,7 +259,6 @@ OPEN: tuple[Cause, ...] = (
         },
         "accurate",
     ),
-    Cause("reference", NO_GUARD, {"energy.injected": "rod_e1"}, "balanced accurate"),
     Cause(
         "reference",
         CREEPS,

@@ -179,6 +179,16 @@ def counters(world: World) -> dict[str, int]:
     return dict(zip(conventions.COUNTERS, world.state[0]["counters"].tolist()))
 
 
+def motion(world: World) -> tuple[np.ndarray, np.ndarray, float]:
+    """Momentum, angular momentum about the origin, and kinetic energy of all simulated bodies."""
+    rows = world.bodies[world.bodies["kind"] == conventions.SIMULATED]
+    turned = rows["rotation"]
+    spin = np.einsum("bij,bjk,blk,bl->bi", turned, rows["inertia"], turned, rows["omega"])
+    linear = rows["mass"][:, None] * rows["velocity"]
+    energy = (linear * rows["velocity"]).sum() / 2 + (spin * rows["omega"]).sum() / 2
+    return linear.sum(0), (spin + np.cross(rows["center"], linear)).sum(0), float(energy)
+
+
 @pytest.fixture(scope="session")
 def lab() -> SimpleNamespace:
     """The builders of this file."""
@@ -195,6 +205,7 @@ def lab() -> SimpleNamespace:
         build=build,
         play=play,
         counters=counters,
+        motion=motion,
         scene_piece=scene_piece,
         frame=FRAME,
     )
