@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from adapters.engine import AdapterError, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
+from adapters.engine import AdapterError, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
 from adapters.reference_settings import configure, describe
 from adapters.registry import ENGINES
 from adapters.translation import translate
@@ -67,8 +67,6 @@ class ReferenceEngine:
     def build(self, scenario: Scenario, settings: Settings) -> _World:
         """Translate a scenario."""
         compile_seconds()
-        if "self_collision" in scenario.effects:
-            raise Unsupported("reference: no self-collision yet")
         return _World(scenario, settings, self.version())
 
 

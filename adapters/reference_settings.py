@@ -128,6 +128,18 @@ _TABLE: tuple[Setting, ...] = (
         ("walk", "certified", "certified"),
         "walked from the frame before, only where that is proved to be exact, or found anew",
     ),
+    Choice(
+        "angle",
+        {"acos": conventions.ANGLE_ACOS, "atan2": conventions.ANGLE_ATAN2},
+        ("acos", "atan2", "atan2"),
+        "turn of a joint in inverse kinematics (Eq. 5): arc cosine with the axis' sign, or sine and cosine",
+    ),
+    Choice(
+        "passes",
+        {"plain": conventions.PASSES_PLAIN, "extrapolated": conventions.PASSES_EXTRAPOLATED},
+        ("plain", "extrapolated", "extrapolated"),
+        "passes of inverse kinematics as they are, or carried on to where their series would end",
+    ),
     Range(
         "event_rows",
         0,

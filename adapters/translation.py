@@ -58,7 +58,9 @@ def translate(scenario: Scenario) -> World:
         state=np.zeros(1, STATE),
     )
     world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
+    world.state["self_collision"] = "self_collision" in scenario.effects
     _set_chains(scenario, world)
+    _set_links(scenario, world)
     _set_coefficients(scenario, world)
     return world
 
@@ -78,6 +80,7 @@ def _bodies(scenario: Scenario) -> np.ndarray:
     for row, body, group in zip(bodies, scenario.bodies, scenario.groups()):
         row["kind"] = KINDS[body.kind]
         row["driver"] = group
+        row["chain"] = row["hinge"] = row["above"] = -1
         row["material"] = materials.index(body.material)
         row["mass"] = body.mass
         row["inverse_mass"] = 1 / body.mass if body.kind == "simulated" else 0.0
@@ -134,10 +137,11 @@ def _joints(scenario: Scenario) -> np.ndarray:
         row["parent"], row["child"] = scenario.body_index(joint.parent), scenario.body_index(joint.child)
         row["position"], row["axis"], row["rest"] = joint.position, joint.axis, matrix(joint.orientation)
         row["lower"], row["upper"] = joint.lower, joint.upper
+        row["chain"] = -1
     for tracker, first in zip(scenario.trackers, _first_joints(scenario)):
         rows = joints[first : first + len(tracker.joints)]
         motion = sample(tracker, np.zeros(1))
-        for name in ("angle", "free_angle", "target_angle"):
+        for name in ("angle", "shown_angle", "free_angle", "target_angle"):
             rows[name] = motion.angle[0]
         for name in ("rate", "target_rate"):
             rows[name] = motion.rate[0]
@@ -155,6 +159,7 @@ def _drivers(scenario: Scenario) -> np.ndarray:
         links = scenario.links(tracker)
         row["root"], row["first_joint"], row["joint_count"] = links[0], first, len(tracker.joints)
         row["mass"] = sum(scenario.bodies[link].mass for link in links)
+        row["inverse_mass"] = 1 / row["mass"]
         row["stiffness"], row["damping"] = tracker.stiffness, tracker.damping
         motion = sample(tracker, np.zeros(1))
         for prefix in ("", "target_", "old_target_"):
@@ -176,7 +181,9 @@ def _set_chains(scenario: Scenario, world: World) -> None:
         if driver["chain_count"] == CHAIN_CAPACITY:
             raise Unsupported(f"reference: more than {CHAIN_CAPACITY} chains in one driven body")
         driver["chains"][driver["chain_count"]] = first, first + count - 1
+        world.joints["chain"][first : first + count] = driver["chain_count"]
         driver["chain_count"] += 1
+        driver["inverse_mass"] = 0.0
         for cone in chain.cones:
             if len(cone.swing) > CONE_CORNERS:
                 raise Unsupported(f"reference: {len(cone.swing)} corners of a cone, at most {CONE_CORNERS}")
@@ -194,6 +201,22 @@ def _set_chains(scenario: Scenario, world: World) -> None:
             # the nearest plane of an edge is no nearer than the edge
             row["cone_cap"] = np.sqrt(1 - heights.min() ** 2)
             row["twist_lower"], row["twist_upper"] = cone.twist
+
+
+def _set_links(scenario: Scenario, world: World) -> None:
+    """What moves each link beyond a chain's root, and the nearest link with pieces that it hangs on."""
+    bodies = world.bodies
+    parent: dict[int, int] = {}
+    for k, joint in enumerate(world.joints):
+        link, inner = int(joint["child"]), int(joint["parent"])
+        parent[link] = inner
+        if joint["chain"] >= 0:
+            bodies["chain"][link], bodies["hinge"][link] = joint["chain"], k
+        else:
+            bodies["chain"][link], bodies["hinge"][link] = bodies["chain"][inner], bodies["hinge"][inner]
+        while not scenario.bodies[inner].pieces and inner in parent:
+            inner = parent[inner]
+        bodies["above"][link] = inner
 
 
 def _materials(scenario: Scenario) -> list[str]:

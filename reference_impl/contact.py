@@ -50,8 +50,10 @@ def contact_mobility(bodies, drivers, pair, point, out_mobility):
         body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
         if body["driver"] >= 0:
             driver = drivers[body["driver"]]
+            if driver["inverse_mass"] == 0:
+                continue
             _add_mobility(
-                1 / driver["mass"], driver["inverse_inertia"], driver["center"], point, out_mobility
+                driver["inverse_mass"], driver["inverse_inertia"], driver["center"], point, out_mobility
             )
         elif body["inverse_mass"] > 0:
             _add_mobility(body["inverse_mass"], body["inverse_inertia"], body["center"], point, out_mobility)
@@ -83,8 +85,11 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
     body = bodies[b]
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
+        if driver["inverse_mass"] == 0:
+            return
         c, v, w = driver["center"], driver["velocity"], driver["omega"]
-        _kick(1 / driver["mass"], driver["inverse_inertia"], c, driver["position"], point, px, py, pz, v, w)
+        m, inverse_inertia = driver["inverse_mass"], driver["inverse_inertia"]
+        _kick(m, inverse_inertia, c, driver["position"], point, px, py, pz, v, w)
         move_links(bodies, joints, driver)
     elif body["inverse_mass"] > 0:
         c, v, w = body["center"], body["velocity"], body["omega"]

@@ -42,8 +42,14 @@ COUNTERS = (
     "exact",
     "crowded",
     "guarded",
+    "ik.rounds",
+    "ik.iterations",
+    "ik.joints",
+    "pairs.contacting",
 )
-"""What a step counts; depths by how they were found: walked without a certificate, with one, or anew."""
+"""What a step counts; depths by how they were found: walked without a certificate, with one, or anew. Of
+inverse kinematics: links that were brought out, passes over their joints, and joints that these took part
+with. Contacting pairs: the most that touched or overlapped in one detection of the driven loop."""
 (
     COUNT_PAIRS,
     COUNT_CONTACTS,
@@ -59,6 +65,10 @@ COUNTERS = (
     COUNT_EXACT,
     COUNT_CROWDED,
     COUNT_GUARDED,
+    COUNT_IK_ROUNDS,
+    COUNT_IK_ITERATIONS,
+    COUNT_IK_JOINTS,
+    COUNT_CONTACTING,
 ) = range(len(COUNTERS))
 
 # broad phase
@@ -216,6 +226,24 @@ SEGMENT_TURN = 0.5
 # virtual coupling (method, section 5)
 NEAR_CRITICAL = 1e-5
 """(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
+
+# chains (method, section 4)
+ATTRACTION_TIME = 0.1
+"""In which what parts a chain's shown posture from the tracker's falls to 1 / e [s]."""
+CHAIN_ROUNDS = 16
+"""Links of one chain that a frame brings out of overlap."""
+CHAIN_TOLERANCE = 2e-7
+"""Distance of end effector and goal at which a link is out [m]: well within OVERLAP_TOLERANCE."""
+CHAIN_PASSES = 64
+"""Passes of one reach; a shallow overlap takes about 10."""
+STRETCHED = 0.5
+"""Share of the way to its goal that an end effector may miss before the chain is bent [1]."""
+BEND = 0.05
+"""Share of the way to the middle of its range by which a hinge is bent then [1]: 4 degrees of an elbow."""
+PART_WHOLE, PART_ROOT = -2, -1
+"""Of a driver: all of it, or what no chain moves; its chains count from 0."""
+TRUNK = 1 << 20
+"""Added to a driver's index where a mover is its links in no chain: more drivers than a scene holds."""
 
 # inverse kinematics (method, section 4)
 IK_LEVER = 1e-9

@@ -2,10 +2,12 @@
 
 from reference_impl.broad_phase import find_pairs
 from reference_impl.conventions import (
+    COUNT_CONTACTING,
     COUNT_CONTACTS,
     COUNT_LOST,
     COUNT_PAIRS,
     COUNT_UNCONVERGED,
+    DRIVEN,
     OVERLAP_TOLERANCE,
     SIMULATED,
     STAGE_COLLISION,
@@ -43,6 +45,8 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     end, deepest = first, 0.0
     for k in range(first, found):
         pair = pairs[k]
+        if state["self_collision"] == 1 and _are_adjacent(bodies, pair["body_a"], pair["body_b"]):
+            continue
         if not pair_depth(pieces, vertices, state, pair):
             state["counters"][COUNT_UNCONVERGED] += 1
         if pair["distance"] > TOUCH_DISTANCE:
@@ -56,6 +60,31 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     state["counters"][COUNT_CONTACTS] += end - first
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
+
+
+@kernel
+def _are_adjacent(bodies, a, b):
+    """Whether one link hangs on the other, or no hinge of a chain is between them: they never meet."""
+    one, two = bodies[a], bodies[b]
+    if one["driver"] < 0 or one["driver"] != two["driver"]:
+        return False
+    return one["hinge"] == two["hinge"] or one["above"] == b or two["above"] == a
+
+
+@kernel
+def detect_for(bodies, pieces, vertices, pairs, state, d, later):
+    """Detect for driven bodies; of driver d's overlap with later drivers the share `later` counts.
+
+    Returns:
+        Index after the last pair.
+    """
+    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
+    for k in range(end):
+        one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
+        if min(one, two) == d and max(one, two) > d:
+            pairs[k]["distance"] *= later
+    return end
 
 
 @kernel

@@ -13,6 +13,7 @@ from reference_impl.conventions import (
     DRIVEN,
     IMPACT_SLACK,
     IMPACT_TARGET,
+    PART_WHOLE,
     SEGMENT_TURN,
     STAGE_COLLISION,
 )
@@ -46,7 +47,7 @@ def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
                 reached = (k + fraction) / segments
                 break
         if reached < 1:
-            interpolate(bodies, joints, driver, reached)
+            interpolate(bodies, joints, driver, PART_WHOLE, reached)
         else:
             restore_entry(joints, driver)
         _set_moving(bodies, joints, driver, 0)
@@ -77,13 +78,13 @@ def _set_moving(bodies, joints, driver, moves):
 @kernel
 def _begin_segment(bodies, joints, driver, start, end):
     """Ways of a driver's links between two fractions of its way."""
-    interpolate(bodies, joints, driver, start)
+    interpolate(bodies, joints, driver, PART_WHOLE, start)
     _set_moving(bodies, joints, driver, 1)
     for b in range(len(bodies)):
         if bodies[b]["moves"] == 1:
             copy_vector(bodies[b]["center"], bodies[b]["old_center"])
             copy_quaternion(bodies[b]["orientation"], bodies[b]["old_orientation"])
-    interpolate(bodies, joints, driver, end)
+    interpolate(bodies, joints, driver, PART_WHOLE, end)
     for b in range(len(bodies)):
         if bodies[b]["moves"] == 1:
             shown_motion(bodies[b])

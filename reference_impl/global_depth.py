@@ -2,21 +2,41 @@
 
 from math import sqrt
 
+from reference_impl.conventions import TRUNK
 from reference_impl.kernel import kernel
 
 
 @kernel
 def is_mover(bodies, body, mover):
-    """Whether a body belongs to `mover`: a body's index, or -1 - the index of a driver."""
-    return body == mover if mover >= 0 else bodies[body]["driver"] == -1 - mover
+    """Whether a body belongs to `mover`: a body's index, or -1 - the index of a driver, or of its links in no
+    chain -1 - TRUNK - the index."""
+    if mover >= 0:
+        return body == mover
+    if mover < -TRUNK:
+        return bodies[body]["driver"] == -1 - TRUNK - mover and bodies[body]["chain"] < 0
+    return bodies[body]["driver"] == -1 - mover
 
 
 @kernel
 def side_of(bodies, pair, mover):
-    """1.0 when `mover` is B of a pair, -1.0 when it is A, 0.0 when it has no part."""
-    if is_mover(bodies, pair["body_b"], mover):
+    """1.0 when `mover` is B of a pair, -1.0 when it is A, 0.0 when it has no part, or the pair is one of its
+    driver's links among each other."""
+    a, b = pair["body_a"], pair["body_b"]
+    if mover < 0 and bodies[a]["driver"] == bodies[b]["driver"]:
+        return 0.0
+    if is_mover(bodies, b, mover):
         return 1.0
-    return -1.0 if is_mover(bodies, pair["body_a"], mover) else 0.0
+    return -1.0 if is_mover(bodies, a, mover) else 0.0
+
+
+@kernel
+def largest_depth(bodies, pairs, end, d):
+    """Largest depth of `pairs[:end]` at driver d, of its links among each other too [m]."""
+    deepest = 0.0
+    for k in range(end):
+        if bodies[pairs[k]["body_a"]]["driver"] == d or bodies[pairs[k]["body_b"]]["driver"] == d:
+            deepest = max(deepest, -pairs[k]["distance"])
+    return deepest
 
 
 @kernel
@@ -25,7 +45,7 @@ def global_depth(bodies, pairs, first, end, mover, out_shift):
 
     Args:
         pairs: `pairs[first:end]` are looked at.
-        mover: a body's index, or -1 - the index of a driver; never both sides of a pair.
+        mover: as in `is_mover`.
         out_shift: the translation of the mover [m].
     Returns:
         (deepest, size): the mover's largest depth and |PD| [m].

@@ -74,7 +74,7 @@ def end_substep(bodies, joints, drivers, s):
             _blend(body["old_omega"], s, body["omega"])
             refresh_inertia(body)
     for d in range(len(drivers)):
-        if s < 1:
+        if s < 1 and drivers[d]["inverse_mass"] > 0:
             _blend(drivers[d]["old_velocity"], s, drivers[d]["velocity"])
             _blend(drivers[d]["old_omega"], s, drivers[d]["omega"])
             move_links(bodies, joints, drivers[d])

@@ -18,7 +18,7 @@ def least_motion(bodies, pairs, first, end, mover, planes, out_shift):
 
     Args:
         pairs: `pairs[first:end]` are looked at; of equals the first counts.
-        mover: a body's index, or -1 - the index of a driver; never both sides of a pair.
+        mover: as in `is_mover`.
         planes: scratch (4, 4), rows (n, d).
         out_shift: the translation of the mover [m].
     Returns:

@@ -1,5 +1,8 @@
-"""The driven loop: driven bodies are freed of overlap by translation, or go back to their last free pose."""
+"""The driven loop: driven bodies are freed of overlap by translation, their chains by inverse kinematics, or
+go back to their last free pose."""
 
+from reference_impl.ccd_ik import keep_in_cones
+from reference_impl.chain_removal import free_chains, shuffle_chains
 from reference_impl.conventions import (
     COUNT_GAVE_UP,
     COUNT_ROUNDS,
@@ -8,17 +11,20 @@ from reference_impl.conventions import (
     FIXED,
     LONGEST_SHIFT,
     OVERLAP_TOLERANCE,
+    PART_ROOT,
     PART_SWEEPS,
+    PART_WHOLE,
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
     SIMULATED,
     STALL_FALL,
     STALL_ROUNDS,
+    TRUNK,
     VANISHING_SHIFT,
     WAY_BACK_STEPS,
 )
-from reference_impl.detection import detect, is_free, place_pieces
-from reference_impl.global_depth import global_depth, side_of
+from reference_impl.detection import detect, detect_for, is_free, place_pieces
+from reference_impl.global_depth import global_depth, largest_depth, side_of
 from reference_impl.kernel import kernel
 from reference_impl.least_motion import least_motion
 from reference_impl.rotation import copy_quaternion, copy_vector, rotation_between, turn
@@ -44,9 +50,9 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
         all_free = all_free and free
     if not all_free and len(drivers) > 1:
         for d in range(len(drivers)):
-            interpolate(bodies, joints, drivers[d], 0.0)
+            interpolate(bodies, joints, drivers[d], PART_WHOLE, 0.0)
         for d in range(len(drivers)):
-            interpolate(bodies, joints, drivers[d], 1.0)
+            interpolate(bodies, joints, drivers[d], PART_WHOLE, 1.0)
             drivers[d]["is_free"] = _free_driver(
                 bodies, pieces, joints, drivers, vertices, pairs, state, d, 1.0
             )
@@ -69,7 +75,7 @@ def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
         both = bodies[pairs[k]["body_a"]]["driver"] >= 0 and bodies[pairs[k]["body_b"]]["driver"] >= 0
         pairs[k]["distance"] *= 0.5 if both else 0.0
     for d in range(len(drivers)):
-        deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, shift)
+        deepest, _ = global_depth(bodies, pairs, 0, end, -1 - TRUNK - d, shift)
         if not is_free(deepest):
             state["counters"][COUNT_ROUNDS] += 1
             for i in range(3):
@@ -79,26 +85,53 @@ def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
 
 @kernel
 def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
-    """Free driver d by translation or by the way back, which is counted; its links are posed.
+    """Free driver d, or take the way back, which is counted; its links are posed.
+
+    What no chain moves is freed by translation, then the chains by inverse kinematics. What the chains cannot
+    take, the whole driver gives way to.
 
     Args:
         later: share of its overlap with drivers whose turn comes later that it moves by, 0 or 1 [1].
     Returns:
         Whether it is free; if not, it stands at its pose at entry.
     """
-    driver, mover = drivers[d], -1 - d
-    shift = state["shift"]
+    mover = -1 - TRUNK - d
+    end, free = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
+    if free and drivers[d]["chain_count"] > 0:
+        shuffle_chains(drivers[d], state)
+        end = free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
+        if not is_free(largest_depth(bodies, pairs, end, d)):
+            mover = -1 - d
+            end, _ = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
+            free = is_free(largest_depth(bodies, pairs, end, d))
+    if not free:
+        if not _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+            return False
+        state["counters"][COUNT_WAY_BACK] += 1
+        mover = -1 - d
+        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+    _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
+    return True
+
+
+@kernel
+def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later):
+    """Translate driver d until `mover`, all of it or what no chain moves, is free; its links are posed.
+
+    Returns:
+        (end, free): index after the last pair, and whether it came free.
+    """
+    driver, shift = drivers[d], state["shift"]
     previous, marked = 0.0, 0
     for rounds in range(REMOVAL_ROUNDS + 1):
         pose_links(bodies, joints, driver)
-        end = _detect_own(bodies, pieces, vertices, pairs, state, d, later)
+        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
         if state["removal"] == REMOVAL_LEAST_MOTION:
             deepest, size = least_motion(bodies, pairs, 0, end, mover, state["planes"], shift)
         else:
             deepest, size = global_depth(bodies, pairs, 0, end, mover, shift)
         if is_free(deepest):
-            _stop_at_obstacles(bodies, drivers, pairs, end, d)
-            return True
+            return end, True
         # opposing normals cancel or send it far away, or the depth falls too slowly
         stalled = rounds - marked == STALL_ROUNDS and deepest > STALL_FALL * previous
         opposing = size < VANISHING_SHIFT * deepest or size > LONGEST_SHIFT * deepest
@@ -109,27 +142,7 @@ def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, lat
         state["counters"][COUNT_ROUNDS] += 1
         for i in range(3):
             driver["position"][i] += shift[i]
-    if not _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
-        return False
-    state["counters"][COUNT_WAY_BACK] += 1
-    end = _detect_own(bodies, pieces, vertices, pairs, state, d, later)
-    _stop_at_obstacles(bodies, drivers, pairs, end, d)
-    return True
-
-
-@kernel
-def _detect_own(bodies, pieces, vertices, pairs, state, d, later):
-    """Detect for driven bodies; of driver d's overlap with later drivers the share `later` counts.
-
-    Returns:
-        Index after the last pair.
-    """
-    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
-    for k in range(end):
-        one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
-        if min(one, two) == d and max(one, two) > d:
-            pairs[k]["distance"] *= later
-    return end
+    return end, False
 
 
 @kernel
@@ -162,58 +175,80 @@ def store_free_pose(joints, driver):
 
 @kernel
 def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
-    """Bisect between the last free pose (t = 0) and the pose at entry (t = 1); keeps the free end.
+    """Go back to the last free pose, and from there towards that at entry as far as is free: what no chain
+    moves first, then each chain.
 
     Returns:
         Whether the driver is free; if not, it stands at its pose at entry.
     """
     driver = drivers[d]
     if driver["has_free"] == 0 or not _free_at(
-        bodies, pieces, joints, drivers, vertices, pairs, state, d, later, 0.0
+        bodies, pieces, joints, drivers, vertices, pairs, state, d, later, PART_WHOLE, 0.0
     ):
-        interpolate(bodies, joints, driver, 1.0)
+        interpolate(bodies, joints, driver, PART_WHOLE, 1.0)
         detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
         return False
-    free, blocked = 0.0, 1.0
-    for _ in range(WAY_BACK_STEPS):
-        middle = (free + blocked) / 2
-        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, middle):
-            free = middle
-        else:
-            blocked = middle
-    _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, free)
+    _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, PART_ROOT)
+    for i in range(driver["chain_count"]):
+        _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, driver["order"][i])
     return True
 
 
 @kernel
-def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, t):
-    interpolate(bodies, joints, drivers[d], t)
-    end = _detect_own(bodies, pieces, vertices, pairs, state, d, later)
-    deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, state["shift"])
-    return is_free(deepest)
+def _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part):
+    """Bisect one part of driver d between its last free pose (t = 0) and that at entry (t = 1), the rest as
+    it is; keeps the free end."""
+    free, blocked = 0.0, 1.0
+    if drivers[d]["chain_count"] > 0:
+        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, 1.0):
+            return
+    for _ in range(WAY_BACK_STEPS):
+        middle = (free + blocked) / 2
+        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, middle):
+            free = middle
+        else:
+            blocked = middle
+    interpolate(bodies, joints, drivers[d], part, free)
 
 
 @kernel
-def interpolate(bodies, joints, driver, t):
-    """Pose links at t between the last free pose (0) and that at entry (1): linear, orientation by slerp."""
-    turned = driver["scratch"][0]
-    for i in range(3):
-        driver["position"][i] = (1 - t) * driver["free_position"][i] + t * driver["entry_position"][i]
-    rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
-    turn(driver["free_orientation"], t * turned[0], t * turned[1], t * turned[2], driver["orientation"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["angle"] = (1 - t) * joints[k]["free_angle"] + t * joints[k]["entry_angle"]
+def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, t):
+    interpolate(bodies, joints, drivers[d], part, t)
+    end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+    return is_free(largest_depth(bodies, pairs, end, d))
+
+
+@kernel
+def interpolate(bodies, joints, driver, part, t):
+    """Pose links with a part of the driver at t between the last free pose (0) and that at entry (1): linear,
+    orientation by slerp, within reach cones."""
+    if part < 0:
+        turned = driver["scratch"][0]
+        for i in range(3):
+            driver["position"][i] = (1 - t) * driver["free_position"][i] + t * driver["entry_position"][i]
+        rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
+        turn(driver["free_orientation"], t * turned[0], t * turned[1], t * turned[2], driver["orientation"])
+    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
+    for k in range(first, end):
+        joint = joints[k]
+        joint["last_angle"] = joint["angle"]
+        if part == PART_WHOLE or joint["chain"] == part:
+            joint["last_angle"] = joint["free_angle"]
+            joint["angle"] = (1 - t) * joint["free_angle"] + t * joint["entry_angle"]
+    if driver["chain_count"] > 0:
+        keep_in_cones(joints, first, end - 1)
     pose_links(bodies, joints, driver)
 
 
 @kernel
-def _stop_at_obstacles(bodies, drivers, pairs, end, d):
-    """Take out the coupling velocity of driver d that points into what it touches; two drivers share it. (A
-    simulated body is met by an impulse, which needs that velocity, a later driver in its own turn.)"""
+def _stop_at_obstacles(bodies, drivers, pairs, end, d, mover):
+    """Take out the coupling velocity of driver d that points into what `mover` of it touches; two drivers
+    share it. (A simulated body is met by an impulse, which needs that velocity, a later driver in its own
+    turn.)"""
     v = drivers[d]["velocity"]
     for k in range(end):
         pair = pairs[k]
-        sign = side_of(bodies, pair, -1 - d)
+        sign = side_of(bodies, pair, mover)
         other = bodies[pair["body_a"] if sign > 0 else pair["body_b"]]
         if sign == 0.0 or other["kind"] == SIMULATED or other["driver"] > d:
             continue

@@ -21,7 +21,7 @@ from reference_impl.crowd import gather_contacts
 from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_pieces
 from reference_impl.driven_sweep import sweep_drivers
 from reference_impl.free_rotation import refresh_inertia
-from reference_impl.global_depth import global_depth
+from reference_impl.global_depth import largest_depth
 from reference_impl.hold import begin_hold, hold_contacts
 from reference_impl.impact import resolve_impacts
 from reference_impl.impact_time import earliest_impact
@@ -29,7 +29,14 @@ from reference_impl.integrate import apply_forces, begin_substep, end_substep, p
 from reference_impl.kernel import clock, kernel
 from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
 from reference_impl.rotation import invert_symmetric
-from reference_impl.skeleton import composite_inertia, move_links, place, pose_links
+from reference_impl.skeleton import (
+    composite_inertia,
+    move_from_shown,
+    move_links,
+    place,
+    pose_links,
+    store_shown,
+)
 from reference_impl.strips import list_pieces
 from reference_impl.virtual_coupling import follow_tracker, pose_hinges
 
@@ -51,8 +58,7 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     end, _ = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
     for d in range(len(drivers)):
         store_free_pose(joints, drivers[d])
-        deepest, _ = global_depth(bodies, pairs, 0, end, -1 - d, state[0]["shift"])
-        drivers[d]["has_free"] = 1 if is_free(deepest) else 0
+        drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
     state[0]["counters"][:] = 0
 
 
@@ -80,11 +86,14 @@ def _weigh(bodies, joints, driver):
 
 @kernel
 def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
-    """Driven loop: coupling, overlap removal, and the inertia the hands have in this frame's contacts."""
+    """Driven loop: coupling, overlap removal, and how driven bodies move, hands with what inertia, in this
+    frame's contacts."""
     start = clock(state["clock"])
     for d in range(len(drivers)):
+        if drivers[d]["chain_count"] > 0:
+            store_shown(bodies, joints, drivers[d])
         follow_tracker(drivers[d], state["dt"])
-        pose_hinges(joints, drivers[d])
+        pose_hinges(joints, drivers[d], state["dt"])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
     if state["detection"] == DETECTION_SWEEP:
@@ -93,8 +102,11 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
     removed = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION] - collision
     for d in range(len(drivers)):
-        _weigh(bodies, joints, drivers[d])
-        move_links(bodies, joints, drivers[d])
+        if drivers[d]["chain_count"] > 0:
+            move_from_shown(bodies, joints, drivers[d], state["dt"])
+        else:
+            _weigh(bodies, joints, drivers[d])
+            move_links(bodies, joints, drivers[d])
     state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
     state["stage_seconds"][STAGE_DRIVE] += coupled - start + clock(state["clock"]) - removed
 

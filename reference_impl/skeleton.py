@@ -5,7 +5,16 @@ from math import cos, sin
 import numpy as np
 
 from reference_impl.kernel import kernel
-from reference_impl.rotation import conjugate_by, copy_vector, matrix_of, multiply, quaternion_of, rotate
+from reference_impl.rotation import (
+    conjugate_by,
+    copy_quaternion,
+    copy_vector,
+    matrix_of,
+    multiply,
+    quaternion_of,
+    rotate,
+    rotation_between,
+)
 
 
 @kernel
@@ -84,6 +93,38 @@ def move_links(bodies, joints, driver):
 
 
 @kernel
+def store_shown(bodies, joints, driver):
+    """Remember a driver's links as they are shown."""
+    for k in range(driver["joint_count"] + 1):
+        body = bodies[_link(joints, driver, k)]
+        copy_vector(body["center"], body["shown_center"])
+        copy_quaternion(body["orientation"], body["shown_orientation"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["shown_angle"] = joints[k]["angle"]
+
+
+@kernel
+def move_from_shown(bodies, joints, driver, h):
+    """World velocities of a driver's links, and its hinges' rates, that lead from the poses last shown to
+    those of now in time h."""
+    turned = driver["scratch"][0]
+    for k in range(driver["joint_count"] + 1):
+        body = bodies[_link(joints, driver, k)]
+        rotation_between(body["shown_orientation"], body["orientation"], turned)
+        for i in range(3):
+            body["velocity"][i] = (body["center"][i] - body["shown_center"][i]) / h
+            body["omega"][i] = turned[i] / h
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["rate"] = (joints[k]["angle"] - joints[k]["shown_angle"]) / h
+
+
+@kernel
+def _link(joints, driver, k):
+    """Body of a driver's link k: the joints' children in their order, then the root."""
+    return driver["root"] if k == driver["joint_count"] else joints[driver["first_joint"] + k]["child"]
+
+
+@kernel
 def _velocity_at(velocity, omega, origin, point, out_velocity):
     """Velocity of a rigid body's `point` from that of its `origin`; `out_velocity` may be `velocity`."""
     x, y, z = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
@@ -95,11 +136,11 @@ def _velocity_at(velocity, omega, origin, point, out_velocity):
 @kernel
 def composite_inertia(bodies, joints, driver, out_center, out_inertia):
     """Centre of mass (3,) and inertia about it (3, 3) of a driver's links, world; returns the mass [kg]."""
-    first, count = driver["first_joint"], driver["joint_count"]
+    count = driver["joint_count"]
     mass = 0.0
     out_center[:] = 0.0
     for k in range(count + 1):
-        body = bodies[driver["root"] if k == count else joints[first + k]["child"]]
+        body = bodies[_link(joints, driver, k)]
         mass += body["mass"]
         for i in range(3):
             out_center[i] += body["mass"] * body["center"][i]
@@ -107,7 +148,7 @@ def composite_inertia(bodies, joints, driver, out_center, out_inertia):
         out_center[i] /= mass
     out_inertia[:] = 0.0
     for k in range(count + 1):
-        body = bodies[driver["root"] if k == count else joints[first + k]["child"]]
+        body = bodies[_link(joints, driver, k)]
         _add_inertia(body, out_center, out_inertia)
     return mass
 

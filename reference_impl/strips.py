@@ -39,8 +39,9 @@ def list_pieces(bodies, pieces, state):
         for p in range(len(pieces)):
             body = bodies[pieces[p]["body"]]
             if body["kind"] == kind:
-                # pieces of one body never meet, nor do those of one driver's links
-                pieces[p]["owner"] = pieces[p]["body"] if body["driver"] < 0 else -1 - body["driver"]
+                # pieces of one body never meet, nor do those of one driver's links unless they may
+                alone = body["driver"] < 0 or (state["self_collision"] == 1 and body["hinge"] >= 0)
+                pieces[p]["owner"] = pieces[p]["body"] if alone else -1 - body["driver"]
                 pieces[k]["order"] = p
                 pieces[k]["slot"]["piece"] = p
                 k += 1

@@ -2,7 +2,8 @@
 
 from math import cos, cosh, exp, sin, sinh, sqrt
 
-from reference_impl.conventions import NEAR_CRITICAL
+from reference_impl.ccd_ik import keep_in_cones
+from reference_impl.conventions import ATTRACTION_TIME, NEAR_CRITICAL
 from reference_impl.kernel import kernel
 from reference_impl.rotation import rotation_between, turn
 
@@ -68,8 +69,19 @@ def _follow_rotation(driver, stiffness, h):
 
 
 @kernel
-def pose_hinges(joints, driver):
-    """Pose a hand's hinges as the glove shows them, with their rates."""
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["angle"] = joints[k]["target_angle"]
-        joints[k]["rate"] = joints[k]["target_rate"]
+def pose_hinges(joints, driver, h):
+    """Pose a hand's hinges as the glove shows them, with their rates; those of chains go a share of the way
+    (the attraction of section 4), within limits and reach cones."""
+    share = 1 - exp(-h / ATTRACTION_TIME)
+    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
+    for k in range(first, end):
+        joint = joints[k]
+        joint["last_angle"] = joint["angle"]
+        if joint["chain"] < 0:
+            joint["angle"] = joint["target_angle"]
+            joint["rate"] = joint["target_rate"]
+        else:
+            wanted = joint["angle"] + share * (joint["target_angle"] - joint["angle"])
+            joint["angle"] = min(max(wanted, joint["lower"]), joint["upper"])
+    if driver["chain_count"] > 0:
+        keep_in_cones(joints, first, end - 1)

@@ -1,0 +1,312 @@
+"""The driven loop with chains: pushed limbs come free within limits and cones, and only as far as needed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Settings
+from adapters.oracles.overlap import measure
+from adapters.record import record
+from adapters.recording import Recording
+from adapters.reference_engine import BUNDLES, ReferenceEngine
+from adapters.translation import translate
+from reference_impl.chain_removal import shuffle_chains
+from reference_impl.conventions import ATTRACTION_TIME, OVERLAP_TOLERANCE
+from reference_impl.reach_cone import keep_in_cone
+from reference_impl.skeleton import pose_links
+from reference_impl.world import DRIVER, STATE
+from scenarios.avatar import avatar_parts
+from scenarios.chains import hinge_axes
+from scenarios.materials import TABLE_1
+from scenarios.scenario import IDENTITY, Body, Scenario, Tracker
+
+ROOT = Path(__file__).parents[2]
+FRAME = 1 / 60
+BODIES, JOINTS, CHAINS = avatar_parts()
+NAMES = [joint.name for joint in JOINTS]
+ORACLE_SLACK = 2e-8
+"""Beyond the tolerance [m]: what coal's own tolerance leaves."""
+
+
+def posture(**given) -> tuple[float, ...]:
+    """All angles, 0 unless given: of a hinge by name, of a ball joint by the rotation of its bone."""
+    angles = dict.fromkeys(NAMES, 0.0)
+    for name, value in given.items():
+        if isinstance(value, Rotation):
+            names = [f"{name}_{k}" for k in (1, 2, 3)]
+            axes = hinge_axes(tuple(joint for joint in JOINTS if joint.name in names))
+            turned = Rotation.from_matrix(axes.T @ value.as_matrix() @ axes).as_euler("XYZ")
+            angles |= dict(zip(names, map(float, turned)))
+        else:
+            angles[name] = value
+    return tuple(angles.values())
+
+
+def lifted(side: str, heading: float = 0.0) -> Rotation:
+    """An arm lifted forward, a little outwards by `heading` [degrees]; on the right the mirrored one."""
+    return Rotation.from_euler("ZY", (heading if side == "left" else -heading, -80), degrees=True)
+
+
+def walking(*others: Body, times, ways, angles, chains=CHAINS, effects=("gravity",)) -> Scenario:
+    """The person with the torso at (way, 0, 0) and these angles at these times."""
+    stiffness = 73.0 * 30.0**2
+    tracker = Tracker(
+        *("torso", tuple(NAMES), times, tuple((way, 0.0, 0.0) for way in ways)),
+        *((IDENTITY,) * len(times), angles),
+        stiffness=stiffness,
+        damping=2 * stiffness / 30.0,
+    )
+    bodies = (*BODIES, *others)
+    return Scenario(
+        *("walk", "", (), bodies, times[-1], TABLE_1, JOINTS, (tracker,), chains), effects=effects
+    )
+
+
+def wall_push(lab: SimpleNamespace, *sides: str, elbow: float = 0.3, reach: float = 0.3, chains=CHAINS):
+    """Walk into a wall with the arms of these sides stretched forward, and back."""
+    given = {f"{side}_shoulder": lifted(side, 10) for side in sides}
+    angles = posture(**given, **{f"{side}_elbow": elbow for side in sides})
+    wall = lab.block("wall", (0.5, 3.0, 3.0), (1.25, 0.0, 0.0), kind="fixed")
+    return walking(
+        wall, times=(0.0, 0.7, 1.0, 1.5), ways=(0.0, reach, reach, 0.0), angles=(angles,) * 4, chains=chains
+    )
+
+
+def arms_cross() -> Scenario:
+    """Bring both arms together in front of the body until each is where the other would be."""
+    apart, across = (
+        posture(**{f"{side}_shoulder": lifted(side, h) for side in ("left", "right")}) for h in (15, -30)
+    )
+    effects = ("gravity", "self_collision")
+    return walking(
+        times=(0.0, 0.7, 1.0, 1.5),
+        ways=(0.0,) * 4,
+        angles=(apart, across, across, apart),
+        effects=effects,
+    )
+
+
+def played(scenario: Scenario, profile: str = "balanced") -> Recording:
+    """The scenario as the reference plays it."""
+    return record(ReferenceEngine(), scenario, Settings(profile, FRAME))
+
+
+def work(recording: Recording, name: str) -> np.ndarray:
+    """A counter per frame."""
+    return recording.work[:, list(recording.work_names).index(name)]
+
+
+def overlap(recording: Recording, scenario: Scenario) -> np.ndarray:
+    """Depth per frame by coal [m]."""
+    return measure(recording, scenario).overlap()
+
+
+def assert_within_limits(recording: Recording, scenario: Scenario) -> None:
+    """Every hinge within its limits and every ball joint in its reach cone, in every frame."""
+    rows = translate(scenario).joints
+    for angles in recording.joint_angle:
+        assert (angles >= rows["lower"]).all()
+        assert (angles <= rows["upper"]).all()
+        rows["angle"] = rows["last_angle"] = angles
+        rows["cosine"], rows["sine"] = np.cos(angles), np.sin(angles)
+        for k in np.flatnonzero(rows["cone_count"]):
+            keep_in_cone(rows, k)
+        # a projected direction is inside to rounding
+        np.testing.assert_allclose(rows["angle"], angles, atol=1e-9)
+
+
+@pytest.mark.parametrize("profile", BUNDLES)
+def test_a_pushed_arm_gives_way(lab: SimpleNamespace, profile: str) -> None:
+    """Push an arm 30 cm into a wall: it folds, the body goes on, and no frame shows an overlap."""
+    scenario = wall_push(lab, "right")
+    recording = played(scenario, profile)
+    assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert not work(recording, "gave_up").any()
+    assert not work(recording, "way_back").any()
+    assert_within_limits(recording, scenario)
+    tracked = np.array(scenario.trackers[0].angles[0])
+    off = np.abs(recording.joint_angle - tracked)
+    arm = [name.startswith(("right_shoulder", "right_elbow", "right_wrist")) for name in NAMES]
+    assert off[60][arm].max() > 0.3
+    assert not off[:, np.logical_not(arm)].any()
+    # the torso has room: it goes as if there were no wall
+    alone = replace(scenario, bodies=BODIES)
+    np.testing.assert_array_equal(recording.position[:, 0], played(alone, profile).position[:, 0])
+    # free again, the arm goes back by e^-3 in 0.3 s
+    assert off[-1].max() < 0.1 * off[60].max()
+    touched = work(recording, "ik.rounds") > 0
+    assert 30 < touched.sum() < 80
+    assert (work(recording, "ik.iterations")[touched] > 0).all()
+    assert (work(recording, "ik.joints")[touched] >= 4).all()
+    assert work(recording, "pairs.contacting")[touched].min() >= 1
+
+
+@pytest.mark.parametrize("profile", BUNDLES)
+def test_crossing_arms_hold_each_other_up(profile: str) -> None:
+    """Keep arms that are led through each other apart; both give way."""
+    scenario = arms_cross()
+    recording = played(scenario, profile)
+    assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert not work(recording, "gave_up").any()
+    assert_within_limits(recording, scenario)
+    off = np.abs(recording.joint_angle[55] - scenario.trackers[0].angles[1])
+    for side in ("left", "right"):
+        assert off[[name.startswith(f"{side}_") for name in NAMES]].max() > 0.1
+    # without self-collision they pass through each other
+    through = walking(
+        times=(0.0, 1.5), ways=(0.0, 0.0), angles=scenario.trackers[0].angles[1:3], effects=("gravity",)
+    )
+    assert not work(played(through), "ik.rounds").any()
+
+
+@pytest.mark.parametrize("profile", BUNDLES)
+def test_what_chains_cannot_take_the_body_does(lab: SimpleNamespace, profile: str) -> None:
+    """Stop before a wall that the tracker walks through, though the chains alone could not come free."""
+    wall = lab.block("wall", (0.5, 3.0, 3.0), (1.25, 0.0, 0.0), kind="fixed")
+    angles = (posture(),) * 2
+    scenario = walking(wall, times=(0.0, 1.0), ways=(0.3, 0.7), angles=angles)
+    recording = played(scenario, profile)
+    assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert not work(recording, "gave_up").any()
+    assert_within_limits(recording, scenario)
+    assert 0.5 < recording.position[-1, 0, 0] < 0.65
+
+
+def test_a_mirrored_push_is_mirrored(lab: SimpleNamespace) -> None:
+    """Push the left arm instead, chains in mirrored order: equal angles are mirrored postures."""
+    mirrored = tuple(CHAINS[k] for k in (0, 2, 1, 4, 3))
+    one = played(wall_push(lab, "right")).joint_angle
+    two = played(wall_push(lab, "left", chains=mirrored)).joint_angle
+    swap = {"left": "right", "right": "left"}
+    other = [NAMES.index("_".join(swap.get(word, word) for word in name.split("_"))) for name in NAMES]
+    # the same operations on mirrored numbers, rounded alike but for sums in another order
+    np.testing.assert_allclose(two[:, other], one, atol=1e-9)
+
+
+def test_attraction_closes_the_gap_exponentially() -> None:
+    """Follow a posture that stands still with exp(-t / tau), whatever the frame rate."""
+    angles = (posture(), posture(left_elbow=1.0, right_knee=0.5))
+    scenario = walking(times=(0.0, 1.0), ways=(0.0, 0.0), angles=angles)
+    for rate in (30, 60, 120):
+        world = ReferenceEngine().build(scenario, Settings("balanced", 1 / rate))
+        world.drive(0)
+        world._world.joints["shown_angle"] = 0.0
+        targets = np.array(angles[1])
+        world._targets = [target for target in world._targets if target[1].shape[1] != len(NAMES)]
+        world._world.joints["target_angle"] = targets
+        for frame in range(1, rate // 3):
+            world.step()
+            share = 1 - np.exp(-frame / rate / ATTRACTION_TIME)
+            np.testing.assert_allclose(world._world.joints["angle"], share * targets, atol=1e-12)
+
+
+def test_velocities_lead_from_frame_to_frame(lab: SimpleNamespace) -> None:
+    """Give links the velocities, and hinges the rates, by which they came to where they are."""
+    scenario = wall_push(lab, "right")
+    recording = played(scenario)
+    links = len(BODIES)
+    centers = np.zeros((len(recording.time), links, 3))
+    for b, body in enumerate(BODIES):
+        turned = Rotation.from_quat(recording.orientation[:, b], scalar_first=True)
+        centers[:, b] = recording.position[:, b] + turned.apply(body.center_of_mass)
+        step = (turned[1:] * turned[:-1].inv()).as_rotvec() / FRAME
+        np.testing.assert_allclose(recording.angular_velocity[1:, b], step, atol=1e-6)
+    moved = np.diff(centers, axis=0) / FRAME
+    np.testing.assert_allclose(recording.linear_velocity[1:, :links], moved, atol=1e-9)
+    turned = np.diff(recording.joint_angle, axis=0) / FRAME
+    np.testing.assert_allclose(recording.joint_rate[1:], turned, atol=1e-9)
+
+
+def test_a_struck_ball_does_not_move_the_body(lab: SimpleNamespace) -> None:
+    """Send a ball away with a hand whose coupling feels nothing of it (1 / m = 0)."""
+    arm = posture(right_shoulder=lifted("right"))
+    ball = lab.ball(position=(0.75, -0.2, 0.58), mass=5.0)
+    coming = {"times": (0.0, 0.5, 1.0), "ways": (0.0, 0.4, 0.4), "angles": (arm,) * 3}
+    alone, hit = walking(**coming), walking(ball, **coming)
+    one, two = played(alone), played(hit)
+    assert two.linear_velocity[-1, -1, 0] > 0.3
+    np.testing.assert_array_equal(one.position[:, 0], two.position[:, 0])
+
+
+def test_every_order_of_the_chains_comes_up() -> None:
+    """Draw each of the six orders of three chains about equally often, and their ranks with them."""
+    state, drivers = np.zeros(1, STATE), np.zeros(1, DRIVER)
+    state["random"], drivers["chain_count"] = 1, 3
+    seen: dict[tuple[int, ...], int] = {}
+    for _ in range(600):
+        shuffle_chains(drivers[0], state[0])
+        order = drivers[0]["order"][:3]
+        np.testing.assert_array_equal(drivers[0]["rank"][order], range(3))
+        seen[tuple(order.tolist())] = seen.get(tuple(order.tolist()), 0) + 1
+    assert len(seen) == 6
+    # 100 expected each, standard deviation 9.1
+    assert 60 < min(seen.values()) <= max(seen.values()) < 140
+
+
+INTERPRETED = """
+import json, sys
+sys.path.insert(0, "tests/reference_impl")
+from test_chain_removal import arms_cross, FRAME
+from adapters.engine import Settings
+from adapters.reference_engine import ReferenceEngine
+scenario = arms_cross()
+world = ReferenceEngine().build(scenario, Settings("balanced", FRAME))
+for frame in range(30, 60):
+    world.drive(frame)
+    world.step()
+print(json.dumps(world._world.joints["angle"].tolist()))
+"""
+
+
+@pytest.mark.slow
+def test_interpreted_source_computes_the_same() -> None:
+    """Play 30 frames of contact with and without compilation: equal to 1e-9."""
+    angles = []
+    for disabled in ("0", "1"):
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(
+            [sys.executable, "-c", INTERPRETED],
+            cwd=ROOT,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=600,
+        )
+        assert done.returncode == 0, done.stderr
+        angles.append(json.loads(done.stdout))
+    np.testing.assert_allclose(*angles, rtol=0, atol=1e-9)
+    assert np.abs(angles[0]).max() > 0.1
+
+
+def test_links_know_what_moves_them() -> None:
+    """Fix the hand's fingers to the last hinge of the arm; bare links are passed over on the way up."""
+    from scenarios.avatar import arm_with_hand_parts, standing_tracker
+
+    parts = arm_with_hand_parts()
+    bodies, joints, chains = parts
+    tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
+    scenario = Scenario(
+        "arm", "", (), bodies, 1.0, TABLE_1, joints=joints, trackers=(tracker,), chains=chains
+    )
+    world = translate(scenario)
+    pose_links(world.bodies, world.joints, world.drivers[0])
+    index = scenario.body_index
+    last = int(world.drivers[0]["chains"][0, 1])
+    for name in ("palm", "thumb_distal", "little_proximal"):
+        assert world.bodies[index(name)]["hinge"] == last
+        assert world.bodies[index(name)]["chain"] == 0
+    assert world.bodies[0]["hinge"] == world.bodies[0]["chain"] == -1
+    assert world.bodies[index("right_forearm")]["above"] == index("right_upper_arm")
+    assert world.bodies[index("thumb_middle")]["above"] == index("thumb_proximal")
+    # the palm has no pieces
+    assert world.bodies[index("thumb_proximal")]["above"] == index("right_forearm")
