@@ -18,7 +18,8 @@ from adapters.engine import Settings
 from adapters.oracles.overlap import measure
 from adapters.record import record
 from adapters.recording import Recording
-from adapters.reference_engine import BUNDLES, ReferenceEngine
+from adapters.reference_engine import ReferenceEngine
+from adapters.reference_settings import PROFILES
 from adapters.translation import translate
 from reference_impl.chain_removal import shuffle_chains
 from reference_impl.conventions import ATTRACTION_TIME, OVERLAP_TOLERANCE
@@ -125,7 +126,7 @@ def assert_within_limits(recording: Recording, scenario: Scenario) -> None:
         np.testing.assert_allclose(rows["angle"], angles, atol=1e-9)
 
 
-@pytest.mark.parametrize("profile", BUNDLES)
+@pytest.mark.parametrize("profile", PROFILES)
 def test_a_pushed_arm_gives_way(lab: SimpleNamespace, profile: str) -> None:
     """Push an arm 30 cm into a wall: it folds, the body goes on, and no frame shows an overlap."""
     scenario = wall_push(lab, "right")
@@ -151,7 +152,7 @@ def test_a_pushed_arm_gives_way(lab: SimpleNamespace, profile: str) -> None:
     assert work(recording, "pairs.contacting")[touched].min() >= 1
 
 
-@pytest.mark.parametrize("profile", BUNDLES)
+@pytest.mark.parametrize("profile", PROFILES)
 def test_crossing_arms_hold_each_other_up(profile: str) -> None:
     """Keep arms that are led through each other apart; both give way."""
     scenario = arms_cross()
@@ -169,7 +170,7 @@ def test_crossing_arms_hold_each_other_up(profile: str) -> None:
     assert not work(played(through), "ik.rounds").any()
 
 
-@pytest.mark.parametrize("profile", BUNDLES)
+@pytest.mark.parametrize("profile", PROFILES)
 def test_what_chains_cannot_take_the_body_does(lab: SimpleNamespace, profile: str) -> None:
     """Stop before a wall that the tracker walks through, though the chains alone could not come free."""
     wall = lab.block("wall", (0.5, 3.0, 3.0), (1.25, 0.0, 0.0), kind="fixed")
