@@ -8,6 +8,8 @@ body can meet is not bounded at all. A run watches that bodies keep to it: `Watc
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +19,7 @@ from reference_impl.conventions import FIXED
 from reference_impl.detection import place_pieces
 from reference_impl.skeleton import pose_links
 from reference_impl.world import World
-from scenarios.effects import Bounds, box_gap, least_gap
+from scenarios.effects import Bounds, Plan, box_gap, least_gap, plan
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
 from scenarios.tracking import sample
 
@@ -33,6 +35,12 @@ SAMPLES = 4
 """Of a tracker per displayed frame."""
 MANY = 3000
 """Pieces from which on everything is taken to meet: telling them apart would take seconds."""
+
+
+@lru_cache(maxsize=16)
+def planned(scenario: Scenario, effects: tuple[str, ...] | None = None) -> Plan:
+    """The plan of a scenario, by its bounds; `effects` as in `scenarios.effects.plan`."""
+    return plan(scenario, bounds(scenario), effects)
 
 
 def bounds(scenario: Scenario) -> Bounds:

@@ -16,7 +16,7 @@ from typing import Any
 
 from adapters.engine import AdapterError, Engine, Settings
 from adapters.process import PATIENCE, ChildProcess, divert_output, interrupt_held, obey
-from adapters.record import Player, warm_up
+from adapters.record import ready, warm_up
 from adapters.registry import load
 from scenarios.scenario import Scenario
 
@@ -146,8 +146,7 @@ class _Run:
             case "warm up":
                 warm_up(engine, job.scenario, job.settings)
             case "start":
-                world = engine.build(job.scenario, job.settings)
-                self._player = Player(world, job.scenario, job.settings)
+                self._player = ready(engine, job.scenario, job.settings)
             case "play":
                 self._player.play(argument)
             case "save":

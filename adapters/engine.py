@@ -16,6 +16,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -60,16 +61,20 @@ class NotInstalled(AdapterError):
 @dataclass(frozen=True, slots=True)
 class Settings:
     """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
-    profile (reference only)."""
+    profile (reference only); the effects asked for, or None for those that the scene calls for."""
 
     profile: str
     dt: float
     changes: tuple[str, ...] = ()
+    effects: tuple[str, ...] | None = None
 
     @property
     def label(self) -> str:
         """What results are filed under: a changed profile is never mistaken for the profile."""
-        return ", ".join((self.profile, *self.changes))
+        if self.effects is None:
+            return ", ".join((self.profile, *self.changes))
+        asked = "all" if self.effects == PLANNED else "+".join(self.effects)
+        return ", ".join((self.profile, *self.changes, f"effects={asked}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +108,7 @@ class Manifest:
     bodies: Mapping[str, BodyFacts]
     pairs: tuple[PairFacts, ...]
     drives: Mapping[str, object] = field(default_factory=dict)
+    effects: Mapping[str, str] = field(default_factory=dict)  # what the plan does about each, and why
 
 
 class State:

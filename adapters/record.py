@@ -10,8 +10,10 @@ from time import perf_counter
 
 import numpy as np
 
+from adapters.bounds import planned
 from adapters.engine import CONTACT_FIELDS, AdapterError, Array, Engine, Manifest, Settings, State, World
 from adapters.recording import Recording
+from scenarios.effects import Plan
 from scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
@@ -41,16 +43,22 @@ def substeps(scenario: Scenario, dt: float) -> int:
     return count
 
 
+def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
+    """A player of a world in which only those effects are simulated that the plan has."""
+    plan = planned(scenario, settings.effects)
+    return Player(engine.build(plan.applied(scenario), settings), scenario, settings, plan)
+
+
 def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
     """Play a few frames of a world that is thrown away."""
-    player = Player(engine.build(scenario, settings), scenario, settings)
+    player = ready(engine, scenario, settings)
     player.play(min(WARM_UP_FRAMES, scenario.frame_count))
     player.world.close()
 
 
 def record(engine: Engine, scenario: Scenario, settings: Settings) -> Recording:
     """Play a whole scene in this process, without warm-up."""
-    player = Player(engine.build(scenario, settings), scenario, settings)
+    player = ready(engine, scenario, settings)
     try:
         player.play(scenario.frame_count)
         return player.recording()
@@ -82,12 +90,19 @@ def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: 
 
 
 class Player:
-    """A world, the scene it plays and what it has done so far."""
+    """A world, the scene it plays and what it has done so far.
 
-    def __init__(self, world: World, scenario: Scenario, settings: Settings) -> None:
+    With a plan, it watches what the plan leans on: a run in which a dropped effect may matter ends there.
+    """
+
+    def __init__(
+        self, world: World, scenario: Scenario, settings: Settings, plan: Plan | None = None
+    ) -> None:
         self.world = world
         self._scenario = scenario
         self._settings = settings
+        self._plan = plan
+        self._names = [body.name for body in scenario.bodies]
         self._substeps = substeps(scenario, settings.dt)
         self._mass_center = np.array([body.center_of_mass for body in scenario.bodies])
         self._roots = [scenario.body_index(tracker.root) for tracker in scenario.trackers]
@@ -153,6 +168,10 @@ class Player:
         frame: dict[str, Array | float] = {name: getattr(state, name).copy() for name in names}
         frame["driver_work"] = self._work
         self._frames.append(frame)
+        left = self._plan and self._plan.broken(state.position, self._names)
+        if left:
+            time = len(self._timings) / self._scenario.frame_rate
+            raise AdapterError(f"at {time:.4f} s {left}: the plan does not hold; --effects all plays it")
 
     def _keep_contacts(self, time: float) -> None:
         """Keep the step's contacts; where the engine knows no moment of impact, the velocities are those at
@@ -203,7 +222,7 @@ class Player:
         frames = {name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]}
         return Recording(
             scenario=scenario_json(self._scenario),
-            manifest=manifest_json(self.world.describe()),
+            manifest=manifest_json(self._manifest()),
             time=np.arange(len(self._frames)) / self._scenario.frame_rate,
             contacts=np.concatenate([np.zeros(0, CONTACT_FIELDS), *self._contacts]),
             time_frame=timings[:, 0],
@@ -216,6 +235,14 @@ class Player:
             work=_table(self._counters, work_names),
             **frames,
         )
+
+    def _manifest(self) -> Manifest:
+        """What the engine says it simulates, and the plan."""
+        told = self.world.describe()
+        if self._plan is None:
+            return told
+        effects = {one.effect: f"{one.state}: {one.reason}" for one in self._plan.decisions}
+        return dataclasses.replace(told, effects=effects)
 
     def _time_crossing(self) -> Array:
         times = np.zeros(CROSSINGS)

@@ -20,6 +20,7 @@ from reports.command import (
     QuietOption,
     changes_for,
     columns_for,
+    effects_for,
     exit_for,
     folder_of_now,
     known,
@@ -77,6 +78,9 @@ def run(
         list[str] | None,
         typer.Option("--set", help="KEY=VALUE in the reference's profiles (touchstone list settings)."),
     ] = None,
+    effects: Annotated[
+        str, typer.Option(help="auto: those that a scene calls for; all; or the names of those to simulate.")
+    ] = "auto",
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -86,7 +90,9 @@ def run(
     from reports.run import run as run_study
 
     request = _request(scenario or [], tag, engine or [], profile or [], metric or [], dt, out)
-    request = replace(request, changes=changes_for(request.columns, change or []))
+    request = replace(
+        request, changes=changes_for(request.columns, change or []), effects=effects_for(effects)
+    )
     try:
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet) as progress:

@@ -81,6 +81,18 @@ def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tu
     return texts
 
 
+def effects_for(text: str) -> tuple[str, ...] | None:
+    """The effects that were asked for: None for "auto", or names in the order of a plan."""
+    from scenarios.effects import PLANNED
+
+    if text == "auto":
+        return None
+    if text == "all":
+        return PLANNED
+    named = [known("effect", name.strip(), ["auto", "all", *PLANNED]) for name in text.split(",")]
+    return tuple(effect for effect in PLANNED if effect in named)
+
+
 def printed(frame: pd.DataFrame, output: Format) -> bool:
     """Print the long table for machines; False where a human asked."""
     if output is Format.json:

@@ -7,7 +7,7 @@ them (`Plan.broken`). `adapters/bounds.py` works the bounds out.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -109,6 +109,34 @@ class Plan:
     def on(self, effect: str) -> bool:
         """Whether an effect's stage runs."""
         return self.decisions[PLANNED.index(effect)].on
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The effects whose stages run."""
+        return tuple(decision.effect for decision in self.decisions if decision.on)
+
+    @property
+    def removed(self) -> tuple[str, ...]:
+        """Effects that the scene calls for and that are left out because that was asked for."""
+        return tuple(decision.effect for decision in self.decisions if decision.state == "forced off")
+
+    def applied(self, scenario: Scenario) -> Scenario:
+        """The scenario without what the plan leaves out: pieces, coefficients, gravity, chains and cones."""
+        driven = {k for links in map(scenario.links, scenario.trackers) for k in links if self.pieces[k]}
+        groups = scenario.groups()
+        followed = {groups[k] for k in driven}
+        bodies = tuple(
+            body
+            # a hand or an avatar stays whole: which of its links are adjacent follows from their pieces
+            if len(kept) == len(body.pieces) or groups[k] in followed
+            else replace(body, pieces=tuple(body.pieces[i] for i in kept))
+            for k, (body, kept) in enumerate(zip(scenario.bodies, self.pieces))
+        )
+        effects = tuple(effect for effect in scenario.effects if self.on(effect))
+        chains = scenario.chains if self.on("inverse_kinematics") or self.on("attraction") else ()
+        if not self.on("reach_cones"):
+            chains = tuple(replace(chain, cones=()) for chain in chains)
+        return scenario.reduced(bodies=bodies, effects=effects, chains=chains)
 
     def broken(self, position: Array, names: Sequence[str]) -> str | None:
         """The bound that the bodies' origins (n, 3) [m] have left, in words; None while all hold."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from dataclasses import fields as dataclass_fields
 from itertools import combinations
 from typing import Literal
 
@@ -252,6 +253,14 @@ class Scenario:
         found = faults(self)
         if found:
             raise ScenarioError(self.name, found)
+
+    def reduced(self, **fields: object) -> Scenario:
+        """A copy with some `bodies`, `effects` or `chains` taken out; a part of what is valid, so not
+        validated again: bodies may be left without pieces."""
+        copy = object.__new__(Scenario)
+        for field in dataclass_fields(self):
+            object.__setattr__(copy, field.name, fields.get(field.name, getattr(self, field.name)))
+        return copy
 
     @property
     def frame_count(self) -> int:

@@ -1,0 +1,92 @@
+"""Plans in runs: what is left out changes nothing, what is asked for is marked, broken bounds are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adapters.bounds import planned
+from adapters.engine import AdapterError, Settings
+from adapters.record import Player, ready, record
+from scenarios.catalogue import catalogue
+from scenarios.effects import PLANNED
+
+FRAME = 1 / 60
+SHORT = [name for name, scene in catalogue().items() if "stack" not in name and scene.duration < 5]
+
+
+def assert_same(one, two) -> None:
+    """The same motion to the bit."""
+    for name in ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle"):
+        assert np.array_equal(getattr(one, name), getattr(two, name)), name
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_plan_and_all_effects_are_one(registry: SimpleNamespace, name: str) -> None:
+    """Play a scene with all effects as with those that it calls for, to the bit."""
+    everything = Settings("balanced", FRAME, effects=PLANNED)
+    whole = record(registry.engine("reference"), catalogue()[name], everything)
+    assert_same(registry.played(name, "reference"), whole)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6))
+def test_random_scenes_need_no_more_than_their_plan(lab, registry, seed: int) -> None:
+    """Change nothing by forcing on what the plan of a random scene leaves out."""
+    rng = np.random.default_rng(seed)
+    bodies = [lab.ground()] if rng.random() < 0.7 else []
+    for k in range(rng.integers(1, 4)):
+        place = (*rng.uniform(-1, 1, 2).tolist(), 0.1 + 0.4 * k)
+        speed = {"linear_velocity": tuple((rng.normal(size=3) * rng.integers(0, 2)).tolist())}
+        round_one = rng.random() < 0.6
+        make = lab.ball(f"b{k}", place, **speed) if round_one else None
+        bodies.append(make or lab.block(f"b{k}", tuple(rng.uniform(0.03, 0.1, 3).tolist()), place, **speed))
+    gravity = (0.0, 0.0, -9.81 * float(rng.integers(0, 2)))
+    law = {"e": float(rng.choice([0, 0.5])), "mu": float(rng.choice([0, 0.4]))}
+    scene = lab.scene(*bodies, duration=0.5, gravity=gravity, **law)
+    engine = registry.engine("reference")
+    one, two = (record(engine, scene, Settings("balanced", FRAME, effects=e)) for e in (None, PLANNED))
+    assert_same(one, two)
+
+
+@pytest.mark.parametrize("name", ["reference", "dart", "bullet", "mujoco"])
+@pytest.mark.parametrize("scene", ["fall", "tumble_stable", "spring", "bounce_e05"])
+def test_engines_play_what_is_left(registry: SimpleNamespace, name: str, scene: str) -> None:
+    """Play bodies that can meet nothing without their pieces, and say in the manifest what was left out."""
+    told = registry.played(scene, name).facts["effects"]
+    assert tuple(told) == PLANNED
+    assert told["contact"].startswith("needed" if scene == "bounce_e05" else "not needed")
+
+
+def test_results_are_marked_by_what_was_asked_for() -> None:
+    """Name the effects in the label under which results are filed."""
+    assert Settings("balanced", FRAME).label == "balanced"
+    assert Settings("balanced", FRAME, effects=PLANNED).label == "balanced, effects=all"
+    some = Settings("balanced", FRAME, effects=("gravity", "contact"))
+    assert some.label == "balanced, effects=gravity+contact"
+
+
+def test_without_gravity_and_contact(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
+    """Leave out what was asked for, needed or not."""
+    scene = lab.scene(lab.ground(), lab.ball())
+    engine = registry.engine("reference")
+    hanging = record(engine, scene, Settings("balanced", FRAME, effects=("contact",)))
+    assert (hanging.position[-1, 1] == scene.bodies[1].position).all()
+    falling = record(engine, scene, Settings("balanced", FRAME, effects=("gravity",)))
+    assert falling.position[-1, 1, 2] == pytest.approx(1 - 9.81 / 2)
+
+
+def test_a_lie_ends_the_run(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
+    """End a run in which a body leaves the bounds of its plan."""
+    scene = lab.scene(lab.ball(), duration=0.5)
+    player = ready(registry.engine("reference"), scene, Settings("balanced", FRAME))
+    bounds = planned(scene).bounds
+    lying = replace(planned(scene), bounds=replace(bounds, low=bounds.low + (0.0, 0.0, 0.5)))
+    player = Player(player.world, scene, Settings("balanced", FRAME), lying)
+    with pytest.raises(AdapterError, match="ball left the box that it was to keep to"):
+        player.play(30)
