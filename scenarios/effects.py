@@ -170,11 +170,15 @@ def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = N
     own = {(a, b) for a, b in may_touch if group[a] == group[b] >= 0}
     pairs = may_touch if effects is not None else meeting
     pairs = [pair for pair in pairs if "contact" in on and ("self_collision" in on or pair not in own)]
+    kept = _pieces(scenario, bounds, pairs, everything=effects is not None)
     apart = [] if needs["self_collision"][0] else sorted(own)
+    if effects is not None:  # nothing leans on the bounds
+        endless = np.full_like(bounds.low, np.inf)
+        bounds, apart = replace(bounds, low=-endless, high=endless), []
     return Plan(
         decisions,
         tuple(pairs),
-        _pieces(scenario, bounds, pairs, everything=effects is not None),
+        kept,
         bounds,
         np.array(apart, dtype=np.intp).reshape(-1, 2),
     )

@@ -16,12 +16,13 @@ import pytest
 from adapters.children import SLICE, Children, Job
 from adapters.engine import Settings
 from adapters.recording import load
+from scenarios.effects import PLANNED
 
 FRAMES = 75
 """Two whole slices and a half."""
 PATIENCE = 3.0
 """Seconds a child may take here: starting one takes half a second."""
-SETTINGS = Settings("only", 1 / 60)
+SETTINGS = Settings("only", 1 / 60, effects=PLANNED)  # bodies sink through the ground
 REASONS = {
     "throws on load": ("error", "RuntimeError: no such"),
     "throws": ("error", "ZeroDivisionError: one"),

@@ -11,6 +11,7 @@ import pytest
 from adapters import record as module
 from adapters.engine import CONTACT_CAPACITY, AdapterError, Manifest, Settings, State
 from adapters.record import CROSSINGS, WARM_UP_FRAMES, Player, record, substeps, warm_up
+from scenarios.effects import PLANNED
 from scenarios.scenario import Body, Box, Joint, PairCoefficients, Piece, Scenario, Tracker
 
 FRAME_RATE, SUBSTEPS, FRAMES = 10, 4, 5
@@ -140,7 +141,7 @@ def engine(scenario, clock):
 @pytest.fixture
 def settings():
     """Four native steps a frame."""
-    return Settings("only", DT)
+    return Settings("only", DT, effects=PLANNED)
 
 
 def test_every_frame_is_kept_at_its_time(engine, scenario, settings):
