@@ -1,7 +1,7 @@
 """The log of a frame's contacts: one row per impulse, with the surface velocities before and after it."""
 
 from reference_impl.contact import surface_velocity
-from reference_impl.contact_solver import ALL
+from reference_impl.contact_patch import first_row, next_row
 from reference_impl.conventions import COUNT_LOST
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
@@ -33,10 +33,11 @@ def close_row(bodies, contact, p):
 
 @kernel
 def log_held(bodies, pairs, count, patch, contacts, state, time):
-    for k in range(count):
+    k = first_row(patch, count)
+    while k >= 0:
         pair = pairs[k]
-        p = pair["held"]
-        if (p[0] == 0 and p[1] == 0 and p[2] == 0) or (patch != ALL and pair["patch"] != patch):
+        k, p = next_row(pairs, k, patch, count), pair["held"]
+        if p[0] == 0 and p[1] == 0 and p[2] == 0:
             continue
         row = log_contact(contacts, state, pair, pair["point"], time)
         if row >= 0:

@@ -46,6 +46,7 @@ COUNTERS = (
     "ik.iterations",
     "ik.joints",
     "pairs.contacting",
+    "sweeps",
 )
 """What a step counts; depths by how they were found: walked without a certificate, with one, or anew. Of
 inverse kinematics: links that were brought out, passes over their joints, and joints that these took part
@@ -69,6 +70,7 @@ with. Contacting pairs: the most that touched or overlapped in one detection of 
     COUNT_IK_ITERATIONS,
     COUNT_IK_JOINTS,
     COUNT_CONTACTING,
+    COUNT_SWEEPS,
 ) = range(len(COUNTERS))
 
 # broad phase
@@ -189,11 +191,20 @@ TOUCH_CLOSED = 9e-7
 """Gap that a near pair may close to [m]: it touches then, and is not yet an impact (IMPACT_TARGET)."""
 EVENT_CAP = 64
 """Events of one frame."""
-HOLD_MEMORY = 256
-"""Points of patches whose forces the next hold starts from."""
-HOLD_SWEEPS = 200
+HOLD_MEMORY = 4096
+"""Contact points whose forces the next hold starts from."""
+HOLD_SWEEPS, HOLD_VISITS = 200, 20_000
 HOLD_RESIDUAL = 1e-12
-"""Sweeps over held contacts, and the change of velocity that ends them [m/s]."""
+"""Sweeps over held contacts, or visits to a contact where those are more: about a millisecond; and the change
+of velocity that ends them [m/s]."""
+ANDERSON_SPAN = 16
+"""Sweeps that the start of the next one is drawn from: 10 take twice as many for ten boxes on each other."""
+ANDERSON_ROWS = 1024
+"""Contacts up to which sweeps are accelerated: room for the changes of so many."""
+ANDERSON_GROWTH = 2.0
+"""Growth of a sweep's step by which the ones before count no more [1]."""
+ANDERSON_WEIGHT = 1e-14
+"""Added to the normal equations, over their trace [1]: some 50 roundings."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 

@@ -2,8 +2,10 @@
 
 from reference_impl.contact import apply_to_both, approach_speed
 from reference_impl.contact_log import log_held
-from reference_impl.contact_solver import ALL, begin_row, settle
-from reference_impl.conventions import FLIGHT_BALLISTIC, HOLD_MEMORY
+from reference_impl.contact_memory import recall, remember
+from reference_impl.contact_patch import ALL
+from reference_impl.contact_solver import begin_row, settle
+from reference_impl.conventions import FLIGHT_BALLISTIC
 from reference_impl.kernel import kernel
 
 
@@ -35,41 +37,9 @@ def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, 
         Whether the sweeps converged.
     """
     for k in range(count):
-        if _recall(pairs[k], state, h):
+        if recall(bodies, pairs[k], state, h):
             apply_to_both(bodies, joints, drivers, pairs[k], pairs[k]["point"], pairs[k]["held"])
     converged = settle(bodies, joints, drivers, pairs, count, ALL, state)
     log_held(bodies, pairs, count, ALL, contacts, state, time)
-    _remember(pairs, count, state, h)
+    remember(bodies, pairs, count, state, h)
     return converged
-
-
-@kernel
-def _recall(pair, state, h):
-    """Start a point of a patch from the force that held the nearest one of its pair; whether any did."""
-    nearest, least = -1, 0.0
-    for m in range(state["held_count"] if pair["patch"] >= 0 else 0):
-        if state["held_pieces"][m, 0] == pair["piece_a"] and state["held_pieces"][m, 1] == pair["piece_b"]:
-            distance = 0.0
-            for i in range(3):
-                distance += (state["held_point"][m, i] - pair["point"][i]) ** 2
-            if nearest < 0 or distance < least:
-                nearest, least = m, distance
-    if nearest >= 0:
-        for i in range(3):
-            pair["held"][i] = h * state["held_force"][nearest, i]
-    return nearest >= 0
-
-
-@kernel
-def _remember(pairs, count, state, h):
-    """Forces at the points of patches, for the next hold."""
-    kept = 0
-    for k in range(count):
-        pair = pairs[k]
-        if pair["patch"] >= 0 and kept < HOLD_MEMORY:
-            state["held_pieces"][kept, 0], state["held_pieces"][kept, 1] = pair["piece_a"], pair["piece_b"]
-            for i in range(3):
-                state["held_point"][kept, i] = pair["point"][i]
-                state["held_force"][kept, i] = pair["held"][i] / h
-            kept += 1
-    state["held_count"] = kept

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from reference_impl.conventions import (
+    ANDERSON_ROWS,
+    ANDERSON_SPAN,
     COUNTERS,
     EPA_FACES,
     EPA_VERTICES,
@@ -75,6 +77,7 @@ BODY = _record(
     spin_rate=_VECTOR,  # angular velocity where it was last posed [rad/s]
     spin_most="f8",  # bound on |omega| [rad per substep]
     spin_bend="f8",  # bound on |omega'| [rad per substep^2]
+    memory="i8",  # first contact point it remembers, counted from 1, or 0
     momentum=_VECTOR,  # angular, about the centre of mass, world
     scratch=_MATRIX,
 )
@@ -233,6 +236,8 @@ PAIR = _record(
     key="f8",  # approach speed in the priority queue [m/s]
     point=_VECTOR,  # contact point of its impulses
     held=_VECTOR,  # impulse on B while the contact holds [N s]
+    kept=_VECTOR,  # `held` before the sweep
+    mobility=_MATRIX,  # velocity of B against A per impulse on B at `point` [1/kg]
     spare=_VECTOR,  # another answer, while the energy guard compares the two [N s]
     before_a=_VECTOR,  # surface velocities at the start of the hold [m/s]
     before_b=_VECTOR,
@@ -287,11 +292,24 @@ STATE = _record(
     counters=("i8", (len(COUNTERS),)),
     clock=("i8", (2,)),
     groups=(GROUP, (3,)),  # of the broad phase: pieces of fixed, simulated and driven bodies
-    # points of patches that were held last: the next hold starts from their forces [N]
-    held_count="i8",
+    # points that were held last, relative to the body that remembers them: the next hold starts from their
+    # forces [N]
+    held_next=("i8", (HOLD_MEMORY,)),  # next one of the body, counted from 1, or 0
     held_pieces=("i8", (HOLD_MEMORY, 2)),
     held_point=("f8", (HOLD_MEMORY, 3)),
     held_force=("f8", (HOLD_MEMORY, 3)),
+    # scratch of Anderson's acceleration: sweeps kept, size of the last one's step, changes of steps and answers
+    # from sweep to sweep, normal equations of their weights
+    steps="i8",
+    step_size="f8",
+    last_step=("f8", (ANDERSON_ROWS, 3)),
+    last_answer=("f8", (ANDERSON_ROWS, 3)),
+    step_change=("f8", (ANDERSON_SPAN, ANDERSON_ROWS, 3)),
+    answer_change=("f8", (ANDERSON_SPAN, ANDERSON_ROWS, 3)),
+    step_product=("f8", (ANDERSON_SPAN, ANDERSON_SPAN)),
+    step_factor=("f8", (ANDERSON_SPAN, ANDERSON_SPAN)),
+    step_slope=("f8", (ANDERSON_SPAN,)),
+    weight=("f8", (ANDERSON_SPAN,)),
     walks=(WALK, (WALK_MEMORY,)),
     recalls="i8",  # look-ups in `walks` so far
     # scratch of overlap removal, and of impulses: B against A, both surfaces, across the normal

@@ -146,7 +146,7 @@ def test_slices_are_interleaved(ended):
 def test_progress_counts_every_frame_of_every_job(ended):
     """Progress adds up to all frames of all jobs, also of those that failed, so that a bar ends full."""
     assert sum(frames for _, frames in ended[0].progress) == FRAMES * len(REASONS)
-    assert ("healthy only: save", 0) in ended[0].progress
+    assert (f"healthy {SETTINGS.label}: save", 0) in ended[0].progress
 
 
 def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):

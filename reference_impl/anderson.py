@@ -1,0 +1,110 @@
+"""Anderson's acceleration of the sweeps over contacts (Anderson 1965; Walker & Ni 2011, type II).
+
+A sweep takes the impulses x to s(x); f = s(x) - x is its step. Of the last sweeps the differences dS of s and
+dF of f are kept. The next sweep starts from s - dS g, with g the least squares of |f - dF g|: where sweeps
+act linearly, as they do once it is settled which contacts slide and which lift off, that is as good as GMRES.
+A step that grew means that this changed: what was kept is forgotten.
+"""
+
+from math import sqrt
+
+from reference_impl.contact import apply_to_both
+from reference_impl.contact_patch import first_row, next_row
+from reference_impl.conventions import ANDERSON_GROWTH, ANDERSON_ROWS, ANDERSON_SPAN, ANDERSON_WEIGHT
+from reference_impl.kernel import kernel
+
+
+@kernel
+def begin_acceleration(state):
+    """Before the first sweep: nothing is kept."""
+    state["steps"] = 0
+    state["step_size"] = 0.0
+
+
+@kernel
+def extrapolate(bodies, joints, drivers, pairs, count, patch, state):
+    """After a sweep from `kept` to `held`: take the rows of a patch, or ALL, to where the next one starts.
+
+    More rows than ANDERSON_ROWS are left as the sweep left them.
+    """
+    if count > ANDERSON_ROWS:
+        return
+    size = _keep_step(pairs, count, patch, state)
+    if size > ANDERSON_GROWTH * state["step_size"] and state["steps"] > 1:
+        # this step alone is the start of a new row of differences
+        state["steps"] = 1
+    state["step_size"] = size
+    span = min(state["steps"] - 1, ANDERSON_SPAN)
+    if span < 1 or not _solve_weights(state, span):
+        return
+    g, p = state["weight"], state["impulse"]
+    k = first_row(patch, count)
+    while k >= 0:
+        change = 0.0
+        for i in range(3):
+            p[i] = 0.0
+            for t in range(span):
+                p[i] -= g[t] * state["answer_change"][t, k, i]
+            pairs[k]["held"][i] += p[i]
+            change += abs(p[i])
+        if change > 0:
+            apply_to_both(bodies, joints, drivers, pairs[k], pairs[k]["point"], p)
+        k = next_row(pairs, k, patch, count)
+
+
+@kernel
+def _keep_step(pairs, count, patch, state):
+    """Keep the differences from the last sweep to this one, and their products; returns |f|."""
+    span = min(state["steps"], ANDERSON_SPAN)
+    slot = (state["steps"] - 1) % ANDERSON_SPAN
+    products, slope = state["step_product"], state["step_slope"]
+    for t in range(span):
+        slope[t] = products[slot, t] = 0.0
+    size, k = 0.0, first_row(patch, count)
+    while k >= 0:
+        for i in range(3):
+            answer, step = pairs[k]["held"][i], pairs[k]["held"][i] - pairs[k]["kept"][i]
+            size += step * step
+            if span > 0:
+                change = step - state["last_step"][k, i]
+                state["step_change"][slot, k, i] = change
+                state["answer_change"][slot, k, i] = answer - state["last_answer"][k, i]
+                for t in range(span):
+                    products[slot, t] += change * state["step_change"][t, k, i]
+                    slope[t] += step * state["step_change"][t, k, i]
+            state["last_step"][k, i], state["last_answer"][k, i] = step, answer
+        k = next_row(pairs, k, patch, count)
+    for t in range(span):
+        products[t, slot] = products[slot, t]
+    state["steps"] += 1
+    return sqrt(size)
+
+
+@kernel
+def _solve_weights(state, span):
+    """Weights g of the normal equations, by Cholesky's factors in place; whether they exist."""
+    products, factor, g = state["step_product"], state["step_factor"], state["weight"]
+    trace = 0.0
+    for t in range(span):
+        trace += products[t, t]
+    if trace <= 0:
+        return False
+    for i in range(span):
+        total = state["step_slope"][i]
+        for j in range(i + 1):
+            entry = products[i, j] + (ANDERSON_WEIGHT * trace if i == j else 0.0)
+            for k in range(j):
+                entry -= factor[i, k] * factor[j, k]
+            if i == j:
+                if entry <= 0:
+                    return False
+                factor[i, i] = sqrt(entry)
+            else:
+                factor[i, j] = entry / factor[j, j]
+                total -= factor[i, j] * g[j]
+        g[i] = total / factor[i, i]
+    for i in range(span - 1, -1, -1):
+        for k in range(i + 1, span):
+            g[i] -= factor[k, i] * g[k]
+        g[i] /= factor[i, i]
+    return True
