@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from math import inf
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from scenarios.scenario import Scenario
 
 SLICE = 30
 """Displayed frames per turn: half a second of the scene."""
+PART = 10.0
+"""Seconds after which a child answers in the middle of a turn, and is asked to go on: it does not hang."""
 Loader = Callable[[str], Engine]
 Progress = Callable[[str, int], None]
 """Called with what is being done and how many frames were just finished."""
@@ -29,13 +32,17 @@ Progress = Callable[[str, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One engine, under one setting, on one scene; where the recording and the child's output go."""
+    """One engine, under one setting, on one scene; where the recording and the child's output go.
+
+    The rest of the scene is left out once the steps took longer than `budget` seconds.
+    """
 
     engine: str
     scenario: Scenario
     settings: Settings
     recording: Path
     output: Path
+    budget: float = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +55,11 @@ class Outcome:
 
 
 class Children:
-    """The children of a run, per engine and profile; a context that ends them."""
+    """The children of a run, per engine and profile; a context that ends them. `together`: all work at the
+    same time, where nobody looks at their clocks."""
 
-    def __init__(self, loader: Loader = load, patience: float = PATIENCE) -> None:
-        self._loader, self._patience = loader, patience
+    def __init__(self, loader: Loader = load, patience: float = PATIENCE, together: bool = False) -> None:
+        self._loader, self._patience, self._together = loader, patience, together
         self._kept: dict[tuple[str, str], _Child] = {}
 
     def __enter__(self) -> Children:
@@ -70,23 +78,17 @@ class Children:
         with interrupt_held():
             for job in jobs:
                 children.append(self._child(job))
+        turns = [children] if self._together else [[child] for child in children]
         for command in ("build", "warm up", "start"):
-            for child in children:
-                if child.failure is None:
-                    progress(f"{child.label}: {command}", 0)
-                    child.ask(command, child.job if command == "build" else None)
+            for turn in turns:
+                _order(turn, command, progress)
         frames = max((child.job.scenario.frame_count for child in children), default=0)
         for first in range(0, frames, SLICE):
-            for child in children:
-                count = min(SLICE, frames - first)
-                if child.failure is None:
-                    progress(child.label, 0)
-                    child.ask("play", count)
-                progress(child.label, count)
+            for turn in turns:
+                _play(turn, min(SLICE, frames - first), progress)
+        for turn in turns:
+            _order(turn, "save", progress)
         for child in children:
-            if child.failure is None:
-                progress(f"{child.label}: save", 0)
-                child.ask("save")
             if child.outcome.status == _NotSaved.status:
                 raise OSError(child.outcome.reason)
         return [child.outcome for child in children]
@@ -99,6 +101,29 @@ class Children:
             child = self._kept[key] = _Child(job, self._loader, self._patience)
         child.job = job
         return child
+
+
+def _order(turn: list[_Child], command: str, progress: Progress) -> None:
+    """Let the children of a turn obey a command."""
+    for child in turn:
+        if child.failure is None:
+            progress(f"{child.label}: {command}", 0)
+        child.send(command, child.job if command == "build" else None)
+    for child in turn:
+        child.receive()
+
+
+def _play(turn: list[_Child], frames: int, progress: Progress) -> None:
+    """Let the children of a turn play so many frames, in parts."""
+    left = dict.fromkeys(turn, frames)
+    while left:
+        for child, count in left.items():
+            progress(child.label, 0)
+            child.send("play", count)
+        # nothing is left to one that failed
+        left = {child: count for child in left if (count := child.receive())}
+    for child in turn:
+        progress(child.label, frames)
 
 
 class _NotSaved(AdapterError):
@@ -133,13 +158,13 @@ class _Run:
     def __init__(self, name: str, loader: Loader) -> None:
         self._name, self._loader = name, loader
 
-    def handle(self, command: str, argument: Any) -> None:
-        """Obey one command; they come in the order below, for each job anew."""
+    def handle(self, command: str, argument: Any) -> int:
+        """Obey one command; they come in the order below, for each job anew. How many frames are left."""
         if command == "build":
             self._job: Job = argument
             divert_output(self._job.output)
             self._engine = self._engine or self._loader(self._name)
-            return
+            return 0
         job, engine = self._job, self._engine
         assert engine is not None
         match command:
@@ -148,7 +173,8 @@ class _Run:
             case "start":
                 self._player = ready(engine, job.scenario, job.settings)
             case "play":
-                self._player.play(argument)
+                if self._player.seconds_played < job.budget:
+                    return self._player.play(argument, min(PART, job.budget))
             case "save":
                 recording = self._player.recording()
                 self._player.world.close()
@@ -156,3 +182,4 @@ class _Run:
                     recording.save(job.recording)
                 except OSError as error:
                     raise _NotSaved(error.strerror or str(error)) from error
+        return 0

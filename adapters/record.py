@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
+from math import inf
 from resource import RUSAGE_THREAD, getrusage
 from time import perf_counter
 
@@ -122,9 +123,11 @@ class Player:
         """Displayed frames so far."""
         return len(self._timings)
 
-    def play(self, frames: int) -> None:
-        """Advance by a number of displayed frames."""
-        for _ in range(frames):
+    def play(self, frames: int, most: float = inf) -> int:
+        """Advance by a number of displayed frames, or one at least until `most` seconds are over; how many
+        are left."""
+        end = perf_counter() + most
+        for left in reversed(range(frames)):
             seconds = np.zeros(3)
             counters: dict[str, float] = {}
             for substep in range(self._substeps):
@@ -135,6 +138,14 @@ class Player:
             self._stages.append(dict(self.world.stage_seconds()))
             self._counters.append(counters)
             self._keep_frame()
+            if perf_counter() > end:
+                return left
+        return 0
+
+    @property
+    def seconds_played(self) -> float:
+        """What the native steps so far took [s]."""
+        return sum(step for step, _, _ in self._timings)
 
     def _step(self, number: int) -> tuple[float, float, float]:
         """One native step; returns the seconds of step, drive and read."""

@@ -104,7 +104,7 @@ def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.Data
         (folder / "output").mkdir()
         (folder / "recordings").mkdir()
         rows: list[Row] = []
-        with Children() as children:
+        with Children(together=True) as children:
             for scenario in scenarios:
                 found = rows_of_scene(scenario, folder, children, progress)
                 rows += [judged(row, scenario.tags) for row in found]

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -143,10 +144,37 @@ def test_slices_are_interleaved(ended):
     assert len(turns) == 3 * 2 + 5 * 2
 
 
+def test_together_is_at_the_same_time(ended, scenario, tmp_path):
+    """Leave the same recordings when all play at once, and work in each other's turns."""
+    stage = Stage(tmp_path, scenario)
+    names = ["healthy", "prints", "throws", "exits"]
+    outcomes = stage.play(names, together=True)
+    assert [(outcomes[name].status, outcomes[name].reason) for name in names] == [REASONS[n] for n in names]
+    for name in ("healthy", "prints"):
+        one, two = (load(folder / f"{name}.npz").position for folder in (tmp_path, ended[0].folder))
+        np.testing.assert_array_equal(one, two)
+    assert sum(frames for _, frames in stage.progress) == FRAMES * len(names)
+    told = [label for label, frames in stage.progress if not frames]
+    # all are asked to play before the first has answered
+    assert told[told.index("healthy only") :][:4] == [f"{name} only" for name in names]
+    assert stage.alive() == []
+
+
 def test_progress_counts_every_frame_of_every_job(ended):
     """Progress adds up to all frames of all jobs, also of those that failed, so that a bar ends full."""
     assert sum(frames for _, frames in ended[0].progress) == FRAMES * len(REASONS)
     assert (f"healthy {SETTINGS.label}: save", 0) in ended[0].progress
+
+
+def test_a_budget_ends_a_scene(scenario, tmp_path):
+    """One whose budget is used up leaves out the rest, and its recording is whole as far as it goes."""
+    stage = Stage(tmp_path, scenario)
+    plain = stage.jobs
+    stage.jobs = lambda names: [replace(job, budget=1e-9) for job in plain(names)]
+    assert stage.play(["healthy"])["healthy"].status == "done"
+    kept = load(tmp_path / "healthy.npz")
+    assert (len(kept.time), len(kept.time_frame)) == (2, 1)
+    assert sum(frames for _, frames in stage.progress) == FRAMES
 
 
 def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):

@@ -155,6 +155,17 @@ def test_every_frame_is_kept_at_its_time(engine, scenario, settings):
     assert json.loads(kept.scenario)["name"] == "fake"
 
 
+def test_a_player_stops_when_its_time_is_up(engine, scenario, settings):
+    """Play a frame at least, stop after the one in which the time runs out, and go on where it stopped."""
+    player = module.Player(engine.build(scenario, settings), scenario, settings)
+    frame = SUBSTEPS * (STEP + DRIVE + READ)
+    assert player.play(FRAMES, 0.0) == FRAMES - 1
+    assert player.play(FRAMES - 1, 1.5 * frame) == FRAMES - 3
+    assert player.play(FRAMES - 3, 100 * frame) == 0
+    assert player.frames_played == FRAMES
+    assert player.seconds_played == pytest.approx(FRAMES * SUBSTEPS * STEP, rel=ROUNDING)
+
+
 def test_steps_are_driven_in_order_and_numbered(engine, scenario, settings):
     """Each step is driven with its own number just before it is made; stages are asked once a frame."""
     record(engine, scenario, settings)

@@ -61,7 +61,7 @@ def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_pat
 
     def play(**options: str) -> pd.DataFrame:
         monkeypatch.setattr(agreement, "installed", lambda engine: True)
-        monkeypatch.setattr(agreement, "Children", lambda: Player(recordings.recording, **options))
+        monkeypatch.setattr(agreement, "Children", lambda **_: Player(recordings.recording, **options))
         return run([catalogue()["fall"]], tmp_path / "out", lambda label, count: None)
 
     return play
