@@ -125,6 +125,10 @@ PROBES: tuple[Limit, ...] = (
     Limit("energy.gain", 0.05, FIRST_ORDER, scenario="probe"),
     Limit("energy.loss", 0.05, FIRST_ORDER, scenario="probe"),
     Limit("energy.injected", 0.1, "5 % of 2 J, with which bodies of 1 kg meet", scenario="probe"),
+    Limit("energy.injected", 15.0, "5 % of the 300 J and more of the fall", scenario="heap"),
+    Limit("overlap.max", 1e-2, "met at 2.4 m/s, v h at 1/240 s: found once it overlaps", scenario="heap"),
+    Limit("rest.speed", 0.05, "a ball's radius a second: nothing rolls on", scenario="settles"),
+    Limit("rest.lost", 0, "what falls into a box stays in it", scenario="settles"),
     *(Limit("energy.injected", 0.15, "5 % of the 2.9 J of the fall", scenario=scene) for scene in BOUNCES),
     *(
         Limit("energy.injected", 0.4, "5 % of the 8 J with which the light ball leaves", scenario=scene)

@@ -10,6 +10,7 @@ from reports.metrics import (
     friction,
     momentum,
     overlap,
+    rest,
     sliding,
     timing,
     truth,
@@ -31,6 +32,8 @@ _ALL = (
     Metric("events.leave", "s", "none", events.event_time("leave")),
     Metric("events.land", "s", "none", events.event_time("land")),
     Metric("events.land.place", "m", "none", events.event_place("land")),
+    Metric("rest.speed", "m/s", "lower", rest.rest_speed),
+    Metric("rest.lost", "1", "lower", rest.rest_lost),
     Metric("overlap.max", "m", "lower", overlap.overlap_max, _MM),
     Metric("overlap.p95", "m", "lower", overlap.overlap_p95, _MM),
     Metric("overlap.time", "m s", "lower", overlap.overlap_time, ("mm s", 1e3)),
@@ -65,6 +68,12 @@ _ALL = (
     Metric("time.share", "1", "none", timing.time_share),
     Metric("work", "1", "none", timing.work),
 )
+
+PAIR_METRICS = (
+    *("contact.gap", "restitution.achieved", "restitution.error"),
+    *("friction.deficit", "friction.direction"),
+)
+"""Metrics of single pairs, which tell nothing of a heap: others push at the same time."""
 
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
 IMPULSE_METRICS = (

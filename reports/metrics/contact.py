@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from adapters.engine import Array
 from reports.metrics.arcs import OPEN_GAP, Bounce, Gap, bounces, gap_of
-from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
+from reports.metrics.evidence import Evidence, NotMeasured, Value, Values, worst
 from scenarios.scenario import ORIGIN, Body, Sphere
 
 Mask = NDArray[np.bool_]
@@ -44,7 +44,7 @@ def impulse_balance(evidence: Evidence) -> Values:
             found[evidence.scenario.bodies[body].name] = float(residual / total)
     if not found:
         raise NotMeasured("no simulated body is touched")
-    return found
+    return worst(found) if "heap" in evidence.scenario.tags else found
 
 
 def _pace(evidence: Evidence, body: int) -> float:

@@ -41,6 +41,20 @@ def test_an_elliptic_hull_lies_on_its_ellipsoid(half_axes) -> None:
     np.testing.assert_allclose(vertices.mean(axis=0), 0, atol=1e-15)
 
 
+def test_a_heap_starts_apart_and_in_its_box() -> None:
+    """Drop 216 balls that touch neither each other nor the walls, in an order that is not the grid's."""
+    scene = catalogue()["balls_box"]
+    balls = np.array([body.position for body in scene.bodies if body.kind == "simulated"])
+    radius = scene.bodies[-1].pieces[0].shape.radius
+    assert len(balls) == 216
+    apart = np.linalg.norm(balls[:, None] - balls, axis=2)[np.triu_indices(216, 1)]
+    assert apart.min() > 2 * radius
+    assert np.abs(balls[:, :2]).max() + radius < 0.34
+    assert balls[:, 2].min() - radius > 0.09
+    # in the grid's order 180 of 215 follow their neighbour
+    assert (np.linalg.norm(np.diff(balls, axis=0), axis=1) < 0.12).sum() < 20
+
+
 def test_inertia_of_solids_by_quadrature() -> None:
     """Match sums over a fine grid of points."""
     half = np.array([0.3, 0.2, 0.1])
