@@ -24,9 +24,11 @@ class Ratio:
 
 
 def time_ratio(ours: Array, theirs: Array, seed: int = 0) -> Ratio:
-    """Median of `ours` over median of `theirs`; frames are resampled in pairs, for they share the noise."""
+    """Median of `ours` over that of `theirs`, as far as both go; frames are resampled in pairs, for they
+    share the noise."""
     rng = np.random.default_rng(seed)
     count = min(len(ours), len(theirs))
+    ours, theirs = ours[:count], theirs[:count]
     drawn = rng.integers(count, size=(RESAMPLES, count))
     ratios = np.median(ours[drawn], axis=1) / np.median(theirs[drawn], axis=1)
     low, high = np.percentile(ratios, [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])

@@ -2,7 +2,8 @@
 
 The recorder of `touchstone run` plays all columns in turns of half a second of the scene, then all again.
 Engines are compared at their recommended steps and at equal steps; the reference takes one step a frame in
-both. A ratio tells something where the overlap of the engine in front is no larger.
+both. A ratio tells something where the overlap of the engine in front is no larger. An engine that takes
+longer than BUDGET over a scene leaves out the rest of it; ratios are over the frames that both played.
 """
 
 from __future__ import annotations
@@ -30,11 +31,13 @@ from scenarios.scenario import Scenario
 __all__ = ["run", "show", "steps"]
 
 STUDY = "bench frame"
-TAGS = ("gallery", "probe")
+TAGS = ("gallery", "heap", "probe")
 """Scenes of these tags are played."""
 OURS, CLASSES = "balanced", ("recommended", "equal-step")
 """The reference's profile, and those of the engines, that are compared among themselves and with it."""
 REPEATS = 2
+BUDGET = 20.0
+"""Seconds of native steps after which an engine is stopped in a scene: 216 balls take DART 20 minutes."""
 METRICS = ("overlap.max", "ratio.time")
 
 Column = tuple[str, str]
@@ -64,7 +67,10 @@ def run(
     played = tuple(scenarios or scenes())
     with output_folder(out) as folder:
         results = [
-            play(Request(played, columns(), folder / f"repeat-{k + 1}", metrics=METRICS), progress)
+            play(
+                Request(played, columns(), folder / f"repeat-{k + 1}", metrics=METRICS, budget=BUDGET),
+                progress,
+            )
             for k in range(repeats)
         ]
         frame = table(rows_of_bench(results))
@@ -76,18 +82,23 @@ def run(
 def rows_of_bench(results: Sequence[Results]) -> list[Row]:
     """Overlap, time and ratios of every scene, over all repetitions; an engine that failed keeps its row."""
     first = [replace(row, study=STUDY) for row in rows_of(results[0].frame)]
-    times: dict[str, dict[Column, Array]] = {}
+    times: dict[str, dict[Column, list[Array]]] = {}
     for scenario, engine, profile in results[0].recordings:
         key = (scenario, engine, profile)
         seconds = [result.recordings[key].time_frame for result in results if key in result.recordings]
-        times.setdefault(scenario, {})[engine, profile] = np.concatenate(seconds)
+        times.setdefault(scenario, {})[engine, profile] = seconds
     rows = [row for row in first if row.metric != "ratio.time"]
     for scenario, columns_played in times.items():
         steps_of = {(r.engine, r.profile): r.dt for r in rows if r.scenario == scenario}
         for (engine, profile), sample in columns_played.items():
-            value, low, high = median_interval(sample)
+            value, low, high = median_interval(np.concatenate(sample))
             base = Row(STUDY, scenario, engine, profile, steps_of[engine, profile], "time.frame", unit="s")
-            rows.append(replace(base, value=value, low=low, high=high))
+            played, all_frames = (
+                min(map(len, sample)),
+                max(len(s) for t in columns_played.values() for s in t),
+            )
+            reason = f"its first {played} of {all_frames} frames" if played < all_frames else ""
+            rows.append(replace(base, value=value, low=low, high=high, reason=reason))
         judged = {
             (r.engine, r.subject): r for r in first if r.scenario == scenario and r.metric == "ratio.time"
         }
@@ -97,7 +108,7 @@ def rows_of_bench(results: Sequence[Results]) -> list[Row]:
 
 def _ratios(
     scenario: str,
-    times: Mapping[Column, Array],
+    times: Mapping[Column, Sequence[Array]],
     steps_of: Mapping[Column, float],
     judged: Mapping[tuple[str, str], Row],
 ) -> list[Row]:
@@ -106,7 +117,8 @@ def _ratios(
     for mine, other in permutations(times, 2):
         if not _comparable(mine, other):
             continue
-        ratio = time_ratio(times[mine], times[other])
+        both = [(a[: len(b)], b[: len(a)]) for a, b in zip(times[mine], times[other])]
+        ratio = time_ratio(np.concatenate([a for a, _ in both]), np.concatenate([b for _, b in both]))
         row = Row(STUDY, scenario, *mine, steps_of[mine], "ratio.time", ratio.value, "1", " ".join(other))
         row = replace(row, low=ratio.low, high=ratio.high)
         asked = judged.get((mine[0], row.subject))

@@ -5,11 +5,21 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.bench.tables import MICRO, print_remarks, spread_text, table_of, value_text
+from reports.bench.tables import (
+    MICRO,
+    interval_text,
+    limit_text,
+    print_remarks,
+    spread_text,
+    table_of,
+    value_text,
+)
 from reports.results import Row, rows_of
 from reports.run import REFERENCE, step_text
+from reports.tables import exact_number
 
 MILLI = 1e3
+JUDGED = ("scene", "over the fastest", "frame [µs]", "ratio", "95 % interval", "limit", "overlap")
 DEEPER = " °"
 NOTES = (
     "median frame, also over that of the other engines; ±: how far its 95 % interval reaches",
@@ -31,7 +41,28 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             for column in columns:
                 table.add_row(*_cells(rows, column, columns))
             out.print(table)
+        for key in timed:
+            if reason := rows[*key, "time.frame", ""].reason:
+                out.print(f"{' '.join(key)}: {reason}", highlight=False)
+    _show_judged(frame, out)
     print_remarks(frame[frame.metric.isin(["run", "ratio.time"])], out, NOTES)
+
+
+def _show_judged(frame: pd.DataFrame, out: Console) -> None:
+    """One row per ratio with a limit: the reference over the fastest engine of a class of steps."""
+    table = table_of("bench frame: the reference over the fastest engine", JUDGED, left=2)
+    times = {(r.scenario, r.engine, r.profile): r.value for r in rows_of(frame[frame.metric == "time.frame"])}
+    for row in rows_of(frame[(frame.metric == "ratio.time") & (frame.verdict != "")]):
+        table.add_row(
+            row.scenario,
+            row.subject,
+            exact_number(times[row.scenario, row.engine, row.profile] * MICRO),
+            value_text(row),
+            interval_text(row),
+            limit_text(row),
+            row.reason.rpartition("overlap ")[2],
+        )
+    out.print(table)
 
 
 def _cells(

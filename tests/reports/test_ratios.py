@@ -22,6 +22,14 @@ def test_a_constant_ratio_is_exact():
     assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.25, 0.25, 0.25), rel=1e-12)
 
 
+def test_only_what_both_played_counts():
+    """Leave out frames that the other did not play, whichever is longer."""
+    theirs = noisy(1, 1e-4)
+    longer = np.concatenate([theirs / 4, np.ones(300)])
+    for ratio in (time_ratio(longer, theirs), time_ratio(theirs / 4, np.append(theirs, np.ones(300)))):
+        assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.25, 0.25, 0.25), rel=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_interval_holds_value_and_truth(seed):
     """The interval holds the ratio of medians and the truth and is a few percent wide, spikes or not."""

@@ -11,7 +11,7 @@ import pytest
 
 from reports.bench import frame
 from reports.results import Row, table
-from reports.run import Results
+from reports.run import Results, ratio_limits
 from scenarios.catalogue import catalogue
 
 
@@ -81,6 +81,40 @@ def test_repetitions_are_pooled(registry) -> None:
     assert 1e-3 <= row.low <= row.high <= 9e-3
 
 
+def test_a_short_engine_is_compared_as_far_as_it_goes(registry) -> None:
+    """Take the ratio over the frames that both played in each repetition, and tell how many they were."""
+    result = recordings({("reference", "balanced"): 1.0, ("bullet", "recommended"): 4.0}, registry)
+    ours, theirs = (
+        ("ball_snip", *column) for column in (("reference", "balanced"), ("bullet", "recommended"))
+    )
+    late = np.where(np.arange(180) < 40, 1e-3, 1.0)
+    result.recordings[ours] = replace(result.recordings[ours], time_frame=late)
+    result.recordings[theirs] = replace(result.recordings[theirs], time_frame=np.full(40, 4e-3))
+    rows = frame.rows_of_bench([result] * 2)
+    ratios = {r.engine: r for r in rows if r.metric == "ratio.time"}
+    assert ratios["reference"].value == pytest.approx(0.25, rel=1e-12)
+    assert (ratios["reference"].verdict, ratios["reference"].limit) == ("pass", 0.5)
+    told = {r.engine: r.reason for r in rows if r.metric == "time.frame"}
+    assert told == {"reference": "", "bullet": "its first 40 of 180 frames"}
+
+
+def held(recordings, lab, count: int, *tags: str) -> dict[str, float]:
+    """Limits for a scene in which so many contacts hold in six frames of ten, none in the others."""
+    scene = replace(lab.scene(lab.ball(), lab.ground(), duration=1 / 6), tags=tags)
+    times = [(k + 0.5) / 60 for k in range(6) for _ in range(count)]
+    return ratio_limits(
+        scene, recordings.recording(scene, contacts=recordings.contacts(*({"time": t} for t in times)))
+    )
+
+
+def test_limits_follow_the_contacts_that_hold(recordings, lab) -> None:
+    """Ask half the fastest engine's time where more than ten contacts hold, and no more at equal steps."""
+    many = {"recommended": 0.5, "equal-step": 1.0}
+    assert held(recordings, lab, 10, "probe") == {"recommended": 1.0}
+    assert held(recordings, lab, 11, "probe") == held(recordings, lab, 11, "heap") == many
+    assert held(recordings, lab, 10, "gallery") == {"recommended": 0.5}
+
+
 def test_frames_are_shown_with_their_overlap(registry, shown) -> None:
     """Show two tables, what is missing, and which ratio comes with deeper overlap."""
     text = shown(frame, table(frame.rows_of_bench([recordings(TIMES, registry)])))
@@ -89,6 +123,11 @@ def test_frames_are_shown_with_their_overlap(registry, shown) -> None:
     assert "overlap [mm]" in text
     assert "0.250 ±0 %" in text  # the reference over dart
     assert "4.00 ±0 % °" in text  # dart over the reference
+    judged = text[text.index("the reference over the fastest engine") :]
+    assert "ball_snip" in judged
+    assert "bullet recommended" in judged
+    assert "0.100 to 0.100" in judged
+    assert "pass 0.5" in judged
     assert "skipped: mujoco: not installed" in text
     assert "…" not in text
 
@@ -117,7 +156,7 @@ def test_frame_writes_every_repetition(monkeypatch, tmp_path: Path, registry) ->
 def test_frame_plays_all_tagged_scenes() -> None:
     """Count frames of every scene of the gallery in every column and repetition."""
     names = [scenario.name for scenario in frame.scenes()]
-    assert "ball_snip" in names
+    assert {"ball_snip", "balls_box", "stack"} <= set(names)
     assert len(names) == len(set(names))
     scene = catalogue()["ball_snip"]
     assert frame.steps([scene], repeats=3) == 3 * len(frame.columns()) * scene.frame_count
