@@ -63,7 +63,7 @@ def test_a_tower_stands(lab: SimpleNamespace, boxes: int) -> None:
     ],
 )
 def test_a_pushed_tower_obeys_coulomb(lab: SimpleNamespace, top, spin) -> None:
-    """Push the topmost of five boxes: friction stops it, or brakes it, or brakes its turn too, in its cone."""
+    """Push the topmost of five boxes: friction stops it, brakes it, or brakes its turn too, in the cone."""
     world = tower(lab, 5, top, spin)
     lab.play(world, 1)
     assert lab.counters(world)["unconverged"] == 0
