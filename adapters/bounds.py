@@ -30,7 +30,10 @@ REACH = 0.3
 POSTURE = 0.1
 """How much nearer two links of one driven body may come than their tracker shows them [m]."""
 SLACK = 0.05
-"""How far a simulated body may be off its closed form or its energy's reach [m]: errors of engines' steps."""
+"""How far a simulated body may be off its closed form or its energy's reach [m], beside the error g h T / 2
+of a first-order step of a displayed frame."""
+GAIN = 2.0
+"""Factor of a speed that laws which gain energy may add [1]: Newton's with friction, mu j always."""
 SAMPLES = 4
 """Of a tracker per displayed frame."""
 MANY = 3000
@@ -103,12 +106,13 @@ def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
 def _fly(scenario: Scenario, world: World, low: Array, high: Array) -> None:
     """Boxes of simulated bodies' origins in free flight."""
     g, end = np.array(scenario.acting_gravity), scenario.duration
+    slack = SLACK + float(np.linalg.norm(g)) * end / (2 * scenario.frame_rate)
     for k in np.flatnonzero([b.kind == "simulated" for b in scenario.bodies]):
         row = world.bodies[k]
         v = row["velocity"]
         top = np.clip(np.divide(-v, g, out=np.zeros(3), where=g != 0), 0.0, end)
         way = np.array([np.zeros(3), v * top + g * top**2 / 2, v * end + g * end**2 / 2])
-        around = np.linalg.norm(row["center_of_mass"]) + SLACK
+        around = np.linalg.norm(row["center_of_mass"]) + slack
         low[k] = row["center"] + way.min(axis=0) - around
         high[k] = row["center"] + way.max(axis=0) + around
 
@@ -169,7 +173,7 @@ def _spread(
             row["omega"] @ row["rotation"] @ row["inertia"] @ row["rotation"].T @ row["omega"] for row in rows
         ]
         total = np.sqrt(float((rows["mass"] * (rows["velocity"] ** 2).sum(axis=1)).sum() + np.sum(spins)))
-        path = total * end + g * np.sqrt(rows["mass"].sum()) * end**2 / 2
+        path = GAIN * (total * end + g * np.sqrt(rows["mass"].sum()) * end**2 / 2)
         around = path / np.sqrt(rows["mass"]) + np.linalg.norm(rows["center_of_mass"], axis=1) + SLACK
         if state[one] == 2:
             around[:] = np.inf

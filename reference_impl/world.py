@@ -298,7 +298,7 @@ STATE = _record(
     held_pieces=("i8", (HOLD_MEMORY, 2)),
     held_point=("f8", (HOLD_MEMORY, 3)),
     held_force=("f8", (HOLD_MEMORY, 3)),
-    # scratch of Anderson's acceleration: sweeps kept, size of the last one's step, changes of steps and of answers
+    # scratch of Anderson's acceleration: sweeps kept, size of the last step, changes of steps and of answers
     # from sweep to sweep, normal equations of their weights
     steps="i8",
     step_size="f8",

@@ -17,7 +17,7 @@ from scenarios.catalogue import catalogue
 from scenarios.effects import PLANNED
 
 FRAME = 1 / 60
-SHORT = [name for name, scene in catalogue().items() if "stack" not in name and scene.duration < 5]
+SHORT = [name for name, one in catalogue().items() if "heap" not in one.tags and one.duration < 5]
 
 
 def assert_same(one, two) -> None:

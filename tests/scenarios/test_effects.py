@@ -62,11 +62,11 @@ def test_energy_passed_on(lab: SimpleNamespace) -> None:
     fast = lab.ball("fast", (-1.0, 0.0, 0.0), linear_velocity=(3.0, 0.0, 0.0))
     target, wall = (
         lab.ball("target", (0.0, 0.0, 0.0)),
-        lab.block("wall", (0.1, 1.0, 1.0), (2.5, 0.0, 0.0), "fixed"),
+        lab.block("wall", (0.1, 1.0, 1.0), (5.5, 0.0, 0.0), "fixed"),
     )
     still = {"gravity": (0.0, 0.0, 0.0)}
     assert planned(lab.scene(fast, target, wall, e=1.0, **still)).pairs == ((0, 1), (1, 2))
-    far = lab.block("wall", (0.1, 1.0, 1.0), (3.5, 0.0, 0.0), "fixed")
+    far = lab.block("wall", (0.1, 1.0, 1.0), (6.5, 0.0, 0.0), "fixed")
     assert planned(lab.scene(fast, target, far, e=1.0, **still)).pairs == ((0, 1),)
 
 
