@@ -58,6 +58,7 @@ _ALL = (
     Metric("energy.gain", "1", "lower", energy.energy_gain),
     Metric("energy.loss", "1", "lower", energy.energy_loss),
     Metric("energy.injected", "J", "lower", energy.energy_injected, ("mJ", 1e3)),
+    Metric("energy.ledger", "J", "none", energy.energy_ledger, ("mJ", 1e3)),
     Metric("time.frame.median", "s", "lower", timing.time_frame("median"), _US),
     Metric("time.frame.p95", "s", "lower", timing.time_frame("p95"), _US),
     Metric("time.frame.p99", "s", "lower", timing.time_frame("p99"), _US),

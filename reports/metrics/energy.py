@@ -59,6 +59,29 @@ def energy_injected(evidence: Evidence) -> Values:
     return found
 
 
+def energy_ledger(evidence: Evidence) -> Values:
+    """Energy that simulated bodies gain over the run, per mechanism [J], where the engine tells it.
+
+    friction, restitution: J . (v- + v+) / 2 along the contact and along its normal, v of B against A, without
+    contacts of driven bodies; drive: the work of those; correction: what is left of the change of K + U, which
+    is what poses were corrected by, and integration. Truth: nothing above zero but drive.
+    """
+    if evidence.recording.facts["engine"] != "reference":
+        raise NotMeasured("only the reference tells impulses with the velocities before and after each")
+    rows, kind = evidence.recording.contacts, np.array(evidence.kind)
+    free = (kind[rows["body_a"]] != "driven") & (kind[rows["body_b"]] != "driven")
+    normal, tangential = evidence.impulses
+    mean = rows["velocity_b_before"] - rows["velocity_a_before"]
+    mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
+    friction = np.einsum("ij,ij->i", tangential, mean)[free].sum()
+    restitution = (normal * np.einsum("ij,ij->i", rows["normal"], mean))[free].sum()
+    drive = _work_of_driven_contacts(evidence)[-1]
+    energy = _mechanical(evidence, evidence.simulated)
+    correction = energy[-1] - energy[0] - friction - restitution - drive
+    told = {"friction": friction, "restitution": restitution, "drive": drive, "correction": correction}
+    return {name: float(value) for name, value in told.items()}
+
+
 def _stores(evidence: Evidence) -> Array:
     """Frames in which a simulated body overlaps by more than STORING: a soft contact stores energy then."""
     kind = evidence.kind
