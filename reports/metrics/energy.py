@@ -63,7 +63,7 @@ def energy_ledger(evidence: Evidence) -> Values:
     """Energy that simulated bodies gain over the run, per mechanism [J], where the engine tells it.
 
     friction, restitution: J . (v- + v+) / 2 along the contact and along its normal, v of B against A, without
-    contacts of driven bodies; drive: the work of those; correction: what is left of the change of K + U, which
+    contacts of driven bodies; drive: the work of those; correction: what is left of the change of K + U, that
     is what poses were corrected by, and integration. Truth: nothing above zero but drive.
     """
     if evidence.recording.facts["engine"] != "reference":
