@@ -184,6 +184,8 @@ PATCH_VERTICES = 64
 """Vertices of a face that count in a patch."""
 CROWD_SUBSTEPS = 8
 """Parts into which a crowded rest of a frame is divided at most."""
+CROWD_EVENTS = 32
+"""Events after which a frame counts as crowded: half of EVENT_CAP, beyond which its time would be dropped."""
 CROWD_SLACK = 0.25
 """Approach, over the resting speed 2 g h, that near pairs may gain within a substep [1]: more of them are
 rows, or fewer meet unforeseen."""

@@ -1,11 +1,11 @@
 """Contacts of a crowded substep: pairs that may meet within it count as contacts ahead of their time.
 
 A heap of bodies has more impacts a frame than can be resolved one moment after the other. Where a frame has
-used up its `event_rows`, what is left of it goes in a few substeps. A near pair then is a row like any other,
-but may still close its gap within the substep: `close` is the speed that takes. Impacts come a little early,
-at a gap that they would have closed within the substep. None is missed: what meets unforeseen is an event as
-ever. And nothing overlaps for it: the distance of convex pieces is no less than their gap along a normal
-(speculative contacts: Anitescu & Potra 1997; Catto 2013).
+used up its `event_rows`, or CROWD_EVENTS, what is left of it goes in a few substeps. A near pair then is a
+row like any other, but may still close its gap within the substep: `close` is the speed that takes. Impacts
+come a little early, at a gap that they would have closed within the substep. None is missed: what meets
+unforeseen is an event as ever. And nothing overlaps for it: the distance of convex pieces is no less than
+their gap along a normal (speculative contacts: Anitescu & Potra 1997; Catto 2013).
 """
 
 from math import ceil, sqrt
@@ -14,7 +14,9 @@ from reference_impl.contact import surface_velocity
 from reference_impl.contact_patch import expand_patches
 from reference_impl.conventions import (
     COUNT_CROWDED,
+    COUNT_EVENTS,
     COUNT_UNCONVERGED,
+    CROWD_EVENTS,
     CROWD_SLACK,
     CROWD_SUBSTEPS,
     IMPACT_SLACK,
@@ -33,7 +35,7 @@ from reference_impl.sweep import gap_along, place_pair, sweep
 
 @kernel
 def gather_contacts(bodies, pieces, vertices, pairs, state, left):
-    """Contacts of the next substep, and its length: near pairs too where the frame would exceed `event_rows`.
+    """Contacts of the next substep, and its length: near pairs too where the frame is crowded.
 
     Args:
         left: what is left of the frame [s].
@@ -41,8 +43,9 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
         (end, h): `pairs[:end]` are the contacts, a row for every point of a patch, with the speeds at which
         they may `close`; length of the substep [s].
     """
-    # as many rows are expected as there were last
+    # as many rows are expected as there were last; and events run out, too, before the frame's time does
     crowded = state["rows"] + state["last_rows"] > state["event_rows"]
+    crowded = crowded or state["counters"][COUNT_EVENTS] >= CROWD_EVENTS
     end, h = 0, left
     if not crowded:
         end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)

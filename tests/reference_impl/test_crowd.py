@@ -7,7 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.conventions import CROWD_SUBSTEPS, OVERLAP_TOLERANCE, TOUCH_CLOSED
+from reference_impl.conventions import (
+    CROWD_SUBSTEPS,
+    EVENT_CAP,
+    IMPACT_SLACK,
+    IMPACT_TARGET,
+    OVERLAP_TOLERANCE,
+    TOUCH_CLOSED,
+)
 from reference_impl.pipeline import step
 from scenarios.scenario import ORIGIN
 
@@ -40,6 +47,27 @@ def test_only_crowded_frames_count(lab: SimpleNamespace) -> None:
         for _ in range(2):
             step(*world)
             assert lab.counters(world)["crowded"] == expected
+
+
+def test_no_time_is_lost_to_events(lab: SimpleNamespace) -> None:
+    """Play the whole frame where more balls than a frame has events land and leave one after the other."""
+    gaps = 2e-4 * np.arange(1, 71)
+    balls = [
+        lab.ball(f"ball_{k}", (0.2 * k, 0.0, float(RADIUS + gap)), linear_velocity=(0.0, 0.0, -1.0))
+        for k, gap in enumerate(gaps)
+    ]
+    world = lab.build(lab.scene(*balls, lab.ground(), e=1.0, gravity=ORIGIN))
+    step(*world)
+    counted = lab.counters(world)
+    assert (counted["gave_up"], counted["crowded"] > 0) == (0, True)
+    assert counted["events"] < EVENT_CAP
+    np.testing.assert_allclose(world.bodies["velocity"][:70, 2], 1.0, rtol=1e-12)
+    # early by twice what an impact is taken ahead, and by a substep at most once the frame is crowded
+    late = world.bodies["position"][:70, 2] - RADIUS - (1 / 60 - gaps)
+    ahead = 2 * (IMPACT_TARGET + IMPACT_SLACK)
+    assert np.abs(late[:30]).max() <= ahead
+    assert late.min() >= 0
+    assert late.max() <= 2 / 60 / CROWD_SUBSTEPS
 
 
 def test_a_near_pair_closes_its_gap(lab: SimpleNamespace) -> None:
