@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import inf, isnan
@@ -35,6 +35,8 @@ MANY_CONTACTS = 10
 SAME_DEPTH = 1e-8
 """Overlap below which none is larger [m]: the oracle's tolerance."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
+NEEDED = ("overlap.max", "contact.impulse_balance")
+"""Metrics that others are judged by."""
 DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
 __all__ = ["OutputError", "Request", "Results", "columns_of", "measured", "run", "step_text"]
@@ -83,7 +85,7 @@ def run(request: Request, progress: Progress) -> Results:
         with Children() as children:
             for scenario in request.scenarios:
                 outcomes, missing = _play(request, scenario, folder, children, progress)
-                rows += _judge(scenario, outcomes, recordings, progress) + missing
+                rows += _judge(request, scenario, outcomes, recordings, progress) + missing
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
         results = Results(table(wanted), recordings)
         save(results.frame, folder)
@@ -116,6 +118,7 @@ def _play(
 
 
 def _judge(
+    request: Request,
     scenario: Scenario,
     outcomes: list[Outcome],
     recordings: dict[tuple[str, str, str], Recording],
@@ -135,7 +138,8 @@ def _judge(
         recording = load(job.recording)
         played[job.engine, label] = recording
         recordings[scenario.name, job.engine, label] = recording
-        rows += [_excused(row, recording, scenario.tags) for row in measured(base, scenario, recording)]
+        found = measured(base, scenario, recording, request.metrics)
+        rows += [_excused(row, recording, scenario.tags) for row in found]
     rows += _ratios(scenario, played, rows) + _spreads(scenario, rows)
     return [judged(row, scenario.tags) for row in rows]
 
@@ -151,11 +155,14 @@ def _excused(row: Row, recording: Recording, tags: tuple[str, ...]) -> Row:
     return replace(found, verdict="known", reason=reason)
 
 
-def measured(base: Row, scenario: Scenario, recording: Recording) -> list[Row]:
-    """One row per metric and subject of a recording."""
+def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence[str] = ()) -> list[Row]:
+    """One row per metric and subject of a recording: of all metrics, or of those named and what they need."""
     evidence = Evidence(recording, scenario)
     rows: list[Row] = []
+    asked = {name.removesuffix(".spread") for name in only} | set(NEEDED if only else METRICS)
     for metric in METRICS.values():
+        if metric.name not in asked:
+            continue
         row = replace(base, metric=metric.name, unit=metric.unit)
         if "heap" in scenario.tags and metric.name in PAIR_METRICS:
             rows.append(replace(row, verdict="skipped", reason="a heap has hundreds of pairs at a time"))

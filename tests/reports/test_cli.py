@@ -23,7 +23,7 @@ from reports import cli, limits
 from reports import run as study
 from reports.limits import Limit
 from reports.metrics import METRICS
-from reports.results import COLUMNS
+from reports.results import COLUMNS, Row
 from scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
@@ -233,6 +233,17 @@ def test_chosen_metrics_alone_are_reported(touchstone, quick):
         *RUN, "--out", "r", "--format", "json", "--metric", "overlap.max", "--metric", "work"
     )
     assert {row["metric"] for row in json.loads(out)} == {"overlap.max", "work"}
+
+
+def test_what_is_not_asked_is_not_measured(registry):
+    """Measure what is named and what that is judged by; the values are those of a whole run."""
+    scenario, recording = catalogue()["ball_snip"], registry.played("ball_snip", "reference")
+    base = Row("run", "ball_snip", "reference", "balanced", 1 / 60, "run")
+    some = study.measured(base, scenario, recording, ("events.roll.spread", "friction.cone"))
+    assert {row.metric for row in some} == {"events.roll", "friction.cone", *study.NEEDED}
+    every = study.measured(base, scenario, recording)
+    assert {row.metric for row in every} == set(METRICS)
+    assert set(map(repr, some)) <= set(map(repr, every))
 
 
 def test_changed_settings_are_told_everywhere(touchstone, tmp_path):
