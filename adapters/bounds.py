@@ -1,9 +1,10 @@
 """What the bodies of a scenario can reach at most, by the reference's kinematics and by energy.
 
-Fixed pieces stay. A driven body's links keep to their tracker's way, up to REACH. A simulated body that meets
-nothing flies in closed form. One that can meet others keeps within what its energy allows: impacts and
-friction take energy away, and gravity adds speed at most at g to all that can pass it on. One that a driven
-body can meet is not bounded at all. A run watches that bodies keep to it: `Watch`.
+Fixed pieces stay. A driven body's links keep to their tracker's way, up to REACH; those of chains to a ball
+round the chain's root, in which they bend as they must. A simulated body that meets nothing flies in closed
+form. One that can meet others keeps within what its energy allows: impacts and friction take energy away, and
+gravity adds speed at most at g to all that can pass it on. One that a driven body can meet is not bounded at
+all. A run watches that bodies keep to it: `Watch`.
 """
 
 from __future__ import annotations
@@ -95,12 +96,26 @@ def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
             joints["angle"] = motion.angle[k]
             pose_links(world.bodies, world.joints, driver)
             way[k] = world.bodies["position"][links]
+        anchor, arm = _anchors(world, joints, links)
+        way, around = way[:, anchor], reach[links] + arm
         between = np.linalg.norm(way[:, :, None] - way[:, None], axis=-1).min(axis=0)
-        own[np.ix_(links, links)] = between - reach[links, None] - reach[links] - POSTURE
+        own[np.ix_(links, links)] = between - around[:, None] - around - POSTURE
         # a link goes on between samples
-        step = np.abs(np.diff(way, axis=0)).max(initial=0.0)
-        low[links], high[links] = way.min(axis=0) - REACH - step, way.max(axis=0) + REACH + step
+        spread = (REACH + np.abs(np.diff(way, axis=0)).max(initial=0.0) + arm)[:, None]
+        low[links], high[links] = way.min(axis=0) - spread, way.max(axis=0) + spread
     return np.maximum(own, 0.0)
+
+
+def _anchors(world: World, joints: Array, links: list[int]) -> tuple[Indices, Array]:
+    """What each link's origin stays near, by index in `links`, and how near [m]: itself where its tracker
+    poses it, the root of its chain where inverse kinematics does, at most stretched."""
+    anchor, arm = np.arange(len(links)), np.zeros(len(links))
+    for joint in joints:
+        inner, link = links.index(joint["parent"]), links.index(joint["child"])
+        if world.bodies["chain"][joint["parent"]] >= 0:
+            anchor[link] = anchor[inner]
+            arm[link] = arm[inner] + np.linalg.norm(joint["position"])
+    return anchor, arm
 
 
 def _fly(scenario: Scenario, world: World, low: Array, high: Array) -> None:
