@@ -52,6 +52,33 @@ def narrow_phase(
     exit_for(frame.verdict, frame.reason, by_name=False)
 
 
+@study.command("ik")
+def inverse_kinematics(
+    goals: Annotated[int, typer.Option(help="Random reachable goals of the avatar's left arm.")] = 10_000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random postures.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/ik-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
+    from reports.output import OutputError
+    from reports.studies.inverse_kinematics import GoalsError, run, steps
+
+    folder = out or folder_of_now("ik-")
+    try:
+        with progress_for(steps(goals), quiet) as progress:
+            frame = run(goals, seed, folder, progress)
+    except (GoalsError, OutputError) as error:
+        stop(str(error), BAD_INPUT)
+    if not printed(frame, output) and not quiet:
+        from reports.studies.inverse_kinematics_table import show as show_study
+        from reports.terminal import console
+
+        show_study(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, by_name=False)
+
+
 @study.command("calibration")
 def calibration(
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,

@@ -9,13 +9,15 @@ costs stands apart. The loop gets the chain alone and no reach cones.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from adapters.engine import Array
 from adapters.oracles.articulated import DampedLeastSquares
@@ -27,8 +29,10 @@ from reference_impl.kernel import clock, kernel
 from reference_impl.reach_cone import keep_in_cone
 from reference_impl.skeleton import pose_links
 from reports.limits import judged
+from reports.output import output_folder
+from reports.progress import Progress
 from reports.ratios import median_interval, time_ratio
-from reports.results import Row
+from reports.results import Row, save, save_manifest, table
 from scenarios.avatar import HAND_LENGTH, avatar_parts, standing_tracker
 from scenarios.materials import TABLE_1
 from scenarios.scenario import Scenario, Vector
@@ -46,7 +50,6 @@ SOLVERS = (("reference", "balanced"), ("reference", "accurate"), ("pinocchio", "
 MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
 CROSSINGS = 1000
 Answer = Sequence[Any]
-Progress = Callable[[str, int], None]
 
 
 class GoalsError(Exception):
@@ -150,6 +153,22 @@ def _draw_one(arm: Arm, rng: np.random.Generator, lower: Array, upper: Array) ->
         angles = rng.uniform(lower, upper)
         if arm.allows(angles):
             return angles
+
+
+def steps(goals: int) -> int:
+    """Progress of a whole run: goals times starts."""
+    return goals * len(STARTS)
+
+
+def run(goals: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
+    """Measure all solvers and store rows and manifest; the folder appears whole or not at all."""
+    with output_folder(out) as folder:
+        frame = table(rows(goals, seed, progress))
+        save(frame, folder)
+        facts = {"study": STUDY, "goals": goals, "seed": seed, "tolerance": IK_TOLERANCE, "passes": IK_CAP}
+        loop = {"damping": DAMPING, "steps": STEPS}
+        save_manifest(folder, {**facts, "chain": CHAIN, "pinocchio": loop})
+    return frame
 
 
 def rows(count: int, seed: int, progress: Progress) -> list[Row]:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from math import isnan
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from rich.console import Console
 
+from reports import cli
 from reports.results import table
-from reports.studies.inverse_kinematics import NEAR, SOLVERS, STARTS, Arm, GoalsError, draw, rows
+from reports.studies.inverse_kinematics import NEAR, SOLVERS, STARTS, Arm, GoalsError, draw, rows, run
+from reports.studies.inverse_kinematics_table import show
 
 GOALS = 40
 MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]
@@ -76,3 +82,33 @@ def test_no_goals_are_one_line() -> None:
     """Say what was found and expected."""
     with pytest.raises(GoalsError, match=r"^--goals 0: expected at least 1$"):
         rows(0, 0, silence)
+
+
+def test_files_and_table_are_complete(tmp_path: Path) -> None:
+    """Store the rows and a manifest, and show each start with each solver."""
+    frame = run(5, 1, tmp_path / "ik", silence)
+    assert {path.name for path in (tmp_path / "ik").iterdir()} == {
+        *("results.parquet", "results.csv", "manifest.json")
+    }
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "ik" / "results.parquet"), frame)
+    console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
+    show(frame, console)
+    lines = console.export_text().splitlines()
+    for start in STARTS:
+        for engine, profile in SOLVERS:
+            (line,) = (line for line in lines if line.startswith(start) and f"{engine} {profile}" in line)
+            mine = frame[(frame.scenario == start) & (frame.engine == engine) & (frame.profile == profile)]
+            longest = mine[(mine.metric == "ik.passes") & (mine.subject == "max")].value.item()
+            assert f" {longest:.0f} " in line
+    assert "…" not in "".join(lines)
+
+
+def test_the_command_refuses_no_goals(tmp_path: Path, monkeypatch, capfd) -> None:
+    """End with one line and status 2, and leave nothing behind."""
+    arguments = ["touchstone", "study", "ik", "--goals", "0", "--out", str(tmp_path / "ik"), "--quiet"]
+    monkeypatch.setattr(sys, "argv", arguments)
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    assert capfd.readouterr().err.splitlines()[-1].endswith("--goals 0: expected at least 1")
+    assert not list(tmp_path.iterdir())
