@@ -18,8 +18,11 @@ from adapters.reference_settings import configure, describe
 from adapters.registry import ENGINES
 from adapters.translation import translate
 from reference_impl import conventions
+from reference_impl.conventions import DRIVEN
+from reference_impl.detection import detect
 from reference_impl.kernel import CACHE_FOLDER, JIT, kernel
 from reference_impl.pipeline import prepare, step
+from reference_impl.world import World
 from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 from scenarios.tracking import TrackerMotion, sample
@@ -87,6 +90,29 @@ class _World:
         self._next = 0
         self._stages = np.zeros(len(conventions.STAGES))
         prepare(*self._world)
+        if not self._world.drivers["has_free"].all():
+            self._refuse_stuck()
+
+    def _refuse_stuck(self) -> None:
+        """Refuse a tracker that starts in an overlap which the first frame does not resolve."""
+        self._aim_at(0)
+        trial = World(*(array.copy() for array in self._world))
+        step(*trial)
+        for driver in np.flatnonzero(trial.drivers["is_free"] == 0).tolist():
+            end, _ = detect(
+                trial.bodies, trial.pieces, trial.vertices, trial.pairs, trial.state[0], DRIVEN, 0
+            )
+            mine = [
+                pair
+                for pair in trial.pairs[:end]
+                if driver in trial.bodies["driver"][[pair["body_a"], pair["body_b"]]]
+            ]
+            deepest = min(mine, key=lambda pair: pair["distance"])
+            a, b = (self._scenario.bodies[deepest[side]].name for side in ("body_a", "body_b"))
+            raise AdapterError(
+                f"reference: trackers[{driver}] starts stuck: in frame 1 {a!r} and {b!r} overlap by "
+                f"{-deepest['distance']:.3g} m and no way out is found; start it free of overlap"
+            )
 
     def drive(self, step: int) -> None:
         """Choose the frame; its targets are read inside the step, which contains the reference's drive."""
@@ -94,9 +120,13 @@ class _World:
 
     def step(self) -> None:
         """One frame: hand the tracker over, then the compiled step."""
-        for target, motion, ahead in self._targets:
-            target[:] = motion[self._next + ahead]
+        self._aim_at(self._next)
         step(*self._world)
+
+    def _aim_at(self, frame: int) -> None:
+        """Hand over the tracker at a frame's start and end."""
+        for target, motion, ahead in self._targets:
+            target[:] = motion[frame + ahead]
 
     def _aim(self, driver: int, first: int, motion: TrackerMotion) -> int:
         """Pair each target of a driver, as a view of the arrays, with its motion and with the frames it looks
