@@ -129,6 +129,20 @@ _TABLE: tuple[Setting, ...] = (
         "walked from the frame before, only where that is proved to be exact, or found anew",
     ),
     Choice(
+        "posture",
+        {"ccd": conventions.POSTURE_CCD, "least_turn": conventions.POSTURE_LEAST_TURN},
+        ("ccd", "least_turn", "least_turn"),
+        "chains come free link by link by inverse kinematics, or by the smallest turns for all links at once",
+    ),
+    Range(
+        "attraction_parts",
+        1,
+        64,
+        "",
+        ("1", "8", "8"),
+        "parts of a frame in which chains go towards the tracker, each with its own overlap removal",
+    ),
+    Choice(
         "angle",
         {"acos": conventions.ANGLE_ACOS, "atan2": conventions.ANGLE_ATAN2},
         ("acos", "atan2", "atan2"),

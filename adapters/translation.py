@@ -85,6 +85,7 @@ def _bodies(scenario: Scenario) -> np.ndarray:
         row["mass"] = body.mass
         row["inverse_mass"] = 1 / body.mass if body.kind == "simulated" else 0.0
         row["center_of_mass"], row["inertia"] = body.center_of_mass, body.inertia
+        row["axis"] = np.linalg.eigh(row["inertia"])[1][:, 0]
         row["position"], row["orientation"] = body.position, body.orientation
         row["rotation"] = matrix(body.orientation)
         row["center"] = row["position"] + row["rotation"] @ row["center_of_mass"]
@@ -180,6 +181,8 @@ def _set_chains(scenario: Scenario, world: World) -> None:
         driver = world.drivers[world.bodies[world.joints[first]["child"]]["driver"]]
         if driver["chain_count"] == CHAIN_CAPACITY:
             raise Unsupported(f"reference: more than {CHAIN_CAPACITY} chains in one driven body")
+        if count > conventions.CHAIN_JOINTS:
+            raise Unsupported(f"reference: {count} joints in a chain, at most {conventions.CHAIN_JOINTS}")
         driver["chains"][driver["chain_count"]] = first, first + count - 1
         world.joints["chain"][first : first + count] = driver["chain_count"]
         driver["chain_count"] += 1

@@ -1,19 +1,20 @@
-"""The links of chains are freed of overlap by inverse kinematics (method, section 4)."""
+"""Links of chains are freed of overlap, by inverse kinematics or by the least turn (method, section 4)."""
 
 from reference_impl.accurate_ik import next_random
-from reference_impl.ccd_ik import ccd_ik, distance, pose_angles
+from reference_impl.chain_depth import chain_depth
+from reference_impl.chain_reach import aim, bend, bring_out
 from reference_impl.conventions import (
-    BEND,
-    CHAIN_PASSES,
+    BEND_ROUNDS,
     CHAIN_ROUNDS,
-    CHAIN_TOLERANCE,
     COUNT_IK_ITERATIONS,
     COUNT_IK_JOINTS,
     COUNT_IK_ROUNDS,
+    POSTURE_LEAST_TURN,
     STRETCHED,
 )
 from reference_impl.detection import detect_for, is_free
 from reference_impl.kernel import kernel
+from reference_impl.least_turn import least_turn
 from reference_impl.skeleton import pose_links
 
 
@@ -48,11 +49,25 @@ def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, late
             if link < 0:
                 break
             state["counters"][COUNT_IK_ROUNDS] += 1
-            first = _aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
-            _reach(bodies, joints, first, link, state)
+            if state["posture"] == POSTURE_LEAST_TURN:
+                _turn_all(bodies, joints, pairs, end, driver, d, chain, rounds, state)
+            else:
+                first = aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
+                bring_out(bodies, joints, first, link, rounds, state)
             pose_links(bodies, joints, driver)
             end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
     return end
+
+
+@kernel
+def _turn_all(bodies, joints, pairs, end, driver, d, chain, rounds, state):
+    """Turn a chain by the least that frees all its links; a stretched one is bent."""
+    first, last = driver["chains"][chain, 0], driver["chains"][chain, 1]
+    state["counters"][COUNT_IK_ITERATIONS] += 1
+    state["counters"][COUNT_IK_JOINTS] += last + 1 - first
+    missed = least_turn(bodies, joints, pairs, end, driver, d, chain, rounds, state)
+    if missed > STRETCHED and rounds < BEND_ROUNDS:
+        bend(joints, first, last)
 
 
 @kernel
@@ -67,92 +82,3 @@ def _innermost(bodies, pairs, end, driver, d, chain, rounds):
         if link < 0 or hinge < link:
             link = hinge
     return link
-
-
-@kernel
-def chain_depth(bodies, pair, driver, d, chain, rounds):
-    """Which side of a pair a chain moves, and by how much.
-
-    Of two links of the chain the outer one moves. Of overlap with a chain whose turn comes later half counts,
-    in the first round alone: the other half is the later one's.
-
-    Returns:
-        (side, depth): 1.0 for B, -1.0 for A or 0.0 for none, and the depth that counts [m].
-    """
-    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
-    at_a, at_b = a["driver"] == d and a["chain"] == chain, b["driver"] == d and b["chain"] == chain
-    if not at_a and not at_b:
-        return 0.0, 0.0
-    if at_a and at_b:
-        return 1.0 if b["hinge"] > a["hinge"] else -1.0, -pair["distance"]
-    side, other = (1.0, a) if at_b else (-1.0, b)
-    share = 1.0
-    if other["driver"] == d and other["chain"] >= 0:
-        if driver["rank"][other["chain"]] > driver["rank"][chain]:
-            share = 0.5 if rounds == 0 else 0.0
-    return side, -share * pair["distance"]
-
-
-@kernel
-def _aim(bodies, pairs, end, driver, d, chain, rounds, link, state):
-    """End effector (Eq. 2: mean of the contact points on the link's own surface) and goal (Eq. 3) of the link
-    beyond hinge `link`, to `state`.
-
-    Returns:
-        The first hinge to turn: the chain's, or the one beyond the outermost of its links that is in the way.
-    """
-    point, goal, first = state["point"], state["goal"], driver["chains"][chain, 0]
-    for i in range(3):
-        point[i] = goal[i] = 0.0
-    count, total = 0, 0.0
-    for k in range(end):
-        pair = pairs[k]
-        side, depth = chain_depth(bodies, pair, driver, d, chain, rounds)
-        mine = bodies[pair["body_b"] if side > 0 else pair["body_a"]]
-        if side == 0.0 or depth <= 0 or mine["hinge"] != link:
-            continue
-        other = bodies[pair["body_a"] if side > 0 else pair["body_b"]]
-        if other["driver"] == d and other["chain"] == chain:
-            first = max(first, other["hinge"] + 1)
-        count += 1
-        total += depth
-        witness = pair["point_b"] if side > 0 else pair["point_a"]
-        for i in range(3):
-            point[i] += witness[i]
-            goal[i] += side * depth * depth * pair["normal"][i]
-    for i in range(3):
-        point[i] /= count
-        goal[i] = point[i] + goal[i] / total
-    return first
-
-
-@kernel
-def _reach(bodies, joints, first, last, state):
-    """Bring the end effector to its goal; where a stretched chain cannot, it is bent and tries once more."""
-    point, goal, counters = state["point"], state["goal"], state["counters"]
-    wanted = distance(point, goal)
-    for attempt in range(2):
-        passes, left, _ = ccd_ik(
-            *(bodies, joints, first, last, point, goal, state["angle"], state["passes"]),
-            *(CHAIN_TOLERANCE, CHAIN_PASSES),
-        )
-        counters[COUNT_IK_ITERATIONS] += passes
-        counters[COUNT_IK_JOINTS] += last + 1 - first
-        if attempt == 1 or left <= STRETCHED * wanted or not _bend(joints, first, last):
-            break
-        pose_angles(bodies, joints, first, last, point)
-
-
-@kernel
-def _bend(joints, first, last):
-    """Turn hinges that belong to no ball joint a little towards the middle of their range; returns whether
-    there were any."""
-    k, bent = first, False
-    while k <= last:
-        if joints[k]["cone_count"] > 0:
-            k += 3
-            continue
-        middle = (joints[k]["lower"] + joints[k]["upper"]) / 2
-        joints[k]["angle"] += BEND * (middle - joints[k]["angle"])
-        k, bent = k + 1, True
-    return bent

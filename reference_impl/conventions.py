@@ -24,6 +24,8 @@ ANGLE_ACOS, ANGLE_ATAN2 = 0, 1
 """Turn of a joint in `ccd_ik` (Eq. 5): arc cosine with the axis' sign, or both sine and cosine."""
 PASSES_PLAIN, PASSES_EXTRAPOLATED = 0, 1
 """Passes of `ccd_ik` as they are, or carried on to where their geometric series would end."""
+POSTURE_CCD, POSTURE_LEAST_TURN = 0, 1
+"""Chains come out of overlap link by link by `ccd_ik`, or by the least turn that frees all their links."""
 STAGES = ("drive", "collision", "removal", "impulses", "integration")
 """What the stage clocks of a step tell apart."""
 STAGE_DRIVE, STAGE_COLLISION, STAGE_REMOVAL, STAGE_IMPULSES, STAGE_INTEGRATION = range(5)
@@ -243,6 +245,9 @@ NEAR_CRITICAL = 1e-5
 # chains (method, section 4)
 ATTRACTION_TIME = 0.1
 """In which what parts a chain's shown posture from the tracker's falls to 1 / e [s]."""
+ATTRACTION_TURN = 0.02
+"""Turn of all hinges of a chain in one part of the attraction [rad]: 14 mm at the end of an arm, half of what
+two hands are thick."""
 CHAIN_ROUNDS = 16
 """Links of one chain that a frame brings out of overlap."""
 CHAIN_TOLERANCE = 2e-7
@@ -253,6 +258,22 @@ STRETCHED = 0.5
 """Share of the way to its goal that an end effector may miss before the chain is bent [1]."""
 BEND = 0.05
 """Share of the way to the middle of its range by which a hinge is bent then [1]: 4 degrees of an elbow."""
+BEND_ROUNDS = 4
+"""Rounds in which a chain is bent: a straight leg is 3 mm too long after one, 20 mm after four."""
+ALONG = 0.17364817766693033
+"""Cosine between a link and the way out below which it lies along the obstacle [1]: sin 10 degrees."""
+CHAIN_JOINTS = 16
+"""Hinges a chain may have."""
+TURN_ROWS = 32
+"""Pairs of a chain that one turn looks at; the next one sees the rest."""
+TURN_SWEEPS = 512
+"""Sweeps of Hildreth's method; one pair takes 1, a corner about 10, almost opposing ones hundreds."""
+TURN_TOLERANCE = 1e-8
+"""Change of a depth in a sweep that ends it [m]: a hundredth of OVERLAP_TOLERANCE."""
+TURN_LEVER = 5e-3
+"""Lever up to which a depth is not worth its turns [m]: of a stretched limb, or between opposing planes."""
+TURN_MAX = 0.2
+"""Largest turn of a hinge in one round [rad]: first order leaves 2 % of it."""
 PART_WHOLE, PART_ROOT = -2, -1
 """Of a driver: all of it, or what no chain moves; its chains count from 0."""
 TRUNK = 1 << 20

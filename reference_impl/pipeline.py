@@ -38,7 +38,7 @@ from reference_impl.skeleton import (
     store_shown,
 )
 from reference_impl.strips import list_pieces
-from reference_impl.virtual_coupling import follow_tracker, pose_hinges
+from reference_impl.virtual_coupling import attraction_parts, follow_tracker, pose_hinges
 
 
 @kernel
@@ -93,12 +93,16 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
         if drivers[d]["chain_count"] > 0:
             store_shown(bodies, joints, drivers[d])
         follow_tracker(drivers[d], state["dt"])
-        pose_hinges(joints, drivers[d], state["dt"])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
-    if state["detection"] == DETECTION_SWEEP:
-        sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
-    remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
+    # chains go towards the tracker in parts: none goes through another limb unseen
+    parts = min(attraction_parts(joints, state["dt"]), state["attraction_parts"])
+    for _ in range(parts):
+        for d in range(len(drivers)):
+            pose_hinges(joints, drivers[d], state["dt"] / parts)
+        if state["detection"] == DETECTION_SWEEP:
+            sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
+        remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
     removed = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION] - collision
     for d in range(len(drivers)):

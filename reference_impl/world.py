@@ -11,6 +11,7 @@ import numpy as np
 from reference_impl.conventions import (
     ANDERSON_ROWS,
     ANDERSON_SPAN,
+    CHAIN_JOINTS,
     COUNTERS,
     EPA_FACES,
     EPA_VERTICES,
@@ -18,6 +19,7 @@ from reference_impl.conventions import (
     SPIN_TERMS,
     STAGES,
     STRIP_LEVELS,
+    TURN_ROWS,
     WALK_MEMORY,
 )
 
@@ -46,6 +48,7 @@ BODY = _record(
     mass="f8",
     inverse_mass="f8",  # zero where impulses do not move it by itself
     center_of_mass=_VECTOR,  # body frame
+    axis=_VECTOR,  # of the least moment of inertia, body frame
     inertia=_MATRIX,  # about the centre of mass, body axes
     position=_VECTOR,  # of the origin, world
     orientation=_QUATERNION,
@@ -268,6 +271,17 @@ WALK = _record(
     toward=("f8", (2, 3)),  # piece frame
     cone=("f8", (2,)),
 )
+TURN = _record(
+    first="i8",  # hinges that move the point
+    last="i8",
+    point=_VECTOR,  # in the frame of the last hinge's child
+    normal=_VECTOR,  # out of the obstacle
+    height="f8",  # of the plane that the point is to be on, along the normal [m]
+    world_point=_VECTOR,
+    depth="f8",
+    fall=("f8", (CHAIN_JOINTS,)),  # of the depth per turn of each hinge of the chain [m]
+    push="f8",  # multiplier [1/m]
+)
 STATE = _record(
     dt="f8",
     gravity=_VECTOR,
@@ -282,6 +296,8 @@ STATE = _record(
     depth="i8",
     angle="i8",
     passes="i8",
+    posture="i8",
+    attraction_parts="i8",  # of a frame, at most
     self_collision="i8",  # 1: links of one driver meet
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
@@ -328,6 +344,8 @@ STATE = _record(
     inverse=_MATRIX,
     away=_VECTOR,
     pull=_VECTOR,
+    turn_count="i8",  # rows of the least turn
+    turns=(TURN, (TURN_ROWS,)),
     # scratch of convex depth: A's pose in B's frame, vertices of the Minkowski difference, and the points and
     # corners they come from
     turn=_MATRIX,
