@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import coal
 import fcl
@@ -21,6 +22,8 @@ from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, S
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
+Places = dict[bytes, list[int]]
+"""Pieces by where their boxes are: the bytes of their position."""
 MARGIN = 0.02
 """Distance within which pieces are looked at [m]: wider than any margin an engine keeps."""
 TOLERANCE = 1e-8
@@ -53,65 +56,99 @@ def measure(recording: Recording, scenario: Scenario, asked: Iterable[tuple[int,
 
 
 class _Oracle:
+    """Fixed bodies that stay where they are, as they should, are placed once and never looked at among
+    themselves; all others are the `moving` ones."""
+
     def __init__(self, scenario: Scenario, asked: set[tuple[int, int]]) -> None:
-        self.scenario, self.asked = scenario, asked
+        self.asked = asked
         self.pairs = list(scenario.touching_pairs())
         wanted = set(self.pairs)
-        self.pieces = [(i, piece) for i, body in enumerate(scenario.bodies) for piece in body.pieces]
-        self.shapes = [coal_shape(piece.shape) for _, piece in self.pieces]
-        self.boxes = [fcl.CollisionObject(fcl.Box(*_inflated(piece.shape))) for _, piece in self.pieces]
-        self.manager = fcl.DynamicAABBTreeCollisionManager()
-        self.manager.registerObjects(self.boxes)
-        self.manager.setup()
-        count = len(self.pieces)
-        bodies = [body for body, _ in self.pieces]
-        self.always = [
-            (p, q) for p in range(count) for q in range(p + 1, count) if (bodies[p], bodies[q]) in self.asked
-        ]
-        self.may_meet = np.array([[(i, j) in wanted for j in bodies] for i in bodies])
+        pieces = [(i, piece) for i, body in enumerate(scenario.bodies) for piece in body.pieces]
+        self.body = [i for i, _ in pieces]
+        self.shapes = [coal_shape(piece.shape) for _, piece in pieces]
+        self.own_position = np.array([piece.position for _, piece in pieces])
+        own = np.array([piece.orientation for _, piece in pieces])
+        self.own_rotation = Rotation.from_quat(own, scalar_first=True).as_matrix()
+        self.boxes = [fcl.CollisionObject(fcl.Box(*_inflated(piece.shape))) for _, piece in pieces]
+        self.fixed = [body.kind == "fixed" for body in scenario.bodies]
+        count = len(pieces)
+        self.always = {
+            (p, q)
+            for p in range(count)
+            for q in range(p + 1, count)
+            if (self.body[p], self.body[q]) in self.asked
+        }
+        self.may_meet = [[(i, j) in wanted for j in self.body] for i in self.body]
 
     def run(self, recording: Recording) -> Distances:
         frames = len(recording.time)
         distance = {pair: np.full(frames, np.inf) for pair in self.pairs}
         normal = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
         point = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
+        poses = self._poses(recording, 0, range(len(self.body)))
+        stays = (np.ptp(recording.position, axis=0) == 0).all(axis=1) & self.fixed
+        stays &= (np.ptp(recording.orientation, axis=0) == 0).all(axis=1)
+        still = np.flatnonzero(stays[self.body]).tolist()
+        self.moving = np.flatnonzero(~stays[self.body]).tolist()
+        self.still_places, self.still_manager = self._managed(still, poses)
+        self.moving_places, self.moving_manager = self._managed(self.moving, poses)
         for f in range(frames):
-            poses = self._poses(recording, f)
+            for k, pose in zip(self.moving, self._poses(recording, f, self.moving)):
+                poses[k] = pose
             for p, q in self._candidates(poses):
-                pair = (self.pieces[p][0], self.pieces[q][0])
+                pair = (self.body[p], self.body[q])
                 value, along, middle = signed_distance(self.shapes[p], poses[p], self.shapes[q], poses[q])
                 # farther ones are candidates by chance: their nearest pieces may not be among them
                 if value < distance[pair][f] and (value <= MARGIN or pair in self.asked):
                     distance[pair][f], normal[pair][f], point[pair][f] = value, along, middle
         return Distances(distance, normal, point)
 
-    def _poses(self, recording: Recording, f: int) -> list[Pose]:
+    def _poses(self, recording: Recording, f: int, pieces: Iterable[int]) -> list[Pose]:
         bodies = Rotation.from_quat(recording.orientation[f], scalar_first=True).as_matrix()
         poses = []
-        for body, piece in self.pieces:
-            turned = bodies[body]
-            own = Rotation.from_quat(np.array(piece.orientation), scalar_first=True).as_matrix()
-            poses.append((turned @ own, recording.position[f, body] + turned @ np.array(piece.position)))
+        for k in pieces:
+            turned, origin = bodies[self.body[k]], recording.position[f, self.body[k]]
+            poses.append((turned @ self.own_rotation[k], origin + turned @ self.own_position[k]))
         return poses
 
-    def _candidates(self, poses: list[Pose]) -> set[tuple[int, int]]:
-        # the callback receives copies of the boxes: they are told by where they are
-        places: dict[bytes, list[int]] = {}
-        for k, (box, (rotation, position)) in enumerate(zip(self.boxes, poses)):
-            box.setTransform(fcl.Transform(rotation, position))
+    def _managed(self, pieces: list[int], poses: list[Pose]) -> tuple[Places, Any]:
+        places: Places = {}
+        self._place(pieces, poses, places)
+        manager = fcl.DynamicAABBTreeCollisionManager()
+        manager.registerObjects([self.boxes[k] for k in pieces])
+        manager.setup()
+        return places, manager
+
+    def _place(self, pieces: list[int], poses: list[Pose], places: Places) -> None:
+        """Put boxes where their pieces are. Callbacks receive copies of the boxes: `places` tells them by
+        where they are."""
+        places.clear()
+        for k in pieces:
+            box = self.boxes[k]
+            box.setTransform(fcl.Transform(*poses[k]))
             places.setdefault(box.getTranslation().tobytes(), []).append(k)
-        self.manager.update()
+
+    def _candidates(self, poses: list[Pose]) -> set[tuple[int, int]]:
+        self._place(self.moving, poses, self.moving_places)
+        self.moving_manager.update()
         found = set(self.always)
 
         def keep(one: fcl.CollisionObject, two: fcl.CollisionObject, _: object) -> bool:
-            for p in places[one.getTranslation().tobytes()]:
-                for q in places[two.getTranslation().tobytes()]:
-                    if self.may_meet[min(p, q), max(p, q)]:
-                        found.add((min(p, q), max(p, q)))
+            first, second = one.getTranslation().tobytes(), two.getTranslation().tobytes()
+            for p in self._at(first):
+                for q in self._at(second):
+                    low, high = (p, q) if p < q else (q, p)
+                    if self.may_meet[low][high]:
+                        found.add((low, high))
             return False
 
-        self.manager.collide(None, keep)
+        self.moving_manager.collide(None, keep)
+        self.moving_manager.collide(self.still_manager, None, keep)
         return found
+
+    def _at(self, place: bytes) -> list[int]:
+        """Pieces whose boxes are there, be they fixed or not."""
+        return self.moving_places.get(place, []) + self.still_places.get(place, [])
 
 
 def signed_distance(
