@@ -3,8 +3,10 @@
 Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6) and a torque that is critically damped at
 the same frequency, I (w^2 theta + 2 w (omega_t - omega)) with w = sqrt(K / m). Hinges: the torque
 M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the whole driven body's inertia about the root's origin in its
-first posture, M what the hinges feel in that posture with the root *free*: with the root held the gains
-would be too high, and an explicit servo diverges at 1/240 s. Both are published as gains.
+first posture, M what the hinges feel in that posture with the root *free*, cut to at most `INERTIA_RATIO`
+times what they feel in any posture of the tracker (a bent arm's twist has thirty times the inertia of a
+stretched one's). With the root held, or not cut, the gains would be too high, and an explicit servo diverges
+at 1/240 s. Both are published as gains.
 """
 
 from __future__ import annotations
@@ -17,6 +19,12 @@ from adapters.translation import translate
 from reference_impl.skeleton import joint_space_inertia, pose_links
 from scenarios.scenario import Scenario, Tracker
 from scenarios.tracking import sample
+
+INERTIA_RATIO = 2.0
+"""Of a servo's inertia over that of the hinges, in any direction and posture [1]: at 70 rad/s and 1/240 s the
+loop diverges from 3.2 on."""
+POSTURES_PER_SECOND = 10
+"""Postures of a tracker at which its hinges' inertia is looked at [1/s]: fast ones take 0.1 s."""
 
 
 class Drive:
@@ -35,11 +43,18 @@ class Drive:
         self.inertia = axes.T @ inertia[3:6, 3:6] @ axes
         self.stiffness, self.damping = tracker.stiffness, tracker.damping
         self.frequency = float(np.sqrt(tracker.stiffness / row["mass"]))
-        root, across = inertia[:6, :6], inertia[:6, 6:]
-        felt = inertia[6:, 6:] - across.T @ np.linalg.solve(root, across)
+        felt = _felt(inertia)
+        times = np.linspace(0.0, scenario.duration, 1 + round(POSTURES_PER_SECOND * scenario.duration))
+        hinges = slice(row["first_joint"], row["first_joint"] + row["joint_count"])
+        for angles in sample(tracker, times).angle if tracker.joints else ():
+            world.joints["angle"][hinges] = angles
+            pose_links(world.bodies, world.joints, row)
+            felt = cut(felt, _felt(joint_space_inertia(world.bodies, world.joints, row)))
         self.hinge_stiffness = tracker.hinge_frequency**2 * felt
         self.hinge_damping = 2 * tracker.hinge_frequency * felt
         links = list(self.links)
+        world.joints["angle"][hinges] = self.start.angle[0]
+        pose_links(world.bodies, world.joints, row)
         self.start_position = world.bodies["position"][links]  # (n, 3) of the links, root first
         self.start_orientation = world.bodies["orientation"][links]  # (n, 4)
 
@@ -79,3 +94,23 @@ class Drive:
             "hinge stiffness [N m/rad]": self.hinge_stiffness.tolist(),
             "hinge damping [N m s/rad]": self.hinge_damping.tolist(),
         }
+
+
+def _felt(inertia: Array) -> Array:
+    """What the hinges (j, j) feel of a joint-space inertia (6 + j, 6 + j) whose root is free."""
+    root, across = inertia[:6, :6], inertia[:6, 6:]
+    felt: Array = inertia[6:, 6:] - across.T @ np.linalg.solve(root, across)
+    return felt
+
+
+def cut(servo: Array, felt: Array) -> Array:
+    """The servo's inertia (j, j), cut in the directions in which it has more than `INERTIA_RATIO` times what
+    the hinges feel; nowhere larger than before."""
+    root = np.linalg.cholesky(felt)
+    inverse = np.linalg.inv(root)
+    ratios, axes = np.linalg.eigh(inverse @ servo @ inverse.T)
+    if ratios[-1] <= INERTIA_RATIO:
+        return servo
+    kept = root @ axes
+    smaller: Array = kept * np.minimum(ratios, INERTIA_RATIO) @ kept.T
+    return smaller
