@@ -24,6 +24,12 @@ class TrackerMotion:
     rate: NDArray[np.float64]  # (n, joints) [rad/s]
 
 
+def ease(times: NDArray[np.float64], start: float, duration: float) -> NDArray[np.float64]:
+    """From 0 at `start` to 1 after `duration` [s], at rest at both ends."""
+    s = np.clip((times - start) / duration, 0.0, 1.0)
+    return s * s * (3 - 2 * s)
+
+
 def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
     """The tracker at `times` [s]: cubic splines through the keyframes.
 

@@ -5,18 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from scenarios.catalogue import scene
+from scenarios.gallery import TABLE_TOP, gallery
 from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
-from scenarios.scenario import Body, Box, Expectation, Piece, Scenario, Sphere, Tracker, Vector
-from scenarios.solids import sphere_inertia
+from scenarios.scenario import Expectation, Scenario, Tracker, Vector
+from scenarios.solids import ball
+from scenarios.tracking import ease
 
 DURATION = 3.0
 FRAME_RATE = 60
-TABLE_TOP = 0.75
-"""Height of the table's surface [m]."""
-TABLE_HALF: Vector = (0.6, 0.4, 0.02)
-"""Half extents of the table's top [m]; its edge is at x = 0.6."""
-LEG_HALF: Vector = (0.03, 0.03, 0.355)
 BALL_RADIUS = 0.02
 BALL_MASS = 0.020
 """A wooden ball of 4 cm: 600 kg/m^3 [kg]."""
@@ -35,22 +32,13 @@ OTHER_FINGERS = (0.10, 0.15, 0.10)
 
 @scene
 def ball_snip() -> Scenario:
-    """Table, floor, the hand of fifteen parts, and a ball that its index finger flicks off the table."""
+    """The gallery, the hand of fifteen parts, and a ball that its index finger flicks off the table."""
     links, joints = hand_parts()
-    ball = Body(
-        "ball",
-        "simulated",
-        "wood",
-        (Piece("ball", Sphere(BALL_RADIUS)),),
-        mass=BALL_MASS,
-        inertia=sphere_inertia(BALL_MASS, BALL_RADIUS),
-        position=BALL_START,
-    )
     return Scenario(
         name="ball_snip",
         summary="a finger flicks a ball over a table; it rolls off the edge and falls",
         tags=("gallery",),
-        bodies=(_floor(), _table(), *links, ball),
+        bodies=(*gallery(), *links, ball("ball", "wood", BALL_RADIUS, BALL_MASS, BALL_START)),
         joints=joints,
         trackers=(_glove(tuple(joint.name for joint in joints)),),
         coefficients=TABLE_1,
@@ -65,26 +53,10 @@ def ball_snip() -> Scenario:
     )
 
 
-def _floor() -> Body:
-    slab = Piece("floor", Box((4.0, 3.0, 0.1)), position=(0.0, 0.0, -0.1))
-    return Body("floor", "fixed", "wood", (slab,))
-
-
-def _table() -> Body:
-    top = Piece("top", Box(TABLE_HALF), position=(0.0, 0.0, TABLE_TOP - TABLE_HALF[2]))
-    corners = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-    legs = tuple(
-        Piece(f"leg_{k}", Box(LEG_HALF), position=(0.5 * x, 0.3 * y, LEG_HALF[2]))
-        for k, (x, y) in enumerate(corners)
-    )
-    return Body("table", "fixed", "wood", (top, *legs))
-
-
 def _glove(names: tuple[str, ...]) -> Tracker:
     """Sixty keyframes a second: the palm rests, the index finger flicks."""
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
-    s = np.clip((times - FLICK_START) / FLICK_TIME, 0.0, 1.0)
-    blend = s * s * (3 - 2 * s)
+    blend = ease(times, FLICK_START, FLICK_TIME)
     index = np.outer(1 - blend, FLEXED) + np.outer(blend, STRAIGHT)
     angles = np.tile(OTHER_FINGERS * (len(names) // 3), (len(times), 1))
     first = names.index("index_proximal")
