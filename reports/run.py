@@ -19,6 +19,7 @@ from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
 from reports.metrics.contact import AUDIT_LIMIT
+from reports.metrics.events import subjects
 from reports.metrics.evidence import ROUNDING, Evidence, NotMeasured, Value
 from reports.output import OutputError, output_folder
 from reports.ratios import time_ratio
@@ -184,7 +185,7 @@ def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence
 
 def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
     """Events judged against the scene's expectations."""
-    windows = {(f"events.{e.event}", f"{e.body}-{e.other}"): e for e in scenario.expectations}
+    windows = {(f"events.{event}", subject): e for (event, subject), e in subjects(scenario).items()}
     found = []
     for row in rows:
         window = windows.get((row.metric, row.subject))

@@ -44,9 +44,9 @@ def ball_limits(cone: ReachCone, axes: NDArray[np.float64]) -> NDArray[np.float6
     shares = np.linspace(0, 1, SAMPLES)
     edges = np.array([(1 - s) * corners + s * after for s in shares]).reshape(-1, 3)
     edges /= np.linalg.norm(edges, axis=1)[:, None]
-    out = _shortest(center, edges).as_rotvec()
+    out = shortest_rotations(center, edges).as_rotvec()
     swings = Rotation.from_rotvec(np.array([s * out for s in shares]).reshape(-1, 3))
-    swings = swings * _shortest(np.array((0.0, 0.0, 1.0)), center[None])[0]
+    swings = swings * shortest_rotations(np.array((0.0, 0.0, 1.0)), center[None])[0]
     twists = np.linspace(*cone.twist, 3)
     angles = np.array([(swings * Rotation.from_rotvec((0.0, 0.0, t))).as_euler("XYZ") for t in twists])
     # as the centre's angles, plus less than half a turn
@@ -55,7 +55,7 @@ def ball_limits(cone: ReachCone, axes: NDArray[np.float64]) -> NDArray[np.float6
     return np.stack((angles.min(axis=(0, 1)), angles.max(axis=(0, 1))), axis=1)
 
 
-def _shortest(start: NDArray[np.float64], ends: NDArray[np.float64]) -> Rotation:
+def shortest_rotations(start: NDArray[np.float64], ends: NDArray[np.float64]) -> Rotation:
     """The shortest rotations from a direction to others (n, 3)."""
     axes = np.cross(start, ends)
     size = np.linalg.norm(axes, axis=1)

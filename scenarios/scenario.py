@@ -22,7 +22,7 @@ Kind = Literal["fixed", "simulated", "driven"]
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
-EVENTS = ("touch", "roll", "leave", "land")
+EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 LAWS = ("arcs", "torque_free", "coupling")
 GRAVITY = 9.81
 """On the ground, unless a scene says otherwise [m/s^2]."""
@@ -190,10 +190,12 @@ class Expectation:
     """An event that must happen to `body` and `other` between `earliest` and `latest` [s].
 
     touch: their gap closes; roll: their contact stops slipping; leave: their gap opens for good;
-    land: their gap closes for the first time after the last `leave`.
+    land: their gap closes for the first time after the last `leave`; meet: it closes for the first time in
+    the window, open at its start; part: it opens there for a tenth of a second or more, closed at its start.
+    What happens several times is expected several times, in order.
     """
 
-    event: Literal["touch", "roll", "leave", "land"]
+    event: Literal["touch", "roll", "leave", "land", "meet", "part"]
     body: str
     other: str
     earliest: float

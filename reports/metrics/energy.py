@@ -7,9 +7,12 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
 from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
+from reports.metrics.posture import limit_excess
 
 STORING = 1e-4
 """Overlap from which a soft contact may hold more than rounding of elastic energy [m]."""
+STORING_ANGLE = 1e-3
+"""Excess over a joint's limit from which a soft one may do so [rad]: 1e-4 m at the end of a hand."""
 
 
 def energy_gain(evidence: Evidence) -> Values:
@@ -29,7 +32,7 @@ def _change(evidence: Evidence) -> Array:
     if "conservative" not in evidence.scenario.tags:
         raise NotMeasured("not tagged conservative: friction, impacts or a drive do work")
     energy = _mechanical(evidence, evidence.simulated)
-    energy[_stores(evidence)] = np.nan
+    energy[_stores(evidence, evidence.simulated)] = np.nan
     kinetic = np.zeros(len(energy))
     for k, truth in evidence.truths.items():
         kinetic += _kinetic(evidence, k, truth.velocity, truth.orientation, truth.angular_velocity)
@@ -41,7 +44,8 @@ def energy_injected(evidence: Evidence) -> Values:
     """Largest rise over any window of S = K + U - W, W the work the drive puts in [J].
 
     Passive contact can only lower S, but a soft one stores energy while it is compressed: frames in which a
-    simulated body overlaps by more than STORING are no start of a window.
+    simulated body overlaps by more than STORING are no start of a window; for `all`, neither are those in
+    which any body does or a hinge is beyond its limit by more than STORING_ANGLE.
 
     Subject `simulated`: simulated bodies alone, W the work of the impulses that driven bodies exert on them,
     J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body, W the work of
@@ -53,9 +57,11 @@ def energy_injected(evidence: Evidence) -> Values:
         found["all"] = Value(np.nan, "the drive is kinematic: its work is not known")
     elif evidence.scenario.trackers:
         moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
-        found["all"] = _largest_rise(evidence, _mechanical(evidence, moving) - work)
-    simulated = _mechanical(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
-    found["simulated"] = _largest_rise(evidence, simulated)
+        stores = _stores(evidence, moving) | (limit_excess(evidence).max(axis=1, initial=0.0) > STORING_ANGLE)
+        found["all"] = _largest_rise(_mechanical(evidence, moving) - work, stores)
+    if evidence.simulated:
+        simulated = _mechanical(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
+        found["simulated"] = _largest_rise(simulated, _stores(evidence, evidence.simulated))
     return found
 
 
@@ -82,18 +88,16 @@ def energy_ledger(evidence: Evidence) -> Values:
     return {name: float(value) for name, value in told.items()}
 
 
-def _stores(evidence: Evidence) -> Array:
-    """Frames in which a simulated body overlaps by more than STORING: a soft contact stores energy then."""
-    kind = evidence.kind
+def _stores(evidence: Evidence, bodies: list[int]) -> Array:
+    """Frames in which one of the bodies overlaps by more than STORING: a soft contact stores energy then."""
     stores = np.zeros(len(evidence.recording.time), dtype=bool)
     for (a, b), distance in evidence.distances.distance.items():
-        if "simulated" in (kind[a], kind[b]):
+        if a in bodies or b in bodies:
             stores |= distance < -STORING
     return stores
 
 
-def _largest_rise(evidence: Evidence, s: Array) -> float:
-    stores = _stores(evidence)
+def _largest_rise(s: Array, stores: Array) -> float:
     lowest = np.minimum.accumulate(np.where(stores, np.inf, s))
     return float(np.max(np.where(stores, 0.0, s - lowest)))
 

@@ -12,6 +12,7 @@ from adapters.recording import Recording
 from adapters.registry import ENGINES
 from reports.limits import judged
 from reports.metrics import METRICS
+from reports.metrics.events import subjects
 from reports.results import Row
 from reports.run import measured
 from scenarios.catalogue import catalogue, tagged
@@ -66,10 +67,10 @@ def test_every_metric_leaves_a_row(rows, engine, scene):
 def test_what_is_expected_happens(rows, engine, scene):
     """Every expected event has its own row, happened within its window, and passes."""
     events = {(row.metric, row.subject): row for row in rows(engine, scene)}
-    expectations = catalogue()[scene].expectations
+    expectations = subjects(catalogue()[scene])
     assert expectations
-    for e in expectations:
-        row = events[f"events.{e.event}", f"{e.body}-{e.other}"]
+    for (event, subject), e in expectations.items():
+        row = events[f"events.{event}", subject]
         assert e.earliest <= row.value <= e.latest
         assert (row.verdict, row.low, row.high) == ("pass", e.earliest, e.latest)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reports.metrics.arcs import OPEN_GAP, TOUCH_GAP
-from reports.metrics.events import ROLL_SLIP
+from reports.metrics.events import PART_GAP, ROLL_SLIP
 from reports.metrics.evidence import NotMeasured
 from scenarios.scenario import Body, Expectation, Piece, Sphere
 from scenarios.solids import sphere_inertia
@@ -128,3 +128,34 @@ def test_events_that_nobody_expects_are_not_measured(lab, recordings, known, eve
     scenario = lab.scene(lab.ground(), lab.ball(), duration=0.1)
     with pytest.raises(NotMeasured, match=f"expects no {event.split('.')[0]}"):
         known.value(f"events.{event}", recordings.recording(scenario), scenario)
+
+
+def test_what_meets_and_parts_twice_is_numbered(lab, recordings, known):
+    """A block that comes to the ground and leaves it twice has four events, each in its window."""
+    windows = (("meet", 0.0, 0.5), ("part", 0.5, 1.0), ("meet", 1.0, 1.5), ("part", 1.5, 2.0))
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), duration=2.0,
+        expectations=tuple(Expectation(event, "ball", "ground", *window) for event, *window in windows),
+    )  # fmt: skip
+    t = np.arange(121) / 60
+    # down from 0.1 m and up again at 0.4 m/s, at rest between
+    gap = np.interp(t, (0.0, 0.25, 0.75, 1.0, 1.25, 1.75, 2.0), (0.1, 0.0, 0.0, 0.1, 0.0, 0.0, 0.1))
+    position, velocity = np.tile([b.position for b in scenario.bodies], (121, 1, 1)), np.zeros((121, 2, 3))
+    position[:, 1, 2] += gap
+    recording = recordings.recording(scenario, **columns(position, velocity))
+    meet, part = (known.value(f"events.{event}", recording, scenario) for event in ("meet", "part"))
+    assert list(meet) == ["ball-ground #1", "ball-ground #2"]
+    assert list(meet.values()) == pytest.approx([0.25 - TOUCH_GAP / 0.4, 1.25 - TOUCH_GAP / 0.4], abs=EXACT)
+    assert list(part.values()) == pytest.approx([0.75 + PART_GAP / 0.4, 1.75 + PART_GAP / 0.4], abs=EXACT)
+
+
+def test_what_is_closed_before_does_not_meet(lab, recordings, known):
+    """A ball that lies on the ground neither meets it nor parts."""
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), duration=0.5,
+        expectations=tuple(Expectation(event, "ball", "ground", 0.0, 0.5) for event in ("meet", "part")),
+    )  # fmt: skip
+    for event in ("meet", "part"):
+        assert np.isnan(
+            known.value(f"events.{event}", recordings.recording(scenario), scenario)["ball-ground"]
+        )
