@@ -24,6 +24,8 @@ class Limit:
     subject: str = ""
 
 
+PERSON_ENERGY = {"wall_push": 40.0, "corner_slide": 0.86, "two_arms": 2.7, "arms_cross": 0.37}
+"""Largest kinetic energy that the tracker of a scene asks for [J]."""
 GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
     Limit("overlap.max", 1e-6, "method, section 3: removal ends at 1e-6 m", engine="reference"),
@@ -51,7 +53,17 @@ GALLERY: tuple[Limit, ...] = (
     Limit("friction.deficit", 0.05, "sliding friction within 5 % of mu", subject="table-ball"),
     Limit("friction.deficit", 1e-9, "Coulomb's law, to rounding", engine="reference"),
     Limit("friction.direction", 0.02, "about one degree", subject="table-ball"),
-    Limit("energy.injected", 1e-4, "0.1 % of the energy with which the ball lands", scenario="gallery"),
+    *(
+        Limit("energy.injected", 1e-4, "0.1 % of the energy with which the ball lands", scenario=scene)
+        for scene in ("ball_snip", "table_slide")
+    ),
+    *(
+        Limit("energy.injected", joule / 100, f"1 % of the {joule} J of its motion", scenario=scene)
+        for scene, joule in PERSON_ENERGY.items()
+    ),
+    Limit("joint.limit", 0.02, "about one degree", scenario="gallery"),
+    Limit("joint.limit", 1e-9, "method, section 4: angles are clamped", engine="reference"),
+    Limit("joint.cone", 1e-9, "method, section 4: bones are put back into their cones", engine="reference"),
     Limit("energy.injected", 1e-9, "nothing but rounding", engine="reference"),
     Limit("ik.missed", 0.02, "goals of a chain, from within 0.1 rad", "reference", "arm, near"),
     Limit("ik.missed", 0.005, "and from the hanging arm with restarts", "reference", profile="accurate"),

@@ -1,0 +1,193 @@
+"""A person in the gallery: walks into a wall, slides along a corner, pushes a wall, crosses arms.
+
+The person's trackers know no walls: they go on where the person cannot.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from scenarios.catalogue import scene
+from scenarios.gallery import EAST, NORTH, gallery
+from scenarios.materials import TABLE_1
+from scenarios.postures import CLEARANCE, person_tracker, reach, step
+from scenarios.scenario import Expectation, Scenario, Tracker, Vector
+from scenarios.tracking import ease
+
+Array = NDArray[np.float64]
+
+DURATION, FRAME_RATE = 6.0, 60
+TIMES: Array = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
+"""Keyframes [s]."""
+HANGING: Vector = (0.18, 0.22, SHOULDER[2] - 0.58)
+"""The middle of a left hand that hangs, the elbow bent by half a right angle [m]."""
+PUSHES, CROSSINGS = (3.0, 4.0, 5.0), (1.8, 3.8)
+"""When both arms begin to push into the wall, and against each other [s]."""
+LEFT, RIGHT = 1, -1
+ELBOWS_OUT: dict[int, Vector] = {side: (-0.5, 0.6 * side, -1.0) for side in (LEFT, RIGHT)}
+
+
+@scene
+def wall_push() -> Scenario:
+    """Four steps east; the stretched right arm and left leg meet the wall, and 1.3 s later leave it."""
+    there, back = ease(TIMES, 0.2, 2.8), ease(TIMES, 4.2, 1.4)
+    x = EAST - 2.0 + 1.62 * there - 0.6 * back
+    places = np.column_stack((x, np.full_like(x, 0.9)))
+    gait = np.sin(2 * pi * 2 * there) * (1 - there)
+    raised, ahead = ease(TIMES, 0.6, 1.2), ease(TIMES, 2.0, 1.0) - ease(TIMES, 4.6, 1.0)
+    swing = np.column_stack((0.2 * gait, 0 * gait, 0.06 * gait**2))
+    forward = _between(_hanging(RIGHT), (0.56, -0.2, SHOULDER[2] - 0.1), raised)
+    return _scenario(
+        "wall_push",
+        "a person walks into a wall, arm and leg stretched out",
+        person_tracker(
+            TIMES,
+            places,
+            0.0,
+            reach(LEFT, _hanging(LEFT) + swing),
+            reach(RIGHT, forward),
+            step(LEFT, 0.35 * gait + 0.7 * ahead, 0.5 * np.abs(gait) + 0.35 * ahead),
+            step(RIGHT, -0.35 * gait, 0.5 * np.abs(gait)),
+        ),
+        (
+            Expectation("meet", "right_hand", "east_wall", earliest=1.9, latest=2.5),
+            Expectation("meet", "left_foot", "east_wall", earliest=2.3, latest=2.9),
+            Expectation("part", "left_foot", "east_wall", earliest=4.4, latest=5.0),
+            Expectation("part", "right_hand", "east_wall", earliest=4.5, latest=5.2),
+        ),
+    )
+
+
+@scene
+def corner_slide() -> Scenario:
+    """The right hand meets the north wall, slides into the corner, up and down in it, and out along the east
+    wall; its tracker is 3 cm inside the walls."""
+    root = np.array((EAST - 0.45, NORTH - 0.3))
+    inside = 0.03
+    stations: tuple[tuple[float, Vector], ...] = (
+        # until when [s], and where to: the hand's middle from the corner [m], and its height
+        (0.4, (-0.20, -0.16, 1.15)),
+        (1.4, (-0.20, -0.16, 1.25)),
+        (1.9, (-0.20, inside, 1.25)),
+        (2.9, (inside, inside, 1.25)),
+        (3.5, (inside, inside, 1.45)),
+        (4.1, (inside, inside, 1.20)),
+        (5.0, (inside, -0.30, 1.30)),
+        (5.5, (-0.20, -0.30, 1.30)),
+    )
+    path = np.tile(stations[0][1], (len(TIMES), 1))
+    for (start, place), (end, following) in pairwise(stations):
+        path += np.outer(ease(TIMES, start, end - start), np.subtract(following, place))
+    heading = pi / 4
+    world = path + (EAST, NORTH, 0.0)
+    return _scenario(
+        "corner_slide",
+        "a hand slides along the corner of two walls",
+        person_tracker(
+            TIMES,
+            np.tile(root, (len(TIMES), 1)),
+            heading,
+            reach(LEFT, _hanging(LEFT) - (0.2, 0.0, 0.02)),
+            reach(RIGHT, _seen(world, root, heading), ELBOWS_OUT[RIGHT]),
+        ),
+        (
+            Expectation("meet", "right_hand", "north_wall", earliest=1.4, latest=1.9),
+            Expectation("meet", "right_hand", "east_wall", earliest=1.9, latest=2.7),
+            Expectation("part", "right_hand", "north_wall", earliest=4.1, latest=5.0),
+            Expectation("part", "right_hand", "east_wall", earliest=5.0, latest=5.5),
+        ),
+    )
+
+
+@scene
+def two_arms() -> Scenario:
+    """Both arms are raised in the first half and push into the wall three times in the second."""
+    ready: Vector = (0.36, 0.17, SHOULDER[2] - 0.12)
+    pushes = sum(ease(TIMES, t, 0.35) - ease(TIMES, t + 0.45, 0.35) for t in PUSHES)
+    arms = []
+    for side in (LEFT, RIGHT):
+        path = _between(_hanging(side), np.multiply(ready, (1, side, 1)), ease(TIMES, 0.3, 1.4))
+        arms.append(reach(side, path + np.outer(pushes, (0.24, 0.0, 0.04))))
+    return _scenario(
+        "two_arms",
+        "both arms push into a wall, three times",
+        person_tracker(TIMES, np.tile((EAST - 0.6, -0.4), (len(TIMES), 1)), 0.0, *arms),
+        tuple(
+            expectation
+            for hand in ("left_hand", "right_hand")
+            for start in PUSHES
+            for expectation in (
+                Expectation("meet", hand, "east_wall", earliest=start, latest=start + 0.35),
+                Expectation("part", hand, "east_wall", earliest=start + 0.45, latest=start + 0.8),
+            )
+        ),
+    )
+
+
+@scene
+def arms_cross() -> Scenario:
+    """Both hands are raised before the body and push each other twice, the left one a little above."""
+    ready: Vector = (0.42, 0.12, SHOULDER[2] - 0.12)
+    pushes = sum(ease(TIMES, t, 0.6) - ease(TIMES, t + 1.0, 0.6) for t in CROSSINGS)
+    arms = []
+    for side in (LEFT, RIGHT):
+        path = _between(_hanging(side), np.multiply(ready, (1, side, 1)), ease(TIMES, 0.2, 1.3))
+        arms.append(reach(side, path + np.outer(pushes, (0.0, -0.18 * side, 0.01 * side)), ELBOWS_OUT[side]))
+    return _scenario(
+        "arms_cross",
+        "a person's arms push against each other",
+        person_tracker(TIMES, np.tile((4.6, 1.2), (len(TIMES), 1)), 0.0, *arms),
+        tuple(
+            expectation
+            for start in CROSSINGS
+            for expectation in (
+                Expectation("meet", "left_hand", "right_hand", earliest=start, latest=start + 0.6),
+                Expectation("part", "left_hand", "right_hand", earliest=start + 1.0, latest=start + 1.6),
+            )
+        ),
+        own=True,
+    )
+
+
+def _scenario(
+    name: str, summary: str, tracker: Tracker, expectations: tuple[Expectation, ...], own: bool = False
+) -> Scenario:
+    """The person in the gallery; with contact among its `own` limbs the gallery is of metal, for DART has no
+    friction per body that gives wood and human, and human and human, theirs."""
+    bodies, joints, chains = avatar_parts()
+    effects = ("gravity", "restitution", "friction") + (("self_collision",) if own else ())
+    return Scenario(
+        name=name,
+        summary=summary,
+        tags=("gallery",),
+        bodies=(*gallery("metal" if own else "wood"), *bodies),
+        joints=joints,
+        chains=chains,
+        trackers=(tracker,),
+        coefficients=TABLE_1,
+        duration=DURATION,
+        frame_rate=FRAME_RATE,
+        effects=effects,
+        expectations=expectations,
+        seed=5,
+    )
+
+
+def _hanging(side: int) -> Array:
+    return np.tile(np.multiply(HANGING, (1, side, 1)), (len(TIMES), 1))
+
+
+def _between(start: Array, end: Array | Vector, share: Array) -> Array:
+    return start + share[:, None] * (np.asarray(end) - start)
+
+
+def _seen(points: Array, place: Array, heading: float) -> Array:
+    """World points in the frame of a torso that stands at a place."""
+    c, s = np.cos(heading), np.sin(heading)
+    away = points - (*place, HIP_HEIGHT + CLEARANCE)
+    return away @ np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))

@@ -1,0 +1,152 @@
+"""The gallery, and the trackers of its scenes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from reference_impl.skeleton import pose_links
+from reports.metrics.posture import cone_excess, limit_excess
+from scenarios.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
+from scenarios.catalogue import catalogue, tagged
+from scenarios.gallery import DOORWAY, gallery
+from scenarios.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step
+from scenarios.scenario import Box, Hull
+from scenarios.tracking import sample
+
+BUILDING = {"floor", "north_wall", "south_wall", "west_wall", "east_wall", "partition"}
+SCENES = [scene.name for scene in tagged("gallery")]
+
+
+@pytest.fixture
+def posed(lab: SimpleNamespace) -> Callable[[tuple[float, ...]], np.ndarray]:
+    """The bodies of a person at the world's origin, at given angles, by the reference's kinematics."""
+    world = lab.build(lab.person())
+
+    def pose(angles: tuple[float, ...]) -> np.ndarray:
+        world.joints["angle"] = angles
+        pose_links(world.bodies, world.joints, world.drivers[0])
+        return world.bodies
+
+    return pose
+
+
+def triangles(body) -> int:
+    """Of all pieces of a body."""
+    return sum(
+        len(ConvexHull(np.array(piece.shape.vertices)).simplices) if isinstance(piece.shape, Hull) else 12
+        for piece in body.pieces
+    )
+
+
+def test_twenty_objects_stand_in_two_rooms() -> None:
+    """Count the objects, those of hundreds of triangles, and those that are no convex piece."""
+    bodies = gallery()
+    objects = [body for body in bodies if body.name not in BUILDING]
+    assert len(objects) == 20
+    assert {body.name for body in bodies} - {body.name for body in objects} == BUILDING
+    assert sum(triangles(body) >= 200 for body in objects) == 5
+    assert sum(len(body.pieces) > 1 for body in objects) >= 15
+    assert {body.kind for body in bodies} == {"fixed"}
+
+
+def test_a_person_fits_through_the_doorway() -> None:
+    """Leave a gap between the partition's pieces, wider and higher than a person."""
+    partition = next(body for body in gallery() if body.name == "partition")
+    half_width, height = DOORWAY
+    for piece in partition.pieces:
+        assert isinstance(piece.shape, Box)
+        low, high = (np.array(piece.position) + sign * np.array(piece.shape.half_extents) for sign in (-1, 1))
+        beside = max(low[1], -high[1]) - half_width
+        assert max(beside, low[2] - height) >= -1e-12  # rounding
+    assert 2 * half_width > 0.6
+    assert height > 1.9
+
+
+def test_every_scene_of_the_gallery_plays_in_it() -> None:
+    """Share the building and the objects, name by name and piece by piece."""
+    for name in SCENES:
+        bodies = {body.name: body for body in catalogue()[name].bodies}
+        for body in gallery():
+            assert bodies[body.name].pieces == body.pieces
+    assert len(SCENES) == 6
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_trackers_ask_nothing_a_person_cannot_do(name: str) -> None:
+    """Stay within joint limits and reach cones in every displayed frame."""
+    scenario = catalogue()[name]
+    times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
+    angle = np.hstack([sample(tracker, times).angle for tracker in scenario.trackers])
+    shown = SimpleNamespace(scenario=scenario, recording=SimpleNamespace(joint_angle=angle))
+    assert limit_excess(shown).max() < 1e-12  # rounding of a spline through zeros
+    for chain in scenario.chains:
+        for cone in chain.cones:
+            assert cone_excess(shown, cone).max() == 0
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_trackers_are_smooth(name: str) -> None:
+    """Change no velocity by more in a frame than a quick movement does: 50 m/s^2 and 400 rad/s^2."""
+    scenario = catalogue()[name]
+    times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
+    for tracker in scenario.trackers:
+        motion = sample(tracker, times)
+        for rate, most in ((motion.linear_velocity, 50.0), (motion.rate, 400.0)):
+            assert np.abs(np.diff(rate, axis=0)).max() * scenario.frame_rate < most
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_hand_is_where_it_reaches(side: int, posed) -> None:
+    """Put the hand's middle at random points before the person, by the reference's kinematics."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform((0.2, 0.0, 0.2), (0.45, 0.3, 0.6), (20, 3)) * (1, side, 1)
+    times = np.linspace(0, 1, len(points))
+    tracker = person_tracker(times, np.zeros((len(points), 2)), 0.0, reach(side, points))
+    names = [body.name for body in avatar_parts()[0]]
+    hand = names.index("left_hand" if side > 0 else "right_hand")
+    segment = SEGMENTS["hand"]
+    for point, angles in zip(points, tracker.angles):
+        bodies = posed(angles)
+        middle = bodies[hand]["position"] - bodies[hand]["rotation"][:, 2] * segment.length * segment.center
+        np.testing.assert_allclose(middle, point, atol=1e-12)  # rounding of nine links
+
+
+def test_a_step_keeps_the_sole_level(posed) -> None:
+    """Swing a leg forward and back: the foot's x stays level while the ankle can follow."""
+    forward, knee = np.array((-0.2, 0.0, 0.3)), np.array((0.1, 0.0, 0.2))
+    angles = step(1, forward, knee)
+    tracker = person_tracker(np.arange(3.0), np.zeros((3, 2)), 0.0, angles)
+    foot = [body.name for body in avatar_parts()[0]].index("left_foot")
+    for row in tracker.angles:
+        assert posed(row)[foot]["rotation"][2, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_person_stands_over_the_floor_and_is_critically_damped() -> None:
+    """Hold the soles over the floor, and couple the torso by its mass."""
+    tracker = person_tracker(np.arange(2.0), np.zeros((2, 2)), 1.0)
+    assert tracker.positions[0][2] == HIP_HEIGHT + CLEARANCE
+    mass = sum(body.mass for body in avatar_parts()[0])
+    assert tracker.stiffness == pytest.approx(mass * FREQUENCY**2)
+    assert tracker.damping**2 == pytest.approx(4 * mass * tracker.stiffness)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gallery_scenes_start_free_of_overlap(name: str, lab: SimpleNamespace, recordings) -> None:
+    """Begin with no two bodies that may touch in each other."""
+    oracle = pytest.importorskip("adapters.oracles.overlap")
+    scenario = catalogue()[name]
+    world = lab.build(scenario)
+    short = dataclasses.replace(
+        recordings.recording(scenario),
+        time=np.zeros(1),
+        position=world.bodies["position"][None],
+        orientation=world.bodies["orientation"][None],
+    )
+    # a ball at rest on a table: coal's tolerance of 1e-8
+    assert oracle.measure(short, scenario).overlap().max() <= 1e-8
