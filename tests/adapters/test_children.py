@@ -156,7 +156,8 @@ def test_together_is_at_the_same_time(ended, scenario, tmp_path):
     assert sum(frames for _, frames in stage.progress) == FRAMES * len(names)
     told = [label for label, frames in stage.progress if not frames]
     # all are asked to play before the first has answered
-    assert told[told.index("healthy only") :][:4] == [f"{name} only" for name in names]
+    labels = [f"{name} {SETTINGS.label}" for name in names]
+    assert told[told.index(labels[0]) :][:4] == labels
     assert stage.alive() == []
 
 
