@@ -154,8 +154,8 @@ def _ends(evidence: Evidence) -> tuple[Mask, Mask]:
 
 
 def _gap_at(evidence: Evidence, g: Gap, time: Array, frame: Array, first: Mask, last: Mask) -> Array:
-    """Gap at times within frames: along the line between two frames in touch, else by a free arc where one
-    leads to the contact; in between two contacts as if in touch."""
+    """Gap at times within frames: by a free arc where one leads to the contact, or along the line between two
+    frames in touch, whichever is less (hops fit between them); in between two contacts as if in touch."""
     since = time - evidence.recording.time[frame]
     before, after = (
         g.gap[k] + g.rate[k] * t + g.pull[k] * t * t / 2
@@ -163,4 +163,5 @@ def _gap_at(evidence: Evidence, g: Gap, time: Array, frame: Array, first: Mask, 
     )
     line = g.gap[frame] + (g.gap[frame + 1] - g.gap[frame]) * since / evidence.frame
     touching = np.maximum(g.gap[frame], g.gap[frame + 1]) < OPEN_GAP
-    return np.select([touching, first, last], [line, before, after], 0.0)
+    arc = np.select([first, last], [before, after], np.where(touching, np.inf, 0.0))
+    return np.where(touching, np.minimum(line, np.maximum(0.0, arc)), arc)
