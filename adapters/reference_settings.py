@@ -101,6 +101,21 @@ _TABLE: tuple[Setting, ...] = (
         field="restitution_law",
     ),
     Choice(
+        "impulses",
+        {"sequential": conventions.IMPULSES_SEQUENTIAL, "together": conventions.IMPULSES_TOGETHER},
+        ("sequential", "together", "together"),
+        "contacts that hold one after the other, or all together to a residual; impacts are always in turn",
+    ),
+    Range(
+        "v_rest",
+        0,
+        1e3,
+        "m/s",
+        ("1000.0", "1000.0", "0.001"),
+        "approach speed up to which nothing bounces, where 2 g h of a frame is not less",
+        whole=False,
+    ),
+    Choice(
         "flight",
         {"euler": conventions.FLIGHT_EULER, "exact": conventions.FLIGHT_BALLISTIC},
         ("euler", "exact", "exact"),
@@ -111,6 +126,15 @@ _TABLE: tuple[Setting, ...] = (
         {"discrete": conventions.DETECTION_DISCRETE, "sweep": conventions.DETECTION_SWEEP},
         ("discrete", "discrete", "sweep"),
         "overlap at the end of a substep, or impacts all along it",
+    ),
+    Range(
+        "impact_gap",
+        1e-13,
+        5e-7,
+        "m",
+        ("5e-07", "5e-07", "2e-12"),
+        "gap at which an impact is found, free of overlap",
+        whole=False,
     ),
     Choice(
         "removal",

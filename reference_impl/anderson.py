@@ -10,13 +10,21 @@ from math import sqrt
 
 from reference_impl.contact import apply_to_both
 from reference_impl.contact_patch import first_row, next_row
-from reference_impl.conventions import ANDERSON_GROWTH, ANDERSON_ROWS, ANDERSON_SPAN, ANDERSON_WEIGHT
+from reference_impl.conventions import (
+    ANDERSON_FEW,
+    ANDERSON_GROWTH,
+    ANDERSON_ROWS,
+    ANDERSON_SHORT,
+    ANDERSON_SPAN,
+    ANDERSON_WEIGHT,
+)
 from reference_impl.kernel import kernel
 
 
 @kernel
-def begin_acceleration(state):
-    """Before the first sweep: nothing is kept."""
+def begin_acceleration(state, count):
+    """Before the first sweep over so many rows: nothing is kept."""
+    state["span"] = ANDERSON_SPAN if count <= ANDERSON_FEW else ANDERSON_SHORT
     state["steps"] = 0
     state["step_size"] = 0.0
 
@@ -34,7 +42,7 @@ def extrapolate(bodies, joints, drivers, pairs, count, patch, state):
         # this step alone is the start of a new row of differences
         state["steps"] = 1
     state["step_size"] = size
-    span = min(state["steps"] - 1, ANDERSON_SPAN)
+    span = min(state["steps"] - 1, state["span"])
     if span < 1 or not _solve_weights(state, span):
         return
     g, p = state["weight"], state["impulse"]
@@ -44,7 +52,7 @@ def extrapolate(bodies, joints, drivers, pairs, count, patch, state):
         for i in range(3):
             p[i] = 0.0
             for t in range(span):
-                p[i] -= g[t] * state["answer_change"][t, k, i]
+                p[i] -= g[t] * state["answer_change"][k, i, t]
             pairs[k]["held"][i] += p[i]
             change += abs(p[i])
         if change > 0:
@@ -55,8 +63,8 @@ def extrapolate(bodies, joints, drivers, pairs, count, patch, state):
 @kernel
 def _keep_step(pairs, count, patch, state):
     """Keep the differences from the last sweep to this one, and their products; returns |f|."""
-    span = min(state["steps"], ANDERSON_SPAN)
-    slot = (state["steps"] - 1) % ANDERSON_SPAN
+    span = min(state["steps"], state["span"])
+    slot = (state["steps"] - 1) % state["span"]
     products, slope = state["step_product"], state["step_slope"]
     for t in range(span):
         slope[t] = products[slot, t] = 0.0
@@ -67,11 +75,11 @@ def _keep_step(pairs, count, patch, state):
             size += step * step
             if span > 0:
                 change = step - state["last_step"][k, i]
-                state["step_change"][slot, k, i] = change
-                state["answer_change"][slot, k, i] = answer - state["last_answer"][k, i]
+                state["step_change"][k, i, slot] = change
+                state["answer_change"][k, i, slot] = answer - state["last_answer"][k, i]
                 for t in range(span):
-                    products[slot, t] += change * state["step_change"][t, k, i]
-                    slope[t] += step * state["step_change"][t, k, i]
+                    products[slot, t] += change * state["step_change"][k, i, t]
+                    slope[t] += step * state["step_change"][k, i, t]
             state["last_step"][k, i], state["last_answer"][k, i] = step, answer
         k = next_row(pairs, k, patch, count)
     for t in range(span):

@@ -13,6 +13,8 @@ from reference_impl.contact import apply_to_both, contact_mobility, relative_vel
 from reference_impl.contact_patch import first_row, next_row
 from reference_impl.conventions import (
     COUNT_SWEEPS,
+    CROWD_RESIDUAL,
+    CROWD_SWEEPS,
     FRICTION_PAPER,
     HOLD_RESIDUAL,
     HOLD_SWEEPS,
@@ -39,12 +41,16 @@ def settle(bodies, joints, drivers, pairs, count, patch, state):
 
     Exact after one sweep where a ball has one contact. Returns whether the sweeps converged.
     """
+    if count == 0:
+        return True
     k = first_row(patch, count)
     while k >= 0:
         contact_mobility(bodies, drivers, pairs[k], pairs[k]["point"], pairs[k]["mobility"])
         k = next_row(pairs, k, patch, count)
-    begin_acceleration(state)
-    for sweep in range(max(HOLD_SWEEPS, HOLD_VISITS // max(1, count))):
+    begin_acceleration(state, count)
+    residual = CROWD_RESIDUAL if state["crowded"] == 1 else HOLD_RESIDUAL
+    sweeps = CROWD_SWEEPS if state["crowded"] == 1 else max(HOLD_SWEEPS, HOLD_VISITS // count)
+    for sweep in range(sweeps):
         if sweep > 0:
             extrapolate(bodies, joints, drivers, pairs, count, patch, state)
         change = 0.0
@@ -54,7 +60,7 @@ def settle(bodies, joints, drivers, pairs, count, patch, state):
             change = max(change, _relax(bodies, joints, drivers, pairs[k], state))
             k = next_row(pairs, k, patch, count)
         state["counters"][COUNT_SWEEPS] += 1
-        if change <= HOLD_RESIDUAL:
+        if change <= residual:
             return True
     return False
 

@@ -12,6 +12,9 @@ FRICTION_PAPER, FRICTION_COULOMB = 0, 1
 """Eq. 10 as printed (always mu j), or at most what stops the sliding."""
 RESTITUTION_NEWTON, RESTITUTION_GUARDED = 0, 1
 """Eq. 8 whatever it does to the energy, or less e for an impact where the kinetic energy would rise."""
+IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER = 0, 1
+"""Contacts that hold one after the other from the queue, or all together by sweeps to a residual. Impacts are
+one after the other in both."""
 FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
 """Semi-implicit Euler, or exact: for constant forces, and for free rotation."""
 DETECTION_DISCRETE, DETECTION_SWEEP = 0, 1
@@ -158,13 +161,29 @@ PARALLEL = 1e-15
 TOUCH_DISTANCE = 1e-6
 """Pieces nearer than this touch [m]."""
 IMPACT_TARGET = 5e-7
-"""Gap at which the time of an impact is found [m]: inside TOUCH_DISTANCE and free of overlap."""
+"""Gap at which a driven link is stopped, and an impact in a crowd found [m]: inside TOUCH_DISTANCE, free of
+overlap. Other impacts are found at `impact_gap`, a setting."""
 IMPACT_SLACK = 2e-7
 """Accepted deviation from IMPACT_TARGET [m]."""
+IMPACT_SHARE = 0.4
+"""Accepted deviation from `impact_gap`, over it [1]."""
 IMPACT_STEPS = 60
 """Bracketing steps for the time of an impact; about 6 are usual."""
 APPROACH_MIN = 1e-4
 """Approach speed below which a contact is no impact [m/s]."""
+SETTLE_MIN = 1e-6
+"""Approach speed from which touching pairs are stopped before they hold [m/s]: else they sink by 1e-8 m."""
+SEPARATION_MIN = 1e-8
+"""Speed of a touching pair that counts as no separation [m/s]: a weight of 10 N does 1e-9 J in a frame."""
+NO_FLOOR = -1e300
+"""Floor of a contact that is not held: below any speed [m/s]."""
+SLIDE_MIN = 1e-4
+"""Sliding speed from which the moment of its stop is an event [m/s]: a body is off by some 1e-7 m."""
+STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
+"""Share of a substep beyond which the moment of a stop is its end, and the share of the time up to a stop
+that is taken [1]: just at the end, on the cone with nothing that slides, sweeps converge slowly."""
+HOLD_CAP = 6
+"""Times a substep is begun for sliding contacts that stop in it; 1 or 2 are usual."""
 SLIP_MIN = 1e-9
 """Sliding speed without a direction [m/s]."""
 ENERGY_ROUNDING = 1e-13
@@ -201,8 +220,12 @@ HOLD_SWEEPS, HOLD_VISITS = 200, 20_000
 HOLD_RESIDUAL = 1e-12
 """Sweeps over held contacts, or visits to a contact where those are more: about a millisecond; and the change
 of velocity that ends them [m/s]."""
-ANDERSON_SPAN = 16
-"""Sweeps that the start of the next one is drawn from: 10 take twice as many for ten boxes on each other."""
+CROWD_SWEEPS, CROWD_RESIDUAL = 60, 1e-6
+"""The same in a crowded substep: what is left of wedged balls after 60 is 4e-3 m/s, as after 200 that are not
+accelerated; and a residual by which they sink 2e-8 m a frame, where some 1e-7 m are left to close."""
+ANDERSON_SPAN, ANDERSON_FEW, ANDERSON_SHORT = 16, 128, 4
+"""Sweeps that the start of the next one is drawn from, up to so many contacts, and with more. For ten boxes
+on each other 10 take twice as many as 16; for wedged balls 4 do as well."""
 ANDERSON_ROWS = 1024
 """Contacts up to which sweeps are accelerated: room for the changes of so many."""
 ANDERSON_GROWTH = 2.0

@@ -8,17 +8,19 @@ unforeseen is an event as ever. And nothing overlaps for it: the distance of con
 their gap along a normal (speculative contacts: Anitescu & Potra 1997; Catto 2013).
 """
 
-from math import ceil, sqrt
+from math import ceil
 
 from reference_impl.contact import surface_velocity
 from reference_impl.contact_patch import expand_patches
 from reference_impl.conventions import (
+    APPROACH_MIN,
     COUNT_CROWDED,
     COUNT_EVENTS,
     COUNT_UNCONVERGED,
     CROWD_EVENTS,
     CROWD_SLACK,
     CROWD_SUBSTEPS,
+    IMPACT_SHARE,
     IMPACT_SLACK,
     IMPACT_TARGET,
     SIMULATED,
@@ -28,6 +30,7 @@ from reference_impl.conventions import (
 )
 from reference_impl.convex_depth import convex_depth
 from reference_impl.detection import detect, find_swept_pairs, set_coefficients
+from reference_impl.impact import rest_speed
 from reference_impl.kernel import clock, kernel
 from reference_impl.rotation import copy_quaternion, copy_vector
 from reference_impl.sweep import gap_along, place_pair, sweep
@@ -50,9 +53,12 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
     if not crowded:
         end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
         crowded = state["rows"] + end > state["event_rows"]
+    state["crowded"] = 1 if crowded else 0
     if crowded:
         end, h = _gather_near(bodies, pieces, vertices, pairs, state, left)
         state["counters"][COUNT_CROWDED] += 1
+    else:
+        end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
     end = expand_patches(pieces, vertices, pairs, end, state)
     for k in range(end):
         gap = pairs[k]["distance"]
@@ -66,11 +72,24 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
 
 
 @kernel
+def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
+    """Leave out touching pairs that will bounce, and are not yet as near as impacts are found: they are free
+    until then. Returns the count of the others, brought to the front."""
+    kept, ahead = 0, state["impact_gap"] * (1 + 2 * IMPACT_SHARE)
+    for k in range(count):
+        if pairs[k]["distance"] > ahead and _approach(bodies, pairs[k], state) > max(v_rest, APPROACH_MIN):
+            continue
+        if k != kept:
+            pairs[kept] = pairs[k]
+        kept += 1
+    return kept
+
+
+@kernel
 def _gather_near(bodies, pieces, vertices, pairs, state, left):
     """Pairs that touch or may meet within a substep, at the front of `pairs`; returns (end, h)."""
     since = clock(state["clock"])
-    g = state["gravity"]
-    v_rest = 2 * state["dt"] * sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
+    g, v_rest = state["gravity"], rest_speed(state)
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             _coast(bodies[b], g, left)
@@ -141,7 +160,13 @@ def _measure(bodies, pieces, vertices, pair, state):
     _, converged = convex_depth(pieces[pair["piece_a"]], pieces[pair["piece_b"]], vertices, state, pair)
     if not converged:
         state["counters"][COUNT_UNCONVERGED] += 1
+    pair["key"] = _approach(bodies, pair, state)
+
+
+@kernel
+def _approach(bodies, pair, state):
+    """Approach speed of a pair's witnesses [m/s]."""
     n, a, b = pair["normal"], state["velocity_a"], state["velocity_b"]
     surface_velocity(bodies[pair["body_a"]], pair["point_a"], a)
     surface_velocity(bodies[pair["body_b"]], pair["point_b"], b)
-    pair["key"] = n[0] * (a[0] - b[0]) + n[1] * (a[1] - b[1]) + n[2] * (a[2] - b[2])
+    return n[0] * (a[0] - b[0]) + n[1] * (a[1] - b[1]) + n[2] * (a[2] - b[2])

@@ -1,45 +1,104 @@
 """Contacts that hold: impulses over a substep that keep touching pairs from approaching (section 5)."""
 
 from reference_impl.contact import apply_to_both, approach_speed
+from reference_impl.contact_change import first_stop, note_free_slip
 from reference_impl.contact_log import log_held
 from reference_impl.contact_memory import recall, remember
 from reference_impl.contact_patch import ALL
 from reference_impl.contact_solver import begin_row, settle
-from reference_impl.conventions import FLIGHT_BALLISTIC
+from reference_impl.conventions import (
+    APPROACH_MIN,
+    FLIGHT_BALLISTIC,
+    HOLD_CAP,
+    IMPULSE_CAP,
+    IMPULSES_TOGETHER,
+    NO_FLOOR,
+    SEPARATION_MIN,
+    STOP_SHARE,
+    STOP_SHORT,
+)
+from reference_impl.impact import fastest_row, rest_speed, strike
+from reference_impl.integrate import apply_forces, begin_again
 from reference_impl.kernel import kernel
 
 
 @kernel
-def begin_hold(bodies, pairs, count, state):
-    """Before forces act: surface velocities of the touching pairs, and no impulse yet.
-
-    A polyhedron's contact that separates may come back as fast as it left: its mean velocity over the substep
-    is 0 then, and so is the work of its impulse. (Not under FLIGHT_EULER, which takes the last for the mean.)
-    """
-    for k in range(count):
-        approach_speed(bodies, pairs[k], state)
-        keeps = pairs[k]["patch"] >= 0 and state["flight"] == FLIGHT_BALLISTIC
-        floor = min(0.0, pairs[k]["key"]) if keeps else 0.0
-        # a near pair closes its gap at most: with the mean of its velocities, or with the last
-        if pairs[k]["close"] > 0:
-            ballistic = state["flight"] == FLIGHT_BALLISTIC
-            floor = pairs[k]["key"] - pairs[k]["close"] if ballistic else -pairs[k]["close"]
-        begin_row(bodies, pairs[k], floor)
-
-
-@kernel
 def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, h):
-    """After forces acted: impulses that keep touching pairs from approaching, within the friction cone.
+    """Forces over a substep, and impulses in the friction cone that keep touching pairs from approaching.
 
     Args:
         time, h: start of the substep in the frame, and its length [s].
     Returns:
-        Whether the sweeps converged.
+        (h, converged): the length for which it holds, shorter where a sliding contact stops before, and
+        whether the impulses converged.
     """
+    converged = True
+    for k in range(HOLD_CAP):
+        _begin_hold(bodies, pairs, count, state)
+        apply_forces(bodies, state["gravity"], h, state["flight"])
+        if state["impulses"] == IMPULSES_TOGETHER:
+            converged = _hold_together(bodies, joints, drivers, pairs, count, state, h)
+        else:
+            converged = _hold_in_turn(bodies, joints, drivers, pairs, count, state)
+        share = first_stop(bodies, pairs, count, state) if k < HOLD_CAP - 1 else 1.0
+        if share >= STOP_SHARE:
+            break
+        begin_again(bodies, joints, drivers)
+        h *= STOP_SHORT * share
+    log_held(bodies, pairs, count, ALL, contacts, state, time)
+    return h, converged
+
+
+@kernel
+def _begin_hold(bodies, pairs, count, state):
+    """Before forces act: surface velocities of the touching pairs, and no impulse yet."""
+    patch_flight = max(APPROACH_MIN, rest_speed(state))
+    for k in range(count):
+        pair = pairs[k]
+        approach_speed(bodies, pair, state)
+        begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["patch"] < 0 else patch_flight))
+
+
+@kernel
+def _floor(pair, state, flight):
+    """Speed along the normal that a hold leaves a row at least [m/s].
+
+    What separates faster than `flight` flies (`first_return`). What is slower may come back as fast as it
+    left: its mean velocity over the substep is 0 then, and so is the work of its impulse. A near pair closes
+    its gap at most. (Under FLIGHT_EULER the last velocity is taken for the mean.)
+    """
+    ballistic = state["flight"] == FLIGHT_BALLISTIC
+    if pair["close"] > 0:
+        return pair["key"] - pair["close"] if ballistic else -pair["close"]
+    separation = -pair["key"]
+    if not ballistic or separation <= SEPARATION_MIN:
+        return 0.0
+    flies = separation > flight and state["crowded"] == 0 and state["impulses"] == IMPULSES_TOGETHER
+    return NO_FLOOR if flies else -separation
+
+
+@kernel
+def _hold_together(bodies, joints, drivers, pairs, count, state, h):
+    """Hold all rows at once, from the forces of the last hold; returns whether the sweeps converged."""
+    note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         if recall(bodies, pairs[k], state, h):
             apply_to_both(bodies, joints, drivers, pairs[k], pairs[k]["point"], pairs[k]["held"])
     converged = settle(bodies, joints, drivers, pairs, count, ALL, state)
-    log_held(bodies, pairs, count, ALL, contacts, state, time)
     remember(bodies, pairs, count, state, h)
     return converged
+
+
+@kernel
+def _hold_in_turn(bodies, joints, drivers, pairs, count, state):
+    """Hold one point at a time, the fastest approach first, as an impact without restitution; returns whether
+    IMPULSE_CAP of them sufficed."""
+    note_free_slip(bodies, pairs, count, state)
+    for _ in range(IMPULSE_CAP):
+        k = fastest_row(bodies, pairs, count, state)
+        if k < 0 or pairs[k]["key"] <= APPROACH_MIN:
+            return True
+        strike(bodies, joints, drivers, pairs[k], 0.0, state)
+        for i in range(3):
+            pairs[k]["held"][i] += state["impulse"][i]
+    return False

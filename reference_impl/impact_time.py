@@ -5,9 +5,8 @@ from reference_impl.conventions import (
     COUNT_EVENTS,
     COUNT_UNCONVERGED,
     DETECTION_SWEEP,
-    IMPACT_SLACK,
+    IMPACT_SHARE,
     IMPACT_STEPS,
-    IMPACT_TARGET,
     LANDING_CAP,
     LANDING_DEPTH,
     LANDING_MIN,
@@ -22,7 +21,7 @@ from reference_impl.sweep import distance_at, sweep
 
 @kernel
 def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
-    """Fraction of the substep at which the first new contact closes to IMPACT_TARGET, or the first touching
+    """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
     pair sinks: one more of its points has landed.
 
     Args:
@@ -34,6 +33,7 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
     """
     first, drifted = 1.0, False
     sweeps = state["detection"] == DETECTION_SWEEP
+    gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
     for k in range(touching, end):
         pair = pairs[k]
         if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
@@ -42,9 +42,9 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
             fraction, sank = _sinking(bodies, pieces, vertices, pair, state, first, sweeps)
             first, drifted = min(first, fraction), drifted or sank
         elif sweeps:
-            first = _swept(bodies, pieces, vertices, pair, state, first, IMPACT_TARGET, IMPACT_SLACK)
+            first = _swept(bodies, pieces, vertices, pair, state, first, gap, slack)
         else:
-            first = _closing(bodies, pieces, vertices, pair, state, first, IMPACT_TARGET, IMPACT_SLACK)
+            first = _closing(bodies, pieces, vertices, pair, state, first, gap, slack)
     return first, drifted
 
 
@@ -69,7 +69,8 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
     if not polyhedral:
         return late, start < 0
     if start > TOUCH_DISTANCE:
-        return _closing(bodies, pieces, vertices, pair, state, late, IMPACT_TARGET, IMPACT_SLACK), False
+        gap = state["impact_gap"]
+        return _closing(bodies, pieces, vertices, pair, state, late, gap, IMPACT_SHARE * gap), False
     target = start - LANDING_DEPTH
     landed = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
     # another look at once would find the same

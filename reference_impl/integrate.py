@@ -4,7 +4,7 @@ from reference_impl.conventions import SIMULATED
 from reference_impl.free_rotation import free_omega, refresh_inertia, rotate_freely
 from reference_impl.kernel import kernel
 from reference_impl.motion import flight_motion, pose_along
-from reference_impl.rotation import copy_quaternion, copy_vector
+from reference_impl.rotation import copy_quaternion, copy_vector, matrix_of
 from reference_impl.skeleton import move_links
 
 
@@ -32,6 +32,23 @@ def apply_forces(bodies, gravity, h, flight):
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
             rotate_freely(body, h, flight)
+
+
+@kernel
+def begin_again(bodies, joints, drivers):
+    """Take back what forces and held contacts did since `begin_substep`."""
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] == SIMULATED:
+            copy_vector(body["old_velocity"], body["velocity"])
+            copy_vector(body["old_omega"], body["omega"])
+            copy_quaternion(body["old_orientation"], body["orientation"])
+            matrix_of(body["orientation"], body["rotation"])
+            refresh_inertia(body)
+    for d in range(len(drivers)):
+        copy_vector(drivers[d]["old_velocity"], drivers[d]["velocity"])
+        copy_vector(drivers[d]["old_omega"], drivers[d]["omega"])
+        move_links(bodies, joints, drivers[d])
 
 
 @kernel

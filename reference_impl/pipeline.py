@@ -1,5 +1,6 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
+from reference_impl.contact_change import first_return
 from reference_impl.contact_log import cut_holds
 from reference_impl.conventions import (
     COUNT_EVENTS,
@@ -22,10 +23,10 @@ from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pai
 from reference_impl.driven_sweep import sweep_drivers
 from reference_impl.free_rotation import refresh_inertia
 from reference_impl.global_depth import largest_depth
-from reference_impl.hold import begin_hold, hold_contacts
+from reference_impl.hold import hold_contacts
 from reference_impl.impact import resolve_impacts
 from reference_impl.impact_time import earliest_impact
-from reference_impl.integrate import apply_forces, begin_substep, end_substep, pose_at, set_ways
+from reference_impl.integrate import begin_substep, end_substep, pose_at, set_ways
 from reference_impl.kernel import clock, kernel
 from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
 from reference_impl.rotation import invert_symmetric
@@ -128,14 +129,14 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
             state["counters"][COUNT_GAVE_UP] += 1
         begin_substep(bodies, drivers)
-        begin_hold(bodies, pairs, touching, state)
-        apply_forces(bodies, state["gravity"], h, state["flight"])
         first_held = state["contact_count"]
-        if not hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h):
+        h, converged = hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
+        if not converged:
             state["counters"][COUNT_UNCONVERGED] += 1
+        returned = first_return(bodies, pairs, touching, state)
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
         set_ways(bodies, pairs, touching, h, state["flight"])
-        fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, state)
+        fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, returned, state)
         end_substep(bodies, joints, drivers, fraction)
         cut_holds(contacts, first_held, state["contact_count"], fraction)
         if drifted:
@@ -150,8 +151,8 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
 
 
 @kernel
-def _advance(bodies, pieces, vertices, pairs, touching, state):
-    """Pose simulated bodies at the earliest impact of the substep, or at its end.
+def _advance(bodies, pieces, vertices, pairs, touching, returned, state):
+    """Pose simulated bodies at the earliest impact of the substep, at its fraction `returned`, or at its end.
 
     Returns:
         (fraction, drifted) of `earliest_impact`.
@@ -164,6 +165,7 @@ def _advance(bodies, pieces, vertices, pairs, touching, state):
         pose_at(bodies, 1.0)
         end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
     fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state)
+    fraction = min(fraction, returned)
     pose_at(bodies, fraction)
     collision -= state["stage_seconds"][STAGE_COLLISION]
     state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start + collision

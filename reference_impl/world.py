@@ -235,6 +235,7 @@ PAIR = _record(
     patch="i8",  # first row of the pair's patch, or -1
     sibling="i8",  # next row of the patch, or -1
     floor="f8",  # speed along the normal that a hold or a patch's impact leaves at least [m/s]
+    free_slip="f8",  # speed of sliding after forces alone, along the direction before them [m/s]
     close="f8",  # speed at which a near pair may still close its gap [m/s]
     key="f8",  # approach speed in the priority queue [m/s]
     point=_VECTOR,  # contact point of its impulses
@@ -287,11 +288,15 @@ STATE = _record(
     gravity=_VECTOR,
     friction="i8",
     restitution_law="i8",
+    impulses="i8",
     flight="i8",
     detection="i8",
+    impact_gap="f8",  # at which an impact is found [m]
+    v_rest="f8",  # most of the approach speed up to which nothing bounces [m/s]
     event_rows="i8",  # contacts that the substeps of a frame may hold in total while each ends at an impact
     rows="i8",  # of the frame's substeps so far
     last_rows="i8",  # of the last substep
+    crowded="i8",  # whether the substep is
     removal="i8",
     depth="i8",
     angle="i8",
@@ -314,14 +319,15 @@ STATE = _record(
     held_pieces=("i8", (HOLD_MEMORY, 2)),
     held_point=("f8", (HOLD_MEMORY, 3)),
     held_force=("f8", (HOLD_MEMORY, 3)),
-    # scratch of Anderson's acceleration: sweeps kept, size of the last step, changes of steps and of answers
-    # from sweep to sweep, normal equations of their weights
+    # scratch of Anderson's acceleration: sweeps kept, size of the last one's step, changes of steps and
+    # answers from sweep to sweep, normal equations of their weights
+    span="i8",  # most sweeps kept
     steps="i8",
     step_size="f8",
     last_step=("f8", (ANDERSON_ROWS, 3)),
     last_answer=("f8", (ANDERSON_ROWS, 3)),
-    step_change=("f8", (ANDERSON_SPAN, ANDERSON_ROWS, 3)),
-    answer_change=("f8", (ANDERSON_SPAN, ANDERSON_ROWS, 3)),
+    step_change=("f8", (ANDERSON_ROWS, 3, ANDERSON_SPAN)),
+    answer_change=("f8", (ANDERSON_ROWS, 3, ANDERSON_SPAN)),
     step_product=("f8", (ANDERSON_SPAN, ANDERSON_SPAN)),
     step_factor=("f8", (ANDERSON_SPAN, ANDERSON_SPAN)),
     step_slope=("f8", (ANDERSON_SPAN,)),
