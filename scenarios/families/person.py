@@ -137,7 +137,7 @@ def arms_cross() -> Scenario:
     arms = []
     for side in (LEFT, RIGHT):
         path = _between(_hanging(side), np.multiply(ready, (1, side, 1)), ease(TIMES, 0.2, 1.3))
-        arms.append(reach(side, path + np.outer(pushes, (0.0, -0.18 * side, 0.01 * side)), ELBOWS_OUT[side]))
+        arms.append(reach(side, path + np.outer(pushes, (0.0, -0.14 * side, 0.005 * side)), ELBOWS_OUT[side]))
     return _scenario(
         "arms_cross",
         "a person's arms push against each other",
