@@ -287,10 +287,13 @@ ALONG = 0.17364817766693033
 """Cosine between a link and the way out below which it lies along the obstacle [1]: sin 10 degrees."""
 CHAIN_JOINTS = 16
 """Hinges a chain may have."""
-TURN_ROWS = 32
+TURN_ROWS = 16
 """Pairs of a chain that one turn looks at; the next one sees the rest."""
-TURN_SWEEPS = 512
-"""Sweeps of Hildreth's method; one pair takes 1, a corner about 10, almost opposing ones hundreds."""
+TURN_SWEEPS = 96
+"""Sweeps of Hildreth's method; one pair takes 1, a corner about 10, almost opposing ones tens."""
+TURN_PLAIN = 8
+TURN_OVER = 1.7
+"""Plain sweeps, and the factor of the corrections after them [1]: hundreds of sweeps become tens."""
 TURN_TOLERANCE = 1e-8
 """Change of a depth in a sweep that ends it [m]: a hundredth of OVERLAP_TOLERANCE."""
 TURN_LEVER = 5e-3

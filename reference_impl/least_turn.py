@@ -10,11 +10,15 @@ A pair tells one point of a face or an edge that may lie in an obstacle as a who
 earlier rounds of a frame therefore stay: the ankle does not tip the sole from toe to heel and back.
 """
 
+from math import inf
+
 from reference_impl.ccd_ik import keep_in_cones
 from reference_impl.chain_depth import chain_depth
 from reference_impl.conventions import (
     TURN_LEVER,
     TURN_MAX,
+    TURN_OVER,
+    TURN_PLAIN,
     TURN_ROWS,
     TURN_SWEEPS,
     TURN_TOLERANCE,
@@ -39,12 +43,16 @@ def least_turn(bodies, joints, pairs, end, driver, d, chain, rounds, state):
         joints[k]["pass_turn"] = 0.0
     if rounds == 0:
         state["turn_count"] = 0
+    for r in range(state["turn_count"]):
+        # planes on the chain's own links have moved with these
+        if state["turns"][r]["first"] > first:
+            state["turns"][r]["height"] = -inf
     _gather(bodies, joints, pairs, end, driver, d, chain, rounds, state)
     count = state["turn_count"]
     for r in range(count):
         _measure(bodies, joints, first, last, state["turns"][r])
-    for _ in range(TURN_SWEEPS):
-        if _sweep(joints, first, last, state) <= TURN_TOLERANCE:
+    for k in range(TURN_SWEEPS):
+        if _sweep(joints, first, last, state, 1.0 if k < TURN_PLAIN else TURN_OVER) <= TURN_TOLERANCE:
             break
     missed = deepest = 0.0
     for r in range(count):
@@ -87,7 +95,6 @@ def _gather(bodies, joints, pairs, end, driver, d, chain, rounds, state):
             normal[i] = side * pair["normal"][i]
             row["height"] += normal[i] * p[i]
             local[i] = m[0, i] * (p[0] - o[0]) + m[1, i] * (p[1] - o[1]) + m[2, i] * (p[2] - o[2])
-        row["push"] = 0.0
 
 
 @kernel
@@ -125,14 +132,16 @@ def _progress(joints, first, last, row):
 
 
 @kernel
-def _sweep(joints, first, last, state):
-    """Correct the push of every row once; returns the largest change of a depth [m]."""
+def _sweep(joints, first, last, state, factor):
+    """Correct the push of every row once, by a factor of what is due; returns the largest change of a depth
+    [m]."""
     most = 0.0
     for r in range(state["turn_count"]):
         row = state["turns"][r]
         made, free = _progress(joints, first, last, row)
         given = TURN_LEVER * TURN_LEVER
-        push = max((row["depth"] - made - given * row["push"]) / (free + given), -row["push"])
+        due = (row["depth"] - made - given * row["push"]) / (free + given)
+        push = max(factor * due, -row["push"])
         row["push"] += push
         for k in range(first, last + 1):
             joints[k]["pass_turn"] += push * row["fall"][k - first]

@@ -93,7 +93,7 @@ def test_files_and_table_are_complete(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "ik" / "results.parquet"), frame)
     console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
     show(frame, console)
-    lines = console.export_text().splitlines()
+    lines = [line.strip() for line in console.export_text().splitlines()]
     for start in STARTS:
         for engine, profile in SOLVERS:
             (line,) = (line for line in lines if line.startswith(start) and f"{engine} {profile}" in line)
