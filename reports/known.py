@@ -45,6 +45,7 @@ ALWAYS_MU = (
 GALLERY: tuple[Known, ...] = (
     Known("events.roll", "reference", ALWAYS_MU, scenario="ball_snip", profile="paper", never=True),
     Known("energy.injected", "reference", ALWAYS_MU, scenario="ball_snip", profile="paper"),
+    Known("energy.injected", "reference", ALWAYS_MU, scenario="table_slide", profile="paper"),
     Known("overlap.max", "bullet", DISCRETE.format("bullet"), scenario="ball_snip"),
     Known("overlap.max", "dart", DISCRETE.format("dart"), scenario="ball_snip", profile="equal-step"),
     Known("contact.gap", "dart", SINKS, scenario="ball_snip", profile="equal-step"),
