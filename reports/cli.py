@@ -100,11 +100,12 @@ def run(
     except OutputError as error:
         stop(str(error), BAD_INPUT)
     if not printed(results.frame, output) and not quiet:
-        from reports.terminal import console, show
+        from reports.terminal import console, show, show_budget
 
         played = zip(results.frame.engine, results.frame.profile)
         shown = {column for column in played if profile or column[1] != "equal-step"}
         show(results.frame, console(), shown)
+        show_budget(results.recordings, console())
         print(f"results: {request.out}")
     exit_for(results.frame.verdict, results.frame.reason, bool(engine))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from reports.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
 from reports.results import rows_of
 from reports.tables import LEGEND, grid, number
 from reports.terminal import RATIO_HEADS, ratio_rows, remark_lines
@@ -33,6 +34,10 @@ def report(request: Request, results: Results) -> str:
         parts += ["### Spread of the events", "", *_spreads(scene), ""]
         parts += ["### Remarks", "", *_bullets(remark_lines(scene))]
         parts += ["", f"Reproduce: `touchstone run {scenario.name}`"]
+    found = budgets(results.recordings)
+    if found:
+        parts += ["", "## Frame budget of the scenes", "", *_markdown(list(HEADS), budget_rows(found), 1)]
+        parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
     return "\n".join(parts).rstrip() + "\n"
 
 

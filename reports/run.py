@@ -96,8 +96,10 @@ def run(request: Request, progress: Progress) -> Results:
             "engines": {"/".join(key): recording.facts for key, recording in recordings.items()},
         }
         save_manifest(folder, manifest)
+        from reports.frame_budget_picture import write_picture
         from reports.markdown import report
 
+        write_picture(recordings, folder)
         write_beside(folder / "report.md", lambda part: part.write_text(report(request, results)))
     return results
 

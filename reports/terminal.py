@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import pandas as pd
 from rich.box import SIMPLE
@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from adapters.recording import Recording
+from reports.frame_budget import HEADS, NOTE, budget_rows, budgets
 from reports.overview import LEGEND as OVERVIEW_LEGEND
 from reports.overview import TOTALS, Overview, overview
 from reports.results import rows_of
@@ -43,6 +45,19 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
         if ratios:
             out.print(_ratio_table(ratios))
         _print_lines(remark_lines(scene, shown), out)
+
+
+def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Console) -> None:
+    """Print what frames of the reference cost, if it played at least two scenes."""
+    found = budgets(recordings)
+    if 1 < len(found) <= IN_FULL:
+        table = Table(title="frame budget", title_justify="left", box=SIMPLE)
+        for k, name in enumerate(HEADS):
+            table.add_column(name, justify="right" if k else "left")
+        for row in budget_rows(found):
+            table.add_row(*row)
+        out.print(table)
+        out.print(Text(NOTE, style="dim"))
 
 
 def _print_lines(lines: list[str], out: Console) -> None:

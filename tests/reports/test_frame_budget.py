@@ -1,0 +1,67 @@
+"""The frame budget: its figures in closed form, its order, and its picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reports.frame_budget import HEADS, budget_rows, budgets
+from reports.frame_budget_picture import write_picture
+from reports.terminal import console, show_budget
+
+
+@pytest.fixture
+def played(lab, recordings):
+    """Three scenes of four frames: one with inverse kinematics, one without counts, one of another engine."""
+    still = recordings.recording(lab.scene(lab.ground(), lab.ball(), duration=4 / 60))
+    reaching = replace(
+        still,
+        time_frame=np.array([30e-6, 10e-6, 20e-6, 20e-6]),
+        stage_names=np.array(["collision", "removal", "drive"]),
+        stage_seconds=np.tile([6e-6, 3e-6, 1e-6], (4, 1)),
+        work_names=np.array(["ik.iterations", "ik.joints", "pairs.contacting"]),
+        work=np.array([[0.0, 0.0, 0.0], [8.0, 48.0, 2.0], [3.0, 18.0, 1.0], [1.0, 6.0, 1.0]]),
+    )
+    bare = replace(
+        still,
+        time_frame=np.full(4, 5e-6),
+        stage_names=np.array(["collision", "removal"]),
+        stage_seconds=np.zeros((4, 2)),
+    )
+    return {
+        ("reach", "reference", "balanced"): reaching,
+        ("bare", "reference", "balanced"): bare,
+        ("reach", "dart", "recommended"): still,
+        ("reach", "reference", "paper"): still,
+    }
+
+
+def test_figures_are_those_of_the_recordings(played):
+    """The cheaper scene first; shares of all stages, means over frames that have any, and peaks."""
+    first, second = budget_rows(budgets(played))
+    assert first == ["bare", "5.00", "5.00", "0 %", "0 %", "", "", "", "", "", ""]
+    # 99th percentile of 10, 20, 20, 30: linear between the last two
+    assert second == ["reach", "20.0", "29.7", "60 %", "30 %", "4.0", "8", "24.0", "48", "1.3", "2"]
+    assert len(first) == len(HEADS)
+
+
+def test_the_picture_is_drawn_where_there_is_something_to_draw(played, tmp_path):
+    """Write a picture for the reference's scenes, none without any."""
+    write_picture({("reach", "dart", "recommended"): played["reach", "dart", "recommended"]}, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    write_picture(played, tmp_path)
+    (picture,) = tmp_path.iterdir()
+    assert picture.name == "frame_budget.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_table_is_printed_for_several_scenes(played, capsys):
+    """Print a line a scene; nothing for a single one, whose own table says as much."""
+    show_budget(played, console())
+    out = capsys.readouterr().out
+    assert "frame budget" in out
+    assert out.index("bare") < out.index("reach")
+    show_budget({("reach", "reference", "balanced"): played["reach", "reference", "balanced"]}, console())
+    assert capsys.readouterr().out == ""
