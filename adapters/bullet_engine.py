@@ -283,7 +283,33 @@ class World:
             bodies={body.name: _body_facts(fact) for body, fact in zip(bodies, facts)},
             pairs=tuple(self._pair_facts(facts, a, b) for a, b in self._scenario.touching_pairs()),
             drives={t.root: drive.gains() for t, drive in zip(self._scenario.trackers, self._drives)},
+            limits=self._limits(),
+            pieces={body.name: self._piece_count(k) for k, body in enumerate(bodies)},
+            freedom=self._freedom(),
         )
+
+    def _limits(self) -> dict[str, tuple[float, float]]:
+        pybullet.syncBodyInfo(**self._on)  # getJointInfo answers from a copy made before the limits were set
+        found = {}
+        for multibody, tracker in zip(self._driven, self._scenario.trackers):
+            for k, name in enumerate(tracker.joints):
+                found[name] = pybullet.getJointInfo(multibody.id, k, **self._on)[8:10]
+        return found
+
+    def _piece_count(self, body: int) -> int:
+        return sum(len(pybullet.getCollisionShapeData(*link, **self._on)) for link in self._colliders[body])
+
+    def _freedom(self) -> int:
+        """Six of a base that has mass, and one of each hinge."""
+        free = 0
+        for multibody in (*self._free, *self._driven):
+            free += 6 * (pybullet.getDynamicsInfo(multibody.id, BASE, **self._on)[0] > 0)
+            kinds = [
+                pybullet.getJointInfo(multibody.id, k, **self._on)[2]
+                for k in range(pybullet.getNumJoints(multibody.id, **self._on))
+            ]
+            free += kinds.count(pybullet.JOINT_REVOLUTE)
+        return free
 
     def _pair_facts(self, facts: list[tuple], a: int, b: int) -> PairFacts:
         first, second = self._scenario.bodies[a].name, self._scenario.bodies[b].name

@@ -200,7 +200,21 @@ class World:
                 for a, b in self._scenario.touching_pairs()
             ),
             drives={tracker.root: d.gains() for tracker, d in zip(self._scenario.trackers, self._drives)},
+            limits=self._limits(),
+            pieces={name: node.getNumShapeNodes() for name, node in zip(names, self._nodes)},
+            freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons()),
         )
+
+    def _skeletons(self) -> list[Any]:
+        return [self._world.getSkeleton(k) for k in range(self._world.getNumSkeletons())]
+
+    def _limits(self) -> dict[str, tuple[float, float]]:
+        found = {}
+        for hand, tracker in zip(self._hands, self._scenario.trackers):
+            for k, name in enumerate(tracker.joints, start=1):
+                joint = hand.getJoint(k)
+                found[name] = (joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0))
+        return found
 
     def _aspect(self, body: int) -> Any:
         return self._nodes[body].getShapeNode(0).getDynamicsAspect()

@@ -109,6 +109,9 @@ class Manifest:
     pairs: tuple[PairFacts, ...]
     drives: Mapping[str, object] = field(default_factory=dict)
     effects: Mapping[str, str] = field(default_factory=dict)  # what the plan does about each, and why
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of each hinge [rad]
+    pieces: Mapping[str, int] = field(default_factory=dict)  # of each body
+    freedom: int = 0  # degrees of freedom of all simulated and driven bodies
 
 
 class State:

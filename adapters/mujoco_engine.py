@@ -186,6 +186,9 @@ class World:
             bodies={source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
             pairs=self._pair_facts(),
             drives={tracker.root: d.gains() for tracker, d in zip(scenario.trackers, self._drives)},
+            limits={j.name: tuple(self._model.joint(j.name).range.tolist()) for j in scenario.joints},
+            pieces={b.name: int(self._model.body_geomnum[k]) for k, b in zip(self._body, scenario.bodies)},
+            freedom=int(self._model.nv),
         )
 
     def _facts(self) -> dict[str, Scalar]:

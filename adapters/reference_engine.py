@@ -183,6 +183,7 @@ class _World:
             tracker.root: {name: float(row[name]) for name in ("mass", "stiffness", "damping")}
             for tracker, row in zip(scenario.trackers, world.drivers)
         }
+        names = [name for tracker in scenario.trackers for name in tracker.joints]
         pairs = tuple(self._pair(a, b) for a, b in scenario.touching_pairs())
         return Manifest(
             ReferenceEngine.name,
@@ -193,6 +194,10 @@ class _World:
             facts,
             pairs,
             drives,
+            limits={j: (float(row["lower"]), float(row["upper"])) for j, row in zip(names, world.joints)},
+            pieces={b.name: int((world.pieces["body"] == k).sum()) for k, b in enumerate(scenario.bodies)},
+            freedom=6 * (int((world.bodies["kind"] == conventions.SIMULATED).sum()) + len(world.drivers))
+            + len(names),
         )
 
     def _pair(self, a: int, b: int) -> PairFacts:

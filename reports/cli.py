@@ -213,6 +213,9 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
 def show(
     scenario: str,
     effects: Annotated[bool, typer.Option("--effects", help="Which effects it calls for, and why.")] = False,
+    model_card: Annotated[
+        bool, typer.Option("--model-card", help="The driven bodies as every engine holds them.")
+    ] = False,
     output: FormatOption = Format.table,
 ) -> None:
     """Show what a scenario is made of."""
@@ -222,6 +225,14 @@ def show(
     chosen = _scenarios([scenario], "")[0]
     if effects:
         show_rows(effect_rows(chosen), output)
+        return
+    if model_card:
+        from reports.model_card import NotDriven, card_rows
+
+        try:
+            show_rows(card_rows(chosen), output)
+        except NotDriven as error:
+            stop(str(error), BAD_INPUT)
         return
     if output is Format.json:
         print(scenario_json(chosen))

@@ -21,8 +21,8 @@ HEADS = (
 )
 NOTE = (
     f"{ENGINE} {PROFILE}, scenes by cost. Median and 99th percentile of the frame time; shares of all "
-    "stages; means and peaks of a frame's IK iterations, joints turned and contacting pairs, over frames that "
-    "have any."
+    "stages; means and peaks of a frame's IK iterations, joints turned and contacting pairs, over frames "
+    "that have any."
 )
 BUDGET_PICTURE = "frame_budget.png"
 IK_ITERATIONS, IK_JOINTS, PAIRS = "ik.iterations", "ik.joints", "pairs.contacting"

@@ -53,6 +53,12 @@ class Articulated:
         turned = self._to_own_axes(posture)
         return turned.T @ own @ turned
 
+    def body(self, posture: Array) -> tuple[float, Array, Array]:
+        """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2] of the whole, world."""
+        pinocchio.ccrba(self.model, self.data, posture, np.zeros(self.model.nv))
+        whole = self.data.Ig
+        return float(whole.mass), np.array(self.data.com[0]), np.array(whole.inertia)
+
     def kinetic_energy(self, posture: Array, rates: Array) -> float:
         """Kinetic energy [J]; rates (6 + j,) of the root's origin and rotation along the world's axes, and of
         the hinges."""
