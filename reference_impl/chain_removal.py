@@ -9,10 +9,12 @@ from reference_impl.conventions import (
     COUNT_IK_ITERATIONS,
     COUNT_IK_JOINTS,
     COUNT_IK_ROUNDS,
+    OVERLAP_TOLERANCE,
     POSTURE_LEAST_TURN,
     STRETCHED,
+    TURN_TOLERANCE,
 )
-from reference_impl.detection import detect_for, is_free
+from reference_impl.detection import detect_for
 from reference_impl.kernel import kernel
 from reference_impl.least_turn import least_turn
 from reference_impl.skeleton import pose_links
@@ -42,10 +44,12 @@ def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, late
         Index after the last pair of the last detection; whether all chains came free is for its pairs to say.
     """
     driver = drivers[d]
+    # the least turn converges fast; passes of inverse kinematics do not
+    enough = TURN_TOLERANCE if state["posture"] == POSTURE_LEAST_TURN else OVERLAP_TOLERANCE
     for i in range(driver["chain_count"]):
         chain = driver["order"][i]
         for rounds in range(CHAIN_ROUNDS):
-            link = _innermost(bodies, pairs, end, driver, d, chain, rounds)
+            link = _innermost(bodies, pairs, end, driver, d, chain, rounds, enough)
             if link < 0:
                 break
             state["counters"][COUNT_IK_ROUNDS] += 1
@@ -71,12 +75,12 @@ def _turn_all(bodies, joints, pairs, end, driver, d, chain, rounds, state):
 
 
 @kernel
-def _innermost(bodies, pairs, end, driver, d, chain, rounds):
-    """Hinge of the chain's overlapping link that is closest to the root, or -1."""
+def _innermost(bodies, pairs, end, driver, d, chain, rounds, enough):
+    """Hinge of the chain's link deeper than `enough` [m] that is closest to the root, or -1."""
     link = -1
     for k in range(end):
         side, depth = chain_depth(bodies, pairs[k], driver, d, chain, rounds)
-        if side == 0.0 or is_free(depth):
+        if side == 0.0 or depth <= enough:
             continue
         hinge = bodies[pairs[k]["body_b"] if side > 0 else pairs[k]["body_a"]]["hinge"]
         if link < 0 or hinge < link:

@@ -296,6 +296,8 @@ TURN_OVER = 1.7
 """Plain sweeps, and the factor of the corrections after them [1]: hundreds of sweeps become tens."""
 TURN_TOLERANCE = 1e-8
 """Change of a depth in a sweep that ends it [m]: a hundredth of OVERLAP_TOLERANCE."""
+TURN_CLEARANCE = 5e-7
+"""Gap that a turn aims at [m]: what its linearisation leaves then is no depth, and the links still touch."""
 TURN_LEVER = 5e-3
 """Lever up to which a depth is not worth its turns [m]: of a stretched limb, or between opposing planes."""
 TURN_MAX = 0.2

@@ -15,6 +15,7 @@ from math import inf
 from reference_impl.ccd_ik import keep_in_cones
 from reference_impl.chain_depth import chain_depth
 from reference_impl.conventions import (
+    TURN_CLEARANCE,
     TURN_LEVER,
     TURN_MAX,
     TURN_OVER,
@@ -90,7 +91,7 @@ def _gather(bodies, joints, pairs, end, driver, d, chain, rounds, state):
         p = pair["point_b"] if side > 0 else pair["point_a"]
         link, local, normal = bodies[joints[row["last"]]["child"]], row["point"], row["normal"]
         m, o = link["rotation"], link["position"]
-        row["height"] = depth
+        row["height"] = depth + TURN_CLEARANCE
         for i in range(3):
             normal[i] = side * pair["normal"][i]
             row["height"] += normal[i] * p[i]
