@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from reference_impl.conventions import TURN_LEVER, TURN_TOLERANCE
+from reference_impl.conventions import TURN_CLEARANCE, TURN_LEVER, TURN_TOLERANCE
 from reference_impl.least_turn import least_turn
 from reference_impl.skeleton import pose_links
 from reference_impl.world import PAIR
@@ -90,7 +90,7 @@ def test_one_contact_turns_along_its_slope(world) -> None:
     damped = g @ g + TURN_LEVER**2
     assert missed == pytest.approx(TURN_LEVER**2 / damped, rel=1e-7)
     # slopes by differences are good to 1e-10
-    np.testing.assert_allclose(turned, g * 1e-4 / damped, rtol=1e-7, atol=1e-13)
+    np.testing.assert_allclose(turned, g * (1e-4 + TURN_CLEARANCE) / damped, rtol=1e-7, atol=1e-13)
 
 
 def test_hinges_beyond_the_link_stay(world) -> None:
@@ -106,12 +106,12 @@ def test_several_contacts_solve_the_quadratic_program(world, bound: bool) -> Non
     pairs = contacts(world, [HAND, FOREARM, UPPER_ARM])
     first, last = world.drivers[0]["chains"][CHAIN]
     rows, g = world.joints[first : last + 1], slopes(world, pairs)
-    truth = program(g, -pairs["distance"], np.full((6, 2), (-np.inf, np.inf)))
+    truth = program(g, TURN_CLEARANCE - pairs["distance"], np.full((6, 2), (-np.inf, np.inf)))
     if bound:
         k = int(np.abs(truth).argmax())
         rows["upper" if truth[k] > 0 else "lower"][k] = rows["angle"][k] + truth[k] / 2
         room = np.transpose([rows["lower"] - rows["angle"], rows["upper"] - rows["angle"]])
-        truth = program(g, -pairs["distance"], room)
+        truth = program(g, TURN_CLEARANCE - pairs["distance"], room)
     _, turned = solve(world, pairs)
     # sweeps end when they change no depth by TURN_TOLERANCE; a twentieth of a metre is the least lever here
     np.testing.assert_allclose(turned, truth, atol=20 * TURN_TOLERANCE)
