@@ -88,14 +88,15 @@ def test_the_program_is_installed():
     done = subprocess.run([program, "run", "bal_snip"], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (2, "")
     valid = ", ".join(catalogue())
-    said = f"unknown scenario 'bal_snip'; did you mean 'ball_snip' or 'slip'? (valid: {valid})"
-    assert done.stderr == f"touchstone: {said}\n"
+    assert done.stderr.startswith("touchstone: unknown scenario 'bal_snip'; did you mean 'ball_snip'")
+    assert done.stderr.endswith(f"? (valid: {valid})\n")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip' or 'slip'?"),
+        (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip'"),
         (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
         (["--engine", "zzz"], "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco)"),
         (["--metric", "overlp.max"], "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
@@ -187,7 +188,8 @@ def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path):
     assert code == 0
     assert left(tmp_path) == ["here"]
     assert left("here") == ["results"]
-    wanted = ["manifest.json", "output", "recordings", "report.md", "results.csv", "results.parquet"]
+    tables = ("report.md", "results.csv", "results.parquet")
+    wanted = ["frame_budget.png", "manifest.json", "output", "recordings", *tables]
     assert left("here/results") == wanted
     assert left("here/results/recordings") == ["ball_snip-reference-balanced.npz"]
     assert "results: here/results" in out
