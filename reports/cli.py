@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -81,6 +81,9 @@ def run(
     effects: Annotated[
         str, typer.Option(help="auto: those that a scene calls for; all; or the names of those to simulate.")
     ] = "auto",
+    hold_last: Annotated[
+        bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -89,10 +92,13 @@ def run(
     from reports.output import OutputError
     from reports.run import run as run_study
 
-    request = _request(scenario or [], tag, engine or [], profile or [], metric or [], dt, out)
+    scenarios = _scenarios(scenario or [], tag, hold_last)
+    request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
     request = replace(
         request, changes=changes_for(request.columns, change or []), effects=effects_for(effects)
     )
+    for line in [] if quiet else _held(scenarios):
+        print(line, file=sys.stderr)
     try:
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet) as progress:
@@ -111,8 +117,7 @@ def run(
 
 
 def _request(
-    names: list[str],
-    tag: str,
+    scenarios: list[Scenario],
     engines: list[str],
     profiles: list[str],
     metrics: list[str],
@@ -123,7 +128,6 @@ def _request(
     from reports.metrics import METRICS
     from reports.run import DEFAULT_PROFILES, Request
 
-    scenarios = _scenarios(names, tag)
     columns = columns_for(engines, profiles, DEFAULT_PROFILES)
     spreads = [f"{name}.spread" for name in METRICS if name.startswith("events.")]
     for name in metrics:
@@ -133,16 +137,28 @@ def _request(
     return Request(tuple(scenarios), columns, out or folder_of_now(), step, tuple(metrics), command)
 
 
-def _scenarios(names: list[str], tag: str) -> list[Scenario]:
+def _scenarios(names: list[str], tag: str, hold_last: bool = False) -> list[Scenario]:
     from scenarios.catalogue import catalogue, tagged, tags
     from scenarios.scenario import ScenarioError
 
     try:
         if names:
-            return [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
-        return list(tagged(known("tag", tag, tags())))
+            valid = catalogue(hold_last)
+            return [valid[known("scenario", name, valid)] for name in dict.fromkeys(names)]
+        return list(tagged(known("tag", tag, tags(hold_last)), hold_last))
     except ScenarioError as error:
         stop(str(error), BAD_INPUT)
+
+
+def _held(scenarios: Iterable[Scenario]) -> Iterator[str]:
+    """A line per tracker that holds its last good sample somewhere."""
+    for scenario in scenarios:
+        for i, tracker in enumerate(scenario.trackers):
+            if tracker.held:
+                yield (
+                    f"{scenario.name}: trackers[{i}] holds its last good sample at {tracker.held} of "
+                    f"{len(tracker.times)} keyframes"
+                )
 
 
 def _step(text: str, scenarios: Iterable[Scenario]) -> float:

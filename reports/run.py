@@ -92,7 +92,10 @@ def run(request: Request, progress: Progress) -> Results:
         save(results.frame, folder)
         manifest = {
             "command": request.command,
-            "scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in request.scenarios},
+            "scenarios": {
+                s.name: {"tags": s.tags, "seed": s.seed, "held_samples": [t.held for t in s.trackers]}
+                for s in request.scenarios
+            },
             "engines": {"/".join(key): recording.facts for key, recording in recordings.items()},
         }
         save_manifest(folder, manifest)

@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Callable, Iterable
 from functools import cache
 
-from scenarios.scenario import Scenario
+from scenarios.scenario import HOLD_LAST, Scenario
 
 Scene = Callable[[], Scenario | tuple[Scenario, ...]]
 _MARK = "is_touchstone_scene"
@@ -19,9 +19,23 @@ def scene(function: Scene) -> Scene:
     return function
 
 
+def catalogue(hold_last: bool = False) -> dict[str, Scenario]:
+    """All scenarios by name, in alphabetical order; trackers may hold their last good sample where one is not
+    finite, which is refused otherwise."""
+    return built(hold_last)
+
+
 @cache
-def catalogue() -> dict[str, Scenario]:
-    """All scenarios by name, in alphabetical order."""
+def built(hold_last: bool) -> dict[str, Scenario]:
+    """The same, built once."""
+    token = HOLD_LAST.set(hold_last)
+    try:
+        return dict(sorted(_collected().items()))
+    finally:
+        HOLD_LAST.reset(token)
+
+
+def _collected() -> dict[str, Scenario]:
     import scenarios.families as families
 
     found: dict[str, Scenario] = {}
@@ -34,14 +48,14 @@ def catalogue() -> dict[str, Scenario]:
                     if scenario.name in found:
                         raise ValueError(f"two scenes are called {scenario.name!r}")
                     found[scenario.name] = scenario
-    return dict(sorted(found.items()))
+    return found
 
 
-def tags() -> tuple[str, ...]:
+def tags(hold_last: bool = False) -> tuple[str, ...]:
     """All tags in use."""
-    return tuple(sorted({tag for scenario in catalogue().values() for tag in scenario.tags}))
+    return tuple(sorted({tag for scenario in catalogue(hold_last).values() for tag in scenario.tags}))
 
 
-def tagged(tag: str) -> Iterable[Scenario]:
+def tagged(tag: str, hold_last: bool = False) -> Iterable[Scenario]:
     """The scenarios that carry `tag`."""
-    return [scenario for scenario in catalogue().values() if tag in scenario.tags]
+    return [scenario for scenario in catalogue(hold_last).values() if tag in scenario.tags]

@@ -9,9 +9,12 @@ link frame has its origin on the hinge. Every object is plain, frozen data.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from itertools import combinations
+from math import isfinite
+from numbers import Real
 from typing import Literal
 
 Vector = tuple[float, float, float]
@@ -26,6 +29,8 @@ EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 LAWS = ("arcs", "torque_free", "coupling")
 GRAVITY = 9.81
 """On the ground, unless a scene says otherwise [m/s^2]."""
+HOLD_LAST: ContextVar[bool] = ContextVar("HOLD_LAST", default=False)
+"""Whether scenarios that are built hold the last good sample of a tracker where one is not finite."""
 
 
 def vector(values: Iterable[float]) -> Vector:
@@ -161,7 +166,7 @@ class Tracker:
 
     `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation it is
     critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped servo of
-    `hinge_frequency` [rad/s]; the reference poses them exactly.
+    `hinge_frequency` [rad/s]; the reference poses them exactly. `held` keyframes repeat the last good sample.
     """
 
     root: str
@@ -173,6 +178,23 @@ class Tracker:
     stiffness: float = 1000.0
     damping: float = 40.0
     hinge_frequency: float = 70.0
+    held: int = 0
+
+    def hold_last(self) -> Tracker:
+        """A copy in which keyframes with what is no finite number repeat the last good one, counted in
+        `held`. Those before the first good one stay as they are."""
+        samples = list(zip(self.positions, self.orientations, self.angles))
+        if not 0 < len(self.positions) == len(self.orientations) == len(self.angles):
+            return self
+        held, good = self.held, -1
+        for k, sample in enumerate(samples):
+            if all(isinstance(x, Real) and isfinite(x) for row in sample for x in row):
+                good = k
+            elif good >= 0:
+                samples[k] = samples[good]
+                held += 1
+        positions, orientations, angles = zip(*samples)
+        return replace(self, positions=positions, orientations=orientations, angles=angles, held=held)
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +253,8 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A scene and its truth. Building one validates it: `ScenarioError` names every fault at once."""
+    """A scene and its truth. Building one validates it: `ScenarioError` names every fault at once; under
+    `HOLD_LAST` its trackers hold their last good samples first."""
 
     name: str
     summary: str
@@ -252,6 +275,8 @@ class Scenario:
     def __post_init__(self) -> None:
         from scenarios.validation import faults
 
+        if HOLD_LAST.get():
+            object.__setattr__(self, "trackers", tuple(tracker.hold_last() for tracker in self.trackers))
         found = faults(self)
         if found:
             raise ScenarioError(self.name, found)

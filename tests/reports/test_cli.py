@@ -11,7 +11,9 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from functools import partial
+from math import nan
 from pathlib import Path
 
 import pandas as pd
@@ -24,7 +26,8 @@ from reports import run as study
 from reports.limits import Limit
 from reports.metrics import METRICS
 from reports.results import COLUMNS, Row
-from scenarios.catalogue import catalogue
+from scenarios.catalogue import built, catalogue, scene
+from scenarios.families import snip
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
 REFERENCE = ("--engine", "reference")
@@ -137,6 +140,51 @@ def test_wrong_input_is_one_line(touchstone, tmp_path, arguments, said):
     assert err.startswith(f"touchstone: {said}")
     assert err.count("\n") == 1
     assert left(tmp_path) == []
+
+
+@pytest.fixture
+def broken(monkeypatch, registry):
+    """A scene `broken`: `ball_snip` whose tracker loses the samples that are given."""
+
+    recording = registry.played("ball_snip", "reference")
+    good = catalogue()["ball_snip"]
+    glove = good.trackers[0]
+
+    def add(*lost):
+        places = [(nan,) * 3 if k in lost else place for k, place in enumerate(glove.positions)]
+        trackers = (replace(glove, positions=tuple(places)),)
+        monkeypatch.setattr(
+            snip, "broken", scene(lambda: replace(good, name="broken", trackers=trackers)), False
+        )
+        built.cache_clear()
+
+    def play(self, jobs, progress):
+        for job in jobs:
+            recording.save(job.recording)
+        return [Outcome(job, "done") for job in jobs]
+
+    monkeypatch.setattr(study.Children, "play", play)
+    yield add
+    built.cache_clear()
+
+
+def test_lost_samples_are_refused_or_held(touchstone, broken, tmp_path):
+    """Refuse a tracker's sample that is no number, with its path; under `--hold-last` tell how many."""
+    count = len(catalogue()["ball_snip"].trackers[0].times)
+    broken(5, 6, 9)
+    run = ("run", "broken", *REFERENCE, "--profile", "balanced", "--metric", "overlap.max", "--out", "out")
+    code, out, err = touchstone(*run)
+    assert (code, out) == (2, "")
+    assert err.splitlines()[1] == "  trackers[0].positions[5]: found nan, expected finite numbers"
+    assert left(tmp_path) == []
+    code, out, err = touchstone(*run, "--hold-last")
+    assert code == 0
+    assert f"broken: trackers[0] holds its last good sample at 3 of {count} keyframes\n" in err
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["scenarios"]["broken"]["held_samples"] == [3]
+    broken(0)
+    code, out, err = touchstone(*run, "--hold-last")
+    assert (code, "trackers[0].positions[0]: found nan" in err) == (2, True)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from scenarios import families
-from scenarios.catalogue import catalogue, scene, tagged, tags
+from scenarios.catalogue import built, catalogue, scene, tagged, tags
 from scenarios.families import snip
 from scenarios.hand import HAND_MASS, hand_parts
 from scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
@@ -138,13 +138,13 @@ def test_two_scenes_of_one_name_are_rejected(monkeypatch: pytest.MonkeyPatch) ->
     """Reject a second scene with a name that is taken."""
     twin = scene(lambda: snip.ball_snip())
     monkeypatch.setattr(snip, "twin", twin, raising=False)
-    catalogue.cache_clear()
+    built.cache_clear()
     try:
         with pytest.raises(ValueError, match="two scenes are called 'ball_snip'"):
             catalogue()
     finally:
         monkeypatch.undo()
-        catalogue.cache_clear()
+        built.cache_clear()
     assert families.__name__ == "scenarios.families"
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from scenarios.catalogue import catalogue
 from scenarios.scenario import (
+    HOLD_LAST,
     Arc,
     Body,
     Box,
@@ -155,6 +156,8 @@ TRACKER = [
     ({"positions": ((0.0, 0.0, 0.0),)}, "trackers[0].positions", "2 rows of 3"),
     ({"positions": ((0.0, 0.0, inf),) * 2}, "trackers[0].positions[0]", "inf"),
     ({"orientations": (QUIET, (1.0, 1.0, 0.0, 0.0))}, "trackers[0].orientations[1]", "expected 1"),
+    ({"orientations": (QUIET, (nan, 0.0, 0.0, 0.0))}, "trackers[0].orientations[1]", "nan"),
+    ({"angles": ((0.0,), (-inf,))}, "trackers[0].angles[1]", "-inf"),
     ({"angles": ((0.0, 0.0),) * 2}, "trackers[0].angles", "2 rows of 1"),
     ({"stiffness": 0.0}, "trackers[0].stiffness", "positive"),
     ({"damping": -1.0}, "trackers[0].damping", "positive"),
@@ -383,3 +386,29 @@ def test_the_catalogue_is_sound_when_built_again() -> None:
     for scenario in catalogue().values():
         fields = {f.name: getattr(scenario, f.name) for f in dataclasses.fields(scenario)}
         assert Scenario(**fields) == scenario
+
+
+def test_a_tracker_holds_its_last_good_sample() -> None:
+    """Repeat the whole last good keyframe and count it; refuse one before the first good one all the same."""
+    fields = sound()
+    good = fields["trackers"][0]
+    jumpy = replace(
+        good,
+        times=(0.0, 0.2, 0.4, 0.6, 1.0),
+        positions=((0.0, 0.0, 1.0), (0.0, nan, 2.0), (0.0, 0.0, 3.0), (0.0, 0.0, 4.0), (0.0, 0.0, inf)),
+        orientations=(QUIET, QUIET, QUIET, QUIET, QUIET),
+        angles=((0.1,), (0.2,), (0.3,), (nan,), (0.5,)),
+    )
+    told = faults_of(fields | {"trackers": (jumpy,)})
+    assert set(told) == {f"trackers[0].{k}" for k in ("positions[1]", "angles[3]", "positions[4]")}
+    held = jumpy.hold_last()
+    assert [place[2] for place in held.positions] == [1.0, 1.0, 3.0, 3.0, 3.0]
+    assert held.angles == ((0.1,), (0.1,), (0.3,), (0.3,), (0.3,))
+    assert (good.hold_last(), held.held, held.hold_last()) == (good, 3, held)
+    token = HOLD_LAST.set(True)
+    try:
+        assert Scenario(**fields | {"trackers": (jumpy,)}).trackers == (held,)
+        first = replace(good, angles=((nan,), (1.0,)))
+        assert "nan" in faults_of(fields | {"trackers": (first,)})["trackers[0].angles[0]"]
+    finally:
+        HOLD_LAST.reset(token)
