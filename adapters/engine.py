@@ -61,12 +61,14 @@ class NotInstalled(AdapterError):
 @dataclass(frozen=True, slots=True)
 class Settings:
     """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
-    profile (reference only); the effects asked for, or None for those that the scene calls for."""
+    profile (reference only); the effects asked for, or None for those that the scene calls for; and, filled
+    in from the plan, the stages that the reference leaves out."""
 
     profile: str
     dt: float
     changes: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
+    skipped: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:

@@ -18,7 +18,7 @@ from adapters.reference_settings import configure, describe
 from adapters.registry import ENGINES
 from adapters.translation import translate
 from reference_impl import conventions
-from reference_impl.conventions import DRIVEN
+from reference_impl.conventions import DRIVEN, SIMULATED
 from reference_impl.detection import detect
 from reference_impl.kernel import CACHE_FOLDER, JIT, kernel
 from reference_impl.pipeline import prepare, step
@@ -27,6 +27,8 @@ from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 from scenarios.tracking import TrackerMotion, sample
 
+STAGES = ("drive", "removal", "contact", "rotation")
+"""Stages that the compiled step can skip."""
 COMPILE_NOTE = "compile_seconds.txt"
 """File of the kernel cache that tells what filling it cost."""
 
@@ -73,6 +75,14 @@ class ReferenceEngine:
         return _World(scenario, settings, self.version())
 
 
+def _unturned(bodies: np.ndarray) -> bool:
+    """Whether a turn by nothing leaves the orientations of simulated bodies as they are, to the bit: it
+    scales them to length 1."""
+    q = bodies["orientation"][bodies["kind"] == SIMULATED]
+    size = np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
+    return bool((q / size[:, None] == q).all())
+
+
 class _World:
     def __init__(self, scenario: Scenario, settings: Settings, version: str) -> None:
         self._scenario, self._settings, self._version = scenario, settings, version
@@ -81,6 +91,13 @@ class _World:
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
         configure(self._state, settings.profile, settings.changes)
+        for stage in settings.skipped:
+            if stage == "sweep":
+                self._state["detection"] = conventions.DETECTION_DISCRETE
+            else:
+                self._state[f"skip_{stage}"] = 1
+        if not _unturned(self._world.bodies):
+            self._state["skip_rotation"] = 0
         times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
         times = np.minimum(times, scenario.duration)
         self._targets: list[tuple[np.ndarray, np.ndarray, int]] = []
@@ -166,6 +183,7 @@ class _World:
             **describe(self._state),
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
+            "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
         }
         for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):
             settings[name.lower().replace("_", " ")] = getattr(conventions, name)

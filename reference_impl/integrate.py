@@ -3,8 +3,8 @@
 from reference_impl.conventions import SIMULATED
 from reference_impl.free_rotation import free_omega, refresh_inertia, rotate_freely
 from reference_impl.kernel import kernel
-from reference_impl.motion import flight_motion, pose_along
-from reference_impl.rotation import copy_quaternion, copy_vector, matrix_of
+from reference_impl.motion import flight_motion, flight_way, pose_along
+from reference_impl.rotation import copy_quaternion, copy_vector, matrix_of, rotate
 from reference_impl.skeleton import move_links
 
 
@@ -32,6 +32,23 @@ def apply_forces(bodies, gravity, h, flight):
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
             rotate_freely(body, h, flight)
+
+
+@kernel
+def fly_straight(bodies, gravity, h, flight):
+    """A time h of simulated bodies that meet nothing and do not turn: velocities, then poses."""
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] != SIMULATED:
+            continue
+        copy_vector(body["velocity"], body["old_velocity"])
+        for i in range(3):
+            body["velocity"][i] += gravity[i] * h
+        flight_way(body, h, flight)
+        rotate(body["rotation"], body["center_of_mass"], body["position"])
+        for i in range(3):
+            body["center"][i] += body["travel"][i] + body["travel_bend"][i]
+            body["position"][i] = body["center"][i] - body["position"][i]
 
 
 @kernel

@@ -19,14 +19,24 @@ def flight_motion(body, h, flight):
     """Way of a simulated body over a substep of length h: the constant acceleration that leads from its old
     velocities to its new ones (FLIGHT_EULER: the new velocities), and a free rotation where it has steps."""
     body["moves"] = 1
+    early, late, bend = flight_way(body, h, flight)
+    w0, w1 = body["old_omega"], body["omega"]
+    for i in range(3):
+        body["turn"][i] = early * w0[i] + late * w1[i]
+        body["turn_bend"][i] = bend * (w1[i] - w0[i])
+
+
+@kernel
+def flight_way(body, h, flight):
+    """Way of the centre of mass alone; returns the weights [s] of the old and of the new velocity in its
+    linear part, and of their difference in its square one."""
     early = 0.0 if flight == FLIGHT_EULER else h
     late, bend = h - early, early / 2
-    v0, v1, w0, w1 = body["old_velocity"], body["velocity"], body["old_omega"], body["omega"]
+    v0, v1 = body["old_velocity"], body["velocity"]
     for i in range(3):
         body["travel"][i] = early * v0[i] + late * v1[i]
         body["travel_bend"][i] = bend * (v1[i] - v0[i])
-        body["turn"][i] = early * w0[i] + late * w1[i]
-        body["turn_bend"][i] = bend * (w1[i] - w0[i])
+    return early, late, bend
 
 
 @kernel

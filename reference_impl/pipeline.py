@@ -26,7 +26,14 @@ from reference_impl.global_depth import largest_depth
 from reference_impl.hold import hold_contacts
 from reference_impl.impact import resolve_impacts
 from reference_impl.impact_time import earliest_impact
-from reference_impl.integrate import begin_substep, end_substep, pose_at, set_ways
+from reference_impl.integrate import (
+    apply_forces,
+    begin_substep,
+    end_substep,
+    fly_straight,
+    pose_at,
+    set_ways,
+)
 from reference_impl.kernel import clock, kernel
 from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
 from reference_impl.rotation import invert_symmetric
@@ -74,8 +81,12 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["counters"][:] = 0
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
-    _drive(bodies, pieces, joints, drivers, vertices, pairs, s)
-    _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
+    if s["skip_drive"] == 0:
+        _drive(bodies, pieces, joints, drivers, vertices, pairs, s)
+    if s["skip_contact"] == 0:
+        _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
+    else:
+        _fly(bodies, joints, drivers, pairs, s)
 
 
 @kernel
@@ -101,19 +112,41 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
     for _ in range(parts):
         for d in range(len(drivers)):
             pose_hinges(joints, drivers[d], state["dt"] / parts)
-        if state["detection"] == DETECTION_SWEEP:
-            sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
-        remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
+        if state["skip_removal"] == 0:
+            if state["detection"] == DETECTION_SWEEP:
+                sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
+            remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
+    if state["skip_removal"] == 1:
+        for d in range(len(drivers)):
+            drivers[d]["is_free"] = 1
+            pose_links(bodies, joints, drivers[d])
     removed = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION] - collision
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
             move_from_shown(bodies, joints, drivers[d], state["dt"])
         else:
-            _weigh(bodies, joints, drivers[d])
+            # what a hand weighs matters to what it hits alone
+            if state["skip_contact"] == 0:
+                _weigh(bodies, joints, drivers[d])
             move_links(bodies, joints, drivers[d])
     state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
     state["stage_seconds"][STAGE_DRIVE] += coupled - start + clock(state["clock"]) - removed
+
+
+@kernel
+def _fly(bodies, joints, drivers, pairs, state):
+    """Simulated loop of a scene in which no simulated body meets anything: one substep."""
+    start, h, flight = clock(state["clock"]), state["dt"], state["flight"]
+    if state["skip_rotation"] == 1:
+        fly_straight(bodies, state["gravity"], h, flight)
+    else:
+        begin_substep(bodies, drivers)
+        apply_forces(bodies, state["gravity"], h, flight)
+        set_ways(bodies, pairs, 0, h, flight)
+        pose_at(bodies, 1.0)
+        end_substep(bodies, joints, drivers, 1.0)
+    state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start
 
 
 @kernel

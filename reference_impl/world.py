@@ -304,6 +304,12 @@ STATE = _record(
     posture="i8",
     attraction_parts="i8",  # of a frame, at most
     self_collision="i8",  # 1: links of one driver meet
+    # stages that the plan leaves out where 1: the driven loop; removal of its overlap; everything that
+    # contacts of simulated bodies ask for; and their rotation, where they meet nothing
+    skip_drive="i8",
+    skip_removal="i8",
+    skip_contact="i8",
+    skip_rotation="i8",
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
     random="i8",  # state of the generator

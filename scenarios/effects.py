@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.scenario import Body, Scenario, Sphere
+from scenarios.scenario import Body, Scenario, Sphere, Tracker
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]
@@ -37,6 +37,14 @@ PLANNED = (
     "sleeping",
 )
 """Effects that a plan decides on."""
+
+
+SKIPPED = ("drive", "removal", "contact", "rotation", "sweep")
+"""Stages of the reference that a plan may leave out: the driven loop, removal of its overlap, contacts of
+simulated bodies, and their rotation; with sweeps it tests ends of steps alone."""
+STIFF = 1e9
+"""Factor of the inertia of bodies that are asked not to turn [1]: no impact moves them by more than rounding
+shows in a picture, and no engine divides by zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +106,7 @@ class Plan:
         pieces: of each body the indices of the pieces that can meet something.
         bounds: what bodies must keep to for the plan to hold.
         apart: links of one driven body (k, 2) that must stay apart.
+        skipped: of SKIPPED what the reference does not run.
     """
 
     decisions: tuple[Decision, ...]
@@ -105,6 +114,7 @@ class Plan:
     pieces: tuple[tuple[int, ...], ...]
     bounds: Bounds
     apart: NDArray[np.intp]
+    skipped: tuple[str, ...]
 
     def on(self, effect: str) -> bool:
         """Whether an effect's stage runs."""
@@ -132,11 +142,27 @@ class Plan:
             else replace(body, pieces=tuple(body.pieces[i] for i in kept))
             for k, (body, kept) in enumerate(zip(scenario.bodies, self.pieces))
         )
+        if "rotation" in self.removed:
+            bodies = tuple(_held_from_turning(body) for body in bodies)
         effects = tuple(effect for effect in scenario.effects if self.on(effect))
         chains = scenario.chains if self.on("inverse_kinematics") or self.on("attraction") else ()
+        if "inverse_kinematics" in self.removed:
+            chains = ()
         if not self.on("reach_cones"):
             chains = tuple(replace(chain, cones=()) for chain in chains)
-        return scenario.reduced(bodies=bodies, effects=effects, chains=chains)
+        trackers = tuple(map(self._shown, scenario.trackers))
+        return scenario.reduced(bodies=bodies, effects=effects, chains=chains, trackers=trackers)
+
+    def _shown(self, tracker: Tracker) -> Tracker:
+        """A tracker that rests as it starts where nothing is to follow it: its joints without attraction, all
+        of it without coupling."""
+        count = len(tracker.times)
+        if {"attraction", "virtual_coupling"} & set(self.removed):
+            tracker = replace(tracker, angles=tracker.angles[:1] * count)
+        if "virtual_coupling" in self.removed:
+            start = tracker.positions[:1] * count, tracker.orientations[:1] * count
+            tracker = replace(tracker, positions=start[0], orientations=start[1])
+        return tracker
 
     def broken(self, position: Array, names: Sequence[str]) -> str | None:
         """The bound that the bodies' origins (n, 3) [m] have left, in words; None while all hold."""
@@ -168,11 +194,14 @@ def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = N
     on = {decision.effect for decision in decisions if decision.on}
     group = scenario.groups()
     own = {(a, b) for a, b in may_touch if group[a] == group[b] >= 0}
-    pairs = may_touch if effects is not None else meeting
+    # without an effect that it needs a scene may leave its bounds: nothing then leans on them
+    forced_off = any(decision.state == "forced off" for decision in decisions)
+    everything = effects is not None and (forced_off or len(on) == len(PLANNED))
+    pairs = may_touch if everything or not meeting else meeting
     pairs = [pair for pair in pairs if "contact" in on and ("self_collision" in on or pair not in own)]
-    kept = _pieces(scenario, bounds, pairs, everything=effects is not None)
+    kept = _pieces(scenario, bounds, pairs, everything)
     apart = [] if needs["self_collision"][0] else sorted(own)
-    if effects is not None:  # nothing leans on the bounds
+    if everything:
         endless = np.full_like(bounds.low, np.inf)
         bounds, apart = replace(bounds, low=-endless, high=endless), []
     return Plan(
@@ -181,7 +210,30 @@ def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = N
         kept,
         bounds,
         np.array(apart, dtype=np.intp).reshape(-1, 2),
+        _skipped(scenario, on, pairs, everything),
     )
+
+
+def _skipped(scenario: Scenario, on: Collection[str], pairs: list[Pair], everything: bool) -> tuple[str, ...]:
+    """Stages of the reference without anything to do, in the order of SKIPPED."""
+    simulated = {k for k, body in enumerate(scenario.bodies) if body.kind == "simulated"}
+    contact = "contact" in on and (everything or any(simulated & set(pair) for pair in pairs))
+    runs = {
+        "drive": "virtual_coupling" in on,
+        "removal": "overlap_removal" in on,
+        "contact": contact,
+        "rotation": "rotation" in on or contact,
+        "sweep": "sweep" in on,
+    }
+    return tuple(stage for stage in SKIPPED if not runs[stage])
+
+
+def _held_from_turning(body: Body) -> Body:
+    """A simulated body that neither turns nor can be turned."""
+    if body.kind != "simulated":
+        return body
+    one, two, three = ((STIFF * x, STIFF * y, STIFF * z) for x, y, z in body.inertia)
+    return replace(body, angular_velocity=(0.0, 0.0, 0.0), inertia=(one, two, three))
 
 
 def _decide(effect: str, needed: bool, reason: str, effects: Collection[str] | None) -> Decision:
@@ -292,11 +344,12 @@ def _rotation(scenario: Scenario, meeting: list[Pair]) -> Need:
     for pair in meeting:
         for k in simulated & set(pair):
             body, other = scenario.bodies[k], scenario.bodies[sum(pair) - k]
-            if scenario.pair_coefficients(*pair)[1] > 0 or not _centred_ball(body):
-                return True, f"contact with {other.name} can turn {body.name}"
+            by_rounding = scenario.pair_coefficients(*pair)[1] == 0 and centred_ball(body)
+            how = " by rounding" if by_rounding else ""
+            return True, f"contact with {other.name} can turn {body.name}{how}"
     return False, "no body spins, and nothing can turn one"
 
 
-def _centred_ball(body: Body) -> bool:
+def centred_ball(body: Body) -> bool:
     """A ball round its centre of mass: every normal force goes through that."""
     return all(isinstance(p.shape, Sphere) and p.position == body.center_of_mass for p in body.pieces)

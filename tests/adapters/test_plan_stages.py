@@ -1,0 +1,142 @@
+"""Stages that a plan leaves out: per effect a scene that it alone matters to, and one that it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from adapters.bounds import planned
+from adapters.engine import Settings
+from adapters.record import ready, record
+from adapters.recording import Recording
+from scenarios.avatar import avatar_parts, standing_tracker
+from scenarios.catalogue import catalogue
+from scenarios.effects import PLANNED, STIFF
+from scenarios.scenario import Scenario
+
+FRAME = 1 / 60
+SPIN = {"angular_velocity": (0.0, 0.0, 1.0)}
+FAST = {"linear_velocity": (0.0, 0.0, -50.0)}
+
+
+def change(one: Recording, two: Recording) -> float:
+    """Largest difference of positions [m], orientations and velocities."""
+    names = ("position", "orientation", "linear_velocity", "angular_velocity")
+    return max(float(np.abs(getattr(one, name) - getattr(two, name)).max()) for name in names)
+
+
+def moving(lab: SimpleNamespace) -> Scenario:
+    """A person in the open who bends the left elbow."""
+    parts = avatar_parts()
+    tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
+    bent = tuple(0.6 if "elbow" in name else angle for name, angle in zip(tracker.joints, tracker.angles[0]))
+    return lab.person(parts, trackers=(replace(tracker, angles=(tracker.angles[0], bent)),))
+
+
+def pushing(lab: SimpleNamespace, end: float) -> Scenario:
+    """A driven ball that goes towards a wall at 0.5 m."""
+    hand = replace(lab.ball("hand", (0.0, 0.0, 0.0)), kind="driven")
+    wall = lab.block("wall", (0.1, 1.0, 1.0), (0.6, 0.0, 0.0), kind="fixed")
+    return lab.scene(hand, wall, trackers=(lab.still("hand", (0.0, 0.0, 0.0), (end, 0.0, 0.0), 1.0),))
+
+
+def cases(lab: SimpleNamespace) -> dict[str, tuple[Scenario, Scenario]]:
+    """Of each effect a scene in which it alone matters, and one in which it is not needed."""
+    ground, ball = lab.ground(), lab.ball()
+    still = {"gravity": (0.0, 0.0, 0.0)}
+    return {
+        "gravity": (lab.scene(ball), lab.scene(ball, **still)),
+        "rotation": (lab.scene(lab.ball(**SPIN), **still), lab.scene(ball)),
+        "restitution": (lab.scene(ground, ball, e=0.5), lab.scene(ground, ball)),
+        "friction": (
+            lab.scene(ground, lab.ball(position=(0, 0, 0.05), linear_velocity=(1.0, 0.0, 0.0)), mu=0.3),
+            lab.scene(ground, lab.ball(position=(0, 0, 0.05), linear_velocity=(1.0, 0.0, 0.0))),
+        ),
+        "contact": (lab.scene(ground, ball), lab.scene(ball, lab.ball("other", (9.0, 0.0, 1.0)))),
+        "overlap_removal": (pushing(lab, 0.6), pushing(lab, 0.05)),
+        "virtual_coupling": (pushing(lab, 0.05), lab.scene(ball)),
+        "inverse_kinematics": (catalogue()["wall_push"], moving(lab)),
+        "attraction": (moving(lab), lab.scene(ball)),
+    }
+
+
+EFFECTS = (
+    *("gravity", "rotation", "restitution", "friction", "contact", "overlap_removal"),
+    *("virtual_coupling", "inverse_kinematics", "attraction"),
+)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_that_alone_matters(lab: SimpleNamespace, registry: SimpleNamespace, effect: str) -> None:
+    """Change the outcome by switching off what a scene needs, and not by switching on what it does not."""
+    engine = registry.engine("reference")
+    matters, idle = cases(lab)[effect]
+    stages = planned(matters).stages
+    assert effect in stages
+    without = Settings("balanced", FRAME, effects=tuple(e for e in stages if e != effect))
+    # a centimetre, or a hundredth of a radian: a difference that is seen
+    assert (
+        change(record(engine, matters, Settings("balanced", FRAME)), record(engine, matters, without)) > 0.01
+    )
+    stages = planned(idle).stages
+    assert effect not in stages
+    forced = Settings("balanced", FRAME, effects=tuple(e for e in PLANNED if e in stages or e == effect))
+    assert planned(idle, forced.effects).on(effect)
+    assert change(record(engine, idle, Settings("balanced", FRAME)), record(engine, idle, forced)) == 0
+
+
+def test_sweep_alone_matters_to_a_bullet(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
+    """Let a fast ball through a thin plate where sweeps are switched off."""
+    plate = lab.block("plate", (1.0, 1.0, 0.005), (0.0, 0.0, 0.0), kind="fixed")
+    scene = lab.scene(plate, lab.ball(**FAST), duration=0.1)
+    engine, stages = registry.engine("reference"), planned(scene).stages
+    held = record(engine, scene, Settings("accurate", FRAME))
+    assert held.position[-1, 1, 2] == pytest.approx(0.055, abs=1e-6)
+    without = Settings("accurate", FRAME, effects=tuple(e for e in stages if e != "sweep"))
+    assert record(engine, scene, without).position[-1, 1, 2] < -1
+
+
+@pytest.mark.parametrize("profile", ["paper", "balanced", "accurate"])
+@pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (3.0, 0.1, 0.2)])
+def test_flight_without_contact_is_the_same(
+    lab: SimpleNamespace, registry: SimpleNamespace, profile: str, spin: tuple[float, float, float]
+) -> None:
+    """Fly to the bit as with all stages, for a tilted body with its centre of mass off its origin, spun or
+    not, and say what was left out."""
+    box = lab.block("box", (0.1, 0.05, 0.02), (0.1, 0.2, 3.0), linear_velocity=(1.0, 0.3, 2.0))
+    tilted = replace(box, orientation=(0.6, 0.0, 0.8, 0.0), center_of_mass=(0.01, 0.02, 0.03))
+    scene = lab.scene(replace(tilted, angular_velocity=spin), duration=0.5)
+    engine = registry.engine("reference")
+    one, two = (record(engine, scene, Settings(profile, FRAME, effects=e)) for e in (None, PLANNED))
+    assert change(one, two) == 0
+    told = one.facts["settings"]["stages left out"]
+    assert told == ("drive, removal, contact" if any(spin) else "drive, removal, contact, rotation")
+    assert two.facts["settings"]["stages left out"] == "none"
+
+
+def test_an_orientation_that_scaling_changes_keeps_its_rotation(
+    lab: SimpleNamespace, registry: SimpleNamespace
+) -> None:
+    """Run rotation of what does not turn where a turn by nothing scales its quaternion in the last digit."""
+    rng = np.random.default_rng(0)
+    for q in rng.normal(size=(200, 4)):
+        q /= np.linalg.norm(q)
+        if not (q / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) == q).all():
+            break
+    scene = lab.scene(replace(lab.ball(), orientation=tuple(q.tolist())), duration=0.2)
+    engine = registry.engine("reference")
+    player = ready(engine, scene, Settings("balanced", FRAME))
+    assert "rotation" not in player.world.describe().settings["stages left out"]
+    one, two = (record(engine, scene, Settings("balanced", FRAME, effects=e)) for e in (None, PLANNED))
+    assert change(one, two) == 0
+
+
+def test_held_from_turning(lab: SimpleNamespace) -> None:
+    """Keep a spinning body from turning where rotation is switched off."""
+    scene = lab.scene(lab.ball(**SPIN))
+    applied = planned(scene, ("gravity",)).applied(scene).bodies[0]
+    assert applied.angular_velocity == (0.0, 0.0, 0.0)
+    assert applied.inertia[0][0] == STIFF * scene.bodies[0].inertia[0][0]
