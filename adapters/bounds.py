@@ -4,25 +4,27 @@ Fixed pieces stay. A driven body's links keep to their tracker's way, up to REAC
 round the chain's root, in which they bend as they must. A simulated body that meets nothing flies in closed
 form. One that can meet others keeps within what its energy allows: impacts and friction take energy away, and
 gravity adds speed at most at g to all that can pass it on. One that a driven body can meet is not bounded at
-all. A run watches that bodies keep to it: `Watch`.
+all; nor is one that is no ball and meets others with restitution and friction: Eqs. 8 and 10, taken as they
+are printed, add energy at every impact. A run watches that bodies keep to it: `Plan.broken`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from adapters.engine import Array
+from adapters.engine import AdapterError, Array
 from adapters.translation import translate
 from reference_impl.conventions import FIXED
 from reference_impl.detection import place_pieces
-from reference_impl.skeleton import pose_links
 from reference_impl.world import World
-from scenarios.effects import Bounds, Plan, box_gap, least_gap, plan
+from scenarios.effects import Bounds, Plan, box_gap, centred_ball, least_gap, plan
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
-from scenarios.tracking import sample
+from scenarios.tracking import TrackerMotion, sample
 
 Indices = NDArray[np.intp]
 
@@ -34,8 +36,8 @@ SLACK = 0.05
 """How far a simulated body may be off its closed form or its energy's reach [m], beside the error g h T / 2
 of a first-order step of a displayed frame."""
 GAIN = 2.0
-"""Factor of a speed that laws which gain energy may add [1]: Newton's with friction, mu j always."""
-SAMPLES = 4
+"""Factor of a speed that laws which gain energy may add to balls [1]: mu j always."""
+SAMPLES = 2
 """Of a tracker per displayed frame."""
 MANY = 3000
 """Pieces from which on everything is taken to meet: telling them apart would take seconds."""
@@ -90,20 +92,72 @@ def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
         links = list(scenario.links(tracker))
         motion = sample(tracker, times)
         joints = world.joints[driver["first_joint"] :][: driver["joint_count"]]
-        way = np.zeros((len(times), len(links), 3))
-        for k in range(len(times)):
-            driver["position"], driver["orientation"] = motion.position[k], motion.orientation[k]
-            joints["angle"] = motion.angle[k]
-            pose_links(world.bodies, world.joints, driver)
-            way[k] = world.bodies["position"][links]
         anchor, arm = _anchors(world, joints, links)
-        way, around = way[:, anchor], reach[links] + arm
-        between = np.linalg.norm(way[:, :, None] - way[:, None], axis=-1).min(axis=0)
-        own[np.ix_(links, links)] = between - around[:, None] - around - POSTURE
+        near, which = np.unique(anchor, return_inverse=True)
+        place, rotation = ways(joints, links, motion)
+        if (world.bodies["chain"][links] >= 0).any() and "self_collision" not in scenario.effects:
+            _refuse_crossing(scenario, dict(zip(links, zip(place, rotation))), times)
+        way = place[near]
+        around = reach[links] + arm
+        between = np.array([np.sqrt(((way - one) ** 2).sum(axis=-1).min(axis=1)) for one in way])
+        own[np.ix_(links, links)] = between[np.ix_(which, which)] - around[:, None] - around - POSTURE
         # a link goes on between samples
-        spread = (REACH + np.abs(np.diff(way, axis=0)).max(initial=0.0) + arm)[:, None]
-        low[links], high[links] = way.min(axis=0) - spread, way.max(axis=0) + spread
+        spread = (REACH + np.abs(np.diff(way, axis=1)).max(initial=0.0) + arm)[:, None]
+        low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
     return np.maximum(own, 0.0)
+
+
+def ways(joints: Array, links: list[int], motion: TrackerMotion) -> tuple[Array, Array]:
+    """Origins (links, t, 3) [m] and rotations (links, t, 3, 3) of a driver's links over the samples of a
+    tracker, world: the kinematics of `skeleton.pose_links`, all samples at once.
+
+    Args:
+        joints: rows of JOINT, from the root outwards.
+        links: bodies, the root's first, then the joints' children.
+    """
+    turned = Rotation.from_quat(motion.orientation, scalar_first=True).as_matrix()
+    rotation, place = {links[0]: turned}, {links[0]: motion.position}
+    for k, joint in enumerate(joints):
+        parent, child = int(joint["parent"]), int(joint["child"])
+        hinge = Rotation.from_rotvec(motion.angle[:, k, None] * joint["axis"]).as_matrix()
+        place[child] = place[parent] + rotation[parent] @ joint["position"]
+        rotation[child] = rotation[parent] @ (hinge @ joint["rest"])
+    return np.array([place[link] for link in links]), np.array([rotation[link] for link in links])
+
+
+def _refuse_crossing(scenario: Scenario, shown: Mapping[int, tuple[Array, Array]], times: Array) -> None:
+    """Refuse a person whose tracker puts links through each other that are declared never to meet: where the
+    largest balls within two pieces overlap, nothing but contact between them keeps them apart."""
+    balls = {
+        k: [(place + rotation @ piece.position, _inner(piece)) for piece in scenario.bodies[k].pieces]
+        for k, (place, rotation) in shown.items()
+    }
+    declared = scenario.reduced(effects=(*scenario.effects, "self_collision"))
+    for a, b in declared.touching_pairs():
+        if a not in balls or b not in balls:
+            continue
+        for one, width in balls[a]:
+            for two, other in balls[b]:
+                gap = np.linalg.norm(one - two, axis=1) - width - other
+                if gap.min() < 0:
+                    names = f"{scenario.bodies[a].name!r} and {scenario.bodies[b].name!r}"
+                    raise AdapterError(
+                        f"effects: the tracker puts {names} {-gap.min():.2g} m into each other at "
+                        f"{times[int(gap.argmin())]:.2f} s; declare 'self_collision', or keep them apart"
+                    )
+
+
+def _inner(piece: Piece) -> float:
+    """Radius of a ball round a piece's origin that lies within the piece [m]; 0 where none is known."""
+    match piece.shape:
+        case Sphere(radius) | Capsule(radius, _):
+            return radius
+        case Box(half_extents):
+            return min(half_extents)
+        case Ellipsoid(half_axes):
+            return min(half_axes)
+        case Hull(_):
+            return 0.0
 
 
 def _anchors(world: World, joints: Array, links: list[int]) -> tuple[Indices, Array]:
@@ -149,7 +203,8 @@ def _settle(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
         for k in np.flatnonzero(kind == "simulated"):
             others = np.flatnonzero(meets[k])
             if len(others):
-                state[group[k]] = max(state[group[k]], 2 if (kind[others] == "driven").any() else 1)
+                endless = (kind[others] == "driven").any() or _gains(scenario, int(k), others)
+                state[group[k]] = max(state[group[k]], 2 if endless else 1)
             for other in others[kind[others] == "simulated"]:
                 one, two = group[k], group[other]
                 group[group == two] = one
@@ -157,6 +212,14 @@ def _settle(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
         if np.array_equal(before[0], group) and np.array_equal(before[1], state):
             return gap
         _spread(scenario, world, group, state, low, high)
+
+
+def _gains(scenario: Scenario, k: int, others: Indices) -> bool:
+    """Whether the printed laws can add energy where a body meets others: restitution and friction, and a
+    normal force that turns it. Newton's e with mu j makes a rod faster at every impact."""
+    if centred_ball(scenario.bodies[k]):
+        return False
+    return any(min(scenario.pair_coefficients(*sorted((k, int(other))))) > 0 for other in others)
 
 
 def _gaps(world: World, kind: NDArray[np.str_], reach: Array, low: Array, high: Array) -> Array:

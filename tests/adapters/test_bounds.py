@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bounds import bounds
+from adapters.bounds import bounds, ways
+from adapters.engine import AdapterError
+from adapters.translation import translate
+from reference_impl.skeleton import pose_links
+from scenarios.avatar import avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.effects import plan
+from scenarios.tracking import sample
 
 
 def keeps(recording, scenario) -> None:
@@ -20,6 +26,52 @@ def keeps(recording, scenario) -> None:
     names = [body.name for body in scenario.bodies]
     for position in recording.position:
         assert made.broken(position, names) is None
+
+
+def test_ways_are_those_of_the_reference() -> None:
+    """Pose links over a tracker as the reference's kinematics do, to rounding."""
+    scene = catalogue()["wall_push"]
+    world, tracker = translate(scene), scene.trackers[0]
+    motion = sample(tracker, np.linspace(0.0, scene.duration, 7))
+    links = list(scene.links(tracker))
+    place, rotation = ways(world.joints, links, motion)
+    for k in range(7):
+        world.drivers[0]["position"], world.drivers[0]["orientation"] = (
+            motion.position[k],
+            motion.orientation[k],
+        )
+        world.joints["angle"] = motion.angle[k]
+        pose_links(world.bodies, world.joints, world.drivers[0])
+        # some thirty products of rotations of order one
+        np.testing.assert_allclose(place[:, k], world.bodies["position"][links], atol=1e-13)
+        np.testing.assert_allclose(rotation[:, k], world.bodies["rotation"][links], atol=1e-13)
+
+
+def test_what_printed_laws_may_speed_up_is_not_bounded(lab: SimpleNamespace) -> None:
+    """Bound no rod that meets others with restitution and friction by its energy, but a ball, and a rod
+    without either."""
+    rod = lab.block("rod", (0.3, 0.02, 0.02), (0.0, 0.0, 0.3))
+    for body, e, mu, bounded in (
+        (rod, 0.3, 0.3, False),
+        (rod, 0.3, 0.0, True),
+        (rod, 0.0, 0.3, True),
+        (lab.ball(), 0.3, 0.3, True),
+    ):
+        made = bounds(lab.scene(lab.ground(), body, e=e, mu=mu))
+        assert np.isfinite(made.high[1]).all() == bounded
+
+
+def test_a_tracker_through_its_own_body_is_refused(lab: SimpleNamespace) -> None:
+    """Refuse a person whose own limbs meet by its tracker while they are declared never to."""
+    parts = avatar_parts()
+    tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
+    turned_in = tuple(angle + 0.2 for angle in tracker.angles[0])
+    trackers = (replace(tracker, angles=(tracker.angles[0], turned_in)),)
+    scene = lab.person(parts, trackers=trackers)
+    with pytest.raises(AdapterError, match=r"'left_foot' and 'right_foot' .* m into each other"):
+        bounds(scene)
+    declared = replace(scene, effects=(*scene.effects, "self_collision"))
+    assert plan(declared, bounds(declared)).on("self_collision")
 
 
 @pytest.mark.parametrize("name", [name for name, one in catalogue().items() if "heap" not in one.tags])
