@@ -7,9 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from reports.differences import (
+    Columns,
+    Line,
+    Section,
+    columns,
+    command,
+    head,
+    not_played,
+    sections,
+    worst_lines,
+)
 from reports.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
 from reports.results import rows_of
-from reports.tables import LEGEND, grid, number
+from reports.tables import LEGEND, Cell, cell_of, grid, number
 from reports.terminal import RATIO_HEADS, ratio_rows, remark_lines
 
 if TYPE_CHECKING:
@@ -22,6 +33,7 @@ BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")
 def report(request: Request, results: Results) -> str:
     """The whole page."""
     parts = ["# touchstone run", "", f"`{request.command}`" if request.command else ""]
+    parts += _differences(request, results)
     for scenario in request.scenarios:
         scene = results.frame[results.frame.scenario == scenario.name]
         parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", ""]
@@ -39,6 +51,110 @@ def report(request: Request, results: Results) -> str:
         parts += ["", "## Frame budget of the scenes", "", *_markdown(list(HEADS), budget_rows(found), 1)]
         parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
     return "\n".join(parts).rstrip() + "\n"
+
+
+PLACES = 8
+"""Scenes that are named before the rest is counted."""
+INTRODUCTION = (
+    "Each engine in its own profile, at its own step. A line is a metric whose truth is 0, or a time, of the "
+    "pair on which engines differ most; lines on which none is apart are left out. The outlier is the engine "
+    "farthest from the median of the others, and by how much; of two, the one farther from the truth."
+)
+
+
+def _differences(request: Request, results: Results) -> list[str]:
+    """The four sections, with what was not played."""
+    parts = ["", "## Differences between the engines", ""]
+    missing = [f"- not played: {reason}" for reason in not_played(results)]
+    found, own = sections(request, results), columns(results)
+    if not found:
+        return [*parts, "Fewer than two engines played: no differences to show.", *missing]
+    parts += [INTRODUCTION, "", f"`{LEGEND}`", "", *missing]
+    for section in found:
+        parts += [
+            "",
+            f"### Differences in {section.topic.name}",
+            "",
+            *_section(request, results, section, own),
+        ]
+    return parts
+
+
+def _section(request: Request, results: Results, section: Section, own: Columns) -> list[str]:
+    """The table of a topic, its picture, and where each engine does best."""
+    parts: list[str] = []
+    if section.lines:
+        worst = worst_lines(section)
+        heads = [
+            "scene",
+            "metric",
+            "unit",
+            *map(head, own.values()),
+            "limit",
+            "outlier",
+            "the scene's worst again",
+        ]
+        rows = [
+            _line(
+                line,
+                own,
+                _limits(line, results),
+                f"`{command(request, line)}`" * (line is worst[line.scenario]),
+            )
+            for line in section.lines
+        ]
+        name = section.topic.name
+        parts += [*_markdown(heads, rows, 3), "", f"![Differences in {name}]({name}.png)", ""]
+        parts += _nearest(section, own)
+    parts += [f"- {reason} ({', '.join(dict.fromkeys(scenes))})" for reason, scenes in section.gaps.items()]
+    if section.equal:
+        parts.append(f"- no engine apart: {', '.join(section.equal)}")
+    if section.without:
+        parts.append(f"- no figure of two engines: {', '.join(section.without)}")
+    return parts
+
+
+def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:
+    cells = [cell_of(line.rows[engine]) if engine in line.rows else Cell("-") for engine in own]
+    marked = [cell.marked for cell in cells]
+    return [line.scenario, f"`{line.name}`", line.unit, *marked, limit, line.outlier_text, again]
+
+
+def _limits(line: Line, results: Results) -> str:
+    """The limit of all, or of each kind of engine; of a time that of the reference's ratio."""
+    if line.metric == "time.frame.median":
+        frame = results.frame[
+            (results.frame.scenario == line.scenario) & (results.frame.metric == "ratio.time")
+        ]
+        ratios = [row for row in rows_of(frame) if np.isfinite(row.limit)]
+        return "; ".join(
+            f"{row.engine} {number(row.value)} of {row.subject}, at most {row.limit:g}" for row in ratios
+        )
+    found: dict[str, list[str]] = {}
+    for engine, row in line.rows.items():
+        if np.isfinite(row.limit):
+            found.setdefault(line.text(row.limit), []).append(engine)
+    if len(found) == 1:
+        return next(iter(found))
+    return "; ".join(f"{', '.join(engines)} {limit}" for limit, engines in found.items())
+
+
+def _nearest(section: Section, own: Columns) -> list[str]:
+    """Where each engine is nearest to the truth."""
+    best = {engine: [line for line in section.lines if engine in line.nearest] for engine in own}
+    word = "shortest" if section.topic.name == "timing" else "nearest to the truth"
+    return [
+        f"- {engine} {word} on {len(lines)} of {len(section.lines)} lines" + _places(lines)
+        for engine, lines in best.items()
+    ]
+
+
+def _places(lines: list[Line]) -> str:
+    """Where: scenes, or metrics where there is one scene."""
+    scenes = list(dict.fromkeys(line.scenario for line in lines))
+    names = scenes if len(scenes) > 1 else [f"{line.scenario} {line.name}" for line in lines]
+    more = f" and {len(names) - PLACES} more" if len(names) > PLACES else ""
+    return f": {', '.join(names[:PLACES])}{more}" if names else ""
 
 
 def _bullets(lines: list[str]) -> list[str]:

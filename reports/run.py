@@ -19,6 +19,7 @@ from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
 from reports.metrics.contact import AUDIT_LIMIT
+from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
 from reports.metrics.evidence import ROUNDING, Evidence, NotMeasured, Value
 from reports.output import OutputError, output_folder
@@ -70,10 +71,12 @@ class Request:
 
 @dataclass
 class Results:
-    """What a run gave: the long table, and recordings per (scenario, engine, profile)."""
+    """What a run gave: the long table; per (scenario, engine, profile) the recording and what it does over
+    time, the latter where several engines play."""
 
     frame: pd.DataFrame
     recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
+    courses: dict[tuple[str, str, str], Course] = field(default_factory=dict)
 
 
 def run(request: Request, progress: Progress) -> Results:
@@ -82,13 +85,13 @@ def run(request: Request, progress: Progress) -> Results:
         (folder / "recordings").mkdir()
         (folder / "output").mkdir()
         rows: list[Row] = []
-        recordings: dict[tuple[str, str, str], Recording] = {}
+        results = Results(table(rows))
         with Children() as children:
             for scenario in request.scenarios:
                 outcomes, missing = _play(request, scenario, folder, children, progress)
-                rows += _judge(request, scenario, outcomes, recordings, progress) + missing
+                rows += _judge(request, scenario, outcomes, results, progress) + missing
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
-        results = Results(table(wanted), recordings)
+        results.frame = table(wanted)
         save(results.frame, folder)
         manifest = {
             "command": request.command,
@@ -96,13 +99,15 @@ def run(request: Request, progress: Progress) -> Results:
                 s.name: {"tags": s.tags, "seed": s.seed, "held_samples": [t.held for t in s.trackers]}
                 for s in request.scenarios
             },
-            "engines": {"/".join(key): recording.facts for key, recording in recordings.items()},
+            "engines": {"/".join(key): recording.facts for key, recording in results.recordings.items()},
         }
         save_manifest(folder, manifest)
         from reports.frame_budget_picture import write_picture
         from reports.markdown import report
+        from reports.pictures_differences import draw
 
-        write_picture(recordings, folder)
+        write_picture(results.recordings, folder)
+        draw(request, results, folder)
         write_beside(folder / "report.md", lambda part: part.write_text(report(request, results)))
     return results
 
@@ -127,11 +132,12 @@ def _judge(
     request: Request,
     scenario: Scenario,
     outcomes: list[Outcome],
-    recordings: dict[tuple[str, str, str], Recording],
+    results: Results,
     progress: Progress,
 ) -> list[Row]:
-    """Rows of all metrics of one scene, and those that need several engines."""
+    """Rows of all metrics of one scene, and those that need several engines; recordings go into `results`."""
     rows: list[Row] = []
+    several = len({outcome.job.engine for outcome in outcomes}) > 1
     played: dict[tuple[str, str], Recording] = {}
     for outcome in outcomes:
         job = outcome.job
@@ -143,8 +149,11 @@ def _judge(
         progress(f"{job.engine} {label}: judge", 0)
         recording = load(job.recording)
         played[job.engine, label] = recording
-        recordings[scenario.name, job.engine, label] = recording
-        found = measured(base, scenario, recording, request.metrics)
+        results.recordings[scenario.name, job.engine, label] = recording
+        evidence = Evidence(recording, scenario)
+        found = measured_of(base, evidence, request.metrics)
+        if several:
+            results.courses[scenario.name, job.engine, label] = course(evidence)
         rows += [_excused(row, recording, scenario.tags) for row in found]
     rows += _ratios(scenario, played, rows) + _spreads(scenario, rows)
     return [judged(row, scenario.tags) for row in rows]
@@ -163,7 +172,12 @@ def _excused(row: Row, recording: Recording, tags: tuple[str, ...]) -> Row:
 
 def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence[str] = ()) -> list[Row]:
     """One row per metric and subject of a recording: of all metrics, or of those named and what they need."""
-    evidence = Evidence(recording, scenario)
+    return measured_of(base, Evidence(recording, scenario), only)
+
+
+def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list[Row]:
+    """`measured`, of evidence that others look at too."""
+    scenario = evidence.scenario
     rows: list[Row] = []
     asked = {name.removesuffix(".spread") for name in only} | set(NEEDED if only else METRICS)
     for metric in METRICS.values():

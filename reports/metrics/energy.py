@@ -51,17 +51,25 @@ def energy_injected(evidence: Evidence) -> Values:
     J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body, W the work of
     the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
     """
-    found: dict[str, float | Value] = {}
+    found: dict[str, float | Value] = {
+        subject: float(np.max(rise)) for subject, rise in energy_rise(evidence).items()
+    }
+    if evidence.scenario.trackers and "all" not in found:
+        found = {"all": Value(np.nan, "the drive is kinematic: its work is not known"), **found}
+    return found
+
+
+def energy_rise(evidence: Evidence) -> dict[str, Array]:
+    """Per subject of `energy.injected` and per frame (f,) the rise of S above its least so far [J]."""
+    found: dict[str, Array] = {}
     work = evidence.recording.driver_work
-    if evidence.scenario.trackers and np.isnan(work).any():
-        found["all"] = Value(np.nan, "the drive is kinematic: its work is not known")
-    elif evidence.scenario.trackers:
+    if evidence.scenario.trackers and not np.isnan(work).any():
         moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
         stores = _stores(evidence, moving) | (limit_excess(evidence).max(axis=1, initial=0.0) > STORING_ANGLE)
-        found["all"] = _largest_rise(_mechanical(evidence, moving) - work, stores)
+        found["all"] = _rise(_mechanical(evidence, moving) - work, stores)
     if evidence.simulated:
         simulated = _mechanical(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
-        found["simulated"] = _largest_rise(simulated, _stores(evidence, evidence.simulated))
+        found["simulated"] = _rise(simulated, _stores(evidence, evidence.simulated))
     return found
 
 
@@ -97,9 +105,9 @@ def _stores(evidence: Evidence, bodies: list[int]) -> Array:
     return stores
 
 
-def _largest_rise(s: Array, stores: Array) -> float:
+def _rise(s: Array, stores: Array) -> Array:
     lowest = np.minimum.accumulate(np.where(stores, np.inf, s))
-    return float(np.max(np.where(stores, 0.0, s - lowest)))
+    return np.asarray(np.where(stores, 0.0, s - lowest))
 
 
 def _mechanical(evidence: Evidence, bodies: list[int]) -> Array:

@@ -18,15 +18,16 @@ SUPPORT_REACH = 5e-3
 
 def overlap_max(evidence: Evidence) -> Values:
     """Deepest convex-pair depth of any frame [m]."""
-    return {"": float(_deepest(evidence).max())}
+    return {"": float(overlap_depth(evidence).max())}
 
 
 def overlap_p95(evidence: Evidence) -> Values:
     """95th percentile over the frames of the deepest convex-pair depth [m]."""
-    return {"": float(np.percentile(_deepest(evidence), 95))}
+    return {"": float(np.percentile(overlap_depth(evidence), 95))}
 
 
-def _deepest(evidence: Evidence) -> Array:
+def overlap_depth(evidence: Evidence) -> Array:
+    """Deepest convex-pair depth per frame (f,) [m]."""
     if not evidence.distances.distance:
         raise NotMeasured("no two bodies may touch")
     return evidence.distances.overlap()

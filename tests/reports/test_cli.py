@@ -313,6 +313,24 @@ def test_changed_settings_are_told_everywhere(touchstone, tmp_path):
     assert label in Path("r/report.md").read_text()
 
 
+def test_differences_are_shown_again_by_their_commands(touchstone, registry, tmp_path):
+    """Tell two engines apart in the page and a picture, and get the same value from the command it names."""
+    registry.engine("mujoco")
+    engines = ("--engine", "reference", "--engine", "mujoco")
+    profiles = ("--profile", "balanced", "--profile", "recommended")
+    wanted = (*engines, *profiles, "--metric", "energy.loss")
+    code, _, _ = touchstone("run", "fall", *wanted, "--out", "r", "--quiet")
+    assert code == 0
+    assert "energy.png" in left("r")
+    line = next(line for line in Path("r/report.md").read_text().splitlines() if "`energy.loss`" in line)
+    told = line.split("| ")[-1].strip(" |`").split()
+    assert told[:3] == ["touchstone", "run", "fall"]
+    assert touchstone(*told[1:], "--out", "again", "--quiet")[0] == 0
+    once, again = (pd.read_csv(f"{folder}/results.csv") for folder in ("r", "again"))
+    assert again.engine.tolist() == ["mujoco"]
+    assert again.value.tolist() == once.value[once.engine == "mujoco"].tolist()
+
+
 def test_asking_twice_is_asking_once(touchstone, quick):
     """Engines, profiles and scenes named twice are played once."""
     again = ("ball_snip", "--engine", "reference", "--profile", "balanced", "--metric", "overlap.max")
