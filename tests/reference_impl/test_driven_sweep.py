@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from adapters.engine import Settings
+from adapters.oracles.overlap import measure
+from adapters.record import record
+from adapters.reference_engine import ReferenceEngine
+from reference_impl.conventions import OVERLAP_TOLERANCE
 from reference_impl.pipeline import step
+from scenarios.avatar import SHOULDER, arm_with_hand_parts
+from scenarios.effects import PLANNED
 from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
+from scenarios.postures import person_tracker, reach
 from scenarios.scenario import ORIGIN, Body, Piece, Scenario, Sphere, Tracker
 from scenarios.solids import sphere_inertia
 
 RADIUS = 0.01
+ORACLE_SLACK = 2e-8
+"""Beyond the tolerance [m]: what coal's own tolerance leaves."""
+TIMES = np.array((0.0, 10.0, 11.0, 60.0)) / 60
+"""A jump within a frame [s]."""
+HANGING, AHEAD = (0.18, -0.22, SHOULDER[2] - 0.58), (0.45, -0.2, SHOULDER[2] - 0.1)
+"""Where a right hand hangs, and where it is held forward, from the torso [m]."""
 
 
 def driven_ball() -> Body:
@@ -115,3 +130,46 @@ def test_a_hand_stays_on_its_side(lab: SimpleNamespace, turn: float) -> None:
         sides[profile] = world.bodies["center"][hand, 0]
     assert (sides["accurate"] < 0).all()
     assert sides["balanced"].max() > 0
+
+
+JUMPS = {
+    # how far the torso jumps ahead, where the right hand is before and after, and where the wall begins [m]
+    "upright": (1.0, HANGING, HANGING, 0.5),
+    "arm ahead": (1.0, AHEAD, AHEAD, 0.75),
+    "arm alone": (0.0, HANGING, AHEAD, 0.32),
+}
+
+
+def behind_thin_wall(lab: SimpleNamespace, jump: str) -> tuple[Scenario, float]:
+    """A scene in which a tracker jumps through a wall of 5 cm, and where that begins [m]."""
+    if jump == "arm and fingers":
+        way, face, person = 1.0, 0.3, lab.person(arm_with_hand_parts())
+        still = person.trackers[0]
+        places = tuple((x, *still.positions[0][1:]) for x in (0.0, 0.0, way, way))
+        rest = {"orientations": still.orientations[:1] * 4, "angles": still.angles[:1] * 4}
+        tracker = replace(still, times=tuple(TIMES.tolist()), positions=places, **rest)
+    else:
+        way, before, after, face = JUMPS[jump]
+        person = lab.person()
+        places = np.column_stack(((0.0, 0.0, way, way), np.zeros(4)))
+        hand = np.array((before, before, after, after))
+        tracker = person_tracker(TIMES, places, 0.0, reach(-1, hand))
+    board = lab.block("wall", (0.025, 3.0, 3.0), (face + 0.025, 0.0, 0.0), kind="fixed")
+    return replace(person, bodies=(*person.bodies, board), trackers=(tracker,)), face
+
+
+@pytest.mark.parametrize("jump", [*JUMPS, "arm and fingers"])
+def test_an_avatar_stays_on_its_side(lab: SimpleNamespace, jump: str) -> None:
+    """Keep all links of a person, or of an arm with a hand, before a wall that its tracker jumps through."""
+    scenario, face = behind_thin_wall(lab, jump)
+    recording, passing = (
+        record(ReferenceEngine(), scenario, Settings(profile, 1 / 60, effects=PLANNED))
+        for profile in ("accurate", "balanced")
+    )
+    links = list(scenario.links(scenario.trackers[0]))
+    assert recording.position[:, links, 0].max() < face
+    assert measure(recording, scenario).overlap().max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert not recording.work[:, list(recording.work_names).index("gave_up")].any()
+    if jump != "arm alone":
+        # without the sweep the body passes
+        assert passing.position[-1, 0, 0] > face + 0.05
