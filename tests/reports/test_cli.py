@@ -7,6 +7,7 @@ import errno
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -143,20 +144,25 @@ def test_wrong_input_is_one_line(touchstone, tmp_path, arguments, said):
 
 
 @pytest.fixture
-def broken(monkeypatch, registry):
-    """A scene `broken`: `ball_snip` whose tracker loses the samples that are given."""
+def added(monkeypatch):
+    """Add a scene to the catalogue, or put another one in its place."""
 
-    recording = registry.played("ball_snip", "reference")
-    good = catalogue()["ball_snip"]
+    def add(build):
+        monkeypatch.setattr(snip, "added", scene(build), raising=False)
+        built.cache_clear()
+
+    yield add
+    built.cache_clear()
+
+
+def test_lost_samples_are_refused_or_held(touchstone, added, registry, monkeypatch, tmp_path):
+    """Refuse a tracker's sample that is no number, with its path; under `--hold-last` tell how many."""
+    recording, good = registry.played("ball_snip", "reference"), catalogue()["ball_snip"]
     glove = good.trackers[0]
 
-    def add(*lost):
-        places = [(nan,) * 3 if k in lost else place for k, place in enumerate(glove.positions)]
-        trackers = (replace(glove, positions=tuple(places)),)
-        monkeypatch.setattr(
-            snip, "broken", scene(lambda: replace(good, name="broken", trackers=trackers)), False
-        )
-        built.cache_clear()
+    def losing(*lost):
+        places = tuple((nan,) * 3 if k in lost else place for k, place in enumerate(glove.positions))
+        return lambda: replace(good, name="broken", trackers=(replace(glove, positions=places),))
 
     def play(self, jobs, progress):
         for job in jobs:
@@ -164,27 +170,35 @@ def broken(monkeypatch, registry):
         return [Outcome(job, "done") for job in jobs]
 
     monkeypatch.setattr(study.Children, "play", play)
-    yield add
-    built.cache_clear()
-
-
-def test_lost_samples_are_refused_or_held(touchstone, broken, tmp_path):
-    """Refuse a tracker's sample that is no number, with its path; under `--hold-last` tell how many."""
-    count = len(catalogue()["ball_snip"].trackers[0].times)
-    broken(5, 6, 9)
     run = ("run", "broken", *REFERENCE, "--profile", "balanced", "--metric", "overlap.max", "--out", "out")
+    added(losing(5, 6, 9))
     code, out, err = touchstone(*run)
     assert (code, out) == (2, "")
     assert err.splitlines()[1] == "  trackers[0].positions[5]: found nan, expected finite numbers"
     assert left(tmp_path) == []
     code, out, err = touchstone(*run, "--hold-last")
     assert code == 0
+    count = len(glove.times)
     assert f"broken: trackers[0] holds its last good sample at 3 of {count} keyframes\n" in err
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["scenarios"]["broken"]["held_samples"] == [3]
-    broken(0)
+    # there is nothing to hold before the first good one
+    added(losing(0))
     code, out, err = touchstone(*run, "--hold-last")
     assert (code, "trackers[0].positions[0]: found nan" in err) == (2, True)
+
+
+def test_a_tracker_that_starts_stuck_is_told(touchstone, added, lab):
+    """Tell frame, pair and depth where walls leave no room: a row with its reason, and exit 1."""
+    walls = [lab.block(f"wall_{s}", (0.5, 0.5, 3.0), (0.0, 0.6 * s, 0.0), kind="fixed") for s in (-1, 1)]
+    person = lab.person()
+    added(lambda: replace(person, name="stuck", bodies=(*person.bodies, *walls)))
+    code, out, _ = touchstone("run", "stuck", *REFERENCE, "--profile", "balanced", "--format", "csv")
+    rows = list(csv.DictReader(io.StringIO(out)))
+    assert code == 1
+    assert [(row["metric"], row["verdict"]) for row in rows] == [("run", "error")]
+    told = r"reference: trackers\[0\] starts stuck: in frame 1 '\w+' and 'wall_-?1' overlap by 0\.\d+ m"
+    assert re.search(told, rows[0]["reason"])
 
 
 @pytest.mark.parametrize(
