@@ -45,19 +45,20 @@ def extrapolate(bodies, joints, drivers, pairs, count, patch, state):
     span = min(state["steps"] - 1, state["span"])
     if span < 1 or not _solve_weights(state, span):
         return
-    g, p = state["weight"], state["impulse"]
-    k = first_row(patch, count)
+    g, p, changes = state["weight"], state["impulse"], state["answer_change"]
+    row, k = 0, first_row(patch, count)
     while k >= 0:
-        change = 0.0
-        for i in range(3):
-            p[i] = 0.0
-            for t in range(span):
-                p[i] -= g[t] * state["answer_change"][k, i, t]
-            pairs[k]["held"][i] += p[i]
-            change += abs(p[i])
-        if change > 0:
+        x = y = z = 0.0
+        for t in range(span):
+            x -= g[t] * changes[t, row, 0]
+            y -= g[t] * changes[t, row, 1]
+            z -= g[t] * changes[t, row, 2]
+        if x != 0 or y != 0 or z != 0:
+            p[0], p[1], p[2] = x, y, z
+            for i in range(3):
+                pairs[k]["held"][i] += p[i]
             apply_to_both(bodies, joints, drivers, pairs[k], pairs[k]["point"], p)
-        k = next_row(pairs, k, patch, count)
+        row, k = row + 1, next_row(pairs, k, patch, count)
 
 
 @kernel
@@ -65,25 +66,29 @@ def _keep_step(pairs, count, patch, state):
     """Keep the differences from the last sweep to this one, and their products; returns |f|."""
     span = min(state["steps"], state["span"])
     slot = (state["steps"] - 1) % state["span"]
-    products, slope = state["step_product"], state["step_slope"]
-    for t in range(span):
-        slope[t] = products[slot, t] = 0.0
-    size, k = 0.0, first_row(patch, count)
+    step, answer = state["last_step"], state["last_answer"]
+    size, row, k = 0.0, 0, first_row(patch, count)
     while k >= 0:
+        held, kept = pairs[k]["held"], pairs[k]["kept"]
         for i in range(3):
-            answer, step = pairs[k]["held"][i], pairs[k]["held"][i] - pairs[k]["kept"][i]
-            size += step * step
+            change = held[i] - kept[i]
+            size += change * change
             if span > 0:
-                change = step - state["last_step"][k, i]
-                state["step_change"][k, i, slot] = change
-                state["answer_change"][k, i, slot] = answer - state["last_answer"][k, i]
-                for t in range(span):
-                    products[slot, t] += change * state["step_change"][k, i, t]
-                    slope[t] += step * state["step_change"][k, i, t]
-            state["last_step"][k, i], state["last_answer"][k, i] = step, answer
-        k = next_row(pairs, k, patch, count)
+                state["step_change"][slot, row, i] = change - step[row, i]
+                state["answer_change"][slot, row, i] = held[i] - answer[row, i]
+            step[row, i], answer[row, i] = change, held[i]
+        row, k = row + 1, next_row(pairs, k, patch, count)
+    products, changes = state["step_product"], state["step_change"]
     for t in range(span):
-        products[t, slot] = products[slot, t]
+        # sums along x, y and z, which do not wait for each other
+        a0 = a1 = a2 = b0 = b1 = b2 = 0.0
+        for r in range(row):
+            x, y, z = changes[t, r, 0], changes[t, r, 1], changes[t, r, 2]
+            a0, b0 = a0 + x * changes[slot, r, 0], b0 + x * step[r, 0]
+            a1, b1 = a1 + y * changes[slot, r, 1], b1 + y * step[r, 1]
+            a2, b2 = a2 + z * changes[slot, r, 2], b2 + z * step[r, 2]
+        products[slot, t] = products[t, slot] = a0 + a1 + a2
+        state["step_slope"][t] = b0 + b1 + b2
     state["steps"] += 1
     return sqrt(size)
 

@@ -7,11 +7,14 @@ from reference_impl.skeleton import move_links
 @kernel
 def surface_velocity(body, point, out_velocity):
     """World velocity of a body's surface at a world point."""
+    out_velocity[0], out_velocity[1], out_velocity[2] = _velocity_at(body, point)
+
+
+@kernel
+def _velocity_at(body, point):
     v, w, c = body["velocity"], body["omega"], body["center"]
     x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
-    out_velocity[0] = v[0] + w[1] * z - w[2] * y
-    out_velocity[1] = v[1] + w[2] * x - w[0] * z
-    out_velocity[2] = v[2] + w[0] * y - w[1] * x
+    return v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x
 
 
 @kernel
@@ -23,6 +26,14 @@ def relative_velocity(bodies, pair, state):
     for i in range(3):
         v[i] = b[i] - a[i]
     return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
+
+
+@kernel
+def meeting_velocity(bodies, pair):
+    """Velocity of B against A at a pair's contact point."""
+    x, y, z = _velocity_at(bodies[pair["body_b"]], pair["point"])
+    u, v, w = _velocity_at(bodies[pair["body_a"]], pair["point"])
+    return x - u, y - v, z - w
 
 
 @kernel
@@ -89,11 +100,17 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
             return
         c, v, w = driver["center"], driver["velocity"], driver["omega"]
         m, inverse_inertia = driver["inverse_mass"], driver["inverse_inertia"]
-        _kick(m, inverse_inertia, c, driver["position"], point, px, py, pz, v, w)
+        dx, dy, dz = _kick(m, inverse_inertia, c, point, px, py, pz, v, w)
+        # its velocity is that of its root's origin
+        reference = driver["position"]
+        x, y, z = reference[0] - c[0], reference[1] - c[1], reference[2] - c[2]
+        v[0] += dy * z - dz * y
+        v[1] += dz * x - dx * z
+        v[2] += dx * y - dy * x
         move_links(bodies, joints, driver)
     elif body["inverse_mass"] > 0:
         c, v, w = body["center"], body["velocity"], body["omega"]
-        _kick(body["inverse_mass"], body["inverse_inertia"], c, c, point, px, py, pz, v, w)
+        _kick(body["inverse_mass"], body["inverse_inertia"], c, point, px, py, pz, v, w)
 
 
 @kernel
@@ -104,18 +121,18 @@ def apply_to_both(bodies, joints, drivers, pair, point, p):
 
 
 @kernel
-def _kick(inverse_mass, inverse_inertia, c, reference, point, px, py, pz, out_v, out_w):
-    """Change velocity (of the point `reference`) and omega of what has its centre of mass at c."""
+def _kick(inverse_mass, inverse_inertia, c, point, px, py, pz, out_v, out_w):
+    """Change the velocity of the centre of mass c, and omega; returns the change of omega."""
     m = inverse_inertia
     x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
     tx, ty, tz = y * pz - z * py, z * px - x * pz, x * py - y * px
     dx = m[0, 0] * tx + m[0, 1] * ty + m[0, 2] * tz
     dy = m[1, 0] * tx + m[1, 1] * ty + m[1, 2] * tz
     dz = m[2, 0] * tx + m[2, 1] * ty + m[2, 2] * tz
-    x, y, z = reference[0] - c[0], reference[1] - c[1], reference[2] - c[2]
-    out_v[0] += inverse_mass * px + dy * z - dz * y
-    out_v[1] += inverse_mass * py + dz * x - dx * z
-    out_v[2] += inverse_mass * pz + dx * y - dy * x
+    out_v[0] += inverse_mass * px
+    out_v[1] += inverse_mass * py
+    out_v[2] += inverse_mass * pz
     out_w[0] += dx
     out_w[1] += dy
     out_w[2] += dz
+    return dx, dy, dz

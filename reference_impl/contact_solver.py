@@ -9,7 +9,7 @@ takes tens. What settled ends with a sweep: every row then obeys its law.
 from math import sqrt
 
 from reference_impl.anderson import begin_acceleration, extrapolate
-from reference_impl.contact import apply_to_both, contact_mobility, relative_velocity, surface_velocity
+from reference_impl.contact import apply_to_both, contact_mobility, meeting_velocity, surface_velocity
 from reference_impl.contact_patch import first_row, next_row
 from reference_impl.conventions import (
     COUNT_SWEEPS,
@@ -21,7 +21,7 @@ from reference_impl.conventions import (
     HOLD_VISITS,
     SLIP_MIN,
 )
-from reference_impl.impulse import normal_response, respond
+from reference_impl.impulse import respond
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
 
@@ -45,7 +45,7 @@ def settle(bodies, joints, drivers, pairs, count, patch, state):
         return True
     k = first_row(patch, count)
     while k >= 0:
-        contact_mobility(bodies, drivers, pairs[k], pairs[k]["point"], pairs[k]["mobility"])
+        _weigh_row(bodies, drivers, pairs[k], state)
         k = next_row(pairs, k, patch, count)
     begin_acceleration(state, count)
     residual = CROWD_RESIDUAL if state["crowded"] == 1 else HOLD_RESIDUAL
@@ -66,39 +66,41 @@ def settle(bodies, joints, drivers, pairs, count, patch, state):
 
 
 @kernel
+def _weigh_row(bodies, drivers, pair, state):
+    """How a row's impulse changes its velocity: exactly along the normal, by the mean across it."""
+    m, n, response = state["mobility"], pair["normal"], pair["response"]
+    contact_mobility(bodies, drivers, pair, pair["point"], m)
+    response[0], response[1], response[2] = respond(m, n[0], n[1], n[2])
+    along = n[0] * response[0] + n[1] * response[1] + n[2] * response[2]
+    # the mean mobility across the normal: exact for spheres, a relaxation for the rest
+    pair["along"], pair["across"] = 1 / along, 2 / (m[0, 0] + m[1, 1] + m[2, 2] - along)
+
+
+@kernel
 def _relax(bodies, joints, drivers, pair, state):
     """One row's share of a sweep; returns the change of its velocity [m/s]."""
-    v, p, tangent, mobility = state["velocity"], state["impulse"], state["tangent"], pair["mobility"]
-    n, held = pair["normal"], pair["held"]
-    v_n = relative_velocity(bodies, pair, state)
+    n, held, p, response = pair["normal"], pair["held"], state["impulse"], pair["response"]
+    x, y, z = meeting_velocity(bodies, pair)
+    v_n = n[0] * x + n[1] * y + n[2] * z
     if v_n >= pair["floor"] and held[0] == 0 and held[1] == 0 and held[2] == 0:
         return 0.0
-    normal_mobility = normal_response(mobility, n, n[0], n[1], n[2])
-    # the mean mobility across the normal: exact for spheres, a relaxation for the rest
-    across = (mobility[0, 0] + mobility[1, 1] + mobility[2, 2] - normal_mobility) / 2
+    along, across = pair["along"], pair["across"]
     j_old = held[0] * n[0] + held[1] * n[1] + held[2] * n[2]
-    j = max(0.0, j_old - (v_n - pair["floor"]) / normal_mobility)
+    j = max(0.0, j_old - (v_n - pair["floor"]) * along)
     # what would stop the sliding that j leaves, cut off at the cone (or always the whole cone, Eq. 10)
     step = j - j_old
-    x, y, z = respond(mobility, step * n[0], step * n[1], step * n[2])
-    tangent[0], tangent[1], tangent[2] = v[0] + x, v[1] + y, v[2] + z
-    for i in range(3):
-        tangent[i] = held[i] - tangent[i] / across
-    off = tangent[0] * n[0] + tangent[1] * n[1] + tangent[2] * n[2]
-    sliding = 0.0
-    for i in range(3):
-        tangent[i] -= off * n[i]
-        sliding += tangent[i] ** 2
-    sliding = sqrt(sliding)
-    limit = pair["friction"] * j
-    scale = 1.0
-    if sliding > limit or (state["friction"] == FRICTION_PAPER and sliding * across > SLIP_MIN):
+    x = held[0] - across * (x + step * response[0])
+    y = held[1] - across * (y + step * response[1])
+    z = held[2] - across * (z + step * response[2])
+    off = x * n[0] + y * n[1] + z * n[2]
+    x, y, z = x - off * n[0], y - off * n[1], z - off * n[2]
+    sliding, limit, scale = sqrt(x * x + y * y + z * z), pair["friction"] * j, 1.0
+    if sliding > limit or (state["friction"] == FRICTION_PAPER and sliding > SLIP_MIN * across):
         scale = limit / sliding if sliding > 0 else 0.0
+    p[0], p[1], p[2] = j * n[0] + scale * x, j * n[1] + scale * y, j * n[2] + scale * z
     change = 0.0
     for i in range(3):
-        new = j * n[i] + scale * tangent[i]
-        p[i] = new - held[i]
-        held[i] = new
+        p[i], held[i] = p[i] - held[i], p[i]
         change += p[i] * p[i]
     apply_to_both(bodies, joints, drivers, pair, pair["point"], p)
-    return sqrt(change) * max(normal_mobility, across)
+    return sqrt(change) / min(along, across)

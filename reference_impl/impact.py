@@ -93,7 +93,7 @@ def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, tim
 @kernel
 def strike(bodies, joints, drivers, pair, e, state):
     """One impact at one point; its impulse is left in `state["impulse"]`."""
-    v, p, mobility = state["velocity"], state["impulse"], pair["mobility"]
+    v, p, mobility = state["velocity"], state["impulse"], state["mobility"]
     relative_velocity(bodies, pair, state)
     contact_mobility(bodies, drivers, pair, pair["point"], mobility)
     mu, friction, law = pair["friction"], state["friction"], state["restitution_law"]
