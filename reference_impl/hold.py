@@ -94,8 +94,9 @@ def _hold_in_turn(bodies, joints, drivers, pairs, count, state):
     """Hold one point at a time, the fastest approach first, as an impact without restitution; returns whether
     IMPULSE_CAP of them sufficed."""
     note_free_slip(bodies, pairs, count, state)
+    k = -1
     for _ in range(IMPULSE_CAP):
-        k = fastest_row(bodies, pairs, count, state)
+        k = fastest_row(bodies, pairs, count, k, state)
         if k < 0 or pairs[k]["key"] <= APPROACH_MIN:
             return True
         strike(bodies, joints, drivers, pairs[k], 0.0, state)

@@ -49,7 +49,7 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
     together = state["impulses"] == IMPULSES_TOGETHER
     slow = max(v_rest, APPROACH_MIN) if together else APPROACH_MIN
     done = _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time, v_rest, slow)
-    k = fastest_row(bodies, pairs, count, state) if together else -1
+    k = fastest_row(bodies, pairs, count, -1, state) if together else -1
     if k >= 0 and pairs[k]["key"] > SETTLE_MIN:
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["close"])
@@ -60,22 +60,44 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
 
 
 @kernel
-def fastest_row(bodies, pairs, count, state):
-    """The first row with the fastest approach, or -1 where there is none; renews all approach speeds."""
+def fastest_row(bodies, pairs, count, struck, state):
+    """The first row with the fastest approach, or -1 where there is none.
+
+    Renews the approach speeds of rows that share a moving body with row `struck`, or of all where that is -1.
+    """
+    one = _mover(bodies, pairs[struck]["body_a"]) if struck >= 0 else -1
+    two = _mover(bodies, pairs[struck]["body_b"]) if struck >= 0 else -1
     fastest = -1
     for k in range(count):
-        approach_speed(bodies, pairs[k], state)
-        if fastest < 0 or pairs[k]["key"] > pairs[fastest]["key"]:
+        pair = pairs[k]
+        if struck >= 0:
+            a, b = _mover(bodies, pair["body_a"]), _mover(bodies, pair["body_b"])
+            renewed = (a >= 0 and (a == one or a == two)) or (b >= 0 and (b == one or b == two))
+        else:
+            renewed = True
+        if renewed:
+            approach_speed(bodies, pair, state)
+        if fastest < 0 or pair["key"] > pairs[fastest]["key"]:
             fastest = k
     return fastest
+
+
+@kernel
+def _mover(bodies, b):
+    """What an impulse on body b moves: the body, or all links of its driver; -1 for nothing."""
+    body = bodies[b]
+    if body["driver"] >= 0:
+        return len(bodies) + body["driver"]
+    return b if body["inverse_mass"] > 0 else -1
 
 
 @kernel
 def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time, v_rest, slow):
     """One impact after the other until none approaches faster than `slow`; returns whether IMPULSE_CAP of
     them sufficed."""
+    k = -1
     for _ in range(IMPULSE_CAP):
-        k = fastest_row(bodies, pairs, count, state)
+        k = fastest_row(bodies, pairs, count, k, state)
         if k < 0 or pairs[k]["key"] <= slow:
             return True
         pair = pairs[k]
