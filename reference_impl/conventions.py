@@ -220,9 +220,10 @@ HOLD_SWEEPS, HOLD_VISITS = 200, 20_000
 HOLD_RESIDUAL = 1e-12
 """Sweeps over held contacts, or visits to a contact where those are more: about a millisecond; and the change
 of velocity that ends them [m/s]."""
-CROWD_SWEEPS, CROWD_RESIDUAL = 60, 1e-6
-"""The same in a crowded substep: what is left of wedged balls after 60 is 4e-3 m/s, as after 200 that are not
-accelerated; and a residual by which they sink 2e-8 m a frame, where some 1e-7 m are left to close."""
+CROWD_SWEEPS, CROWD_RESIDUAL = 40, 1e-5
+"""The same in a crowded substep: from no impulse wedged balls keep 0.05 m/s after 40 and 0.02 after 60 (0.1
+not accelerated), so most must come from the forces held last; and a residual by which they sink 8e-8 m a
+frame, where some 1e-7 m are left to close."""
 ANDERSON_SPAN, ANDERSON_FEW, ANDERSON_SHORT = 16, 128, 4
 """Sweeps that the start of the next one is drawn from, up to so many contacts, and with more. For ten boxes
 on each other 10 take twice as many as 16; for wedged balls 4 do as well."""

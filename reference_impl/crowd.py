@@ -46,8 +46,10 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
         (end, h): `pairs[:end]` are the contacts, a row for every point of a patch, with the speeds at which
         they may `close`; length of the substep [s].
     """
-    # as many rows are expected as there were last; and events run out, too, before the frame's time does
-    crowded = state["rows"] + state["last_rows"] > state["event_rows"]
+    # as many rows are expected as there were last, where those were crowded for another substep too; and
+    # events run out, too, before the frame's time does
+    expected = (1 + state["crowded"]) * state["last_rows"]
+    crowded = state["rows"] + expected > state["event_rows"]
     crowded = crowded or state["counters"][COUNT_EVENTS] >= CROWD_EVENTS
     end, h = 0, left
     if not crowded:

@@ -40,7 +40,8 @@ def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, 
             converged = _hold_together(bodies, joints, drivers, pairs, count, state, h)
         else:
             converged = _hold_in_turn(bodies, joints, drivers, pairs, count, state)
-        share = first_stop(bodies, pairs, count, state) if k < HOLD_CAP - 1 else 1.0
+        # impulses that did not converge tell no moment
+        share = first_stop(bodies, pairs, count, state) if converged and k < HOLD_CAP - 1 else 1.0
         if share >= STOP_SHARE:
             break
         begin_again(bodies, joints, drivers)
