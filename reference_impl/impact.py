@@ -11,13 +11,14 @@ from reference_impl.conventions import (
     COUNT_GUARDED,
     COUNT_IMPULSES,
     COUNT_UNCONVERGED,
+    FRICTION_PAPER,
     IMPULSE_CAP,
     IMPULSES_TOGETHER,
     SETTLE_MIN,
 )
 from reference_impl.impulse import contact_impulse, resting_restitution
 from reference_impl.kernel import kernel
-from reference_impl.patch_impact import strike_patch
+from reference_impl.patch_impact import strike_patch, to_middle
 from reference_impl.rotation import copy_vector
 
 
@@ -102,11 +103,14 @@ def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, tim
             return True
         pair = pairs[k]
         e = resting_restitution(pair["restitution"], pair["key"] + pair["close"], v_rest)
-        if pair["patch"] >= 0 and pairs[pair["patch"]]["sibling"] >= 0:
+        several = pair["patch"] >= 0 and pairs[pair["patch"]]["sibling"] >= 0
+        if several and state["friction"] != FRICTION_PAPER:
             strike_patch(bodies, joints, drivers, pairs, count, pair["patch"], e, state)
             log_held(bodies, pairs, count, pair["patch"], contacts, state, time)
             state["counters"][COUNT_IMPULSES] += 1
         else:
+            if several:
+                to_middle(pairs, pair)
             strike(bodies, joints, drivers, pair, e, state)
             _log_strike(bodies, pair, contacts, state, time)
     return False

@@ -2,7 +2,7 @@
 
 from reference_impl.contact import apply_to_both, relative_velocity
 from reference_impl.contact_solver import begin_row, settle
-from reference_impl.conventions import COUNT_GUARDED, ENERGY_ROUNDING, RESTITUTION_GUARDED
+from reference_impl.conventions import APPROACH_MIN, COUNT_GUARDED, ENERGY_ROUNDING, RESTITUTION_GUARDED
 from reference_impl.impulse import lossless_share
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
@@ -24,6 +24,24 @@ def strike_patch(bodies, joints, drivers, pairs, count, patch, e, state):
     gain, work = _energy_change(bodies, pairs, patch, state)
     if state["restitution_law"] == RESTITUTION_GUARDED and gain > ENERGY_ROUNDING * work:
         _guard_patch(bodies, joints, drivers, pairs, count, patch, gain, state)
+
+
+@kernel
+def to_middle(pairs, pair):
+    """Move the contact point of a row to the middle of the points of its patch that approach as fast, to
+    APPROACH_MIN: with Eq. 10 as printed a pair is struck at one point, and where a face or an edge meets
+    another flatly, all of its points are the deepest."""
+    point, count, k = pair["point"], 0, pair["patch"]
+    point[0] = point[1] = point[2] = 0.0
+    while k >= 0:
+        other = pairs[k]
+        if other["key"] >= pair["key"] - APPROACH_MIN:
+            count += 1
+            for i in range(3):
+                point[i] += (other["point_a"][i] + other["point_b"][i]) / 2
+        k = other["sibling"]
+    for i in range(3):
+        point[i] /= count
 
 
 @kernel

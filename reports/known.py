@@ -247,7 +247,7 @@ PROBES: tuple[Cause, ...] = (
         PAPER_MU,
         {
             "truth.velocity": "collide_sticks",
-            "energy.injected": "collide_sticks rod_e1 slip slip_seed0 slip_seed1 slip_seed2",
+            "energy.injected": "collide_sticks rod_e03 rod_e1 slip slip_seed0 slip_seed1 slip_seed2",
         },
         "paper",
     ),
