@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,9 +39,12 @@ PATCH_POINTS = 4
 """Rows a touching pair may take."""
 
 
+@lru_cache(maxsize=4096)
 def matrix(quaternion: tuple[float, ...]) -> np.ndarray:
-    """Rotation matrix of a quaternion wxyz."""
-    return Rotation.from_quat(np.array(quaternion), scalar_first=True).as_matrix()
+    """Rotation matrix of a quaternion wxyz; not to be written to, for most pieces share theirs."""
+    found = Rotation.from_quat(np.array(quaternion), scalar_first=True).as_matrix()
+    found.flags.writeable = False
+    return found
 
 
 def translate(scenario: Scenario) -> World:

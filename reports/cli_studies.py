@@ -136,6 +136,39 @@ def agreement(
     exit_for(frame.verdict, frame.reason, by_name=False)
 
 
+@study.command("effects")
+def effects(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes (default: the gallery and the probes).")
+    ] = None,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/effects-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
+    from adapters.registry import ENGINES
+    from reports.output import OutputError
+    from reports.studies.effects import run, scenes, steps
+    from scenarios.catalogue import catalogue
+
+    chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or ()] or scenes()
+    engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
+    folder = out or folder_of_now("effects-")
+    try:
+        with progress_for(steps(chosen, engines), quiet) as progress:
+            frame = run(chosen, engines, folder, progress)
+    except OutputError as error:
+        stop(str(error), BAD_INPUT)
+    if not printed(frame, output) and not quiet:
+        from reports.studies.effects_table import show as show_study
+        from reports.terminal import console
+
+        show_study(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, bool(engine))
+
+
 def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,

@@ -42,7 +42,12 @@ ALWAYS_MU = (
     "Eq. 10 as printed applies mu j to any sliding, however slow: a rolling ball is reversed every frame: "
     "touchstone run ball_snip --engine reference --profile paper --metric events.roll"
 )
+NEEDED = (
+    "nearly all that a scene's frame costs is what it needs; what it has no use for ends at once in the full "
+    "pipeline too: touchstone study effects --engine reference"
+)
 GALLERY: tuple[Known, ...] = (
+    *(Known("time.left", "reference", NEEDED, scenario=group) for group in ("gallery", "probe")),
     Known("events.roll", "reference", ALWAYS_MU, scenario="ball_snip", profile="paper", never=True),
     Known("energy.injected", "reference", ALWAYS_MU, scenario="ball_snip", profile="paper"),
     Known("energy.injected", "reference", ALWAYS_MU, scenario="table_slide", profile="paper"),

@@ -8,6 +8,7 @@ from math import isnan
 from adapters.registry import ENGINES
 from reports.known import KNOWN, Known
 from reports.results import Row
+from scenarios.effects import PLANNED
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +106,20 @@ GALLERY: tuple[Limit, ...] = (
     Limit("certificate.false", 0, "an answer that is vouched for is right", scenario="hand sliding"),
     Limit("scaling.exponent", 1.1, "work linear in the pieces, and a cache to spare", scenario="broad phase"),
 )
+EFFECTS: tuple[Limit, ...] = (
+    Limit(
+        "effects.changed", 0, "a plan leaves out nothing that matters, to the bit", "reference", subject="all"
+    ),
+    *(
+        Limit(
+            "effects.changed", 0, "what a plan leaves out changes nothing", "reference", subject=f"+{effect}"
+        )
+        for effect in PLANNED
+    ),
+    Limit("time.left", 0.75, "a plan saves a quarter of the time with all effects", "reference"),
+    Limit("time.slower", 0.02, "a plan costs nothing, whatever it saves", "reference"),
+    Limit("time.plan", 0.05, "a plan is made before anybody waits for it", "reference"),
+)
 FIRST_ORDER = "5 %: an integrator of first order at a fitting step is off by h / T, below 1 %"
 BOUNCES = tuple(f"bounce_{e}" for e in ("e0", "e03", "e05", "e08", "e1"))
 PROBES: tuple[Limit, ...] = (
@@ -201,6 +216,7 @@ BALANCED: tuple[Limit, ...] = tuple(
 LIMITS = (
     *PROBES,
     *GALLERY,
+    *EFFECTS,
     *(
         replace(limit, engine="reference", profile=profile, scenario=tag)
         for limit in EXACTING

@@ -16,9 +16,11 @@ from reports.bench.poses import FAMILIES
 from reports.limits import KNOWN, LIMITS, Known, Limit, judged
 from reports.metrics import METRICS
 from reports.results import VERDICTS, Row
+from reports.studies import effects
 from reports.studies.calibration_rows import LARGEST
 from reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
 from scenarios.catalogue import catalogue, tags
+from scenarios.effects import PLANNED
 
 BENCH_METRICS = ("ratio.time", "certificate.open", "certificate.false", "scaling.exponent")
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")
@@ -48,6 +50,11 @@ def test_every_entry_names_what_exists(entry):
         assert entry.engine in ("", *DETECTORS)
         assert entry.subject in ("", *DETECTORS)
         assert entry.scenario in (*FAMILIES, MOTION, BALLS, BROAD_PHASE, VERTICES)
+        return
+    if entry.metric in effects.JUDGED:
+        assert entry.engine == effects.REFERENCE
+        assert entry.scenario in ("", *effects.GROUPS)
+        assert entry.subject in ("", effects.ALL, *(f"+{effect}" for effect in PLANNED))
         return
     assert entry.metric in (*METRICS, *spread, *LARGEST.values())
     assert entry.engine in ("", *ENGINES)
@@ -80,6 +87,9 @@ def test_limits_are_of_metrics_with_a_direction(limit):
 def test_known_failings_say_how_to_see_them(known):
     """Every known failing names one engine and a command that shows it, and a limit it breaks exists."""
     assert known.engine in ENGINES
+    if known.metric in effects.JUDGED:
+        assert known.reason.endswith(f": touchstone study effects --engine {known.engine}")
+        return
     command = known.reason.partition(": touchstone run ")[2].split()
     assert command[0] in catalogue()
     options = dict(zip(command[1::2], command[2::2]))

@@ -1,0 +1,166 @@
+"""One spawned child per engine that plays a scene under several plans by turns, and tells them apart.
+
+Frames of all variants are interleaved, one of each in turn, starting with another each time; nothing is read
+out within the clock. What a variant's bodies do is held against the first one's, frame by frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from adapters.bounds import bounds, planned
+from adapters.engine import AdapterError, Array, Engine, Settings, State, World
+from adapters.process import PATIENCE, ChildProcess, interrupt_held, obey
+from adapters.record import CROSSINGS, WARM_UP_FRAMES, frame_seconds, ready
+from adapters.registry import load
+from adapters.stepping import Loader
+from scenarios.effects import plan
+from scenarios.scenario import Scenario
+
+PLANS = 5
+"""Times that a scene is planned against the clock, after once without."""
+FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
+"""What is compared to the bit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """What one of several plans of a scene did.
+
+    Attributes:
+        seconds: step calls of the frames played (f,) [s].
+        crossing: an empty call into the engine [s].
+        moved, turned: largest difference of positions [m] and orientations [rad] from the first variant's.
+        same: whether all bodies and hinges did the same to the bit.
+        ended: why it could not be played to the end; empty where it was.
+    """
+
+    seconds: Array
+    crossing: float
+    moved: float
+    turned: float
+    same: bool
+    ended: str
+
+
+class VariantPlayer(ChildProcess):
+    """The parent's end of one engine's process. Commands: `plan` (scenario): seconds of planning it; `play`
+    (scenario, list of settings, seconds of steps after which frames are left out): a Variant for each."""
+
+    def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
+        with interrupt_held():
+            super().__init__(_serve, (engine, output, loader), patience)
+
+
+def _serve(pipe: Any, name: str, output: Path, loader: Loader) -> None:
+    engine: list[Engine] = []
+
+    def handle(command: str, argument: Any) -> object:
+        if not engine:
+            engine.append(loader(name))
+        return plan_seconds(argument) if command == "plan" else play(engine[0], *argument)
+
+    obey(pipe, output, handle)
+
+
+def plan_seconds(scenario: Scenario) -> Array:
+    """Seconds of planning a scene, its bounds included, once its hulls are known (PLANS,)."""
+    seconds = np.zeros(1 + PLANS)
+    for k in range(1 + PLANS):
+        start = perf_counter()
+        plan(scenario, bounds(scenario))
+        seconds[k] = perf_counter() - start
+    return seconds[1:]
+
+
+def play(
+    engine: Engine, scenario: Scenario, settings: Sequence[Settings], budget: float = inf
+) -> list[Variant]:
+    """Play all variants side by side; every one to the frame in which the steps of all took `budget`."""
+    runs = [_Run(engine, scenario, one) for one in settings]
+    spent, number = 0.0, 0
+    while number < scenario.frame_count and spent < budget:
+        for turn in range(len(runs)):
+            spent += runs[(number + turn) % len(runs)].step(number)
+        for run in runs[1:]:
+            run.compare(runs[0])
+        number += 1
+    return [run.close() for run in runs]
+
+
+class _Run:
+    """One variant while it is played; one that fails stays where it is."""
+
+    def __init__(self, engine: Engine, scenario: Scenario, settings: Settings) -> None:
+        self._scenario, self._settings = scenario, settings
+        self._names = [body.name for body in scenario.bodies]
+        self._seconds: list[float] = []
+        self._moved = self._turned = 0.0
+        self._same, self._ended = True, ""
+        self.state = State(scenario)
+        self._world: World | None = None
+        try:
+            self._plan = planned(scenario, settings.effects)
+            warm = ready(engine, scenario, settings)
+            warm.play(min(WARM_UP_FRAMES, scenario.frame_count))
+            warm.world.close()
+            self._world = ready(engine, scenario, settings).world
+        except AdapterError as error:
+            self._ended = str(error)
+
+    def step(self, number: int) -> float:
+        """Play a frame; returns its seconds."""
+        if self._world is None or self._ended:
+            return 0.0
+        try:
+            seconds = frame_seconds(self._world, self._scenario, self._settings, number)
+            self.state.clear_contacts()
+            self._world.read(self.state)
+        except AdapterError as error:
+            self._ended = str(error)
+            return 0.0
+        self._seconds.append(seconds)
+        position = self.state.position
+        left = self._plan.broken(position, self._names)
+        if left or not np.isfinite(position).all():
+            self._ended = left or "diverged: a position is not finite"
+        return seconds
+
+    def compare(self, other: _Run) -> None:
+        """Hold the present state against another run's; of one that ended nothing more is said."""
+        if self._ended or other._ended:
+            return
+        mine, theirs = self.state, other.state
+        self._same = self._same and all(np.array_equal(getattr(mine, f), getattr(theirs, f)) for f in FIELDS)
+        moved = np.linalg.norm(mine.position - theirs.position, axis=1).max()
+        dot = np.abs((mine.orientation * theirs.orientation).sum(axis=1))
+        away = np.minimum(
+            np.linalg.norm(mine.orientation - theirs.orientation, axis=1),
+            np.linalg.norm(mine.orientation + theirs.orientation, axis=1),
+        )
+        # of small turns the cosine tells nothing
+        turned = np.where(
+            dot > 0.99, 4 * np.arcsin(np.minimum(away / 2, 1)), 2 * np.arccos(np.minimum(dot, 1))
+        )
+        self._moved, self._turned = max(self._moved, float(moved)), max(self._turned, float(turned.max()))
+
+    def close(self) -> Variant:
+        """What it did; frees the world."""
+        crossings = np.zeros(0)
+        if self._world is not None:
+            crossings = np.zeros(CROSSINGS)
+            for k in range(CROSSINGS):
+                start = perf_counter()
+                self._world.cross()
+                crossings[k] = perf_counter() - start
+            self._world.close()
+        crossing = float(np.median(crossings)) if len(crossings) else 0.0
+        same = self._same and not self._ended
+        return Variant(np.array(self._seconds), crossing, self._moved, self._turned, same, self._ended)

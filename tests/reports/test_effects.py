@@ -1,0 +1,113 @@
+"""The study of effects: what it plays, what it says of outcomes, and its means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from adapters.engine import Settings
+from adapters.variants import Variant, play
+from reports.results import Row, rows_of
+from reports.studies import effects, effects_table
+from reports.studies.effects import ALL, IDENTICAL, MATTERS, WITHIN
+from scenarios.catalogue import catalogue
+from scenarios.effects import PLANNED
+
+BASE = Row("effects", "fall", "reference", "balanced", 1 / 60, "")
+
+
+def variant(seconds: float, **told: object) -> Variant:
+    """Forty frames that each take so long, with the same outcome unless told otherwise."""
+    facts: dict[str, object] = {"crossing": 0.0, "moved": 0.0, "turned": 0.0, "same": True, "ended": ""}
+    return Variant(seconds=np.full(40, seconds), **facts | told)
+
+
+def by_metric(rows: list[Row]) -> Mapping[tuple[str, str], Row]:
+    """Rows by metric and subject."""
+    return {(row.metric, row.subject): row for row in rows}
+
+
+def test_times_are_net_of_the_crossing() -> None:
+    """Take the crossing off both times of the reference, and off no engine's."""
+    played = {"": variant(2e-6, crossing=1e-6), ALL: variant(3e-6, crossing=1e-6)}
+    saved = by_metric(effects.rows_of_variants(BASE, played))["time.saved", ALL]
+    assert saved.value == pytest.approx(0.5)
+    other = Row("effects", "fall", "mujoco", "recommended", 1 / 540, "")
+    assert by_metric(effects.rows_of_variants(other, played))["time.saved", ALL].value == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize(
+    ("told", "word"),
+    [
+        ({}, IDENTICAL),
+        ({"same": False, "moved": 1e-9}, WITHIN),
+        ({"same": False, "moved": 1e-5}, MATTERS),
+        ({"same": False, "turned": 1e-5}, MATTERS),
+    ],
+)
+def test_outcomes_in_words(told: dict[str, object], word: str) -> None:
+    """Tell what is identical from what is within tolerance, and both from what matters."""
+    rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-gravity": variant(1e-6, **told)})
+    moved = by_metric(rows)["effects.moved", "-gravity"]
+    assert effects_table.outcome(moved) == word
+
+
+def test_a_variant_that_ends_is_told() -> None:
+    """Keep a row for what cannot be played without an effect."""
+    rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-contact": variant(1e-6, ended="stuck")})
+    assert by_metric(rows)["run", "-contact"].reason == "-contact: stuck"
+
+
+def test_means_are_geometric() -> None:
+    """Take the geometric mean of what is left, by group."""
+    rows = [
+        Row("effects", name, "reference", "balanced", 1 / 60, "time.saved", 1 - left, "1", ALL, 0, 0, 0, 0.9)
+        for name, left in (("a", 0.25), ("b", 1.0), ("c", 0.5))
+    ]
+    found = effects.means(rows, {"a": ("probe",), "b": ("probe",), "c": ("gallery",)})
+    assert {row.scenario: row.value for row in found} == pytest.approx({"probe": 0.5, "gallery": 0.5})
+
+
+def test_variants_of_a_fall(registry) -> None:
+    """Find a fall with its plan identical to all effects, and half a metre and more off without gravity."""
+    wanted = (None, PLANNED, ("rotation",))
+    settings = [Settings("balanced", 1 / 60, effects=one) for one in wanted]
+    mine, whole, without = play(registry.engine("reference"), catalogue()["fall"], settings)
+    assert mine.same
+    assert whole.same
+    assert not without.same
+    assert without.moved > 0.5
+    assert len(mine.seconds) == len(whole.seconds) == catalogue()["fall"].frame_count
+
+
+def test_a_budget_ends_all_variants_together(registry) -> None:
+    """Stop after the frame in which the steps of all took as long as allowed."""
+    settings = [Settings("balanced", 1 / 60, effects=one) for one in (None, PLANNED)]
+    variants = play(registry.engine("reference"), catalogue()["stack"], settings, budget=1e-9)
+    assert [len(one.seconds) for one in variants] == [1, 1]
+
+
+def test_the_study_as_a_whole(tmp_path: Path) -> None:
+    """Play two scenes: identical outcomes, each effect marked, a table, a picture, and nothing half done."""
+    chosen = [catalogue()[name] for name in ("fall", "bounce_e05")]
+    frame = effects.run(chosen, ["reference"], tmp_path / "out", lambda label, steps: None)
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"results.csv", "results.parquet", "effects.png"}
+    rows = {(r.scenario, r.engine, r.metric, r.subject): r for r in rows_of(frame)}
+    for scene in ("fall", "bounce_e05"):
+        assert rows[scene, "reference", "effects.changed", ALL].verdict == "pass"
+        assert rows[scene, "reference", "time.plan", ""].value > 0
+        assert (
+            rows[scene, "reference", "time.saved", ALL].low
+            <= rows[scene, "reference", "time.saved", ALL].high
+        )
+    marks = [
+        effects_table.mark(rows, "bounce_e05", effect) for effect in ("gravity", "restitution", "attraction")
+    ]
+    assert marks == ["M", "M", "."]
+    with (tmp_path / "table.txt").open("w") as file:
+        effects_table.show(frame, Console(file=file, width=112))
+    assert "identical" in (tmp_path / "table.txt").read_text()
