@@ -339,6 +339,11 @@ class World:
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",
             "threads": 1,
+            "collision_shapes": sum(
+                len(pybullet.getCollisionShapeData(*collider, **self._on))
+                for k in range(len(self._scenario.bodies))
+                for collider in self._colliders[k]
+            ),
         }
 
     def cross(self) -> None:

@@ -243,6 +243,12 @@ class World:
             "contacts_of_negative_depth": option.allowNegativePenetrationDepthContacts,
             "deactivation": world.getDeactivationOptions().mEnabled,
             "threads": world.getNumSimulationThreads(),
+            "collision_shapes": sum(
+                shape.hasCollisionAspect()
+                for k in range(world.getNumSkeletons())
+                for body in world.getSkeleton(k).getBodyNodes()
+                for shape in body.getShapeNodes()
+            ),
             "gravity": str(world.getGravity().tolist()),
             "driven_feel_gravity": any(
                 n.getGravityMode() for hand in self._hands for n in hand.getBodyNodes()

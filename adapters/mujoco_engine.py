@@ -213,6 +213,9 @@ class World:
             "hinge_limit_solref": str(np.unique(model.jnt_solref[hinge], axis=0).tolist()),
             "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
             "actuators": int(model.nu),
+            "collision_shapes": int(model.ngeom),
+            "collision_pairs": int(model.npair),
+            "shapes_that_pair_by_mask": int(np.count_nonzero(model.geom_contype | model.geom_conaffinity)),
             "hull_vertex_type": str(model.mesh_vert.dtype),
             "threads": "one" if self._data.threadpool == 0 else "pool",
         }

@@ -14,7 +14,7 @@ import numpy as np
 from adapters.bounds import planned
 from adapters.engine import CONTACT_FIELDS, AdapterError, Array, Engine, Manifest, Settings, State, World
 from adapters.recording import Recording
-from scenarios.effects import Plan
+from scenarios.effects import STAGES_OF_OURS, Decision, Plan
 from scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
@@ -253,7 +253,10 @@ class Player:
         told = self.world.describe()
         if self._plan is None:
             return told
-        effects = {one.effect: f"{one.state}: {one.reason}" for one in self._plan.decisions}
+        effects = {
+            one.effect: f"{one.state}: {one.reason}{_beyond(told.engine, one)}"
+            for one in self._plan.decisions
+        }
         return dataclasses.replace(told, effects=effects)
 
     def _time_crossing(self) -> Array:
@@ -263,6 +266,17 @@ class Player:
             self.world.cross()
             times[k] = perf_counter() - start
         return times
+
+
+def _beyond(engine: str, decision: Decision) -> str:
+    """What an engine cannot do about an effect."""
+    if engine == "reference":
+        return "; no such stage" if decision.effect == "sleeping" else ""
+    if decision.effect in STAGES_OF_OURS:
+        return f"; {engine} has no such stage"
+    if decision.effect == "rotation" and decision.state == "not needed":
+        return f"; {engine} integrates it all the same"
+    return ""
 
 
 def _table(rows: list[Mapping[str, float]] | list[dict[str, float]], names: list[str]) -> Array:

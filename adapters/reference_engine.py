@@ -183,6 +183,7 @@ class _World:
             **describe(self._state),
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
+            "collision_shapes": len(self._world.pieces),
             "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
         }
         for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):

@@ -42,6 +42,8 @@ PLANNED = (
 SKIPPED = ("drive", "removal", "contact", "rotation", "sweep")
 """Stages of the reference that a plan may leave out: the driven loop, removal of its overlap, contacts of
 simulated bodies, and their rotation; with sweeps it tests ends of steps alone."""
+STAGES_OF_OURS = ("overlap_removal", "inverse_kinematics", "reach_cones", "attraction", "sweep")
+"""Effects that the reference alone has a stage for: an engine's contacts push, its hinges follow a servo."""
 STIFF = 1e9
 """Factor of the inertia of bodies that are asked not to turn [1]: no impact moves them by more than rounding
 shows in a picture, and no engine divides by zero."""

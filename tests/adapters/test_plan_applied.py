@@ -98,6 +98,26 @@ def test_engines_play_what_is_left(registry: SimpleNamespace, name: str, scene: 
     assert told["contact"].startswith("needed" if scene == "bounce_e05" else "not needed")
 
 
+@pytest.mark.parametrize("name", ["reference", "dart", "bullet", "mujoco"])
+@pytest.mark.parametrize("scene", ["fall", "bounce_e05", "corner_slide"])
+def test_engines_hold_the_shapes_that_are_left(registry: SimpleNamespace, name: str, scene: str) -> None:
+    """Find in an engine, read back from it, as many shapes as the plan leaves pieces, and in what it cannot
+    leave out its own words."""
+    scenario = catalogue()[scene]
+    player = ready(registry.engine(name), scenario, registry.settings(name))
+    plan = planned(scenario)
+    told = player.world.describe().settings
+    assert told["collision_shapes"] == sum(map(len, plan.pieces))
+    if name == "mujoco":
+        # explicit pairs of those that may touch, and no others
+        assert told["shapes_that_pair_by_mask"] == 0
+        assert (told["collision_pairs"] > 0) == plan.on("contact")
+    effects = player.recording().facts["effects"]
+    player.world.close()
+    assert effects["inverse_kinematics"].endswith("has no such stage") == (name != "reference")
+    assert effects["sleeping"].endswith("no such stage") == (name == "reference")
+
+
 def test_results_are_marked_by_what_was_asked_for() -> None:
     """Name the effects in the label under which results are filed."""
     assert Settings("balanced", FRAME).label == "balanced"
