@@ -37,8 +37,6 @@ SLACK = 0.05
 of a first-order step of a displayed frame."""
 GAIN = 2.0
 """Factor of a speed that laws which gain energy may add to balls [1]: mu j always."""
-SAMPLES = 2
-"""Of a tracker per displayed frame."""
 MANY = 3000
 """Pieces from which on everything is taken to meet: telling them apart would take seconds."""
 
@@ -87,7 +85,7 @@ def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
     """Boxes of driven links' origins, from their trackers; returns what the links of one driven body stay
     apart at least (n, n) [m], infinite elsewhere."""
     own = np.full((len(reach), len(reach)), np.inf)
-    times = np.linspace(0.0, scenario.duration, SAMPLES * scenario.frame_count + 1)
+    times = np.linspace(0.0, scenario.duration, scenario.frame_count + 1)
     for driver, tracker in zip(world.drivers, scenario.trackers):
         links = list(scenario.links(tracker))
         motion = sample(tracker, times)
@@ -100,9 +98,12 @@ def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
         way = place[near]
         around = reach[links] + arm
         between = np.array([np.sqrt(((way - one) ** 2).sum(axis=-1).min(axis=1)) for one in way])
-        own[np.ix_(links, links)] = between[np.ix_(which, which)] - around[:, None] - around - POSTURE
-        # a link goes on between samples
-        spread = (REACH + np.abs(np.diff(way, axis=1)).max(initial=0.0) + arm)[:, None]
+        # a link goes on between frames
+        stride = np.linalg.norm(np.diff(way, axis=1), axis=-1).max(initial=0.0)
+        own[np.ix_(links, links)] = (
+            between[np.ix_(which, which)] - around[:, None] - around - POSTURE - stride
+        )
+        spread = (REACH + stride + arm)[:, None]
         low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
     return np.maximum(own, 0.0)
 

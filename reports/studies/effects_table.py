@@ -11,7 +11,7 @@ from reports.studies.effects import ALL, GROUPS, IDENTICAL, MATTERS, REFERENCE, 
 from reports.tables import exact_number
 
 HEADS = (
-    *("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "turned [rad]", "outcome"),
+    *("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "outcome"),
     "plan [ms]",
 )
 MEANS = ("scenes", "engine", "left [%]", "95 % interval", "limit", "of")
@@ -85,8 +85,7 @@ def _cells(rows: dict[tuple[str, str, str, str], Row], scenario: str, engine: st
     def of(metric: str, subject: str = ALL) -> Row | None:
         return rows.get((scenario, engine, metric, subject))
 
-    saved, moved, turned = of("time.saved"), of("effects.moved"), of("effects.turned")
-    plan = of("time.plan", "")
+    saved, moved, plan = of("time.saved"), of("effects.moved"), of("time.plan", "")
     return [
         scenario,
         engine,
@@ -94,7 +93,6 @@ def _cells(rows: dict[tuple[str, str, str, str], Row], scenario: str, engine: st
         "" if saved is None else _percent(saved.value),
         "" if saved is None else f"{_percent(saved.low)} to {_percent(saved.high)}",
         _difference(moved),
-        _difference(turned),
         outcome(moved),
         "" if plan is None else exact_number(1e3 * plan.value),
     ]
