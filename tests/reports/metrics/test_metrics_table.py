@@ -9,13 +9,15 @@ from math import isfinite, isnan
 import pytest
 
 from adapters.registry import ENGINES
-from reports.metrics import IMPULSE_METRICS, METRICS
+from reports.metrics import IMPULSE_METRICS, METRICS, posture_optimum
 from reports.metrics.evidence import Evidence, NotMeasured, Value
 from scenarios.catalogue import catalogue, tagged
 
-UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad"}
+UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad", "rad/s"}
 OF_PROBES = ("truth.", "bounce.", "rotation.", "rolling.", "rest.", "momentum.", "energy.gain", "energy.loss")
 """Metrics that need a closed form or a tag that scenes of the gallery do not have."""
+ELSEWHERE = ("events.meet", "events.part", "joint.cone", "posture.deviation", "posture.over_best")
+"""Metrics of other scenes of the gallery than `ball_snip`."""
 
 
 @pytest.mark.parametrize("name", METRICS)
@@ -45,8 +47,9 @@ def test_impulse_metrics_exist():
 
 @pytest.mark.parametrize("scene", [scenario.name for scenario in tagged("gallery")])
 @pytest.mark.parametrize("engine", ENGINES)
-def test_every_metric_runs_over_a_real_recording(registry, engine, scene):
+def test_every_metric_runs_over_a_real_recording(registry, monkeypatch, engine, scene):
     """Each metric gives finite values, or says in one line why not."""
+    monkeypatch.setattr(posture_optimum, "FRAMES", 2)
     missed = {}
     evidence = Evidence(registry.played(scene, engine), catalogue()[scene])
     for name, metric in METRICS.items():
@@ -63,9 +66,11 @@ def test_every_metric_runs_over_a_real_recording(registry, engine, scene):
             else:
                 assert isfinite(value), (name, subject)
     assert all(re.fullmatch(r"[^\n]{5,}", reason) for reason in missed.values())
-    sliding = {f"friction.{name}" for name in ("stop", "lift", "tilt", "creep", "heading")}
-    others = {name for name in missed if not name.startswith(OF_PROBES)} - sliding
-    assert others <= {"time.share", "work", "contact.gap", "energy.ledger"}
+    if scene == "ball_snip":
+        # with a hand, a ball and a floor, what needs a closed form or a person is all that is missing
+        sliding = {f"friction.{name}" for name in ("stop", "lift", "tilt", "creep", "heading")}
+        others = {name for name in missed if not name.startswith(OF_PROBES)} - sliding
+        assert others <= {*ELSEWHERE, "time.share", "work", "contact.gap", "energy.ledger"}
 
 
 def test_a_missing_oracle_is_told(registry, monkeypatch):

@@ -1,0 +1,52 @@
+"""Deviation from the tracked posture in closed form, and against the best known one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reports.metrics import posture_optimum
+from reports.metrics.evidence import NotMeasured
+from scenarios.catalogue import catalogue
+from scenarios.tracking import sample
+
+pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
+
+
+def test_deviation_is_the_root_mean_square(registry, known):
+    """One of 27 hinges off by 0.1 rad in every frame deviates by 0.1 / sqrt 27."""
+    scenario = catalogue()["wall_push"]
+    shown = sample(scenario.trackers[0], registry.played("wall_push", "reference").time).angle
+    shown[:, 3] += 0.1
+    recording = replace(registry.played("wall_push", "reference"), joint_angle=shown)
+    found = known.value("posture.deviation", recording, scenario)[""]
+    assert found == pytest.approx(0.1 / np.sqrt(27), rel=1e-9)
+
+
+def test_nothing_shown_beats_the_best(registry, known, monkeypatch):
+    """The posture shown is free and one of the starts: the best is nearer, but for 1e-6 m of overlap."""
+    monkeypatch.setattr(posture_optimum, "FRAMES", 3)
+    recording = registry.played("wall_push", "reference")
+    found = known.value("posture.over_best", recording, catalogue()["wall_push"])
+    assert set(found) == {"tracker", "attraction"}
+    assert all(1 - 1e-4 < ratio < 1.3 for ratio in found.values())
+
+
+def test_where_it_is_not_measured(registry, known):
+    """Hands have no chains, and engines are not searched for."""
+    for scene, engine, reason in (
+        ("ball_snip", "reference", "no driven body with chains"),
+        ("wall_push", "mujoco", "reference alone"),
+    ):
+        with pytest.raises(NotMeasured, match=reason):
+            known.value("posture.over_best", registry.played(scene, engine), catalogue()[scene])
+
+
+def test_attraction_alone_follows_a_step_by_its_time():
+    """After a step of the tracker 1 - exp(-t / 0.1 s) is followed."""
+    tracked = np.ones((31, 1))
+    tracked[0] = 0.0
+    followed = posture_optimum._followed(tracked, 1 / 60)
+    np.testing.assert_allclose(followed[:, 0], 1 - np.exp(-np.arange(31) / 6), rtol=1e-12)
