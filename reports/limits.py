@@ -27,6 +27,16 @@ class Limit:
 
 PERSON_ENERGY = {"wall_push": 40.0, "corner_slide": 0.86, "two_arms": 2.7, "arms_cross": 0.37}
 """Largest kinetic energy that the tracker of a scene asks for [J]."""
+HINGE_SPEED = {
+    "wall_push": 7.5,
+    "corner_slide": 7.4,
+    "two_arms": 6.2,
+    "arms_cross": 2.2,
+    "ball_snip": 11.8,
+    "table_slide": 0.0,
+}
+"""Largest speed of a hinge of a scene's tracker [rad/s]: attraction only slows it, removal that tears would
+not."""
 GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
     Limit("overlap.max", 1e-6, "method, section 3: removal ends at 1e-6 m", engine="reference"),
@@ -65,6 +75,11 @@ GALLERY: tuple[Limit, ...] = (
     Limit("joint.limit", 0.02, "about one degree", scenario="gallery"),
     Limit("joint.limit", 1e-9, "method, section 4: angles are clamped", engine="reference"),
     Limit("joint.cone", 1e-9, "method, section 4: bones are put back into their cones", engine="reference"),
+    *(
+        Limit("joint.speed", fastest, "no hinge outruns its scene's tracker", "reference", scene, profile)
+        for scene, fastest in HINGE_SPEED.items()
+        for profile in ("balanced", "accurate")
+    ),
     *(
         Limit("posture.over_best", 1.3, "within 1.3 of the best known", "reference", "gallery", profile)
         for profile in ("balanced", "accurate")

@@ -65,7 +65,7 @@ _ALL = (
     Metric("energy.ledger", "J", "none", energy.energy_ledger, ("mJ", 1e3)),
     Metric("joint.limit", "rad", "lower", posture.joint_limit),
     Metric("joint.cone", "rad", "lower", posture.joint_cone),
-    Metric("joint.speed", "rad/s", "none", posture.joint_speed),
+    Metric("joint.speed", "rad/s", "lower", posture.joint_speed),
     Metric("posture.deviation", "rad", "lower", posture_optimum.posture_deviation),
     Metric("posture.over_best", "1", "lower", posture_optimum.posture_over_best),
     Metric("time.frame.median", "s", "lower", timing.time_frame("median"), _US),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import inf, nan
 
+import numpy as np
 import pytest
 
 from adapters.detectors import DETECTORS
@@ -13,7 +14,7 @@ from reports import limits as module
 from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
 from reports.bench.geometry import MOTION
 from reports.bench.poses import FAMILIES
-from reports.limits import KNOWN, LIMITS, Known, Limit, judged
+from reports.limits import HINGE_SPEED, KNOWN, LIMITS, Known, Limit, judged
 from reports.metrics import METRICS
 from reports.metrics.posture_optimum import GOALS
 from reports.results import VERDICTS, Row
@@ -22,6 +23,7 @@ from reports.studies.calibration_rows import LARGEST
 from reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
 from scenarios.catalogue import catalogue, tags
 from scenarios.effects import PLANNED
+from scenarios.tracking import sample
 
 BENCH_METRICS = ("ratio.time", "certificate.open", "certificate.false", "scaling.exponent")
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")
@@ -70,6 +72,16 @@ def test_every_entry_names_what_exists(entry):
         assert numbered or set(filter(None, entry.subject.split("-"))) <= bodies
     else:
         assert entry.subject in ("", *GOALS)
+
+
+@pytest.mark.parametrize("scene", HINGE_SPEED)
+def test_hinge_speeds_are_those_of_the_trackers(scene):
+    """The limit of a scene's hinges is the speed of its tracker's fastest one, rounded up to 0.1 rad/s."""
+    scenario = catalogue()[scene]
+    times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
+    turned = [np.diff(sample(tracker, times).angle, axis=0) for tracker in scenario.trackers]
+    fastest = max(float(np.abs(rows).max()) for rows in turned) * scenario.frame_rate
+    assert fastest <= HINGE_SPEED[scene] < fastest + 0.1
 
 
 @pytest.mark.parametrize("limit", [*LIMITS, *KNOWN], ids=lambda limit: limit.metric)
