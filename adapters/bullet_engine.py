@@ -82,6 +82,10 @@ class World:
         self._colliders: dict[int, list[tuple[int, int]]] = {}
         self._free = [self._add_free(k) for k, group in enumerate(scenario.groups()) if group < 0]
         self._driven = [self._add_driven(k) for k in range(len(scenario.trackers))]
+        for multibody in self._free:
+            self._observe(multibody)  # fixed ones once and for all
+        simulated = [one for one in self._free if scenario.bodies[one.bodies[0]].kind != "fixed"]
+        self._moving = (*simulated, *self._driven)
         self._body_of = {link: body for body, links in self._colliders.items() for link in links}
         self._filter_pairs()
         self._contact_count = 0
@@ -245,7 +249,7 @@ class World:
 
     def read(self, state: State) -> None:
         """State and contacts of the step just made."""
-        for multibody in (*self._free, *self._driven):
+        for multibody in self._moving:
             self._observe(multibody)
         turned = Rotation.from_quat(self._turn) * self._to_body
         state.position[:] = self._center - turned.apply(self._arm)

@@ -1,8 +1,8 @@
-"""One spawned child per engine and profile, so that a crash is one column; a token lets only one of them work
+"""One spawned child per engine and profile, so that a crash is one column; a token lets only one of them play
 at a time.
 
 The parent sends a child one command, waits for its answer, and turns to the next child: engines play in
-slices of `SLICE` frames, interleaved. A child goes on from scene to scene, for starting it and importing its
+slices of `SLICE` frames, interleaved. What is not timed (building, warming up, saving) all do together. A child goes on from scene to scene, for starting it and importing its
 engine takes longer than most scenes; one that failed is replaced. What it prints goes to the job's file.
 """
 
@@ -80,14 +80,12 @@ class Children:
                 children.append(self._child(job))
         turns = [children] if self._together else [[child] for child in children]
         for command in ("build", "warm up", "start"):
-            for turn in turns:
-                _order(turn, command, progress)
+            _order(children, command, progress)
         frames = max((child.job.scenario.frame_count for child in children), default=0)
         for first in range(0, frames, SLICE):
             for turn in turns:
                 _play(turn, min(SLICE, frames - first), progress)
-        for turn in turns:
-            _order(turn, "save", progress)
+        _order(children, "save", progress)
         for child in children:
             if child.outcome.status == _NotSaved.status:
                 raise OSError(child.outcome.reason)

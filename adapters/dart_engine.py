@@ -118,6 +118,11 @@ class World:
             if body.kind != "driven":
                 nodes[k] = add_body(self._world, body)
         self._nodes = [nodes[k] for k in range(len(scenario.bodies))]
+        self._moving = [(k, nodes[k]) for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
+        # where fixed bodies are: read once
+        poses = [node.getWorldTransform() for node in self._nodes]
+        self._position = np.array([pose.translation() for pose in poses])
+        self._orientation = np.array([pose.quaternion().wxyz() for pose in poses])
         self._owner: dict[str, int] = {}
         for k, (node, body) in enumerate(zip(self._nodes, scenario.bodies)):
             set_mass(node, body)
@@ -156,7 +161,8 @@ class World:
 
     def read(self, state: State) -> None:
         """Poses and velocities of the step's end, contacts of its start."""
-        for k, node in enumerate(self._nodes):
+        state.position[:], state.orientation[:] = self._position, self._orientation
+        for k, node in self._moving:
             pose = node.getWorldTransform()
             state.position[k], state.orientation[k] = pose.translation(), pose.quaternion().wxyz()
             state.linear_velocity[k] = node.getCOMLinearVelocity()
@@ -279,7 +285,7 @@ class World:
 
     def close(self) -> None:
         """Drop every reference into DART; its memory goes with the last one."""
-        self._nodes, self._roots, self._hands = [], [], []
+        self._nodes, self._moving, self._roots, self._hands = [], [], [], []
         self._world.removeAllSkeletons()
 
 

@@ -203,13 +203,13 @@ class Player:
     def _point_velocity(self, state: State, body: np.ndarray, point: Array) -> Array:
         """World velocities of bodies at world points, under the geometry at the step's start."""
         arm = point - self._world_center(self._before, body)
-        return state.linear_velocity[body] + np.cross(state.angular_velocity[body], arm)
+        return state.linear_velocity[body] + _cross(state.angular_velocity[body], arm)
 
     def _world_center(self, state: State, body: np.ndarray) -> Array:
         w, v = state.orientation[body, :1], state.orientation[body, 1:]
         center = self._mass_center[body]
-        twice = 2 * np.cross(v, center)
-        return state.position[body] + center + w * twice + np.cross(v, twice)
+        twice = 2 * _cross(v, center)
+        return state.position[body] + center + w * twice + _cross(v, twice)
 
     def _driver_work(self) -> float:
         """Work of the drives over the step: applied force and torque times the mean velocity."""
@@ -218,7 +218,7 @@ class Player:
             index = np.array([root])
             moved = [
                 s.linear_velocity[root]
-                + np.cross(s.angular_velocity[root], s.position[root] - self._world_center(s, index)[0])
+                + _cross(s.angular_velocity[root], s.position[root] - self._world_center(s, index)[0])
                 for s in (self._before, state)
             ]
             turned = (self._before.angular_velocity[root] + state.angular_velocity[root]) / 2
@@ -277,6 +277,13 @@ def _beyond(engine: str, decision: Decision) -> str:
     if decision.effect == "rotation" and decision.state == "not needed":
         return f"; {engine} integrates it all the same"
     return ""
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products along the last axis: numpy's takes 50 us for its checks of axes, twice a native step."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)
 
 
 def _table(rows: list[Mapping[str, float]] | list[dict[str, float]], names: list[str]) -> Array:
