@@ -225,9 +225,9 @@ def settings(name: str, profile: str = "") -> Settings:
 
 
 @cache
-def played(scenario: str, name: str) -> Recording:
-    """A scene of the catalogue as an engine plays it under its first profile, once a session."""
-    return record(engine(name), catalogue()[scenario], settings(name))
+def played(scenario: str, name: str, profile: str = "") -> Recording:
+    """A scene of the catalogue as an engine plays it under a profile, or its first, once a session."""
+    return record(engine(name), catalogue()[scenario], settings(name, profile))
 
 
 @pytest.fixture(scope="session")

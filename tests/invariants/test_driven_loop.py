@@ -1,0 +1,58 @@
+"""What holds in every frame of every scene of the gallery, under every profile of the reference."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adapters.oracles.overlap import measure
+from adapters.reference_settings import PROFILES
+from reference_impl.conventions import OVERLAP_TOLERANCE
+from reports.metrics.evidence import Evidence
+from reports.metrics.posture import cone_excess, limit_excess
+from scenarios.catalogue import catalogue, tagged
+
+SCENES = [scenario.name for scenario in tagged("gallery")]
+ORACLE_SLACK = 2e-8
+"""Beyond the tolerance [m]: what coal's own tolerance leaves."""
+ROUNDING = 1e-9
+"""Of angles that are projected and measured anew [rad]."""
+ARC_COSINE = 1e-7
+"""What `paper` leaves of an angle near 0: 1.5e-8 rad by acos, over the passes of a few hinges [rad]."""
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_frame_is_free_or_counted(registry, scene: str, profile: str) -> None:
+    """Show no overlap by coal, or count the frame as given up: none in `balanced` and `accurate`."""
+    recording = registry.played(scene, "reference", profile)
+    gave_up = recording.work[:, list(recording.work_names).index("gave_up")]
+    depth = measure(recording, catalogue()[scene]).overlap()[1:]
+    assert len(depth) == len(gave_up)
+    assert depth[gave_up == 0].max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    if profile != "paper":
+        assert not gave_up.any()
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("scene", SCENES)
+def test_limits_and_cones_are_kept(registry, scene: str, profile: str) -> None:
+    """Bend no joint beyond its limits and swing no bone out of its reach cone."""
+    evidence = Evidence(registry.played(scene, "reference", profile), catalogue()[scene])
+    assert limit_excess(evidence).max() == 0
+    cones = [cone for chain in evidence.scenario.chains for cone in chain.cones]
+    for cone in cones:
+        assert cone_excess(evidence, cone).max() <= ROUNDING
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_two_arms_push_as_mirror_images(registry, profile: str) -> None:
+    """Bend left and right alike all the time: equal angles are mirrored postures."""
+    names = catalogue()["two_arms"].trackers[0].joints
+    angle = registry.played("two_arms", "reference", profile).joint_angle
+    left = [k for k, name in enumerate(names) if name.startswith("left")]
+    right = [names.index(names[k].replace("left", "right")) for k in left]
+    assert np.ptp(angle[:, left], axis=0).max() > 1
+    # the same operations on mirrored numbers, rounded alike but for sums in another order
+    slack = ARC_COSINE if profile == "paper" else ROUNDING
+    np.testing.assert_allclose(angle[:, left], angle[:, right], rtol=0, atol=slack)
