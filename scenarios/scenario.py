@@ -213,7 +213,7 @@ class Expectation:
 
     touch: their gap closes; roll: their contact stops slipping; leave: their gap opens for good;
     land: their gap closes for the first time after the last `leave`; meet: it closes for the first time in
-    the window, open at its start; part: it opens there for a tenth of a second or more, closed at its start.
+    the window, open at its start; part: it opens there for a tenth of a second or more, not before.
     What happens several times is expected several times, in order.
     """
 

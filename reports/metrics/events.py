@@ -30,7 +30,7 @@ def event_time(event: str) -> Callable[[Evidence], Values]:
         "leave": "Time at which the pair's gap opens past 1e-3 m for good [s].",
         "land": "Time at which the pair's gap first closes after the last leave [s].",
         "meet": "Time at which the pair's gap closes to 1e-4 m within the time expected, open before [s].",
-        "part": "Time at which the gap opens past 3e-3 m for 0.1 s in the time expected, closed before [s].",
+        "part": "Time at which the gap opens past 3e-3 m for 0.1 s in the time expected, not before [s].",
     }[event]
     return measure
 
@@ -95,11 +95,13 @@ def _at(evidence: Evidence, gap: Gap, time: float) -> float:
 
 
 def _parting(evidence: Evidence, gap: Gap, start: float) -> float:
-    """Time from `start` on at which the gap, closed then, opens past PART_GAP for PARTED [s]; else NaN."""
+    """Time from `start` on at which the gap, not yet open for PARTED [s] then, opens past PART_GAP for so
+    long; else NaN."""
     time, frames = evidence.recording.time, round(PARTED / evidence.frame)
-    if _at(evidence, gap, start) > PART_GAP:
-        return float("nan")
     is_open = gap.gap > PART_GAP
+    first = int(np.searchsorted(time, start + ROUNDING, side="right")) - 1
+    if is_open[first : first + 1 + frames].all():
+        return float("nan")
     for k in np.flatnonzero(~is_open[:-1] & is_open[1:] & (time[1:] > start)).tolist():
         if is_open[k + 1 : k + 1 + frames].all():
             return float(time[k] + evidence.frame * (PART_GAP - gap.gap[k]) / (gap.gap[k + 1] - gap.gap[k]))

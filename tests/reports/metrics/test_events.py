@@ -149,6 +149,26 @@ def test_what_meets_and_parts_twice_is_numbered(lab, recordings, known):
     assert list(part.values()) == pytest.approx([0.75 + PART_GAP / 0.4, 1.75 + PART_GAP / 0.4], abs=EXACT)
 
 
+@pytest.mark.parametrize(("opened", "found"), [(0.42, 0.75), (0.36, None)])
+def test_a_moment_open_is_not_parted(lab, recordings, known, opened, found):
+    """A gap open for less than a tenth of a second when the window begins parts later; a wider one has."""
+    scenario = lab.scene(
+        lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), duration=1.0,
+        expectations=(Expectation("part", "ball", "ground", 0.43, 1.0),),
+    )  # fmt: skip
+    t = np.arange(61) / 60
+    closed_again = 0.47 if found else 0.56
+    gap = np.where((t > opened) & (t < closed_again), 2 * PART_GAP, np.maximum(0.0, 0.4 * (t - 0.75)))
+    position, velocity = np.tile([b.position for b in scenario.bodies], (61, 1, 1)), np.zeros((61, 2, 3))
+    position[:, 1, 2] += gap
+    recording = recordings.recording(scenario, **columns(position, velocity))
+    part = known.value("events.part", recording, scenario)["ball-ground"]
+    if found:
+        assert part == pytest.approx(found + PART_GAP / 0.4, abs=EXACT)
+    else:
+        assert np.isnan(part)
+
+
 def test_what_is_closed_before_does_not_meet(lab, recordings, known):
     """A ball that lies on the ground neither meets it nor parts."""
     scenario = lab.scene(
