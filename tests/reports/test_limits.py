@@ -14,7 +14,7 @@ from reports import limits as module
 from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
 from reports.bench.geometry import MOTION
 from reports.bench.poses import FAMILIES
-from reports.limits import HINGE_SPEED, KNOWN, LIMITS, Known, Limit, judged
+from reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
 from reports.metrics import METRICS
 from reports.metrics.posture_optimum import GOALS
 from reports.results import VERDICTS, Row
@@ -210,3 +210,19 @@ def test_a_known_failing_may_be_gone_at_another_step(limits):
     own = Row("run", "s", "mujoco", "recommended", 1 / 540, "overlap.max", 0.5)
     assert judged(own, ()).verdict == "fail"
     assert judged(replace(own, dt=1 / 6000), ()).verdict == "pass"
+
+
+@pytest.mark.parametrize("scene", PERSON_ENERGY)
+def test_a_persons_energy_is_that_of_its_tracker(scene):
+    """Give the largest kinetic energy that a tracker asks for, by pinocchio, to two digits."""
+    pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
+    from adapters.oracles.articulated import Articulated
+
+    scenario = catalogue()[scene]
+    tracker = scenario.trackers[0]
+    model = Articulated(scenario, tracker)
+    motion = sample(tracker, np.arange(scenario.frame_count + 1) / scenario.frame_rate)
+    postures = map(model.posture, motion.position, motion.orientation, motion.angle)
+    rates = np.hstack((motion.linear_velocity, motion.angular_velocity, motion.rate))
+    most = max(map(model.kinetic_energy, postures, rates))
+    assert PERSON_ENERGY[scene] == pytest.approx(most, rel=0.02)
