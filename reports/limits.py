@@ -25,7 +25,7 @@ class Limit:
     subject: str = ""
 
 
-PERSON_ENERGY = {"wall_push": 40.0, "corner_slide": 0.86, "two_arms": 2.7, "arms_cross": 0.37}
+PERSON_ENERGY = {"wall_push": 40.0, "corner_slide": 0.51, "two_arms": 2.7, "arms_cross": 0.37}
 """Largest kinetic energy that the tracker of a scene asks for [J]."""
 HINGE_SPEED = {
     "wall_push": 7.5,

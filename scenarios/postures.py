@@ -32,13 +32,13 @@ CLEARANCE = 0.03
 """Of the soles over the floor, upright [m]: a tracker knows the height of a person's soles no better."""
 
 
-def reach(side: int, points: Array, elbow: Vector = (-0.5, 0.0, -1.0)) -> Angles:
+def reach(side: int, points: Array, elbow: Vector | Array = (-0.5, 0.0, -1.0)) -> Angles:
     """Shoulder and elbow, so that the middle of the hand is at `points` (n, 3) [m], the wrist straight.
 
     Args:
         side: 1 for the left arm, -1 for the right one.
         points: those out of reach are pointed at.
-        elbow: where it points, seen from the line between shoulder and hand.
+        elbow: where it points, seen from the line between shoulder and hand; always, or a row a moment.
     """
     upper, hand = SEGMENTS["upper_arm"].length, SEGMENTS["hand"]
     lower = SEGMENTS["forearm"].length + hand.length * hand.center
@@ -47,7 +47,7 @@ def reach(side: int, points: Array, elbow: Vector = (-0.5, 0.0, -1.0)) -> Angles
     toward = way / distance
     distance = np.minimum(distance, (upper + lower) * STRETCHED)
     cosine = (distance**2 + upper**2 - lower**2) / (2 * distance * upper)
-    out = _unit(elbow - toward * (toward @ np.array(elbow))[:, None])
+    out = _unit(elbow - toward * (toward * elbow).sum(axis=1, keepdims=True))
     bone = cosine * toward + np.sqrt(1 - cosine**2) * out
     # at angles 0 the upper arm points down, and the forearm bends to its x
     forearm = distance * toward - upper * bone

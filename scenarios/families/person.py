@@ -66,38 +66,41 @@ def wall_push() -> Scenario:
 @scene
 def corner_slide() -> Scenario:
     """The right hand meets the north wall, slides into the corner, up and down in it, and out along the east
-    wall; its tracker is 3 cm inside the walls."""
-    root = np.array((EAST - 0.45, NORTH - 0.3))
-    inside = 0.03
+    wall, on which the forearm lies meanwhile; their trackers are up to 6 cm inside the walls."""
+    root = np.array((EAST - 0.405, NORTH - 0.30))
+    inside, deep = 0.04, 0.06
     stations: tuple[tuple[float, Vector], ...] = (
         # until when [s], and where to: the hand's middle from the corner [m], and its height
         (0.4, (-0.20, -0.16, 1.15)),
         (1.4, (-0.20, -0.16, 1.25)),
         (1.9, (-0.20, inside, 1.25)),
-        (2.9, (inside, inside, 1.25)),
-        (3.5, (inside, inside, 1.45)),
-        (4.1, (inside, inside, 1.20)),
-        (5.0, (inside, -0.30, 1.30)),
-        (5.5, (-0.20, -0.30, 1.30)),
+        (2.9, (deep, inside, 1.25)),
+        (3.5, (deep, inside, 1.45)),
+        (4.1, (deep, inside, 1.20)),
+        (5.0, (-0.02, -0.22, 1.30)),
+        (5.5, (-0.20, -0.16, 1.25)),
     )
     path = np.tile(stations[0][1], (len(TIMES), 1))
     for (start, place), (end, following) in pairwise(stations):
         path += np.outer(ease(TIMES, start, end - start), np.subtract(following, place))
-    heading = pi / 4
+    heading = pi / 2
+    beside = ease(TIMES, 1.9, 1.0) - ease(TIMES, 4.1, 0.9)
+    elbow = np.outer(1 - beside, (-0.5, -0.2, -1.0)) + np.outer(beside, (0.0, -1.0, -1.0))
     world = path + (EAST, NORTH, 0.0)
     return _scenario(
         "corner_slide",
-        "a hand slides along the corner of two walls",
+        "a hand and an arm slide along the corner of two walls",
         person_tracker(
             TIMES,
             np.tile(root, (len(TIMES), 1)),
             heading,
             reach(LEFT, _hanging(LEFT) - (0.2, 0.0, 0.02)),
-            reach(RIGHT, _seen(world, root, heading), ELBOWS_OUT[RIGHT]),
+            reach(RIGHT, _seen(world, root, heading), elbow),
         ),
         (
             Expectation("meet", "right_hand", "north_wall", earliest=1.4, latest=1.9),
-            Expectation("meet", "right_hand", "east_wall", earliest=1.9, latest=2.7),
+            Expectation("meet", "right_forearm", "east_wall", earliest=1.9, latest=2.9),
+            Expectation("part", "right_forearm", "east_wall", earliest=4.1, latest=5.0),
             Expectation("part", "right_hand", "north_wall", earliest=4.1, latest=5.0),
             Expectation("part", "right_hand", "east_wall", earliest=5.0, latest=5.5),
         ),

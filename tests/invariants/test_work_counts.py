@@ -62,6 +62,13 @@ def test_two_arms_spikes_three_times_in_the_second_half(counts: Counts) -> None:
     assert len(runs(iterations > max(peaks) / 2)) == 3
 
 
+def test_contacting_pairs_peak_in_the_corner(counts: Counts) -> None:
+    """Have more pairs in contact at a time in `corner_slide` than in any other scene."""
+    most = {scene: counts(scene, "pairs.contacting").max() for scene in SCENES}
+    corner = most.pop("corner_slide")
+    assert corner > max(most.values())
+
+
 def test_table_slide_has_two_plateaus_and_spikes_at_its_end(counts: Counts) -> None:
     """Move freely at first, keep a constant count over each slide, and peak while playing with the ball."""
     pairs, pressed = counts("table_slide", "pairs"), counts("table_slide", "pairs.contacting") > 0
