@@ -169,6 +169,35 @@ def effects(
     exit_for(frame.verdict, frame.reason, bool(engine))
 
 
+@study.command("predictability")
+def predictability(
+    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random directions.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/predictability-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
+    from reports.output import OutputError
+    from reports.studies.predictability import SCENES, OracleMissing, run, steps
+    from scenarios.catalogue import catalogue
+
+    chosen = [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(scenario or SCENES)]
+    folder = out or folder_of_now("predictability-")
+    try:
+        with progress_for(steps(chosen), quiet) as progress:
+            frame = run(chosen, seed, folder, progress)
+    except (OracleMissing, OutputError) as error:
+        stop(str(error), BAD_INPUT)
+    if not printed(frame, output) and not quiet:
+        from reports.studies.predictability_table import show as show_study
+        from reports.terminal import console
+
+        show_study(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, by_name=False)
+
+
 def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,

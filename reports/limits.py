@@ -98,6 +98,7 @@ GALLERY: tuple[Limit, ...] = (
     Limit("events.leave.spread", 0.1, "a servo gives way and a posed finger does not: v0 differs by 15 %"),
     Limit("events.land.spread", 0.1, "the same, the fall itself takes equally long"),
     Limit("events.land.place.spread", 0.05, "0.4 s of fall at velocities that differ by 15 %"),
+    Limit("predictability.error", 1e-4, "normals good to 1e-5, and what ten times grows of it", "reference"),
     Limit(
         "ratio.time",
         0.3,

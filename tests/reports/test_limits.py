@@ -21,6 +21,7 @@ from reports.results import VERDICTS, Row
 from reports.studies import effects
 from reports.studies.calibration_rows import LARGEST
 from reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
+from reports.studies.predictability import ERROR
 from scenarios.catalogue import catalogue, tags
 from scenarios.effects import PLANNED
 from scenarios.tracking import sample
@@ -59,7 +60,7 @@ def test_every_entry_names_what_exists(entry):
         assert entry.scenario in ("", *effects.GROUPS)
         assert entry.subject in ("", effects.ALL, *(f"+{effect}" for effect in PLANNED))
         return
-    assert entry.metric in (*METRICS, *spread, *LARGEST.values())
+    assert entry.metric in (*METRICS, *spread, *LARGEST.values(), ERROR)
     assert entry.engine in ("", *ENGINES)
     assert entry.scenario in ("", *catalogue(), *tags())
     profiles = (

@@ -1,0 +1,88 @@
+"""Where simulated bodies end, in closed form, from any start near the scene's own."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.scenario import Body, Scenario, Sphere
+
+Array = NDArray[np.float64]
+STILL = 1e-9
+"""Speed of a bounce below which a ball lies still [m/s]: it would rise by 5e-20 m."""
+ROLLING = 2 / 7
+"""Share of the effective mass that the tangential impulse on balls meets [1]."""
+
+
+def final_positions(scenario: Scenario) -> Array | None:
+    """Positions at the end (n, 3) [m] of a body in free flight, a ball dropped over level ground, or two free
+    balls; None for other scenes."""
+    simulated = [body for body in scenario.bodies if body.kind == "simulated"]
+    others = [body for body in scenario.bodies if body.kind != "simulated"]
+    gravity = np.array(scenario.acting_gravity)
+    round_ones = all(_is_ball(body) for body in simulated)
+    if not others and len(simulated) == 1:
+        p, v = (np.array(x) for x in (simulated[0].position, simulated[0].linear_velocity))
+        return np.asarray((p + v * scenario.duration + gravity * scenario.duration**2 / 2)[None])
+    if not others and len(simulated) == 2 and round_ones and not gravity.any() and not _spins(simulated):
+        return _two_balls(scenario, simulated[0], simulated[1])
+    if [body.name for body in others] == ["floor"] and len(simulated) == 1 and round_ones:
+        ball = simulated[0]
+        if not _spins(simulated) and ball.linear_velocity == (0.0, 0.0, 0.0):
+            e = scenario.pair_coefficients(*sorted(map(scenario.body_index, ("floor", ball.name))))[0]
+            height = _bounced(ball.position[2] - _radius(ball), e, -float(gravity[2]), scenario.duration)
+            return np.array([[*ball.position[:2], _radius(ball) + height]])
+    return None
+
+
+def _is_ball(body: Body) -> bool:
+    return len(body.pieces) == 1 and isinstance(body.pieces[0].shape, Sphere)
+
+
+def _radius(body: Body) -> float:
+    shape = body.pieces[0].shape
+    assert isinstance(shape, Sphere)
+    return shape.radius
+
+
+def _spins(bodies: list[Body]) -> bool:
+    return any(body.angular_velocity != (0.0, 0.0, 0.0) for body in bodies)
+
+
+def _bounced(height: float, e: float, g: float, duration: float) -> float:
+    """Height [m] at the end of a ball dropped from rest over the ground at 0."""
+    fall = sqrt(2 * height / g)
+    if duration <= fall:
+        return height - g * duration**2 / 2
+    left, speed = duration - fall, e * g * fall
+    while speed > STILL:
+        if left <= 2 * speed / g:
+            return speed * left - g * left**2 / 2
+        left, speed = left - 2 * speed / g, e * speed
+    return 0.0
+
+
+def _two_balls(scenario: Scenario, a: Body, b: Body) -> Array:
+    """Newton's and Coulomb's laws where they meet, if they do; B against A, normal from A to B."""
+    p = np.array([a.position, b.position])
+    v = np.array([a.linear_velocity, b.linear_velocity])
+    apart, pace, reach = p[1] - p[0], v[1] - v[0], _radius(a) + _radius(b)
+    square, half, rest = pace @ pace, apart @ pace, apart @ apart - reach**2
+    met = half < 0 <= half**2 - square * rest
+    # the smaller root, free of cancellation
+    time = rest / (sqrt(half**2 - square * rest) - half) if met else scenario.duration
+    if time >= scenario.duration:
+        return np.asarray(p + v * scenario.duration)
+    e, mu = scenario.pair_coefficients(0, 1)
+    n = (apart + pace * time) / reach
+    approach = -float(n @ pace)
+    slip = pace + approach * n
+    speed = float(np.linalg.norm(slip))
+    mass = 1 / (1 / a.mass + 1 / b.mass)
+    j_n = (1 + e) * mass * approach
+    j_t = min(mu * j_n, ROLLING * mass * speed)
+    impulse = j_n * n - (j_t / speed * slip if speed > 0 else 0.0)
+    after = v + np.array([-impulse / a.mass, impulse / b.mass])
+    return np.asarray(p + v * time + after * (scenario.duration - time))
