@@ -2,9 +2,9 @@
 at a time.
 
 The parent sends a child one command, waits for its answer, and turns to the next child: engines play in
-slices of `SLICE` frames, interleaved. What is not timed (building, warming up, saving) all do together. A child
-goes on from scene to scene, for starting it and importing its engine takes longer than most scenes; one that
-failed is replaced. What it prints goes to the job's file.
+slices of `SLICE` frames, interleaved. What is not timed (building, warming up, saving) all do together. A
+child goes on from scene to scene, for starting it and importing its engine takes longer than most scenes; one
+that failed is replaced. What it prints goes to the job's file.
 """
 
 from __future__ import annotations
