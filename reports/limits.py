@@ -29,7 +29,7 @@ PERSON_ENERGY = {"wall_push": 40.0, "corner_slide": 0.51, "two_arms": 2.7, "arms
 """Largest kinetic energy that the tracker of a scene asks for [J]."""
 HINGE_SPEED = {
     "wall_push": 7.5,
-    "corner_slide": 7.4,
+    "corner_slide": 3.2,
     "two_arms": 6.2,
     "arms_cross": 2.2,
     "ball_snip": 11.8,
