@@ -22,6 +22,9 @@ from adapters.engine import AdapterError
 PATIENCE = 300.0
 """Seconds a child may take for one command before it counts as hung: a cold compilation takes about 40."""
 
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""What numpy's linear algebra looks at when it is loaded."""
+
 
 @contextmanager
 def interrupt_held() -> Iterator[None]:
@@ -34,6 +37,22 @@ def interrupt_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let processes that start meanwhile do linear algebra on one thread each: on small matrices a second one
+    waits busily, which costs four times the work and disturbs whoever is timed."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
 class ChildProcess:
     """The parent's end. `failure` is None, or the status and the reason of the first command that failed."""
 
@@ -44,7 +63,8 @@ class ChildProcess:
         self._patience = patience
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, *arguments), daemon=True)
-        self._process.start()
+        with one_thread():
+            self._process.start()
         theirs.close()
 
     def send(self, command: str, argument: object = None) -> None:
