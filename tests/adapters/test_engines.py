@@ -133,7 +133,13 @@ def test_gravity_is_the_scenarios(registry, lab, name):
         assert kept.linear_velocity[:, 0] == pytest.approx(truth, abs=1e-9)  # rounding of 255 steps
 
 
-@pytest.mark.parametrize("scene", list(catalogue()))
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param(scene.name, marks=pytest.mark.slow) if "heap" in scene.tags else scene.name
+        for scene in catalogue().values()
+    ],
+)
 @pytest.mark.parametrize("name", ENGINES)
 def test_the_manifest_is_the_scenario(registry, name, scene):
     """Masses, centres, inertias and pair coefficients, read back from the engine, are those of the scene."""

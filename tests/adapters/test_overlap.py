@@ -201,7 +201,7 @@ def test_the_broad_phase_misses_no_pair(lab, recordings, seed):
     assert set(found.distance) == set(scenario.touching_pairs())
     close = 0
     for (a, b), f in product(scenario.touching_pairs(), range(shape[0])):
-        placed = [pieces_at(scenario.bodies[k], positions[f, k], turns[f, k]) for k in (a, b)]
+        placed = [pieces_at(scenario.bodies[k], positions[f, k], tuple(turns[f, k])) for k in (a, b)]
         answers = [signed_distance(*one, *two) for one in placed[0] for two in placed[1]]
         least = min(answers, key=lambda answer: answer[0])
         if least[0] <= MARGIN:
