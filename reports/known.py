@@ -231,7 +231,7 @@ PROBES: tuple[Cause, ...] = (
     ),
     Cause("mujoco", MUJOCO_LIFT, {"friction.lift": "slide"}, "tuned"),
     Cause("mujoco", MUJOCO_CREEP, {"friction.creep": "incline_holds"}),
-    Cause("mujoco", MUJOCO_SOFT, {"overlap.max": "bounce_e0"}),
+    Cause("mujoco", MUJOCO_SOFT, {"overlap.max": "bounce_e0 balls_box"}),
     Cause(
         "mujoco",
         MUJOCO_SOFT,
