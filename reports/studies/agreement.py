@@ -29,6 +29,7 @@ from reports.output import output_folder
 from reports.results import Row, save, table, write_beside
 from reports.run import step_text
 from scenarios.catalogue import catalogue
+from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario
 
 STUDY = "agreement"
@@ -163,7 +164,7 @@ def _job(scenario: Scenario, engine: str, rung: float | None, folder: Path) -> J
     return Job(
         engine,
         scenario,
-        Settings(profile, dt),
+        Settings(profile, dt, effects=PLANNED),  # at coarse steps bodies leave the bounds of a plan
         folder / "recordings" / f"{name}.npz",
         folder / "output" / f"{name}.txt",
     )
