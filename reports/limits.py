@@ -59,13 +59,6 @@ GALLERY: tuple[Limit, ...] = (
         profile="paper",
     ),
     Limit("friction.bias.max", 1e-3, "a patch that lands with one more point in a frame", engine="reference"),
-    Limit(
-        "friction.bias.max",
-        0.05,
-        "Eq. 10 as printed, one point of a face after the other: 0.038",
-        engine="reference",
-        profile="paper",
-    ),
     Limit("friction.cone", 1e-6, "Coulomb's inequality, to a solver's tolerance"),
     Limit("friction.cone", 1e-12, "Coulomb's inequality, to rounding", engine="reference"),
     Limit("friction.deficit", 0.05, "sliding friction within 5 % of mu", subject="table-ball"),

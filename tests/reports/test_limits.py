@@ -62,7 +62,8 @@ def test_every_entry_names_what_exists(entry):
         return
     assert entry.metric in (*METRICS, *spread, *LARGEST.values(), ERROR)
     assert entry.engine in ("", *ENGINES)
-    assert entry.scenario in ("", *catalogue(), *tags())
+    places = ("all", *PAIRS) if entry.metric in LARGEST.values() else (*catalogue(), *tags())
+    assert entry.scenario in ("", *places)
     profiles = (
         ENGINES[entry.engine].profiles if entry.engine else {p for e in ENGINES.values() for p in e.profiles}
     )
@@ -104,8 +105,9 @@ def test_limits_are_of_metrics_with_a_direction(limit):
 def test_known_failings_say_how_to_see_them(known):
     """Every known failing names one engine and a command that shows it, and a limit it breaks exists."""
     assert known.engine in ENGINES
-    if known.metric in effects.JUDGED:
-        assert known.reason.endswith(f": touchstone study effects --engine {known.engine}")
+    studies = dict.fromkeys(effects.JUDGED, "effects") | dict.fromkeys(LARGEST.values(), "calibration")
+    if known.metric in studies:
+        assert known.reason.endswith(f": touchstone study {studies[known.metric]} --engine {known.engine}")
         return
     command = known.reason.partition(": touchstone run ")[2].split()
     assert command[0] in catalogue()
