@@ -170,9 +170,7 @@ def _drivers(scenario: Scenario) -> np.ndarray:
         for prefix in ("", "target_", "old_target_"):
             row[f"{prefix}position"] = motion.position[0]
             row[f"{prefix}orientation"] = motion.orientation[0]
-        for prefix in ("", "target_"):
-            row[f"{prefix}velocity"] = motion.linear_velocity[0]
-            row[f"{prefix}omega"] = motion.angular_velocity[0]
+        row["velocity"], row["omega"] = motion.linear_velocity[0], motion.angular_velocity[0]
     return drivers
 
 

@@ -207,12 +207,11 @@ DRIVER = _record(
     center=_VECTOR,  # centre of mass of the whole, world
     inertia=_MATRIX,  # of the whole about `center`, world axes
     inverse_inertia=_MATRIX,
-    target_position=_VECTOR,  # tracker at the end of the frame
-    target_orientation=_QUATERNION,
-    target_velocity=_VECTOR,
-    target_omega=_VECTOR,
-    old_target_position=_VECTOR,  # tracker at its start
+    # tracker at the frame's start and end; side by side, as they are handed over in one copy
+    old_target_position=_VECTOR,
     old_target_orientation=_QUATERNION,
+    target_position=_VECTOR,
+    target_orientation=_QUATERNION,
     free_position=_VECTOR,  # last free pose
     free_orientation=_QUATERNION,
     has_free="i8",
