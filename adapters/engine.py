@@ -62,13 +62,15 @@ class NotInstalled(AdapterError):
 class Settings:
     """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
     profile (reference only); the effects asked for, or None for those that the scene calls for; and, filled
-    in from the plan, the stages that the reference leaves out."""
+    in from the plan, the stages that the reference leaves out, and whether it leaves out in each frame what
+    can meet nothing in it."""
 
     profile: str
     dt: float
     changes: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
     skipped: tuple[str, ...] = ()
+    rooms: bool = False
 
     @property
     def label(self) -> str:

@@ -109,6 +109,7 @@ class _World:
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
         configure(self._state, settings.profile, settings.changes)
+        self._state["seek_rooms"] = settings.rooms
         for stage in settings.skipped:
             if stage == "sweep":
                 self._state["detection"] = conventions.DETECTION_DISCRETE

@@ -15,7 +15,9 @@ from reference_impl.conventions import (
 )
 from reference_impl.kernel import clock, kernel
 from reference_impl.motion import swept_box
+from reference_impl.rooms import leave_rooms, place_in_rooms
 from reference_impl.shapes import place_piece
+from reference_impl.skeleton import are_adjacent
 from reference_impl.walk import pair_depth
 
 
@@ -38,14 +40,18 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
         (end, deepest): index after the last of them, and the largest depth [m].
     """
     since = clock(state["clock"])
-    place_pieces(bodies, pieces, vertices, kind)
+    if state["rooms"] == 1 and not place_in_rooms(bodies, pieces, vertices, kind):
+        leave_rooms(bodies, state)
+        place_pieces(bodies, pieces, vertices, DRIVEN)
+    if state["rooms"] == 0:
+        place_pieces(bodies, pieces, vertices, kind)
     found, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
     end, deepest = first, 0.0
     for k in range(first, found):
         pair = pairs[k]
-        if state["self_collision"] == 1 and _are_adjacent(bodies, pair["body_a"], pair["body_b"]):
+        if state["self_collision"] == 1 and are_adjacent(bodies, pair["body_a"], pair["body_b"]):
             continue
         if not pair_depth(pieces, vertices, state, pair):
             state["counters"][COUNT_UNCONVERGED] += 1
@@ -60,15 +66,6 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     state["counters"][COUNT_CONTACTS] += end - first
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
-
-
-@kernel
-def _are_adjacent(bodies, a, b):
-    """Whether one link hangs on the other, or no hinge of a chain is between them: they never meet."""
-    one, two = bodies[a], bodies[b]
-    if one["driver"] < 0 or one["driver"] != two["driver"]:
-        return False
-    return one["hinge"] == two["hinge"] or one["above"] == b or two["above"] == a
 
 
 @kernel

@@ -27,6 +27,7 @@ from reference_impl.detection import detect, detect_for, is_free, place_pieces
 from reference_impl.global_depth import global_depth, largest_depth, side_of
 from reference_impl.kernel import kernel
 from reference_impl.least_motion import least_motion
+from reference_impl.rooms import in_rooms
 from reference_impl.rotation import copy_quaternion, copy_vector, rotation_between, turn
 from reference_impl.skeleton import place, pose_links
 
@@ -62,6 +63,22 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
         else:
             state["counters"][COUNT_GAVE_UP] += 1
             _yield_simulated(bodies, pieces, vertices, pairs, state, -1 - d)
+
+
+@kernel
+def pass_free(bodies, pieces, joints, drivers, state):
+    """Whether drivers, whose links it poses, meet nothing as far as their rooms tell: none is removed then."""
+    if state["drive_clear"] == 0:
+        return False
+    for d in range(len(drivers)):
+        pose_links(bodies, joints, drivers[d])
+    if not in_rooms(bodies, pieces):
+        return False
+    for d in range(len(drivers)):
+        drivers[d]["is_free"] = 1
+        store_free_pose(joints, drivers[d])
+        shuffle_chains(drivers[d], state)
+    return True
 
 
 @kernel

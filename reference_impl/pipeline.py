@@ -35,7 +35,8 @@ from reference_impl.integrate import (
     set_ways,
 )
 from reference_impl.kernel import clock, kernel
-from reference_impl.overlap_removal import part_simulated, remove_overlap, store_free_pose
+from reference_impl.overlap_removal import part_simulated, pass_free, remove_overlap, store_free_pose
+from reference_impl.rooms import begin_rooms, flies_clear, seek_rooms
 from reference_impl.rotation import invert_symmetric
 from reference_impl.skeleton import (
     composite_inertia,
@@ -67,6 +68,7 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     for d in range(len(drivers)):
         store_free_pose(joints, drivers[d])
         drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
+    begin_rooms(state[0])
     state[0]["counters"][:] = 0
 
 
@@ -83,10 +85,17 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["contact_count"] = 0
     if s["skip_drive"] == 0:
         _drive(bodies, pieces, joints, drivers, vertices, pairs, s)
-    if s["skip_contact"] == 0:
-        _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
-    else:
+    if s["skip_contact"] == 1:
         _fly(bodies, joints, drivers, pairs, s)
+    elif flies_clear(bodies, pieces, drivers, s):
+        _fly(bodies, joints, drivers, pairs, s)
+        # the driven loop looks at them
+        if len(drivers) > 0:
+            place_pieces(bodies, pieces, vertices, SIMULATED)
+    else:
+        _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
+    if s["seek_rooms"] == 1:
+        seek_rooms(bodies, pieces, vertices, drivers, pairs, s)
 
 
 @kernel
@@ -112,7 +121,7 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
     for _ in range(parts):
         for d in range(len(drivers)):
             pose_hinges(joints, drivers[d], state["dt"] / parts)
-        if state["skip_removal"] == 0:
+        if state["skip_removal"] == 0 and not pass_free(bodies, pieces, joints, drivers, state):
             if state["detection"] == DETECTION_SWEEP:
                 sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
             remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)

@@ -125,6 +125,15 @@ def _link(joints, driver, k):
 
 
 @kernel
+def are_adjacent(bodies, a, b):
+    """Whether one link hangs on the other, or no hinge of a chain is between them: they never meet."""
+    one, two = bodies[a], bodies[b]
+    if one["driver"] < 0 or one["driver"] != two["driver"]:
+        return False
+    return one["hinge"] == two["hinge"] or one["above"] == b or two["above"] == a
+
+
+@kernel
 def _velocity_at(velocity, omega, origin, point, out_velocity):
     """Velocity of a rigid body's `point` from that of its `origin`; `out_velocity` may be `velocity`."""
     x, y, z = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]

@@ -204,7 +204,11 @@ def _sort(pieces, first, end):
         piece = pieces[p]
         low, high = piece["low"], piece["high"]
         place = k
-        while place > first and pieces[place - 1]["slot"]["low"][0] > low[0]:
+        # of boxes that open together the first piece' is first, whatever the order was
+        while place > first and (
+            pieces[place - 1]["slot"]["low"][0] > low[0]
+            or (pieces[place - 1]["slot"]["low"][0] == low[0] and pieces[place - 1]["order"] > p)
+        ):
             pieces[place]["slot"] = pieces[place - 1]["slot"]
             pieces[place]["order"] = pieces[place - 1]["order"]
             place -= 1

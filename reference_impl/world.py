@@ -83,6 +83,14 @@ BODY = _record(
     spin_bend="f8",  # bound on |omega'| [rad per substep^2]
     memory="i8",  # first contact point it remembers, counted from 1, or 0
     momentum=_VECTOR,  # angular, about the centre of mass, world
+    # its room (`rooms`): of a simulated body's centre; of a link, where it was and how far it may go from there
+    clear="i8",  # of a link: 1 while it can meet nothing
+    room_low=_VECTOR,
+    room_high=_VECTOR,
+    room_position=_VECTOR,
+    room_rotation=_MATRIX,
+    room_reach="f8",
+    room_margin="f8",
     scratch=_MATRIX,
 )
 SLOT = _record(
@@ -128,6 +136,8 @@ PIECE = _record(
     world_rotation=_MATRIX,
     low=_VECTOR,  # bounding box, world
     high=_VECTOR,
+    room_low=_VECTOR,  # what it keeps to while its body's `clear`, and those of all others, hold
+    room_high=_VECTOR,
     marked="i8",  # first marked row of `pairs` at it, counted from 1, or 0
     owner="i8",  # pieces of one owner never meet: its body, or -1 - its driver
     # scratch of the broad phase: row k holds slot k and strip k, whatever piece k is
@@ -313,6 +323,14 @@ STATE = _record(
     skip_removal="i8",
     skip_contact="i8",
     skip_rotation="i8",
+    # rooms that pieces keep to for some frames (`rooms`)
+    seek_rooms="i8",  # 1: they are sought
+    rooms="i8",  # 1: there are some
+    flight_clear="i8",  # 1: no simulated body can meet anything
+    drive_clear="i8",  # 1: no driven body can
+    room_wait="i8",  # frames until new ones are sought
+    room_flight="i8",  # frames for which simulated bodies have room
+    room_slack="f8",  # room of driven links beyond what they moved last [m]
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
     random="i8",  # state of the generator
