@@ -185,6 +185,7 @@ class _World:
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
             "collision_shapes": len(self._world.pieces),
+            "rooms": bool(self._state["seek_rooms"]),
             "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
         }
         for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):
@@ -230,7 +231,8 @@ class _World:
         )
 
     def cross(self) -> None:
-        """An empty kernel with the step's arguments."""
+        """What is handed to a step, and an empty kernel with its arguments."""
+        self._aim_at(self._next)
         _nothing(*self._world)
 
     def stage_seconds(self) -> Mapping[str, float]:

@@ -93,13 +93,13 @@ STRIP_FAR = 2.0**30
 """Rows of squares that are told apart, on either side of the origin."""
 
 # rooms
-ROOM_FRAMES, ROOM_WAIT = 6, 8
+ROOM_FRAMES, ROOM_WAIT = 10, 12
 """Frames for which driven links have room at their present speed, and after which more of it is sought."""
+ROOM_SLACK = 4e-3
+"""Room of driven links beyond that [m]: those at rest will move."""
 ROOM_FLIGHTS = (2, 16)
 """Frames for which simulated bodies have room: twice as many after each that meets nothing, half after one
 that does."""
-ROOM_SLACKS = (2e-3, 6.4e-2)
-"""Room of driven links beyond that [m]: the more, the sooner they left the last."""
 ROOM_PAD = 1e-4
 """Room of a simulated body's centre beyond its flight [m]: far above rounding."""
 

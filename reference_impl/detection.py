@@ -31,6 +31,15 @@ def place_pieces(bodies, pieces, vertices, kind):
 
 
 @kernel
+def place_listed(bodies, pieces, vertices, kind, state):
+    """The same for pieces that are listed: fixed ones, most of a room, are not looked through."""
+    group = state["groups"][kind]
+    for k in range(group["first"], group["end"]):
+        piece = pieces[pieces[k]["order"]]
+        place_piece(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
+
+
+@kernel
 def detect(bodies, pieces, vertices, pairs, state, kind, first):
     """Pairs that touch or overlap and in which a body of `kind` takes part, from `pairs[first]` on.
 
@@ -40,11 +49,11 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
         (end, deepest): index after the last of them, and the largest depth [m].
     """
     since = clock(state["clock"])
-    if state["rooms"] == 1 and not place_in_rooms(bodies, pieces, vertices, kind):
+    if state["rooms"] == 1 and not place_in_rooms(bodies, pieces, vertices, kind, state):
         leave_rooms(bodies, state)
-        place_pieces(bodies, pieces, vertices, DRIVEN)
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
     if state["rooms"] == 0:
-        place_pieces(bodies, pieces, vertices, kind)
+        place_listed(bodies, pieces, vertices, kind, state)
     found, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
@@ -98,10 +107,10 @@ def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
 
     Leaves the pieces of `kind` at the start, in their swept boxes; returns the index after the last pair.
     """
-    for k in range(len(pieces)):
-        body = bodies[pieces[k]["body"]]
-        if body["kind"] == kind:
-            swept_box(pieces[k], body, vertices, TOUCH_DISTANCE)
+    group = state["groups"][kind]
+    for k in range(group["first"], group["end"]):
+        piece = pieces[pieces[k]["order"]]
+        swept_box(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
     end, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += end - first

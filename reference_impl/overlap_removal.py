@@ -23,7 +23,7 @@ from reference_impl.conventions import (
     VANISHING_SHIFT,
     WAY_BACK_STEPS,
 )
-from reference_impl.detection import detect, detect_for, is_free, place_pieces
+from reference_impl.detection import detect, detect_for, is_free, place_listed
 from reference_impl.global_depth import global_depth, largest_depth, side_of
 from reference_impl.kernel import kernel
 from reference_impl.least_motion import least_motion
@@ -67,12 +67,12 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
 
 @kernel
 def pass_free(bodies, pieces, joints, drivers, state):
-    """Whether drivers, whose links it poses, meet nothing as far as their rooms tell: none is removed then."""
+    """Whether drivers, whose links it poses, can meet nothing, as their rooms tell: none is to be freed."""
     if state["drive_clear"] == 0:
         return False
     for d in range(len(drivers)):
         pose_links(bodies, joints, drivers[d])
-    if not in_rooms(bodies, pieces):
+    if not in_rooms(bodies, pieces, state):
         return False
     for d in range(len(drivers)):
         drivers[d]["is_free"] = 1
@@ -305,7 +305,7 @@ def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
             meets = pair["body_a"] == b or pair["body_b"] == b
             if meets and (one == FIXED or two == FIXED) and not is_free(-pair["distance"]):
                 move(bodies[b], shift, -1.0)
-                place_pieces(bodies, pieces, vertices, SIMULATED)
+                place_listed(bodies, pieces, vertices, SIMULATED, state)
                 break
 
 
@@ -330,7 +330,7 @@ def part_simulated(bodies, pieces, vertices, pairs, state):
             return True
         state["counters"][COUNT_ROUNDS] += 1
         _push_apart(bodies, pairs, end)
-    place_pieces(bodies, pieces, vertices, SIMULATED)
+    place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 

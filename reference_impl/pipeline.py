@@ -19,7 +19,7 @@ from reference_impl.conventions import (
     TIME_MIN,
 )
 from reference_impl.crowd import gather_contacts
-from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_pieces
+from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_listed, place_pieces
 from reference_impl.driven_sweep import sweep_drivers
 from reference_impl.free_rotation import refresh_inertia
 from reference_impl.global_depth import largest_depth
@@ -91,7 +91,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         _fly(bodies, joints, drivers, pairs, s)
         # the driven loop looks at them
         if len(drivers) > 0:
-            place_pieces(bodies, pieces, vertices, SIMULATED)
+            place_listed(bodies, pieces, vertices, SIMULATED, s)
     else:
         _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
     if s["seek_rooms"] == 1:
@@ -107,8 +107,7 @@ def _weigh(bodies, joints, driver):
 
 @kernel
 def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
-    """Driven loop: coupling, overlap removal, and how driven bodies move, hands with what inertia, in this
-    frame's contacts."""
+    """Driven loop: coupling, overlap removal, and how driven bodies move in this frame's contacts."""
     start = clock(state["clock"])
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
@@ -135,9 +134,6 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
         if drivers[d]["chain_count"] > 0:
             move_from_shown(bodies, joints, drivers[d], state["dt"])
         else:
-            # what a hand weighs matters to what it hits alone
-            if state["skip_contact"] == 0:
-                _weigh(bodies, joints, drivers[d])
             move_links(bodies, joints, drivers[d])
     state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
     state["stage_seconds"][STAGE_DRIVE] += coupled - start + clock(state["clock"]) - removed
@@ -161,11 +157,17 @@ def _fly(bodies, joints, drivers, pairs, state):
 @kernel
 def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     """Simulated loop: advance to the earliest impact, resolve, go on with the rest of the frame."""
-    left = state["dt"]
+    left, weighed = state["dt"], False
     state["rows"] = 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, left)
+        # what hands weigh matters to what they hit alone
+        if not weighed and state["drive_clear"] == 0:
+            for d in range(len(drivers)):
+                if drivers[d]["chain_count"] == 0:
+                    _weigh(bodies, joints, drivers[d])
+            weighed = True
         # impacts change velocities at once; forces and held contacts over the substep
         start = clock(state["clock"])
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
@@ -189,7 +191,7 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         state["counters"][COUNT_EVENTS] += 1
     if left > TIME_MIN:
         state["counters"][COUNT_GAVE_UP] += 1
-    place_pieces(bodies, pieces, vertices, SIMULATED)
+    place_listed(bodies, pieces, vertices, SIMULATED, state)
 
 
 @kernel

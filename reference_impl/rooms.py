@@ -15,11 +15,10 @@ from reference_impl.broad_phase import find_pairs
 from reference_impl.conventions import (
     DETECTION_SWEEP,
     DRIVEN,
-    FIXED,
     ROOM_FLIGHTS,
     ROOM_FRAMES,
     ROOM_PAD,
-    ROOM_SLACKS,
+    ROOM_SLACK,
     ROOM_WAIT,
     SIMULATED,
     SPHERE,
@@ -38,22 +37,24 @@ def begin_rooms(state):
     if state["detection"] == DETECTION_SWEEP or many:
         state["seek_rooms"] = 0
     state["rooms"] = state["flight_clear"] = state["drive_clear"] = state["room_wait"] = 0
-    state["room_flight"], state["room_slack"] = ROOM_FLIGHTS[0], ROOM_SLACKS[0]
+    state["room_flight"] = ROOM_FLIGHTS[0]
 
 
 @kernel
-def place_in_rooms(bodies, pieces, vertices, kind):
+def place_in_rooms(bodies, pieces, vertices, kind, state):
     """Place the pieces of `kind` that are not clear; whether all moving pieces are in their rooms."""
-    for k in range(len(pieces)):
-        body = bodies[pieces[k]["body"]]
-        if body["kind"] == kind and body["clear"] == 0:
-            place_piece(pieces[k], body, vertices, TOUCH_DISTANCE)
-    return in_rooms(bodies, pieces)
+    group = state["groups"][kind]
+    for k in range(group["first"], group["end"]):
+        piece = pieces[pieces[k]["order"]]
+        body = bodies[piece["body"]]
+        if body["clear"] == 0:
+            place_piece(piece, body, vertices, TOUCH_DISTANCE)
+    return in_rooms(bodies, pieces, state)
 
 
 @kernel
-def in_rooms(bodies, pieces):
-    """Whether clear links, as they are posed, and other moving pieces, as they are placed, keep to their rooms.
+def in_rooms(bodies, pieces, state):
+    """Whether clear links, as they are posed, and all other moving pieces, as placed, keep to their rooms.
 
     No point of a link went farther than its origin did and its most distant point turned.
     """
@@ -67,10 +68,9 @@ def in_rooms(bodies, pieces):
                     turn += (body["rotation"][i, j] - body["room_rotation"][i, j]) ** 2
             if not sqrt(shift) + sqrt(turn) * body["room_reach"] <= body["room_margin"]:
                 return False
-    for k in range(len(pieces)):
-        piece = pieces[k]
-        body = bodies[piece["body"]]
-        if body["kind"] != FIXED and body["clear"] == 0:
+    for k in range(state["groups"][SIMULATED]["first"], len(pieces)):
+        piece = pieces[pieces[k]["order"]]
+        if bodies[piece["body"]]["clear"] == 0:
             for i in range(3):
                 if piece["low"][i] < piece["room_low"][i] or piece["high"][i] > piece["room_high"][i]:
                     return False
@@ -80,10 +80,6 @@ def in_rooms(bodies, pieces):
 @kernel
 def leave_rooms(bodies, state):
     """Nothing is clear any more; new rooms are sought at the end of the frame."""
-    # what was left at once needs more room
-    early = state["room_wait"] > ROOM_WAIT // 2
-    state["room_slack"] *= 2.0 if early else 0.5
-    state["room_slack"] = min(max(state["room_slack"], ROOM_SLACKS[0]), ROOM_SLACKS[1])
     state["rooms"] = state["flight_clear"] = state["drive_clear"] = state["room_wait"] = 0
     for b in range(len(bodies)):
         bodies[b]["clear"] = 0
@@ -92,7 +88,7 @@ def leave_rooms(bodies, state):
 @kernel
 def flies_clear(bodies, pieces, drivers, state):
     """Whether no simulated body can meet anything in the frame that begins, for which drivers have moved."""
-    if state["flight_clear"] == 0 or (len(drivers) > 0 and not in_rooms(bodies, pieces)):
+    if state["flight_clear"] == 0 or (len(drivers) > 0 and not in_rooms(bodies, pieces, state)):
         return False
     h, g = state["dt"], state["gravity"]
     for b in range(len(bodies)):
@@ -116,13 +112,19 @@ def seek_rooms(bodies, pieces, vertices, drivers, pairs, state):
     enough = (state["flight_clear"] == 1 or not flight) and (state["drive_clear"] == 1 or not drive)
     if enough or state["room_wait"] > 0:
         return
-    for k in range(len(pieces)):
-        body = bodies[pieces[k]["body"]]
-        if body["kind"] != FIXED:
-            place_piece(pieces[k], body, vertices, TOUCH_DISTANCE)
-    _measure(bodies, pieces, state)
-    _widen(bodies, pieces, state)
-    _swap(bodies, pieces)
+    moving = state["groups"][SIMULATED]["first"]
+    for k in range(moving, len(pieces)):
+        piece = pieces[pieces[k]["order"]]
+        body = bodies[piece["body"]]
+        # others are placed where they are
+        if body["kind"] == SIMULATED or body["clear"] == 1:
+            place_piece(piece, body, vertices, TOUCH_DISTANCE)
+    # links that are clear stay so as long as bodies keep to their flights
+    shortest = ROOM_FRAMES if drive else ROOM_FLIGHTS[0]
+    state["room_flight"] = max(state["room_flight"], shortest)
+    _measure(bodies, pieces, moving, state)
+    _widen(bodies, pieces, moving)
+    _swap(pieces, moving)
     wait = ROOM_WAIT
     if flight:
         end, lost = find_pairs(pieces, SIMULATED, 0, pairs, state)
@@ -131,12 +133,12 @@ def seek_rooms(bodies, pieces, vertices, drivers, pairs, state):
             state["room_flight"] = min(2 * state["room_flight"], ROOM_FLIGHTS[1])
         else:
             # half as far is tried at once
-            wait = 1 if state["room_flight"] > ROOM_FLIGHTS[0] else ROOM_WAIT
-            state["room_flight"] = max(state["room_flight"] // 2, ROOM_FLIGHTS[0])
+            wait = 1 if state["room_flight"] > shortest else ROOM_WAIT
+            state["room_flight"] = max(state["room_flight"] // 2, shortest)
     if drive:
         end, lost = find_pairs(pieces, DRIVEN, 0, pairs, state)
         drive = _clear_links(bodies, pairs, end)
-    _swap(bodies, pieces)
+    _swap(pieces, moving)
     state["flight_clear"], state["drive_clear"] = 1 if flight else 0, 1 if drive else 0
     state["rooms"] = state["flight_clear"]
     for b in range(len(bodies)):
@@ -145,7 +147,7 @@ def seek_rooms(bodies, pieces, vertices, drivers, pairs, state):
 
 
 @kernel
-def _measure(bodies, pieces, state):
+def _measure(bodies, pieces, moving, state):
     """Where the centres of simulated bodies fly, and from where, and how far from their origins, driven links
     are to be in their rooms; all links count as clear."""
     h, g = state["room_flight"] * state["dt"], state["gravity"]
@@ -159,11 +161,12 @@ def _measure(bodies, pieces, state):
                 top = x - v * v / (2 * g[i]) if v * g[i] < 0 and abs(v) < abs(g[i]) * h else x
                 body["room_low"][i] = min(x, min(end, top)) - ROOM_PAD
                 body["room_high"][i] = max(x, max(end, top)) + ROOM_PAD
-    for k in range(len(pieces)):
-        body = bodies[pieces[k]["body"]]
+    for k in range(moving, len(pieces)):
+        piece = pieces[pieces[k]["order"]]
+        body = bodies[piece["body"]]
         if body["kind"] == DRIVEN:
             body["clear"] = 1
-            body["room_reach"] = max(body["room_reach"], _reach(pieces[k], body["position"]))
+            body["room_reach"] = max(body["room_reach"], _reach(piece, body["position"]))
     h = ROOM_FRAMES * state["dt"]
     for b in range(len(bodies)):
         body = bodies[b]
@@ -174,7 +177,7 @@ def _measure(bodies, pieces, state):
                 speed, spin = speed + v[i] * v[i], spin + w[i] * w[i]
                 for j in range(3):
                     body["room_rotation"][i, j] = body["rotation"][i, j]
-            body["room_margin"] = h * (sqrt(speed) + body["room_reach"] * sqrt(spin)) + state["room_slack"]
+            body["room_margin"] = h * (sqrt(speed) + body["room_reach"] * sqrt(spin)) + ROOM_SLACK
 
 
 @kernel
@@ -192,16 +195,16 @@ def _reach(piece, point):
 
 
 @kernel
-def _widen(bodies, pieces, state):
-    """Rooms of all moving pieces."""
-    for k in range(len(pieces)):
-        piece = pieces[k]
+def _widen(bodies, pieces, moving):
+    """Rooms of all moving pieces, listed from `moving` on."""
+    for k in range(moving, len(pieces)):
+        piece = pieces[pieces[k]["order"]]
         body = bodies[piece["body"]]
         if body["kind"] == DRIVEN:
             for i in range(3):
                 piece["room_low"][i] = piece["low"][i] - body["room_margin"]
                 piece["room_high"][i] = piece["high"][i] + body["room_margin"]
-        if body["kind"] == SIMULATED:
+        else:
             reach = _reach(piece, body["center"])
             for i in range(3):
                 piece["room_low"][i] = body["room_low"][i] - reach
@@ -209,14 +212,13 @@ def _widen(bodies, pieces, state):
 
 
 @kernel
-def _swap(bodies, pieces):
+def _swap(pieces, moving):
     """Put rooms in place of boxes, or back."""
-    for k in range(len(pieces)):
-        piece = pieces[k]
-        if bodies[piece["body"]]["kind"] != FIXED:
-            for i in range(3):
-                piece["low"][i], piece["room_low"][i] = piece["room_low"][i], piece["low"][i]
-                piece["high"][i], piece["room_high"][i] = piece["room_high"][i], piece["high"][i]
+    for k in range(moving, len(pieces)):
+        piece = pieces[pieces[k]["order"]]
+        for i in range(3):
+            piece["low"][i], piece["room_low"][i] = piece["room_low"][i], piece["low"][i]
+            piece["high"][i], piece["room_high"][i] = piece["room_high"][i], piece["high"][i]
 
 
 @kernel

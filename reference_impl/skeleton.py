@@ -49,12 +49,25 @@ def pose_links(bodies, joints, driver):
         root["orientation"][i] = driver["orientation"][i]
     place(root)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joint = joints[k]
-        parent, child = bodies[joint["parent"]], bodies[joint["child"]]
-        measure_angle(joint)
-        hang(parent, joint, child)
-        quaternion_of(child["rotation"], child["orientation"])
-        place(child)
+        _pose_link(bodies, joints[k])
+
+
+@kernel
+def pose_chain(bodies, joints, driver, chain):
+    """Forward kinematics of the links that one chain moves, the rest being posed."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if bodies[joints[k]["child"]]["chain"] == chain:
+            _pose_link(bodies, joints[k])
+
+
+@kernel
+def _pose_link(bodies, joint):
+    """Pose a hinge's child from its parent."""
+    child = bodies[joint["child"]]
+    measure_angle(joint)
+    hang(bodies[joint["parent"]], joint, child)
+    quaternion_of(child["rotation"], child["orientation"])
+    place(child)
 
 
 @kernel

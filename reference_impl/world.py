@@ -83,7 +83,7 @@ BODY = _record(
     spin_bend="f8",  # bound on |omega'| [rad per substep^2]
     memory="i8",  # first contact point it remembers, counted from 1, or 0
     momentum=_VECTOR,  # angular, about the centre of mass, world
-    # its room (`rooms`): of a simulated body's centre; of a link, where it was and how far it may go from there
+    # its room (`rooms`): of a simulated body's centre; of a link, where it was and how far it may go
     clear="i8",  # of a link: 1 while it can meet nothing
     room_low=_VECTOR,
     room_high=_VECTOR,
@@ -330,7 +330,6 @@ STATE = _record(
     drive_clear="i8",  # 1: no driven body can
     room_wait="i8",  # frames until new ones are sought
     room_flight="i8",  # frames for which simulated bodies have room
-    room_slack="f8",  # room of driven links beyond what they moved last [m]
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
     random="i8",  # state of the generator

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,30 +17,34 @@ CONFIDENCE = 95.0
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """A ratio of medians with its bootstrap interval."""
+    """A ratio of medians or means with its bootstrap interval."""
 
     value: float
     low: float
     high: float
 
 
-def time_ratio(ours: Array, theirs: Array, seed: int = 0) -> Ratio:
+Middle = Callable[..., Any]
+"""`np.median`, or `np.mean` where all that was spent counts: both take an axis."""
+
+
+def time_ratio(ours: Array, theirs: Array, seed: int = 0, middle: Middle = np.median) -> Ratio:
     """Median of `ours` over that of `theirs`, as far as both go; frames are resampled in pairs, for they
     share the noise."""
     rng = np.random.default_rng(seed)
     count = min(len(ours), len(theirs))
     ours, theirs = ours[:count], theirs[:count]
     drawn = rng.integers(count, size=(RESAMPLES, count))
-    ratios = np.median(ours[drawn], axis=1) / np.median(theirs[drawn], axis=1)
+    ratios = middle(ours[drawn], axis=1) / middle(theirs[drawn], axis=1)
     low, high = np.percentile(ratios, [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
-    return Ratio(float(np.median(ours) / np.median(theirs)), float(low), float(high))
+    return Ratio(float(middle(ours) / middle(theirs)), float(low), float(high))
 
 
-def median_interval(sample: Array, seed: int = 0) -> tuple[float, float, float]:
+def median_interval(sample: Array, seed: int = 0, middle: Middle = np.median) -> tuple[float, float, float]:
     """Median of a sample with its bootstrap interval."""
     drawn = np.random.default_rng(seed).integers(len(sample), size=(RESAMPLES, len(sample)))
-    low, high = np.percentile(np.median(sample[drawn], axis=1), [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
-    return float(np.median(sample)), float(low), float(high)
+    low, high = np.percentile(middle(sample[drawn], axis=1), [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
+    return float(middle(sample)), float(low), float(high)
 
 
 def exponent(sizes: Sequence[float], times: Sequence[Array], seed: int = 0) -> tuple[float, float, float]:

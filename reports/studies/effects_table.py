@@ -30,7 +30,7 @@ SHORT = {
     "sweep": "swp",
 }
 NOTES = (
-    "saved: of the median frame with all effects, by the plan; the reference net of the call from Python",
+    "saved: of the mean frame with all effects, by the plan; the reference net of the call from Python",
     "outcome: largest difference over frames and bodies; identical: to the bit",
     "one by one: M off, and it matters   ~ off, within tolerance   = off, identical though needed",
     "            . on, identical   ! on, and it changes something   x cannot be played so",
