@@ -19,7 +19,8 @@ from reports.metrics import METRICS
 from reports.metrics.posture_optimum import GOALS
 from reports.results import VERDICTS, Row
 from reports.studies import effects
-from reports.studies.calibration_rows import LARGEST
+from reports.studies.calibration_rows import ALL, LARGEST
+from reports.studies.calibration_scenes import SHAPES
 from reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
 from reports.studies.predictability import ERROR
 from scenarios.catalogue import catalogue, tags
@@ -62,7 +63,7 @@ def test_every_entry_names_what_exists(entry):
         return
     assert entry.metric in (*METRICS, *spread, *LARGEST.values(), ERROR)
     assert entry.engine in ("", *ENGINES)
-    places = ("all", *PAIRS) if entry.metric in LARGEST.values() else (*catalogue(), *tags())
+    places = (ALL, *SHAPES) if entry.metric in LARGEST.values() else (*catalogue(), *tags())
     assert entry.scenario in ("", *places)
     profiles = (
         ENGINES[entry.engine].profiles if entry.engine else {p for e in ENGINES.values() for p in e.profiles}
