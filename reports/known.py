@@ -173,8 +173,8 @@ PAPER_ASIDE = (
 FADES = "restitution fades from 0.65 m/s on and is gone at 0.33 m/s (2 g h of a frame): method, section 5"
 
 LIFTED = (
-    "in crowded substeps balls sink, and what overlaps by over 1e-6 m is lifted: some 1e-4 J at once, of the "
-    "300 J of the fall (correction in energy.ledger)"
+    "in crowded substeps balls sink by some 1e-5 J a frame, and what overlaps by over 1e-6 m is lifted: 5e-5 "
+    "J in one frame, the only one whose energy rises, of the 300 J of the fall (correction in energy.ledger)"
 )
 
 PROBES: tuple[Cause, ...] = (
