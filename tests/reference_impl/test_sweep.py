@@ -2,112 +2,20 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from moving_pair import CLOSE, NEAR, ROUNDING, Scene, assert_true
 from scipy.spatial.transform import Rotation
 
 from adapters.oracles.minkowski import signed_distance
-from adapters.translation import piece_arrays
-from reference_impl.conventions import (
-    FLIGHT_BALLISTIC,
-    HULL,
-    IMPACT_SLACK,
-    IMPACT_TARGET,
-    OVERLAP_TOLERANCE,
-    SIMULATED,
-    SWEEP_CAP,
-)
-from reference_impl.free_rotation import rotate_freely
+from reference_impl.conventions import IMPACT_SLACK, IMPACT_TARGET, SWEEP_CAP
 from reference_impl.motion import swept_box
-from reference_impl.pipeline import step
-from reference_impl.sweep import distance_at, sweep
-from reference_impl.world import BODY, PAIR, STATE
-from scenarios.scenario import ORIGIN, Box, Ellipsoid, Hull, Piece, Shape, Sphere
+from scenarios.scenario import Box, Ellipsoid, Hull, Sphere
 from scenarios.solids import elliptic_hull
 
 FRAME = 1 / 60
-NEAR = IMPACT_TARGET + IMPACT_SLACK
-"""Gap at which an impact may be reported [m]."""
-ROUNDING = 1e-12
-"""Rounding of a distance or of a way, in scenes of metres [m]."""
-CLOSE = 1e-9
-"""Rounding of a measured distance at a gap of 5e-7 m: the normal is good to 1e-16 / 5e-7 [m]."""
-
-
-Found = tuple[float, int, bool]
-
-
-class Scene:
-    """Two bodies of one piece each, and how they move over one step."""
-
-    def __init__(self, one: Shape, two: Shape) -> None:
-        self.bodies = np.zeros(2, BODY)
-        self.bodies["kind"] = SIMULATED
-        self.pieces, self.vertices = piece_arrays([(0, Piece("one", one)), (1, Piece("two", two))])
-        self.pairs, self.state = np.zeros(1, PAIR), np.zeros(1, STATE)
-        self.bodies["moves"], self.bodies["old_orientation"] = 1, (1.0, 0.0, 0.0, 0.0)
-        self.pairs["piece_b"] = self.pairs["body_b"] = 1
-
-    def move(self, body: int, center=(0, 0, 0), travel=(0, 0, 0), turn=(0, 0, 0), **more: object) -> Scene:
-        """Set a body's motion; `more`: `posture` (scipy), `travel_bend` and `turn_bend` (square terms)."""
-        row = self.bodies[body]
-        row["old_center"], row["travel"], row["turn"] = center, travel, turn
-        row["travel_bend"], row["turn_bend"] = more.get("travel_bend", 0.0), more.get("turn_bend", 0.0)
-        posture = more.get("posture", Rotation.identity())
-        row["old_orientation"] = posture.as_quat(scalar_first=True)
-        return self
-
-    def spin_freely(self, body: int, inertia: np.ndarray, omega: np.ndarray) -> Scene:
-        """Let a body that was given its motion rotate without torque from `omega` [rad per step]."""
-        row = self.bodies[body]
-        row["inertia"], row["old_omega"] = inertia, omega
-        row["rotation"] = Rotation.from_quat(row["old_orientation"], scalar_first=True).as_matrix()
-        rotate_freely(row, 1.0, FLIGHT_BALLISTIC)
-        return self
-
-    def impact(self, start=0.0, until=1.0, target=IMPACT_TARGET, slack=IMPACT_SLACK) -> Found:
-        """(fraction, iterations, converged) of the sweep."""
-        return sweep(
-            self.bodies,
-            self.pieces,
-            self.vertices,
-            self.pairs[0],
-            self.state[0],
-            start,
-            until,
-            target,
-            slack,
-        )
-
-    def distance(self, s: float) -> float:
-        """Signed distance at a fraction: that of two witness points, so never less than the true one."""
-        distance_at(self.bodies, self.pieces, self.vertices, self.pairs[0], self.state[0], s)
-        return float(self.pairs[0]["distance"])
-
-    def corners(self, k: int) -> np.ndarray:
-        """World vertices of the box or hull where it was last posed."""
-        row = self.pieces[k]
-        signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        first = row["first_vertex"]
-        hull = self.vertices["position"][first : first + row["vertex_count"]]
-        local = hull if row["kind"] == HULL else signs * row["size"]
-        return local @ row["world_rotation"].T + row["world_position"]
-
-
-def assert_true(scene: Scene, found: Found, fractions: np.ndarray) -> None:
-    """No sample before the fraction is nearer than the target, and an impact is as near as it claims."""
-    fraction, _, converged = found
-    assert converged
-    for s in fractions[fractions < fraction]:
-        assert scene.distance(s) >= IMPACT_TARGET - CLOSE
-    if fraction < 1:
-        assert scene.distance(fraction) <= NEAR + CLOSE
-
-
 SLOPE = np.array([2.0, -1.0, 2.0]) / 3
 
 
@@ -347,130 +255,3 @@ def test_a_swept_box_holds_the_whole_motion(scene: Scene) -> None:
             scene.distance(s)
             assert (row["low"] >= low - ROUNDING).all()
             assert (row["high"] <= high + ROUNDING).all()
-
-
-PLATE = np.array([0.5, 0.4, 5e-4])
-BULLET = 5e-4
-"""A bullet of a millimetre and a plate of a millimetre: half sizes [m]."""
-
-
-def entry(origin: np.ndarray, way: np.ndarray, half: np.ndarray, radius: float) -> float:
-    """Fraction at which a ray enters a box with rounded edges; infinite if it misses.
-
-    The rounded box is the union of three boxes, twelve cylinders and eight balls.
-    """
-    found = np.inf
-    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    for axis in range(3):
-        grown = half + radius * np.eye(3)[axis]
-        with np.errstate(divide="ignore"):
-            sides = np.sort([(-grown - origin) / way, (grown - origin) / way], axis=0)
-        # a start inside counts as an entry at 0
-        s = max(0.0, sides[0].max())
-        if s <= sides[1].min():
-            found = min(found, s)
-        across = np.delete(np.eye(3), axis, axis=0)
-        for corner in signs * half:
-            for flat in (across, np.eye(3)):
-                o, d = flat @ (origin - corner), flat @ way
-                discriminant = (o @ d) ** 2 - (d @ d) * (o @ o - radius**2)
-                if discriminant < 0 or discriminant**0.5 < o @ d:
-                    continue
-                s = max(0.0, (-(o @ d) - discriminant**0.5) / (d @ d))
-                if len(flat) == 3 or abs(origin[axis] + s * way[axis]) <= half[axis]:
-                    found = min(found, s)
-    return found
-
-
-def shoot(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Aim a bullet at 100 m/s at a point on or near the plate, from a random side; returns start and way."""
-    way = rng.normal(size=3)
-    way *= 100 * FRAME / np.linalg.norm(way)
-    aim = rng.uniform(-1.1, 1.1, 3) * PLATE
-    origin = aim - rng.uniform(0.05, 1.05) * way
-    spin = rng.normal(size=3) * rng.choice([0, 10, 1000]) * FRAME
-    scene.move(1, origin, way, spin, posture=Rotation.from_quat(rng.normal(size=4)))
-    return origin, way
-
-
-SHOTS = [200, pytest.param(10_000, marks=pytest.mark.slow)]
-
-
-@pytest.mark.parametrize("count", SHOTS)
-def test_no_ball_tunnels_and_none_is_stopped_for_nothing(count: int) -> None:
-    """Find for every ball the impact of a ray with the rounded plate, inside the tolerance, and no other."""
-    rng = np.random.default_rng(count)
-    scene, hits = Scene(Box(tuple(PLATE)), Sphere(BULLET)).move(0), 0
-    for _ in range(count):
-        origin, way = shoot(scene, rng)
-        early, late = (entry(origin, way, PLATE, BULLET + gap) for gap in (NEAR, IMPACT_TARGET))
-        fraction, _, converged = scene.impact()
-        assert converged
-        if late < 1:
-            # rounding of the ray's fraction, grazing included: sqrt(1e-16)
-            assert early - 1e-8 <= fraction <= late + 1e-8
-            assert fraction == 0 or IMPACT_TARGET - CLOSE <= scene.distance(fraction) <= NEAR + CLOSE
-            hits += 1
-        elif early > 1:
-            assert fraction == 1
-    assert 0.3 * count < hits < 0.9 * count
-
-
-@pytest.mark.parametrize("count", SHOTS)
-def test_no_spinning_hull_tunnels(count: int) -> None:
-    """Find every impact of a small hull that dense samples of its flight by the plate see, and no other."""
-    rng = np.random.default_rng(count)
-    hull = Hull(elliptic_hull((BULLET, 0.8 * BULLET, 0.6 * BULLET)))
-    scene, hits = Scene(Box(tuple(PLATE)), hull).move(0), 0
-    for _ in range(count):
-        origin, way = shoot(scene, rng)
-        found = scene.impact()
-        # the hull can touch only after the ball round it does
-        first = entry(origin, way, PLATE, BULLET + NEAR)
-        start = min(first, 1.0)
-        samples = np.append(np.linspace(start, start + 0.01, 60), np.linspace(start, start + 0.4, 40))
-        samples = samples[samples < 1]
-        if found[0] > 0:
-            assert_true(scene, found, samples)
-        hits += found[0] < 1
-        assert found[0] >= min(first - 1e-8, 1)
-    assert 0.3 * count < hits < 0.9 * count
-
-
-@pytest.mark.parametrize("count", SHOTS)
-def test_no_ball_tunnels_in_a_whole_frame(lab: SimpleNamespace, count: int) -> None:
-    """Bounce every ball that a ray says hits the plate, at that moment, off the side it came from."""
-    rng = np.random.default_rng(count)
-    shot, hits = Scene(Box(tuple(PLATE)), Sphere(BULLET)), 0
-    bodies = (
-        lab.block("plate", tuple(PLATE), ORIGIN, kind="fixed"),
-        lab.ball("bullet", (0.0, 0.0, 1.0), radius=BULLET),
-    )
-    world = lab.build(lab.scene(*bodies, e=0.3, mu=0.3, gravity=ORIGIN), "accurate")
-    bullet = world.bodies[1]
-    for _ in range(count):
-        origin, way = shoot(shot, rng)
-        bullet["position"] = bullet["center"] = origin
-        bullet["velocity"], bullet["omega"] = way / FRAME, shot.bodies[1]["turn"] / FRAME
-        # `accurate` finds impacts where they happen, up to rounding
-        early, late = (entry(origin, way, PLATE, BULLET + gap) for gap in (NEAR, 0.0))
-        # about one shot of 10,000 starts inside the plate: it has no side to stay on
-        if early <= 0:
-            continue
-        step(*world)
-        contact, logged = world.contacts[0], int(world.state[0]["contact_count"])
-        if late < 1:
-            hits += 1
-            # rounding of the ray's fraction, grazing included: sqrt(1e-16)
-            assert logged == 1
-            assert early - 1e-8 <= contact["time"] / FRAME <= late + 1e-8
-            # normals point from the plate to the ball, which leaves that way
-            n = contact["normal"]
-            assert n @ way < 0 <= n @ bullet["velocity"]
-            assert n @ (bullet["position"] - contact["position"]) >= BULLET - OVERLAP_TOLERANCE
-        elif early > 1:
-            assert logged == 0
-            np.testing.assert_allclose(bullet["position"], origin + way, atol=ROUNDING)
-        counted = lab.counters(world)
-        assert (counted["gave_up"], counted["unconverged"], counted["lost"]) == (0, 0, 0)
-    assert 0.3 * count < hits < 0.9 * count

@@ -14,16 +14,13 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.translation import piece_arrays, translate
+from adapters.translation import piece_arrays
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
-from reference_impl.detection import detect
-from reference_impl.pipeline import prepare, step
 from reference_impl.shapes import local_support, place_piece
 from reference_impl.walk import walk
-from reference_impl.walk_memory import recall, steady_support
+from reference_impl.walk_memory import steady_support
 from reference_impl.world import BODY, PAIR, STATE
-from scenarios.catalogue import catalogue
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 from scenarios.solids import elliptic_hull
 
@@ -311,49 +308,6 @@ def test_two_runs_are_equal_to_the_bit() -> None:
     assert runs[0] == runs[1]
 
 
-def test_a_bucket_forgets_what_was_unused_for_longest() -> None:
-    """Find a pair again while its bucket has room; a newcomer takes the oldest record, emptied."""
-    state = np.zeros(1, STATE)
-    walks = state[0]["walks"]
-    recall(state[0], 0, 1)
-    first = int(np.flatnonzero(walks["used"])[0])
-    walks["count"][first], walks["cone"][first] = 2, 0.5
-    others = []
-    for b in range(2, 100_000):
-        if len(others) == conventions.WALK_WAYS:
-            break
-        before = walks["used"].copy()
-        recall(state[0], 0, b)
-        slot = int(np.flatnonzero(walks["used"] != before)[0])
-        if slot // conventions.WALK_WAYS == first // conventions.WALK_WAYS:
-            others.append(slot)
-            if len(others) < conventions.WALK_WAYS:
-                recall(state[0], 0, 1)
-                assert walks["count"][first] == 2
-                assert slot != first
-        else:
-            walks["used"][slot] = 0
-    # the bucket holds the pair and three others; the fourth took the place of the oldest, the first of these
-    assert len(set(others[:3])) == 3
-    assert others[3] == others[0]
-    assert walks["count"][first] == 2
-
-
-def test_more_pairs_than_the_memory_holds() -> None:
-    """Answer every pair, some of them anew, when records run out; common sets find room."""
-    state, count = np.zeros(1, STATE), 2 * conventions.WALK_MEMORY
-    for _ in range(2):
-        for k in range(count):
-            recall(state[0], k, k + 1)
-    assert (state[0]["walks"]["used"] > 0).mean() > 0.9
-    # fifteen parts of a hand against forty pieces: no bucket overflows
-    state = np.zeros(1, STATE)
-    for a in range(40):
-        for b in range(40, 55):
-            recall(state[0], a, b)
-    assert (state[0]["walks"]["used"] > 0).sum() > 0.98 * 600
-
-
 @pytest.mark.parametrize("count", [42, 300])
 def test_a_steady_corner_is_the_farthest(count: int) -> None:
     """Give the support point of every direction, by the cone in most frames of a slow turn."""
@@ -374,39 +328,6 @@ def test_a_steady_corner_is_the_farthest(count: int) -> None:
         # two corners may be equally far
         assert n @ found == pytest.approx(n @ wanted, abs=1e-16)
     assert kept > 1000
-
-
-@pytest.mark.parametrize("depth", [conventions.DEPTH_WALK, conventions.DEPTH_CERTIFIED])
-def test_a_scene_is_detected_alike(depth: int) -> None:
-    """Find the same touching pairs and distances as exact depth in every frame of a flick."""
-    world = translate(catalogue()["ball_snip"])
-    world.state["dt"], world.state["gravity"] = 1 / 60, (0.0, 0.0, -9.81)
-    world.state["friction"], world.state["flight"] = (
-        conventions.FRICTION_COULOMB,
-        conventions.FLIGHT_BALLISTIC,
-    )
-    prepare(*world)
-    state, methods = world.state[0], np.zeros(3, int)
-    for _ in range(60):
-        found = {}
-        for method in (conventions.DEPTH_EXACT, depth):
-            state["depth"] = method
-            state["counters"][:] = 0
-            end, _ = detect(
-                world.bodies, world.pieces, world.vertices, world.pairs, state, conventions.SIMULATED, 0
-            )
-            found[method] = world.pairs[:end].copy()
-            counted = state["counters"][
-                [conventions.COUNT_WALKED, conventions.COUNT_CERTIFIED, conventions.COUNT_EXACT]
-            ]
-            assert counted.sum() == state["counters"][conventions.COUNT_PAIRS]
-        methods += counted
-        exact, walked = found.values()
-        np.testing.assert_array_equal(exact["piece_a"], walked["piece_a"])
-        np.testing.assert_allclose(walked["distance"], exact["distance"], atol=1e-12)
-        step(*world)
-    # the ball rests on the table: one query anew, one certified a frame
-    assert methods[1] > 10 * methods[2] > 0
 
 
 def test_python_walks_as_the_compiler_does(tmp_path) -> None:

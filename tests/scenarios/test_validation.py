@@ -8,69 +8,10 @@ from math import inf, nan
 from types import SimpleNamespace
 
 import pytest
+from sound_scenario import CUBE, QUIET, faults_of, sound
 
 from scenarios.catalogue import catalogue
-from scenarios.scenario import (
-    HOLD_LAST,
-    Arc,
-    Body,
-    Box,
-    Capsule,
-    Chain,
-    Ellipsoid,
-    Expectation,
-    Hull,
-    Joint,
-    PairCoefficients,
-    Piece,
-    ReachCone,
-    Scenario,
-    ScenarioError,
-    Sphere,
-    Tracker,
-    Truth,
-)
-from scenarios.solids import box_inertia, sphere_inertia
-
-CUBE = tuple((float(x), float(y), float(z)) for x in (0, 1) for y in (0, 1) for z in (0, 1))
-QUIET = (1.0, 0.0, 0.0, 0.0)
-INERTIA = sphere_inertia(1.0, 0.05)
-
-
-def sound() -> dict:
-    """The fields of a sound scenario: ground, ball, and an arm of two links on one hinge."""
-    ground = Body("ground", "fixed", "wood", (Piece("slab", Box((1.0, 1.0, 0.1))),))
-    ball = Body("ball", "simulated", "wood", (Piece("ball", Sphere(0.05)),), mass=1.0, inertia=INERTIA)
-    upper, lower = (
-        Body(name, "driven", "human", (Piece(name, Hull(CUBE)),), mass=1.0, inertia=INERTIA)
-        for name in ("upper", "lower")
-    )
-    elbow = Joint("elbow", "upper", "lower", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    arm = Tracker("upper", ("elbow",), (0.0, 1.0), ((0.0, 0.0, 1.0),) * 2, (QUIET, QUIET), ((0.0,), (1.0,)))
-    return {
-        "name": "sound",
-        "summary": "nothing is wrong",
-        "tags": (),
-        "bodies": (ground, ball, upper, lower),
-        "joints": (elbow,),
-        "trackers": (arm,),
-        "coefficients": (
-            PairCoefficients("wood", "wood", 0.3, 0.3),
-            PairCoefficients("wood", "human", 0.2, 0.2),
-            PairCoefficients("human", "human", 0.1, 0.1),
-        ),
-        "duration": 1.0,
-        "expectations": (Expectation("touch", "ball", "ground", 0.0, 1.0),),
-    }
-
-
-def faults_of(fields: dict) -> dict[str, str]:
-    """Path to message of what is wrong."""
-    with pytest.raises(ScenarioError) as caught:
-        Scenario(**fields)
-    for path, message in caught.value.faults:
-        assert f"{path}: {message}" in str(caught.value)
-    return dict(caught.value.faults)
+from scenarios.scenario import HOLD_LAST, Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
 
 
 def test_a_sound_scenario_is_accepted() -> None:
@@ -179,50 +120,6 @@ EXPECTATION = [
     ({"earliest": 1.0}, "expectations[0].earliest", "earliest < latest"),
     ({"latest": nan}, "expectations[0].earliest", "earliest < latest"),
 ]
-START = Arc(0.0, (0.0, 0.0, 1.0))
-TRUTH = [
-    ({"law": "magic"}, "truths[0].law", "unknown law 'magic'; valid: arcs, torque_free, coupling"),
-    ({"body": "moon"}, "truths[0].body", "unknown body 'moon'; valid: ground, ball"),
-    ({"body": "ground"}, "truths[0].body", "'ground' is fixed, expected a simulated body"),
-    ({"law": "coupling", "arcs": ()}, "truths[0].body", "'ball' follows no tracker"),
-    ({"law": "coupling", "body": "upper", "arcs": ()}, "truths[0].body", "expected one link"),
-    ({"law": "torque_free"}, "truths[0].arcs", "found 1, which does not fit the law 'torque_free'"),
-    ({"law": "torque_free", "arcs": ()}, "truths[0].body", "expected three different"),
-    ({"arcs": ()}, "truths[0].arcs", "found 0, which does not fit the law 'arcs'"),
-    ({"arcs": (replace(START, start=0.1),)}, "truths[0].arcs", "increasing starts from 0 on"),
-    ({"arcs": (START, START)}, "truths[0].arcs", "increasing starts from 0 on"),
-    ({"arcs": (replace(START, velocity=(nan, 0.0, 0.0)),)}, "truths[0].arcs[0].velocity", "nan"),
-    ({"arcs": (replace(START, position=(0.0, 0.0)),)}, "truths[0].arcs[0].position", "found 2 numbers"),
-    (
-        {"arcs": (replace(START, angular_velocity=(1.0, 0.0, 0.0), angular_acceleration=(0.0, 1.0, 0.0)),)},
-        "truths[0].arcs[0].angular_acceleration",
-        "expected along the angular velocity",
-    ),
-]
-
-
-@pytest.mark.parametrize(("change", "path", "message"), TRUTH)
-def test_faults_of_a_truth(change: dict, path: str, message: str) -> None:
-    """Tell what is wrong with how a body is said to move."""
-    truth = replace(Truth("ball", "arcs", (START,)), **change)
-    assert message in faults_of(sound() | {"truths": (truth,)})[path]
-
-
-def test_truths_that_cannot_both_be() -> None:
-    """Tell a second truth of one body, and a top that spins about a principal axis."""
-    truth = Truth("ball", "arcs", (START,))
-    assert "has two truths" in faults_of(sound() | {"truths": (truth, truth)})["truths[1].body"]
-    fields = sound()
-    box = box_inertia(1.0, (0.1, 0.2, 0.3))
-    spinning = replace(fields["bodies"][1], inertia=box, angular_velocity=(0.0, 1.0, 0.0))
-    fields["bodies"] = (fields["bodies"][0], spinning, *fields["bodies"][2:])
-    fields["truths"] = (Truth("ball", "torque_free"),)
-    assert "about a principal axis" in faults_of(fields)["truths[0].body"]
-    fields["bodies"] = tuple(
-        replace(body, angular_velocity=(0.0, 1.0, 0.1)) if body.name == "ball" else body
-        for body in fields["bodies"]
-    )
-    assert Scenario(**fields).truths == fields["truths"]
 
 
 @pytest.mark.parametrize(("change", "path", "message"), TOP)
@@ -267,92 +164,6 @@ def test_faults_of_the_rest(field: str, change: dict, path: str, message: str) -
     fields = sound()
     first, *others = fields[field]
     assert message in faults_of(fields | {field: (replace(first, **change), *others)})[path]
-
-
-CORNERS = ((0.5, 0.5, 0.5**0.5), (-0.5, 0.5, 0.5**0.5), (-0.5, -0.5, 0.5**0.5), (0.5, -0.5, 0.5**0.5))
-CONE = ReachCone(("one", "two", "elbow"), (0.0, 0.0, 1.0), CORNERS, (-1.0, 1.0))
-SHORT = (0.0, 0.0, 0.9)
-CHAIN = [
-    # change of the chain, change of its cone, path, part of the message
-    ({"name": ""}, {}, "chains[0].name", "a name of its own"),
-    ({"joints": ()}, {}, "chains[0].joints", "at least one"),
-    ({"joints": ("one", "two", "wing")}, {}, "chains[0].joints[2]", "unknown joint 'wing'; valid: one, two"),
-    ({"joints": ("one", "elbow")}, {}, "chains[0].joints[1]", "does not hang on"),
-    ({"joints": ("one", "two", "two")}, {}, "chains[0].joints[2]", "does not hang on"),
-    ({"joints": ("two", "elbow")}, {}, "chains[0].cones[0].joints", "three successive joints"),
-    ({}, {"joints": ("one", "two", "wing")}, "chains[0].cones[0].joints", "three successive joints"),
-    ({}, {"twist": (1.0, -1.0)}, "chains[0].cones[0].twist", "lower < upper"),
-    ({}, {"twist": (nan, 1.0)}, "chains[0].cones[0].twist", "lower < upper"),
-    ({}, {"center": (0.0, 0.0, -1.0)}, "chains[0].cones[0].center", "opposite"),
-    ({}, {"center": SHORT}, "chains[0].cones[0].center", "unit vectors"),
-    ({}, {"swing": (*CORNERS, SHORT)}, "chains[0].cones[0].swing", "unit vectors"),
-    ({}, {"swing": ()}, "chains[0].cones[0].swing", "unit vectors"),
-    ({}, {"swing": CORNERS[::-1]}, "chains[0].cones[0].swing", "not star-shaped"),
-    ({}, {"swing": CORNERS[:2]}, "chains[0].cones[0].swing", "not star-shaped"),
-    ({}, {"swing": CORNERS * 2}, "chains[0].cones[0].swing", "not star-shaped"),
-    ({}, {"swing": (CORNERS[0], *CORNERS[2:0:-1], CORNERS[3])}, "chains[0].cones[0].swing", "star-shaped"),
-    ({}, {"center": (1.0, 0.0, 0.0)}, "chains[0].cones[0].swing", "not star-shaped"),
-]
-
-
-def with_ball() -> dict:
-    """The sound scenario with a ball joint for an elbow, as a chain."""
-    fields = sound()
-    upper = fields["bodies"][2]
-    between = tuple(replace(upper, name=name, pieces=()) for name in ("between", "beside"))
-    joints = (
-        Joint("one", "upper", "between", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
-        Joint("two", "between", "beside", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-        Joint("elbow", "beside", "lower", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-    )
-    arm = replace(fields["trackers"][0], joints=("one", "two", "elbow"), angles=((0.0,) * 3,) * 2)
-    chain = Chain("arm", arm.joints, (CONE,))
-    bodies = fields["bodies"] + between
-    return fields | {"bodies": bodies, "joints": joints, "trackers": (arm,), "chains": (chain,)}
-
-
-@pytest.mark.parametrize(("change", "cone", "path", "message"), CHAIN)
-def test_faults_of_a_chain(change: dict, cone: dict, path: str, message: str) -> None:
-    """Tell what is wrong with a chain or with a reach cone in it."""
-    fields = with_ball()
-    assert Scenario(**fields).chains
-    chain = replace(fields["chains"][0], cones=(replace(CONE, **cone),), **change)
-    assert message in faults_of(fields | {"chains": (chain,)})[path]
-
-
-def test_a_joint_is_in_one_chain() -> None:
-    """Tell a joint that two chains turn."""
-    fields = with_ball()
-    leg = Chain("leg", ("elbow",))
-    found = faults_of(fields | {"chains": (*fields["chains"], leg)})
-    assert found["chains[1].joints[0]"] == "'elbow' is in chains[0] already"
-
-
-@pytest.mark.parametrize(
-    ("joint", "change", "message"),
-    [
-        (1, {"position": (0.1, 0.0, 0.0)}, "origin of their parents"),
-        (1, {"axis": (0.0, 0.6, 0.8)}, "perpendicular"),
-        (2, {"axis": (0.0, 0.0, -1.0)}, "right-handed"),
-        (0, {"orientation": (0.5, 0.5, 0.5, 0.5)}, "perpendicular"),
-    ],
-)
-def test_a_ball_joint_is_three_hinges_square_to_each_other(joint: int, change: dict, message: str) -> None:
-    """Tell hinges that do not meet in a point at right angles."""
-    fields = with_ball()
-    joints = list(fields["joints"])
-    joints[joint] = replace(joints[joint], **change)
-    assert message in faults_of(fields | {"joints": tuple(joints)})["chains[0].cones[0].joints"]
-
-
-def test_a_chain_follows_its_trackers_order() -> None:
-    """Tell joints of a chain between which the tracker has others."""
-    fields = with_ball()
-    arm = replace(fields["trackers"][0], joints=("one", "aside", "two", "elbow"), angles=((0.0,) * 4,) * 2)
-    other = replace(fields["bodies"][2], name="other")
-    aside = Joint("aside", "between", "other", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    fields |= {"trackers": (arm,), "joints": (*fields["joints"], aside), "bodies": (*fields["bodies"], other)}
-    assert "does not follow 'one' in its tracker's order" in faults_of(fields)["chains[0].joints[1]"]
 
 
 def test_two_trackers_of_one_body() -> None:

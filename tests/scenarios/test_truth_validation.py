@@ -1,0 +1,57 @@
+"""Every kind of fault in how a body is said to move is told with the path of its field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+
+import pytest
+from sound_scenario import faults_of, sound
+
+from scenarios.scenario import Arc, Scenario, Truth
+from scenarios.solids import box_inertia
+
+START = Arc(0.0, (0.0, 0.0, 1.0))
+TRUTH = [
+    ({"law": "magic"}, "truths[0].law", "unknown law 'magic'; valid: arcs, torque_free, coupling"),
+    ({"body": "moon"}, "truths[0].body", "unknown body 'moon'; valid: ground, ball"),
+    ({"body": "ground"}, "truths[0].body", "'ground' is fixed, expected a simulated body"),
+    ({"law": "coupling", "arcs": ()}, "truths[0].body", "'ball' follows no tracker"),
+    ({"law": "coupling", "body": "upper", "arcs": ()}, "truths[0].body", "expected one link"),
+    ({"law": "torque_free"}, "truths[0].arcs", "found 1, which does not fit the law 'torque_free'"),
+    ({"law": "torque_free", "arcs": ()}, "truths[0].body", "expected three different"),
+    ({"arcs": ()}, "truths[0].arcs", "found 0, which does not fit the law 'arcs'"),
+    ({"arcs": (replace(START, start=0.1),)}, "truths[0].arcs", "increasing starts from 0 on"),
+    ({"arcs": (START, START)}, "truths[0].arcs", "increasing starts from 0 on"),
+    ({"arcs": (replace(START, velocity=(nan, 0.0, 0.0)),)}, "truths[0].arcs[0].velocity", "nan"),
+    ({"arcs": (replace(START, position=(0.0, 0.0)),)}, "truths[0].arcs[0].position", "found 2 numbers"),
+    (
+        {"arcs": (replace(START, angular_velocity=(1.0, 0.0, 0.0), angular_acceleration=(0.0, 1.0, 0.0)),)},
+        "truths[0].arcs[0].angular_acceleration",
+        "expected along the angular velocity",
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "path", "message"), TRUTH)
+def test_faults_of_a_truth(change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with how a body is said to move."""
+    truth = replace(Truth("ball", "arcs", (START,)), **change)
+    assert message in faults_of(sound() | {"truths": (truth,)})[path]
+
+
+def test_truths_that_cannot_both_be() -> None:
+    """Tell a second truth of one body, and a top that spins about a principal axis."""
+    truth = Truth("ball", "arcs", (START,))
+    assert "has two truths" in faults_of(sound() | {"truths": (truth, truth)})["truths[1].body"]
+    fields = sound()
+    box = box_inertia(1.0, (0.1, 0.2, 0.3))
+    spinning = replace(fields["bodies"][1], inertia=box, angular_velocity=(0.0, 1.0, 0.0))
+    fields["bodies"] = (fields["bodies"][0], spinning, *fields["bodies"][2:])
+    fields["truths"] = (Truth("ball", "torque_free"),)
+    assert "about a principal axis" in faults_of(fields)["truths[0].body"]
+    fields["bodies"] = tuple(
+        replace(body, angular_velocity=(0.0, 1.0, 0.1)) if body.name == "ball" else body
+        for body in fields["bodies"]
+    )
+    assert Scenario(**fields).truths == fields["truths"]
