@@ -12,12 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from adapters.engine import AdapterError, Engine, Settings
-from adapters.process import PATIENCE, ChildProcess, divert_output, interrupt_held, obey
+from adapters.process import PATIENCE, ChildProcess, divert_output, interrupt_held
 from adapters.record import ready, warm_up
 from adapters.registry import load
 from scenarios.scenario import Scenario
@@ -135,7 +134,7 @@ class _Child(ChildProcess):
     """The parent's end of one column."""
 
     def __init__(self, job: Job, loader: Loader, patience: float) -> None:
-        super().__init__(_serve, (job.engine, job.output, loader), patience)
+        super().__init__(_Run, (job.engine, loader), job.output, patience)
         self.job = job
         self.label = f"{job.engine} {job.settings.label}"
 
@@ -143,10 +142,6 @@ class _Child(ChildProcess):
     def outcome(self) -> Outcome:
         """How the run ended, or that it goes well so far."""
         return Outcome(self.job, *(self.failure or ("done",)))
-
-
-def _serve(pipe: Connection, engine: str, output: Path, loader: Loader) -> None:
-    obey(pipe, output, _Run(engine, loader).handle)
 
 
 class _Run:

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from adapters.engine import AdapterError
 
@@ -53,17 +53,26 @@ def one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
+class Server(Protocol):
+    """What obeys commands in a child."""
+
+    def handle(self, command: str, argument: Any) -> object:
+        """Obey one command; the answer goes back to the parent."""
+
+
 class ChildProcess:
     """The parent's end. `failure` is None, or the status and the reason of the first command that failed."""
 
-    def __init__(self, serve: Callable[..., None], arguments: tuple[Any, ...], patience: float) -> None:
-        """Start `serve(pipe, *arguments)`; hold Ctrl-C back meanwhile (`interrupt_held`)."""
+    def __init__(
+        self, server: Callable[..., Server], arguments: tuple[Any, ...], output: Path, patience: float
+    ) -> None:
+        """Start a process in which `server(*arguments)` obeys (`obey`)."""
         context = multiprocessing.get_context("spawn")
         self.failure: tuple[str, str] | None = None
         self._patience = patience
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=serve, args=(theirs, *arguments), daemon=True)
-        with one_thread():
+        self._process = context.Process(target=obey, args=(theirs, output, server, arguments), daemon=True)
+        with interrupt_held(), one_thread():
             self._process.start()
         theirs.close()
 
@@ -117,9 +126,10 @@ class ChildProcess:
             self._process.join()
 
 
-def obey(pipe: Connection, output: Path, handle: Callable[[str, Any], object]) -> None:
-    """The child's end: answer commands by `handle(command, argument)` until the pipe closes."""
+def obey(pipe: Connection, output: Path, server: Callable[..., Server], arguments: tuple[Any, ...]) -> None:
+    """The child's end: answer commands by `server(*arguments)` until the pipe closes."""
     divert_output(output)
+    handle = server(*arguments).handle
     while True:
         try:
             command, argument = pipe.recv()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from adapters.engine import Array, Engine, Settings, World
-from adapters.process import PATIENCE, ChildProcess, interrupt_held, obey
+from adapters.process import PATIENCE, ChildProcess
 from adapters.record import frame_seconds, undisturbed
 from adapters.registry import load
 from scenarios.scenario import Scenario
@@ -23,8 +22,7 @@ class Stepper(ChildProcess):
     up), `frames` (name of the scenario, how many): the seconds of each, undisturbed ones."""
 
     def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        with interrupt_held():
-            super().__init__(_serve, (engine, output, loader), patience)
+        super().__init__(_Server, (engine, loader), output, patience)
         self.engine = engine
 
 
@@ -57,7 +55,3 @@ class _Server:
         number = self._played[name]
         self._played[name] += 1
         return frame_seconds(*self._worlds[name], number)
-
-
-def _serve(pipe: Connection, name: str, output: Path, loader: Loader) -> None:
-    obey(pipe, output, _Server(name, loader).handle)

@@ -18,7 +18,7 @@ import numpy as np
 
 from adapters.bounds import bounds, planned
 from adapters.engine import AdapterError, Array, Engine, Settings, State, World
-from adapters.process import PATIENCE, ChildProcess, interrupt_held, obey
+from adapters.process import PATIENCE, ChildProcess
 from adapters.record import CROSSINGS, frame_seconds, ready, undisturbed, warm_up
 from adapters.registry import load
 from adapters.stepping import Loader
@@ -56,19 +56,22 @@ class VariantPlayer(ChildProcess):
     (scenario, settings of each, seconds of steps after which frames are left out, passes): their Variants."""
 
     def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        with interrupt_held():
-            super().__init__(_serve, (engine, output, loader), patience)
+        super().__init__(_Server, (engine, loader), output, patience)
 
 
-def _serve(pipe: Any, name: str, output: Path, loader: Loader) -> None:
-    engine: list[Engine] = []
+class _Server:
+    """The child's end: an engine, loaded for the first command."""
 
-    def handle(command: str, argument: Any) -> object:
-        if not engine:
-            engine.append(loader(name))
-        return plan_seconds(argument) if command == "plan" else play(engine[0], *argument)
+    _engine: Engine | None = None
 
-    obey(pipe, output, handle)
+    def __init__(self, name: str, loader: Loader) -> None:
+        self._name, self._loader = name, loader
+
+    def handle(self, command: str, argument: Any) -> object:
+        """Obey one command."""
+        if self._engine is None:
+            self._engine = self._loader(self._name)
+        return plan_seconds(argument) if command == "plan" else play(self._engine, *argument)
 
 
 def plan_seconds(scenario: Scenario) -> Array:

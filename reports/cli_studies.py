@@ -8,17 +8,14 @@ from typing import Annotated
 import typer
 
 from reports.command import (
-    BAD_INPUT,
     Format,
     FormatOption,
     QuietOption,
     columns_for,
-    exit_for,
+    ended,
     folder_of_now,
     known,
-    printed,
-    progress_for,
-    stop,
+    measuring,
 )
 
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
@@ -33,23 +30,13 @@ def narrow_phase(
     quiet: QuietOption = False,
 ) -> None:
     """Send the same poses through every detector; compare with the explicit Minkowski difference."""
-    from reports.output import OutputError
     from reports.studies.narrow_phase import PairsError, run, steps
+    from reports.studies.narrow_phase_table import show
 
     folder = out or folder_of_now("narrow-phase-")
-    try:
-        with progress_for(steps(pairs), quiet) as progress:
-            frame = run(pairs, seed, folder, progress)
-    except (PairsError, OutputError) as error:
-        stop(str(error), BAD_INPUT)
-    if printed(frame, output) or quiet:
-        return exit_for(frame.verdict, frame.reason, by_name=False)
-    from reports.studies.narrow_phase_table import show as show_study
-    from reports.terminal import console
-
-    show_study(frame, console())
-    print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, by_name=False)
+    with measuring(steps(pairs), quiet, PairsError) as progress:
+        frame = run(pairs, seed, folder, progress)
+    ended(frame, show, folder, output, quiet)
 
 
 @study.command("ik")
@@ -61,22 +48,13 @@ def inverse_kinematics(
     quiet: QuietOption = False,
 ) -> None:
     """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
-    from reports.output import OutputError
     from reports.studies.inverse_kinematics import GoalsError, run, steps
+    from reports.studies.inverse_kinematics_table import show
 
     folder = out or folder_of_now("ik-")
-    try:
-        with progress_for(steps(goals), quiet) as progress:
-            frame = run(goals, seed, folder, progress)
-    except (GoalsError, OutputError) as error:
-        stop(str(error), BAD_INPUT)
-    if not printed(frame, output) and not quiet:
-        from reports.studies.inverse_kinematics_table import show as show_study
-        from reports.terminal import console
-
-        show_study(frame, console())
-        print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, by_name=False)
+    with measuring(steps(goals), quiet, GoalsError) as progress:
+        frame = run(goals, seed, folder, progress)
+    ended(frame, show, folder, output, quiet)
 
 
 @study.command("calibration")
@@ -88,22 +66,13 @@ def calibration(
     quiet: QuietOption = False,
 ) -> None:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
-    from reports.output import OutputError
     from reports.studies.calibration import Grid, run, steps
+    from reports.studies.calibration_table import show
 
     columns, folder = columns_for(engine or [], profile or []), out or folder_of_now("calibration-")
-    try:
-        with progress_for(steps(columns, Grid()), quiet) as progress:
-            frame = run(columns, folder, progress)
-    except OutputError as error:
-        stop(str(error), BAD_INPUT)
-    if not printed(frame, output) and not quiet:
-        from reports.studies.calibration_table import show as show_study
-        from reports.terminal import console
-
-        show_study(frame, console())
-        print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, bool(engine))
+    with measuring(steps(columns, Grid()), quiet) as progress:
+        frame = run(columns, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
 
 
 @study.command("agreement")
@@ -116,24 +85,15 @@ def agreement(
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes at ever smaller steps: errors of step and of model, orders of convergence, the outlier."""
-    from reports.output import OutputError
     from reports.studies.agreement import SCENES, NoTruth, run, steps
+    from reports.studies.agreement_table import show
     from scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or SCENES]
     folder = out or folder_of_now("agreement-")
-    try:
-        with progress_for(steps(chosen), quiet) as progress:
-            frame = run(chosen, folder, progress)
-    except (NoTruth, OutputError) as error:
-        stop(str(error), BAD_INPUT)
-    if not printed(frame, output) and not quiet:
-        from reports.studies.agreement_table import show as show_study
-        from reports.terminal import console
-
-        show_study(frame, console())
-        print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, by_name=False)
+    with measuring(steps(chosen), quiet, NoTruth) as progress:
+        frame = run(chosen, folder, progress)
+    ended(frame, show, folder, output, quiet)
 
 
 @study.command("effects")
@@ -148,25 +108,16 @@ def effects(
 ) -> None:
     """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
     from adapters.registry import ENGINES
-    from reports.output import OutputError
     from reports.studies.effects import run, scenes, steps
+    from reports.studies.effects_table import show
     from scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or ()] or scenes()
     engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
     folder = out or folder_of_now("effects-")
-    try:
-        with progress_for(steps(chosen, engines), quiet) as progress:
-            frame = run(chosen, engines, folder, progress)
-    except OutputError as error:
-        stop(str(error), BAD_INPUT)
-    if not printed(frame, output) and not quiet:
-        from reports.studies.effects_table import show as show_study
-        from reports.terminal import console
-
-        show_study(frame, console())
-        print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, bool(engine))
+    with measuring(steps(chosen, engines), quiet) as progress:
+        frame = run(chosen, engines, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
 
 
 @study.command("predictability")
@@ -178,24 +129,15 @@ def predictability(
     quiet: QuietOption = False,
 ) -> None:
     """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
-    from reports.output import OutputError
     from reports.studies.predictability import SCENES, OracleMissing, run, steps
+    from reports.studies.predictability_table import show
     from scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(scenario or SCENES)]
     folder = out or folder_of_now("predictability-")
-    try:
-        with progress_for(steps(chosen), quiet) as progress:
-            frame = run(chosen, seed, folder, progress)
-    except (OracleMissing, OutputError) as error:
-        stop(str(error), BAD_INPUT)
-    if not printed(frame, output) and not quiet:
-        from reports.studies.predictability_table import show as show_study
-        from reports.terminal import console
-
-        show_study(frame, console())
-        print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, by_name=False)
+    with measuring(steps(chosen), quiet, OracleMissing) as progress:
+        frame = run(chosen, seed, folder, progress)
+    ended(frame, show, folder, output, quiet)
 
 
 def bench(
@@ -206,18 +148,9 @@ def bench(
 ) -> None:
     """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
     from reports.bench import BENCHES, load
-    from reports.output import OutputError
 
     chosen = load(known("bench", name, BENCHES))
     folder = out or folder_of_now(f"bench-{name}-")
-    try:
-        with progress_for(chosen.steps(), quiet) as progress:
-            frame = chosen.run(folder, progress)
-    except OutputError as error:
-        stop(str(error), BAD_INPUT)
-    if not printed(frame, output) and not quiet:
-        from reports.terminal import console
-
-        chosen.show(frame, console())
-        print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, by_name=False)
+    with measuring(chosen.steps(), quiet) as progress:
+        frame = chosen.run(folder, progress)
+    ended(frame, chosen.show, folder, output, quiet)

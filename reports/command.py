@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -13,6 +14,9 @@ import typer
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import Console
+
+    from reports.progress import Progress
 
 LIMIT_BROKEN, BAD_INPUT, NOT_INSTALLED, INTERRUPTED = 1, 2, 3, 130
 
@@ -125,3 +129,33 @@ def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
     if quiet:
         return silence()
     return bar(total) if sys.stderr.isatty() else lines(total)
+
+
+@contextmanager
+def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[Progress]:
+    """Progress over a total of steps; what a study refuses, or no disk takes, ends with one line."""
+    from reports.output import OutputError
+
+    refused: tuple[type[Exception], ...] = (OutputError, *refusals)
+    try:
+        with progress_for(total, quiet) as progress:
+            yield progress
+    except refused as error:
+        stop(str(error), BAD_INPUT)
+
+
+def ended(
+    frame: pd.DataFrame,
+    show: Callable[[pd.DataFrame, Console], None],
+    folder: Path,
+    output: Format,
+    quiet: bool,
+    by_name: bool = False,
+) -> None:
+    """Print what was measured, and end with the exit code that its verdicts call for (`exit_for`)."""
+    if not printed(frame, output) and not quiet:
+        from reports.terminal import console
+
+        show(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, frame.reason, by_name)

@@ -16,9 +16,10 @@ from reports.tables import number
 
 ENGINE, PROFILE = "reference", "balanced"
 HEADS = (
-    *("scene", "frame us", "p99 us", "collision", "removal and IK"),
-    *("IK iterations", "peak", "joints", "peak", "pairs", "peak"),
+    *("scene", "frame\nus", "p99\nus", "colli-\nsion", "removal\nand IK"),
+    *("IK iter-\nations", "peak", "joints", "peak", "pairs", "peak"),
 )
+"""In lines that leave a table of 80 columns room for whole names of scenes."""
 NOTE = (
     f"{ENGINE} {PROFILE}, scenes by cost. Median and 99th percentile of the frame time; shares of all "
     "stages; means and peaks of a frame's IK iterations, joints turned and contacting pairs, over frames "

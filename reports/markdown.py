@@ -48,7 +48,8 @@ def report(request: Request, results: Results) -> str:
         parts += ["", f"Reproduce: `touchstone run {scenario.name}`"]
     found = budgets(results.recordings)
     if found:
-        parts += ["", "## Frame budget of the scenes", "", *_markdown(list(HEADS), budget_rows(found), 1)]
+        heads = [head.replace("-\n", "").replace("\n", " ") for head in HEADS]
+        parts += ["", "## Frame budget of the scenes", "", *_markdown(heads, budget_rows(found), 1)]
         parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
     return "\n".join(parts).rstrip() + "\n"
 

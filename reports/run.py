@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import inf, isnan
@@ -23,6 +23,7 @@ from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
 from reports.metrics.evidence import ROUNDING, Evidence, NotMeasured, Value
 from reports.output import OutputError, output_folder
+from reports.progress import Progress
 from reports.ratios import time_ratio
 from reports.results import Row, save, save_manifest, table, write_beside
 from scenarios.scenario import Scenario
@@ -42,8 +43,6 @@ NEEDED = ("overlap.max", "contact.impulse_balance")
 DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
 __all__ = ["OutputError", "Request", "Results", "columns_of", "measured", "run", "step_text"]
-
-Progress = Callable[[str, int], None]
 
 
 @dataclass(frozen=True, slots=True)

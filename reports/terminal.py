@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import pandas as pd
 from rich.box import SIMPLE
@@ -20,6 +20,7 @@ from reports.tables import LEGEND, Cell, Grid, grid, number
 STYLES = {"fail": "bold red", "known": "yellow", "error": "bold red", "skipped": "dim", "pass": ""}
 IN_FULL = 8
 """Scenes up to which each has its whole table; more are shown at a glance."""
+Padding = tuple[int, int] | tuple[int, int, int, int]
 NARROW = 112
 """Columns a table needs; plain output (files, pipes) is never narrower."""
 
@@ -28,6 +29,20 @@ def console(**options: bool) -> Console:
     """A console as wide as the terminal, or NARROW where there is none."""
     probe = Console(**options)  # type: ignore[arg-type]
     return probe if probe.is_terminal else Console(width=NARROW, **options)  # type: ignore[arg-type]
+
+
+def table_of(title: str, heads: Sequence[str], left: int = 1, padding: Padding = (0, 1)) -> Table:
+    """An empty table of plain lines whose first `left` columns hold words, the others numbers."""
+    table = Table(title=title or None, title_justify="left", box=SIMPLE, padding=padding, pad_edge=False)
+    for k, head in enumerate(heads):
+        table.add_column(Text(head), justify="left" if k < left else "right", no_wrap=True)
+    return table
+
+
+def print_notes(notes: Iterable[str], out: Console) -> None:
+    """Print what a table means."""
+    for note in notes:
+        out.print(note, style="dim", highlight=False, markup=False)
 
 
 def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
@@ -51,9 +66,7 @@ def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Conso
     """Print what frames of the reference cost, if it played at least two scenes."""
     found = budgets(recordings)
     if 1 < len(found) <= IN_FULL:
-        table = Table(title="frame budget", title_justify="left", box=SIMPLE)
-        for k, name in enumerate(HEADS):
-            table.add_column(name, justify="right" if k else "left")
+        table = table_of("frame budget", HEADS, padding=(0, 0))
         for row in budget_rows(found):
             table.add_row(*row)
         out.print(table)
@@ -81,9 +94,7 @@ def _show_overview(seen: Overview, out: Console) -> None:
     out.print(table)
     out.print(Text(OVERVIEW_LEGEND, style="dim"))
     out.print()
-    totals = Table(box=SIMPLE)
-    for name in ("engine", *TOTALS):
-        totals.add_column(name, justify="left" if name == "engine" else "right", no_wrap=True)
+    totals = table_of("", ("engine", *TOTALS))
     for name, counts in seen.totals:
         totals.add_row(name, *map(str, counts))
     out.print(totals)

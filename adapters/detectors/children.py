@@ -8,7 +8,6 @@ stands in `failure`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +15,7 @@ import numpy as np
 
 from adapters.detectors import Batch, Detector, Follower, Pair, load
 from adapters.engine import Array
-from adapters.process import PATIENCE, ChildProcess, interrupt_held, obey
+from adapters.process import PATIENCE, ChildProcess
 
 CROSSINGS = 8
 """Queries of the crossing pair per pass: some, for the first of them pays for cold caches."""
@@ -36,8 +35,7 @@ class Child(ChildProcess):
     """The parent's end of one detector's process."""
 
     def __init__(self, name: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        with interrupt_held():
-            super().__init__(_serve, (name, output, loader), patience)
+        super().__init__(_Server, (name, loader), output, patience)
         self.name = name
 
 
@@ -84,7 +82,3 @@ class _Server:
             return Times(query, np.zeros((passes * CROSSINGS, 2)))
         self.crossing.ask()
         return Times(query, np.concatenate([self.crossing.ask().reshape(-1, 2) for _ in range(passes)]))
-
-
-def _serve(pipe: Connection, name: str, output: Path, loader: Loader) -> None:
-    obey(pipe, output, _Server(name, loader).handle)

@@ -11,12 +11,12 @@ from reports.bench.tables import (
     limit_text,
     print_remarks,
     spread_text,
-    table_of,
     value_text,
 )
 from reports.results import Row, rows_of
 from reports.run import REFERENCE, step_text
 from reports.tables import exact_number
+from reports.terminal import table_of
 
 MILLI = 1e3
 JUDGED = ("scene", "over the fastest", "frame [µs]", "ratio", "95 % interval", "limit", "overlap")

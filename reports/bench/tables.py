@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import pandas as pd
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from reports.results import Row, rows_of
 from reports.tables import exact_number
-from reports.terminal import STYLES
+from reports.terminal import STYLES, print_notes
 
 MICRO = 1e6
-
-
-def table_of(title: str, heads: tuple[str, ...], left: int) -> Table:
-    """An empty table whose first `left` columns hold words, the others numbers."""
-    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1), pad_edge=False)
-    for k, head in enumerate(heads):
-        table.add_column(Text(head), justify="left" if k < left else "right", no_wrap=True)
-    return table
 
 
 def value_text(row: Row | None, factor: float = 1.0) -> str:
@@ -52,8 +42,7 @@ def limit_text(row: Row | None) -> Text:
 
 def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> None:
     """Notes, then every row that broke a limit, failed or was skipped, with its reason."""
-    for note in notes:
-        out.print(note, style="dim", highlight=False)
+    print_notes(notes, out)
     told = frame[frame.verdict.isin(["fail", "error", "known", "skipped"])]
     for row in rows_of(told):
         name = " ".join(filter(None, (row.scenario, row.metric, row.subject))) if row.metric != "run" else ""

@@ -9,7 +9,7 @@ frames and bodies: of positions over the longest way of any body, of orientation
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -26,6 +26,7 @@ from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.metrics.evidence import Evidence
 from reports.output import output_folder
+from reports.progress import Progress
 from reports.results import Row, save, table, write_beside
 from reports.run import step_text
 from scenarios.catalogue import catalogue
@@ -48,7 +49,6 @@ SCENES = (
     *("roll", "slip", "slide", "incline_slides"),
 )
 """What is played unless scenes are named: of each family with a closed form one or two."""
-Progress = Callable[[str, int], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from math import isnan
 
 import pandas as pd
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from reports.results import Row, rows_of
 from reports.run import step_text
 from reports.studies.agreement import ROUNDING
 from reports.tables import number
+from reports.terminal import print_notes, table_of
 
 HEADS = ("engine", "own step\n[s]", "error", "discreti-\nsation", "model", "order\n(95 % interval)", "")
 NOTES = (
@@ -28,15 +27,8 @@ UNCLEAR = 2.0
 
 def show(frame: pd.DataFrame, out: Console) -> None:
     """Print one block per scene and quantity, and every remark."""
-    table = Table(
-        title="agreement: scenes with a closed form, each engine at its own step and down to 1/1920 s",
-        title_justify="left",
-        box=SIMPLE,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-    )
-    for k, head in enumerate(HEADS):
-        table.add_column(head, justify="right" if 0 < k < 6 else "left", no_wrap=True)
+    title = "agreement: scenes with a closed form, each engine at its own step and down to 1/1920 s"
+    table = table_of(title, HEADS, padding=(0, 1, 0, 0))
     for (scenario, quantity), part in frame[frame.metric == "agreement.order"].groupby(
         ["scenario", "subject"], sort=False
     ):
@@ -50,8 +42,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         for order in rows_of(part):
             table.add_row(*_cells(order, block[block.engine == order.engine], lone))
     out.print(table)
-    for note in NOTES:
-        out.print(note, style="dim", highlight=False, markup=False)
+    print_notes(NOTES, out)
     for row in rows_of(frame[frame.metric == "run"]):
         out.print(f"{row.verdict}: {row.scenario}: {row.engine}: {row.reason}", highlight=False, markup=False)
 

@@ -7,7 +7,7 @@ alone. Adapters never read the results.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -18,12 +18,12 @@ from adapters.engine import Settings
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.output import output_folder
+from reports.progress import Progress
 from reports.results import save, table, write_beside
 from reports.studies.calibration_children import Child, Loader, Motion
 from reports.studies.calibration_rows import STUDY, Measured, rows_of_study
 from reports.studies.calibration_scenes import SHAPES, Probe
 
-Progress = Callable[[str, int], None]
 Job = tuple[Settings, Probe]
 LADDER_PART = 26
 """Bodies of the ladder per scene: more of them rest and hop than an engine's log of contacts holds."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from adapters.engine import AdapterError, Array, Engine, Settings
-from adapters.process import PATIENCE, ChildProcess, interrupt_held, obey
+from adapters.process import PATIENCE, ChildProcess
 from adapters.record import record
 from adapters.registry import load
 from reports.studies.calibration_scenes import HEIGHT, Probe, scene
@@ -31,8 +30,7 @@ class Child(ChildProcess):
     """The parent's end of an engine."""
 
     def __init__(self, name: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        with interrupt_held():
-            super().__init__(_serve, (name, output, loader), patience)
+        super().__init__(_Server, (name, loader), output, patience)
         self.name = name
 
 
@@ -60,7 +58,3 @@ def motion_of(engine: Engine, probe: Probe, settings: Settings) -> Motion:
     velocity, omega = played.linear_velocity[:, 1:], played.angular_velocity[:, 1:]
     surface = velocity + np.cross(omega, (0.0, 0.0, -HEIGHT))
     return Motion(played.position[:, 1:, 2] - HEIGHT, velocity, surface)
-
-
-def _serve(pipe: Connection, name: str, output: Path, loader: Loader) -> None:
-    obey(pipe, output, _Server(name, loader).handle)

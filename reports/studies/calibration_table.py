@@ -8,15 +8,14 @@ from math import isnan, nan
 
 import numpy as np
 import pandas as pd
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from adapters.registry import TUNED
 from reports.results import rows_of
 from reports.run import step_text
 from reports.studies.calibration_rows import ALL, subject_of
 from reports.studies.calibration_scenes import SHAPES
+from reports.terminal import print_notes, table_of
 
 SHOWN_SPEED = 1.0
 """Approach speed of the restitutions in the table [m/s]."""
@@ -147,14 +146,12 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     from reports.studies.calibration_findings import findings
 
     for grid in grids(frame):
-        table = Table(title=grid.title, title_justify="left", box=SIMPLE, padding=(0, 0), pad_edge=False)
-        for k, head in enumerate(grid.heads):
-            table.add_column(head.replace(" ", "\n", 1), justify="right" if k else "left", no_wrap=True)
+        heads = [head.replace(" ", "\n", 1) for head in grid.heads]
+        table = table_of(grid.title, heads, padding=(0, 0))
         for row in grid.rows:
             table.add_row(*row)
         out.print(table)
-    for note in NOTES:
-        out.print(note, style="dim", highlight=False)
+    print_notes(NOTES, out)
     out.print()
     for line in findings(frame):
         out.print(line, highlight=False, markup=False)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.bench.tables import MICRO, limit_text, print_remarks, table_of, value_text
+from reports.bench.tables import MICRO, limit_text, print_remarks, value_text
 from reports.results import Row, rows_of
 from reports.studies.effects import ALL, GROUPS, IDENTICAL, MATTERS, REFERENCE, TOGGLED, WITHIN
 from reports.tables import exact_number
+from reports.terminal import table_of
 
 HEADS = (
     *("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "outcome"),

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pandas as pd
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from reports.results import rows_of
 from reports.studies.inverse_kinematics import SOLVERS, STARTS
 from reports.tables import exact_number
+from reports.terminal import print_notes, table_of
 
 MICRO = 1e6
 HEADS = (
@@ -24,15 +23,7 @@ NOTES = (
 
 def show(frame: pd.DataFrame, out: Console) -> None:
     """Print one row per start and solver, what a call costs, and every limit that is broken."""
-    table = Table(
-        title="ik: random reachable goals of the left arm",
-        title_justify="left",
-        box=SIMPLE,
-        padding=(0, 0),
-        pad_edge=False,
-    )
-    for k, head in enumerate(HEADS):
-        table.add_column(head, justify="right" if k > 1 else "left", no_wrap=True)
+    table = table_of("ik: random reachable goals of the left arm", HEADS, left=2, padding=(0, 0))
     for start in STARTS:
         for engine, profile in SOLVERS:
             part = frame[(frame.scenario == start) & (frame.engine == engine) & (frame.profile == profile)]
@@ -41,8 +32,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     for row in rows_of(frame[frame.metric == "time.crossing"]):
         cost = exact_number(row.value * MICRO)
         out.print(f"a call into {row.engine}: {cost} µs", style="dim", highlight=False)
-    for note in NOTES:
-        out.print(note, style="dim", highlight=False)
+    print_notes(NOTES, out)
     for row in rows_of(frame[frame.verdict.isin(["fail", "known", "error"])]):
         found, limit = exact_number(row.value), exact_number(row.limit)
         who = f"{row.verdict}: {row.engine} {row.profile}: {row.scenario} {row.metric}"

@@ -12,6 +12,7 @@ from rich.table import Table
 from reports.results import rows_of
 from reports.studies.poses import FAMILIES
 from reports.tables import exact_number
+from reports.terminal import print_notes, table_of
 
 MICRO = 1e6
 ROUNDING, FINE = 1e-12, 1e-4
@@ -40,20 +41,12 @@ NOTES = (
 def show(frame: pd.DataFrame, out: Console) -> None:
     """Print one row per detector over all families, the best of each family, and every remark."""
     whole = frame[frame.scenario == "all"]
-    table = Table(
-        title="narrow-phase: all families against the explicit Minkowski difference",
-        title_justify="left",
-        box=SIMPLE,
-        padding=(0, 0),
-        pad_edge=False,
-    )
-    for k, head in enumerate(HEADS):
-        table.add_column(head, justify="right" if k else "left", no_wrap=True)
+    title = "narrow-phase: all families against the explicit Minkowski difference"
+    table = table_of(title, HEADS, padding=(0, 0))
     for name in dict.fromkeys(whole.engine):
         table.add_row(name, *_cells(whole, name))
     out.print(table)
-    for note in NOTES:
-        out.print(note, style="dim", highlight=False)
+    print_notes(NOTES, out)
     out.print()
     out.print(_families(frame))
     for line in remarks(frame):

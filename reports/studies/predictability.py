@@ -8,7 +8,7 @@ it where there is one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from adapters.recording import Recording, load
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.output import output_folder
+from reports.progress import Progress
 from reports.results import Row, save, save_manifest, table, write_beside
 from reports.studies.agreement import own_profile
 from scenarios.outcomes import final_positions
@@ -35,7 +36,6 @@ NEAR = 2 * SIZES[-1]
 """Gap within which bodies touch at the start [m]: these are not pressed together or lifted."""
 SCENES = ("fall", "bounce_e05", "collide_oblique", "cradle", "ball_snip")
 """What is played unless scenes are named."""
-Progress = Callable[[str, int], None]
 
 
 class OracleMissing(Exception):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pandas as pd
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from reports.results import Row, rows_of
 from reports.studies.predictability import CLOSED_FORM, DRAWS, METRIC, SIZES
 from reports.tables import number
+from reports.terminal import print_notes, table_of
 
 NOTES = (
     f"final distance over perturbation: median of {DRAWS} random directions (least to largest)",
@@ -19,16 +18,10 @@ NOTES = (
 
 def show(frame: pd.DataFrame, out: Console) -> None:
     """Print one block per scene, and every remark."""
-    table = Table(
-        title="predictability: amplification of perturbations of the start",
-        title_justify="left",
-        box=SIMPLE,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
+    heads = ("engine", *(f"{size:g} m" for size in SIZES))
+    table = table_of(
+        "predictability: amplification of perturbations of the start", heads, padding=(0, 1, 0, 0)
     )
-    table.add_column("engine", no_wrap=True)
-    for size in SIZES:
-        table.add_column(f"{size:g} m", justify="right", no_wrap=True)
     measured = frame[frame.metric == METRIC]
     for scenario, scene in measured.groupby("scenario", sort=False):
         table.add_section()
@@ -37,8 +30,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             style = "dim" if engine == CLOSED_FORM else ""
             table.add_row(str(engine), *map(_cell, rows_of(part)), style=style)
     out.print(table)
-    for note in NOTES:
-        out.print(note, style="dim", highlight=False, markup=False)
+    print_notes(NOTES, out)
     for row in rows_of(frame[frame.metric == "run"]):
         out.print(f"{row.verdict}: {row.scenario}: {row.engine}: {row.reason}", highlight=False, markup=False)
 

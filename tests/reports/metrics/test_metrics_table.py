@@ -19,6 +19,9 @@ OF_PROBES = ("truth.", "bounce.", "rotation.", "rolling.", "rest.", "momentum.",
 ELSEWHERE = ("events.meet", "events.part", "joint.cone", "posture.deviation", "posture.over_best")
 """Metrics of other scenes of the gallery than `ball_snip`."""
 
+USUAL = ("ball_snip", "wall_push")
+"""A hand's scene and a person's: most metrics are measured in them; others of the gallery are slow tests."""
+
 
 @pytest.mark.parametrize("name", METRICS)
 def test_every_metric_is_defined(name):
@@ -45,7 +48,13 @@ def test_impulse_metrics_exist():
     assert set(IMPULSE_METRICS) <= set(METRICS)
 
 
-@pytest.mark.parametrize("scene", [scenario.name for scenario in tagged("gallery")])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        scenario.name if scenario.name in USUAL else pytest.param(scenario.name, marks=pytest.mark.slow)
+        for scenario in tagged("gallery")
+    ],
+)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_every_metric_runs_over_a_real_recording(registry, monkeypatch, engine, scene):
     """Each metric gives finite values, or says in one line why not."""

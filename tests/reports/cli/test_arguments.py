@@ -1,0 +1,115 @@
+"""Wrong input: one clear line with the nearest valid, exit 2, nothing written; help imports nothing heavy."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scenarios.catalogue import catalogue
+
+HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
+REFERENCE = ("--engine", "reference")
+
+
+def test_help_imports_nothing_heavy():
+    """`touchstone --help` names the commands and imports neither numpy, pandas, numba nor any engine."""
+    code = (
+        "import sys; sys.argv = ['touchstone', '--help']\n"
+        "from reports.cli import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n"
+        f"    print([m for m in {HEAVY} if m in sys.modules], end.code or 0, file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert done.stderr.strip() == "[] 0"
+    for command in ("run", "list", "show", "doctor"):
+        assert command in done.stdout
+
+
+def test_the_program_is_installed():
+    """The console script runs, and a wrong name ends it with one line and no traceback."""
+    program = Path(sys.executable).with_name("touchstone")
+    if not program.exists():
+        pytest.skip("the project is not installed with its script")
+    done = subprocess.run([program, "run", "bal_snip"], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "")
+    valid = ", ".join(catalogue())
+    assert done.stderr.startswith("touchstone: unknown scenario 'bal_snip'; did you mean 'ball_snip'")
+    assert done.stderr.endswith(f"? (valid: {valid})\n")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip'"),
+        (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
+        (["--engine", "zzz"], "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco)"),
+        (["--metric", "overlp.max"], "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
+        (["--tag", "galery"], "unknown tag 'galery'; did you mean 'gallery'?"),
+        (["--profile", "equal_step"], "unknown profile 'equal_step'; did you mean 'equal-step'?"),
+        (["--engine", "dart", "--profile", "paper"], "no engine of dart has the profile paper"),
+        (["--dt", "1/7"], "--dt 1/7: dt = 0.142857 s does not divide the frame of 1/60 s"),
+        (["--set", "frction=stick"], "unknown setting 'frction'; did you mean 'friction'"),
+        (["--set", "x"], "unknown setting 'x' (valid: friction, "),
+        (
+            [*REFERENCE, "--set", "friction=stik"],
+            "unknown value of friction 'stik'; did you mean 'stick'? (valid: always, stick)",
+        ),
+        ([*REFERENCE, "--set", "friction"], "unknown value of friction '' (valid: always, stick)"),
+        (
+            [*REFERENCE, "--set", "event_rows=-1"],
+            "--set event_rows: found '-1' (valid: whole, 0 to 1e+09)",
+        ),
+        ([*REFERENCE, "--set", "event_rows=2.5"], "--set event_rows: found '2.5' (valid: whole"),
+        ([*REFERENCE, "--set", "event_rows=nan"], "--set event_rows: found 'nan'"),
+        (
+            [*REFERENCE, "--set", "flight=euler", "--set", "flight=exact"],
+            "--set flight: given as flight=euler and flight=exact",
+        ),
+        (["--set", "friction=stick"], "--set: dart has none of these settings; choose --engine reference"),
+        (["--dt", "x"], "--dt x: "),
+        (["--dt", "1/0"], "--dt 1/0: "),
+        (["--dt", "0"], "--dt 0: "),
+        (["--dt", "-1/60"], "--dt -1/60: "),
+        (["--dt", "nan"], "--dt nan: "),
+        (["--dt", "1e400"], "--dt 1e400: "),
+    ],
+)
+def test_wrong_input_is_one_line(touchstone, tmp_path, arguments, said, left):
+    """A wrong argument ends in exit 2 and one line with it and the nearest valid; nothing is written."""
+    code, out, err = touchstone("run", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+    assert left(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
+        (["--profile", "tunde"], "unknown profile 'tunde'; did you mean 'tuned'?"),
+        (["--engine", "reference", "--profile", "tuned"], "no engine of reference has the profile tuned"),
+        (["--out", "full"], "--out full: exists and is not an empty folder"),
+    ],
+)
+def test_wrong_input_of_a_study_is_one_line(touchstone, tmp_path, arguments, said, left):
+    """A wrong argument of `study calibration` ends in exit 2 and one line, and nothing is written."""
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").touch()
+    code, out, err = touchstone("study", "calibration", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+    assert left(tmp_path) == ["full"]
+
+
+@pytest.mark.parametrize("arguments", [["--engien", "dart"], ["rnu"], ["list", "things"], ["show"], []])
+def test_wrong_usage_shows_no_traceback(touchstone, arguments):
+    """Unknown options, commands and kinds of lists are usage errors, never tracebacks."""
+    code, out, err = touchstone(*arguments)
+    assert code == 2
+    assert "Traceback" not in out + err

@@ -1,0 +1,104 @@
+"""What goes wrong in a run: rows with their reason, exit codes that mean something."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from dataclasses import replace
+from math import nan
+
+import pytest
+
+from adapters.children import Outcome
+from adapters.registry import missing_reason
+from reports import limits
+from reports import run as study
+from reports.limits import Limit
+from scenarios.catalogue import catalogue
+
+REFERENCE = ("--engine", "reference")
+RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
+
+
+def test_lost_samples_are_refused_or_held(touchstone, added, registry, monkeypatch, tmp_path, left):
+    """Refuse a tracker's sample that is no number, with its path; under `--hold-last` tell how many."""
+    recording, good = registry.played("ball_snip", "reference"), catalogue()["ball_snip"]
+    glove = good.trackers[0]
+
+    def losing(*lost):
+        places = tuple((nan,) * 3 if k in lost else place for k, place in enumerate(glove.positions))
+        return lambda: replace(good, name="broken", trackers=(replace(glove, positions=places),))
+
+    def play(self, jobs, progress):
+        for job in jobs:
+            recording.save(job.recording)
+        return [Outcome(job, "done") for job in jobs]
+
+    monkeypatch.setattr(study.Children, "play", play)
+    run = ("run", "broken", *REFERENCE, "--profile", "balanced", "--metric", "overlap.max", "--out", "out")
+    added(losing(5, 6, 9))
+    code, out, err = touchstone(*run)
+    assert (code, out) == (2, "")
+    assert err.splitlines()[1] == "  trackers[0].positions[5]: found nan, expected finite numbers"
+    assert left(tmp_path) == []
+    code, out, err = touchstone(*run, "--hold-last")
+    assert code == 0
+    count = len(glove.times)
+    assert f"broken: trackers[0] holds its last good sample at 3 of {count} keyframes\n" in err
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["scenarios"]["broken"]["held_samples"] == [3]
+    # there is nothing to hold before the first good one
+    added(losing(0))
+    code, out, err = touchstone(*run, "--hold-last")
+    assert (code, "trackers[0].positions[0]: found nan" in err) == (2, True)
+
+
+def test_a_tracker_that_starts_stuck_is_told(touchstone, added, lab):
+    """Tell frame, pair and depth where walls leave no room: a row with its reason, and exit 1."""
+    walls = [lab.block(f"wall_{s}", (0.5, 0.5, 3.0), (0.0, 0.6 * s, 0.0), kind="fixed") for s in (-1, 1)]
+    person = lab.person()
+    added(lambda: replace(person, name="stuck", bodies=(*person.bodies, *walls)))
+    code, out, _ = touchstone("run", "stuck", *REFERENCE, "--profile", "balanced", "--format", "csv")
+    rows = list(csv.DictReader(io.StringIO(out)))
+    assert code == 1
+    assert [(row["metric"], row["verdict"]) for row in rows] == [("run", "error")]
+    told = r"reference: trackers\[0\] starts stuck: in frame 1 '\w+' and 'wall_-?1' overlap by 0\.\d+ m"
+    assert re.search(told, rows[0]["reason"])
+
+
+def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch, left):
+    """A limit that is not met ends in exit 1, with the row and its reason shown; the folder is there."""
+    impossible = Limit("time.frame.median", 0.0, "nothing takes no time")
+    monkeypatch.setattr(limits, "LIMITS", (impossible,))
+    monkeypatch.setattr(limits, "KNOWN", ())
+    code, out, _ = touchstone(*RUN, "--out", "r")
+    assert code == 1
+    assert "fail: reference balanced: time.frame.median" in out
+    assert "nothing takes no time" in " ".join(out.split())
+    assert "results.csv" in left("r")
+
+
+def test_an_engine_that_dies_is_exit_1(touchstone, monkeypatch):
+    """An engine that dies is a row with its reason, and exit 1."""
+    said = "died during 'play': signal SIGSEGV"
+    crash = lambda self, jobs, progress: [Outcome(job, "error", said) for job in jobs]  # noqa: E731
+    monkeypatch.setattr(study.Children, "play", crash)
+    code, out, _ = touchstone(*RUN, "--out", "r", "--format", "json")
+    rows = json.loads(out)
+    assert code == 1
+    assert [(row["metric"], row["verdict"], row["reason"]) for row in rows] == [("run", "error", said)]
+
+
+@pytest.mark.parametrize(("named", "wanted"), [(False, 0), (True, 3)])
+def test_a_missing_engine_is_skipped_with_a_hint(touchstone, quick, monkeypatch, named, wanted):
+    """A missing engine is a skipped row with pip's hint: exit 0 by default, 3 when asked for by name."""
+    monkeypatch.setattr(study, "installed", lambda name: name == "reference")
+    chosen = ["--engine", "reference", "--engine", "mujoco"] if named else []
+    options = ("--profile", "balanced", "--profile", "recommended", "--out", "r")
+    code, out, err = touchstone("run", "ball_snip", *chosen, *options)
+    assert code == wanted
+    for name in ("mujoco",) if named else ("dart", "bullet", "mujoco"):
+        assert f"skipped: {name} recommended: {missing_reason(name)}" in out
+    assert "Traceback" not in err

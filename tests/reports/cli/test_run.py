@@ -1,0 +1,143 @@
+"""`touchstone run`: whole folders, output for machines, settings and commands that are told."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from reports import run as study
+from reports.metrics import METRICS
+from reports.results import COLUMNS, Row
+from scenarios.catalogue import catalogue
+
+REFERENCE = ("--engine", "reference")
+RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
+
+
+def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path, left):
+    """A run leaves table, CSV, manifest, report, recordings and outputs, and nothing beside them."""
+    code, out, err = touchstone(*RUN, "--out", "here/results")
+    assert code == 0
+    assert left(tmp_path) == ["here"]
+    assert left("here") == ["results"]
+    tables = ("report.md", "results.csv", "results.parquet")
+    wanted = ["frame_budget.png", "manifest.json", "output", "recordings", *tables]
+    assert left("here/results") == wanted
+    assert left("here/results/recordings") == ["ball_snip-reference-balanced.npz"]
+    assert "results: here/results" in out
+    assert "overlap.max" in out
+    assert "reference balanced: judge" in err
+    manifest = json.loads(Path("here/results/manifest.json").read_text())
+    assert manifest["command"] == " ".join(["touchstone", *RUN, "--out", "here/results"])
+    assert manifest["engines"]["ball_snip/reference/balanced"]["engine"] == "reference"
+    report = Path("here/results/report.md").read_text()
+    results = pd.read_csv("here/results/results.csv")
+    # metrics in the order of their table, each where it applies; two have tables of their own
+    applies = set(results[results.value.notna()].metric) - {"work", "time.share", "run"}
+    assert len(applies) > 20
+    assert all((f"`{name}`" in report) == (name in applies) for name in METRICS)
+
+
+@pytest.mark.parametrize("form", ["json", "csv"])
+def test_machine_output_parses_and_stands_alone(touchstone, quick, form):
+    """Standard output is the table and nothing else, columns in order, with every digit of the file's."""
+    code, out, _ = touchstone(*RUN, "--out", "r", "--format", form)
+    assert code == 0
+    rows = json.loads(out) if form == "json" else list(csv.DictReader(io.StringIO(out)))
+    assert all(tuple(row) == COLUMNS for row in rows)
+    kept = pd.read_parquet("r/results.parquet")
+    assert [row["metric"] for row in rows] == kept.metric.tolist()
+    assert {row["metric"] for row in rows} >= set(METRICS)
+    for row, value in zip(rows, kept.value):
+        if value == value:
+            # JSON shows 15 decimals: a femtometre
+            assert float(row["value"]) == pytest.approx(value, rel=1e-12, abs=1e-15)
+        else:
+            assert row["value"] in (None, "")
+
+
+def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
+    """Print the long table of `study calibration` as CSV and nothing else, and end well."""
+    from reports.studies import calibration
+
+    tiny = {"restitutions": (0.5,), "speeds": (2.0,), "frictions": (0.3,), "ladder": (), "steps": ()}
+    monkeypatch.setattr(calibration, "Grid", partial(calibration.Grid, pairs=("sphere-box",), **tiny))
+    arguments = ("--engine", "reference", "--profile", "balanced", "--format", "csv", "--out", "r", "--quiet")
+    code, out, err = touchstone("study", "calibration", *arguments)
+    assert (code, err) == (0, "")
+    frame = pd.read_csv(io.StringIO(out))
+    achieved = frame[frame.metric == "restitution.achieved"]
+    assert achieved.value.tolist() == pytest.approx([0.5], abs=1e-4)
+    assert achieved.reason.tolist() == ["asked 0.5"]
+
+
+def test_quiet_says_nothing(touchstone, quick):
+    """`--quiet` prints neither progress nor table."""
+    assert touchstone(*RUN, "--out", "r", "--quiet") == (0, "", "")
+
+
+def test_chosen_metrics_alone_are_reported(touchstone, quick):
+    """`--metric` leaves only its rows."""
+    _, out, _ = touchstone(
+        *RUN, "--out", "r", "--format", "json", "--metric", "overlap.max", "--metric", "work"
+    )
+    assert {row["metric"] for row in json.loads(out)} == {"overlap.max", "work"}
+
+
+def test_what_is_not_asked_is_not_measured(registry):
+    """Measure what is named and what that is judged by; the values are those of a whole run."""
+    scenario, recording = catalogue()["ball_snip"], registry.played("ball_snip", "reference")
+    base = Row("run", "ball_snip", "reference", "balanced", 1 / 60, "run")
+    some = study.measured(base, scenario, recording, ("events.roll.spread", "friction.cone"))
+    assert {row.metric for row in some} == {"events.roll", "friction.cone", *study.NEEDED}
+    every = study.measured(base, scenario, recording)
+    assert {row.metric for row in every} == set(METRICS)
+    assert set(map(repr, some)) <= set(map(repr, every))
+
+
+def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
+    """File results under profile and changes, in rows, table, recordings, report and manifest."""
+    changed = ("--set", "event_rows=100.0", "--set", "removal=eq1", "--set", "friction=always")
+    arguments = ("run", "fall", *REFERENCE, "--out", "r", "--metric", "overlap.max")
+    code, out, err = touchstone(*arguments, *changed)
+    label = "balanced, friction=always, event_rows=100"
+    assert code == 0
+    assert "friction=always" in out
+    assert f"reference {label}: judge" in err
+    assert set(pd.read_csv("r/results.csv").profile) == {label}
+    assert left("r/recordings") == ["fall-reference-balanced+friction=always+event_rows=100.npz"]
+    told = json.loads(Path("r/manifest.json").read_text())["engines"][f"fall/reference/{label}"]
+    assert told["profile"] == label
+    assert (told["settings"]["friction"], told["settings"]["event_rows"]) == ("always", 100)
+    assert label in Path("r/report.md").read_text()
+
+
+def test_differences_are_shown_again_by_their_commands(touchstone, registry, tmp_path, left):
+    """Tell two engines apart in the page and a picture, and get the same value from the command it names."""
+    registry.engine("mujoco")
+    engines = ("--engine", "reference", "--engine", "mujoco")
+    profiles = ("--profile", "balanced", "--profile", "recommended")
+    wanted = (*engines, *profiles, "--metric", "energy.loss")
+    code, _, _ = touchstone("run", "fall", *wanted, "--out", "r", "--quiet")
+    assert code == 0
+    assert "energy.png" in left("r")
+    line = next(line for line in Path("r/report.md").read_text().splitlines() if "`energy.loss`" in line)
+    told = line.split("| ")[-1].strip(" |`").split()
+    assert told[:3] == ["touchstone", "run", "fall"]
+    assert touchstone(*told[1:], "--out", "again", "--quiet")[0] == 0
+    once, again = (pd.read_csv(f"{folder}/results.csv") for folder in ("r", "again"))
+    assert again.engine.tolist() == ["mujoco"]
+    assert again.value.tolist() == once.value[once.engine == "mujoco"].tolist()
+
+
+def test_asking_twice_is_asking_once(touchstone, quick):
+    """Engines, profiles and scenes named twice are played once."""
+    again = ("ball_snip", "--engine", "reference", "--profile", "balanced", "--metric", "overlap.max")
+    _, out, _ = touchstone(*RUN, *again, "--out", "r", "--format", "json")
+    assert len(json.loads(out)) == 1

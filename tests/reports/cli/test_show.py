@@ -1,0 +1,94 @@
+"""`touchstone list` and `touchstone show` in every format."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import subprocess
+import sys
+
+import pytest
+
+from adapters.registry import ENGINES
+from reports.metrics import METRICS
+from scenarios.catalogue import catalogue
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv"])
+@pytest.mark.parametrize("what", ["scenarios", "engines", "metrics", "profiles"])
+def test_lists_in_every_format(touchstone, what, form):
+    """Each list names all there is, parses in its format, and writes nothing else."""
+    code, out, err = touchstone("list", what, "--format", form)
+    assert (code, err) == (0, "")
+    wanted = {
+        "scenarios": list(catalogue()),
+        "engines": list(ENGINES),
+        "metrics": list(METRICS),
+        "profiles": [profile for entry in ENGINES.values() for profile in entry.profiles],
+    }[what]
+    if form == "json":
+        names = [next(iter(row.values())) for row in json.loads(out)]
+    elif form == "csv":
+        names = [row[0] for row in csv.reader(io.StringIO(out))][1:]
+    else:
+        names = [line.split()[0] for line in out.splitlines()][1:]
+    assert names == wanted
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv"])
+def test_show_in_every_format(touchstone, form):
+    """A scene is shown with all its bodies; JSON is the whole scenario."""
+    code, out, err = touchstone("show", "ball_snip", "--format", form)
+    assert (code, err) == (0, "")
+    scenario = catalogue()["ball_snip"]
+    bodies = [body.name for body in scenario.bodies]
+    if form == "json":
+        shown = json.loads(out)
+        assert [body["name"] for body in shown["bodies"]] == bodies
+        assert shown["trackers"][0]["times"] == list(scenario.trackers[0].times)
+    elif form == "csv":
+        assert [row["body"] for row in csv.DictReader(io.StringIO(out))] == bodies
+    else:
+        assert [line.split()[0] for line in out.splitlines()][-len(bodies) :] == bodies
+        assert "expects land ball-floor from 1 to 1.8 s" in out
+
+
+@pytest.mark.parametrize(
+    ("scene", "line"),
+    [
+        ("bounce_e05", "truth ball: from 0.24731 s at (0, 0, 0.05) m, v = (0, 0, 1.21305) m/s"),
+        ("bounce_e05", "arcs more"),
+        ("slide", "truth box_0: from 1.22324 s at (3.66972, 0, 0.05) m, at rest"),
+        ("slip", "dw/dt = (0, 147.15, 0) rad/s^2"),
+        ("spring", "truth light: follows its tracker by Eq. 6, solved in closed form"),
+        ("tumble_stable", "truth box: turns freely, by elliptic functions"),
+    ],
+)
+def test_show_tells_the_truth(touchstone, scene, line):
+    """A probe is shown with how its bodies must move."""
+    code, out, err = touchstone("show", scene)
+    assert (code, err) == (0, "")
+    assert line in out
+
+
+def test_show_knows_the_nearest_name(touchstone):
+    """An unknown scene is one line there too."""
+    code, out, err = touchstone("show", "ball_snap")
+    assert (code, out) == (2, "")
+    assert "did you mean 'ball_snip'" in err
+
+
+def test_a_closed_pipe_is_no_error():
+    """A reader that stops reading, as `head` does, sees no traceback."""
+    arguments = ["touchstone", "show", "ball_snip", "--format", "json"]
+    code = f"import sys; sys.argv = {arguments}; from reports.cli import main; main()"
+    program = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    program.stdout.read(10)
+    program.stdout.close()
+    err = program.stderr.read()
+    program.wait(30)
+    program.stderr.close()
+    assert "Traceback" not in err
