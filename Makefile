@@ -8,11 +8,14 @@ READY := .venv/.ready
 run: $(READY)
 	$(BIN)/touchstone run $(ARGS)
 
+# two workers, each with whole files: more would only compile the reference more often
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
+
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 test-all: $(READY)
-	$(BIN)/python -m pytest -m "slow or not slow"
+	$(PYTEST) -m "slow or not slow"
 
 check: $(READY)
 	$(BIN)/ruff check .

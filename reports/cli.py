@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -43,6 +43,10 @@ app.add_typer(study, name="study")
 app.command()(bench)
 
 
+UsageError: Any = typer.BadParameter.__base__
+"""Of all wrong usage; typer gives no name to it."""
+
+
 class Listing(StrEnum):
     """What `list` can list."""
 
@@ -56,12 +60,18 @@ class Listing(StrEnum):
 def main() -> None:
     """Entry point: every expected failure ends in one line on standard error."""
     try:
-        app()
-    except (KeyboardInterrupt, SystemExit) as end:
-        # typer turns Ctrl-C into a silent exit
-        if isinstance(end, SystemExit) and end.code != INTERRUPTED:
-            raise
+        code = app(prog_name="touchstone", standalone_mode=False)
+    except UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # which has printed the help
+            sys.exit(BAD_INPUT)
+        what, context = " ".join(error.format_message().split()), getattr(error, "ctx", None)
+        command = context.command_path if context else "touchstone"
+        stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    if code == INTERRUPTED:
         stop("interrupted; nothing was written", INTERRUPTED)
+    sys.exit(code)
 
 
 @app.command()
@@ -73,7 +83,7 @@ def run(
         list[str] | None, typer.Option(help="Profiles (default: balanced, recommended, equal-step).")
     ] = None,
     metric: Annotated[list[str] | None, typer.Option(help="Report these metrics alone.")] = None,
-    dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240 [s].")] = None,
+    dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240, in s.")] = None,
     change: Annotated[
         list[str] | None,
         typer.Option("--set", help="KEY=VALUE in the reference's profiles (touchstone list settings)."),

@@ -19,6 +19,7 @@ from adapters.engine import Array, Settings
 from adapters.oracles.articulated import Articulated
 from adapters.recording import Recording, load
 from adapters.registry import ENGINES, installed, missing_reason
+from scenarios.catalogue import catalogue
 from scenarios.scenario import Scenario, Tracker
 from scenarios.tracking import sample
 
@@ -40,7 +41,8 @@ class NotDriven(ValueError):
 def card_rows(scenario: Scenario) -> list[dict[str, object]]:
     """A row per driven body and engine, the referee's first."""
     if not scenario.trackers:
-        raise NotDriven(f"{scenario.name}: no driven bodies, so no model card")
+        valid = ", ".join(s.name for s in catalogue().values() if s.trackers)
+        raise NotDriven(f"{scenario.name}: no driven bodies, so no model card (valid: {valid})")
     held, reasons = _held(scenario)
     rows: list[dict[str, object]] = []
     for tracker in scenario.trackers:

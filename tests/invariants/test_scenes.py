@@ -18,12 +18,12 @@ from reports.run import measured
 from scenarios.catalogue import catalogue, tagged
 
 GALLERY = [scenario.name for scenario in tagged("gallery")]
-BY_DART = ("ball_snip", "wall_push")
-"""With a hand and with a person; the others are slow tests: DART takes several times as long as the rest."""
+USUAL = ("ball_snip", "wall_push")
+"""A hand's scene and a person's: what other engines than the reference play unless slow tests are asked for."""
 PLAYED = [
-    pytest.param(engine, scene, marks=pytest.mark.slow)
-    if engine == "dart" and scene not in BY_DART
-    else (engine, scene)
+    (engine, scene)
+    if engine == "reference" or scene in USUAL
+    else pytest.param(engine, scene, marks=pytest.mark.slow)
     for engine in ENGINES
     for scene in GALLERY
 ]

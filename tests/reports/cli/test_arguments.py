@@ -107,9 +107,31 @@ def test_wrong_input_of_a_study_is_one_line(touchstone, tmp_path, arguments, sai
     assert left(tmp_path) == ["full"]
 
 
-@pytest.mark.parametrize("arguments", [["--engien", "dart"], ["rnu"], ["list", "things"], ["show"], []])
-def test_wrong_usage_shows_no_traceback(touchstone, arguments):
-    """Unknown options, commands and kinds of lists are usage errors, never tracebacks."""
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--engien", "dart"], "No such option: --engien"),
+        (["rnu"], "No such command 'rnu'. Did you mean 'run'? (see touchstone --help)"),
+        (["study", "ikk"], "No such command 'ikk'. Did you mean 'ik'? (see touchstone study --help)"),
+        (["list", "things"], "Invalid value for 'what': "),
+        (["run", "--out"], "Option '--out' requires an argument"),
+        (["show"], "Missing argument 'scenario' (see touchstone show --help)"),
+        (["show", "fall", "--format", "xml"], "Invalid value for '--format': "),
+        (["study", "ik", "--seed", "-1"], "Invalid value for '--seed': "),
+        (["show", "fall", "--model-card"], "fall: no driven bodies, so no model card (valid: arms_cross, "),
+    ],
+)
+def test_wrong_usage_is_one_line(touchstone, arguments, said):
+    """Unknown options, commands and kinds of lists end in exit 2 and one line with the place."""
     code, out, err = touchstone(*arguments)
-    assert code == 2
-    assert "Traceback" not in out + err
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [[], ["study"]])
+def test_no_command_is_answered_with_all(touchstone, arguments):
+    """Without a command the help is printed, and the end is that of wrong usage."""
+    code, out, err = touchstone(*arguments)
+    assert (code, err) == (2, "")
+    assert "Commands" in out
