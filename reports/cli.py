@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -61,6 +63,7 @@ def main() -> None:
     """Entry point: every expected failure ends in one line on standard error."""
     try:
         code = app(prog_name="touchstone", standalone_mode=False)
+        sys.stdout.flush()
     except UsageError as error:
         if type(error).__name__ == "NoArgsIsHelpError":  # which has printed the help
             sys.exit(BAD_INPUT)
@@ -69,6 +72,12 @@ def main() -> None:
         stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
+    except OSError as error:
+        # what is still to be printed goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if error.errno == errno.EPIPE:
+            sys.exit(1)
+        stop(f"{error.filename or 'standard output'}: {error.strerror or error}", BAD_INPUT)
     if code == INTERRUPTED:
         stop("interrupted; nothing was written", INTERRUPTED)
     sys.exit(code)

@@ -19,7 +19,7 @@ from scenarios.catalogue import catalogue, tagged
 
 GALLERY = [scenario.name for scenario in tagged("gallery")]
 USUAL = ("ball_snip", "wall_push")
-"""A hand's scene and a person's: what other engines than the reference play unless slow tests are asked for."""
+"""A hand's scene and a person's: what other engines than the reference play, but in slow tests."""
 PLAYED = [
     (engine, scene)
     if engine == "reference" or scene in USUAL

@@ -61,6 +61,16 @@ def test_a_full_disk_leaves_nothing_half_written(touchstone, quick, monkeypatch,
     assert left(tmp_path) == []
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
+@pytest.mark.parametrize("command", [["list", "engines"], ["show", "wall_push", "--format", "json"]])
+def test_output_to_a_full_disk_is_one_line(command):
+    """When what is printed finds no room: exit 2 and one line, whether it is told at once or at the end."""
+    code = f"import sys; sys.argv = ['touchstone', *{command}]; from reports.cli import main; main()"
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (2, "touchstone: standard output: No space left on device\n")
+
+
 def interrupted(tmp_path, marker):
     """Run two engines in a session of their own, and send all of it SIGINT once `marker` is told."""
     arguments = [
