@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from reports.frame_budget import HEADS, budget_rows, budgets
 from reports.frame_budget_picture import write_picture
 from reports.terminal import console, show_budget
+from scenarios.catalogue import tagged
 
 
 @pytest.fixture
@@ -65,3 +68,21 @@ def test_the_table_is_printed_for_several_scenes(played, capsys):
     assert out.index("bare") < out.index("reach")
     show_budget({("reach", "reference", "balanced"): played["reach", "reference", "balanced"]}, console())
     assert capsys.readouterr().out == ""
+
+
+def test_names_are_whole_on_a_terminal_of_80_columns(recordings, lab):
+    """Cut neither scenes of the gallery nor heads, with inverse kinematics as costly as it gets there."""
+    still = recordings.recording(lab.scene(lab.ground(), lab.ball(), duration=4 / 60))
+    costly = replace(
+        still,
+        time_frame=np.full(4, 1.23e-3),
+        stage_names=np.array(["collision", "removal"]),
+        stage_seconds=np.tile([1.0, 99.0], (4, 1)),
+        work_names=np.array(["ik.iterations", "ik.joints", "pairs.contacting"]),
+        work=np.tile([123.0, 27.0, 12.0], (4, 1)),
+    )
+    out = Console(width=80, record=True, file=io.StringIO())
+    show_budget({(scene.name, "reference", "balanced"): costly for scene in tagged("gallery")}, out)
+    told = out.export_text()
+    assert "…" not in told
+    assert all(scene.name in told for scene in tagged("gallery"))
