@@ -8,14 +8,11 @@ READY := .venv/.ready
 run: $(READY)
 	$(BIN)/touchstone run $(ARGS)
 
-# two workers, each with whole files: more would only compile the reference more often
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
-
 test: $(READY)
-	$(PYTEST)
+	$(BIN)/python -m pytest
 
 test-all: $(READY)
-	$(PYTEST) -m "slow or not slow"
+	$(BIN)/python -m pytest -m "slow or not slow"
 
 check: $(READY)
 	$(BIN)/ruff check .
