@@ -2,7 +2,7 @@
 
 Per scene and engine: the scene's plan against all effects; on the reference also each effect alone, switched
 off where the plan has it and on where it has not. Frames of all variants are interleaved. Means over all
-frames are compared, for a plan spares different things in different frames; on the reference each frame is the
+frames are compared, for a plan spares different things in different frames; on the reference a frame is the
 fastest of PASSES, and net of the crossing from Python, an empty call with all that a step is handed: of a
 probe's frame it is half. Outcomes are compared in every displayed frame: `identical` to the bit, `within
 tolerance`, `matters`.
