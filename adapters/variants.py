@@ -1,14 +1,14 @@
 """One spawned child per engine that plays a scene under several plans by turns, and tells them apart.
 
 Frames of all variants are interleaved, one of each in turn, starting with another each time; nothing is read
-out within the clock. What a variant's bodies do is held against the first one's, frame by frame. Further
-passes, in which all do the same again, tell what a frame takes that nothing disturbs.
+out within the clock. What a variant's bodies do is held against the first one's, frame by frame. Frames of
+microseconds are timed in passes of their own, for there two worlds share the caches, not all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +19,7 @@ import numpy as np
 from adapters.bounds import bounds, planned
 from adapters.engine import AdapterError, Array, Engine, Settings, State, World
 from adapters.process import PATIENCE, ChildProcess
-from adapters.record import CROSSINGS, frame_seconds, ready, undisturbed, warm_up
+from adapters.record import frame_seconds, ready, undisturbed, warm_up
 from adapters.registry import load
 from adapters.stepping import Loader
 from scenarios.effects import plan
@@ -32,19 +32,33 @@ FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joi
 
 
 @dataclass(frozen=True, slots=True)
+class Pace:
+    """Step calls of the frames played, and an empty call into the engine right after each, both (f,) [s]; of
+    several passes the fastest. Empty calls are 0 where they were not timed."""
+
+    seconds: Array
+    crossing: Array
+
+    @property
+    def net(self) -> Array:
+        """Seconds without the crossing from Python."""
+        return self.seconds - self.crossing
+
+
+@dataclass(frozen=True, slots=True)
 class Variant:
     """What one of several plans of a scene did.
 
     Attributes:
-        seconds: step calls of the frames played, each the fastest of all passes (f,) [s].
-        crossing: an empty call into the engine [s].
+        pace: what its frames took.
+        beside: what the first variant's took, by turns with them.
         moved, turned: largest difference of positions [m] and orientations [rad] from the first variant's.
         same: whether all bodies and hinges did the same to the bit.
         ended: why it could not be played to the end; empty where it was.
     """
 
-    seconds: Array
-    crossing: float
+    pace: Pace
+    beside: Pace
     moved: float
     turned: float
     same: bool
@@ -87,37 +101,53 @@ def plan_seconds(scenario: Scenario) -> Array:
 
 
 def play(
-    engine: Engine, scenario: Scenario, settings: Sequence[Settings], budget: float = inf, passes: int = 1
+    engine: Engine, scenario: Scenario, settings: Sequence[Settings], budget: float = inf, passes: int = 0
 ) -> list[Variant]:
-    """Play all variants side by side, several times; every one to the frame in which the steps of all took
-    `budget`."""
+    """Play all variants side by side; every one to the frame in which the steps of all took `budget`. With
+    `passes` each is timed so many times beside the first one alone, over the same frames."""
     runs = [_Run(engine, scenario, one) for one in settings]
-    frames = _play(runs, scenario.frame_count, budget, compare=True)
-    for _ in range(passes - 1):
-        again = [_Run(engine, scenario, one, warm=False) for one in settings]
-        _play(again, frames, inf, compare=False)
-        for run, other in zip(runs, again):
-            run.keep_fastest(other)
-            other.close()
-    return [run.close() for run in runs]
-
-
-def _play(runs: Sequence[_Run], frames: int, budget: float, compare: bool) -> int:
-    """One pass; returns how many frames were played."""
     spent, number = 0.0, 0
-    while number < frames and spent < budget:
+    while number < scenario.frame_count and spent < budget:
         for turn in range(len(runs)):
             spent += runs[(number + turn) % len(runs)].step(number)
-        for run in runs[1:] if compare else ():
+        for run in runs[1:]:
             run.compare(runs[0])
         number += 1
-    return number
+    found = [run.close(runs[0]) for run in runs]
+    for k in range(1, len(found)) if passes and not found[0].ended else ():
+        if not found[k].ended:
+            beside, pace = _time(engine, scenario, (settings[0], settings[k]), number, passes)
+            found[k] = replace(found[k], pace=pace, beside=beside)
+            found[0] = replace(found[0], pace=beside, beside=beside)
+    return found
+
+
+def _time(
+    engine: Engine, scenario: Scenario, pair: tuple[Settings, Settings], frames: int, passes: int
+) -> tuple[Pace, Pace]:
+    """Frames of two variants by turns: of a frame in which something happens the first one finds cold caches,
+    so another one is the first in each pass."""
+    fastest = np.full((2, frames, 2), inf)
+    for turn in range(passes):
+        spent = np.zeros((2, frames, 2))
+        worlds = [ready(engine, scenario, one).world for one in pair]
+        for number in range(frames):
+            for k in ((number + turn) % 2, (number + turn + 1) % 2):
+                seconds = frame_seconds(worlds[k], scenario, pair[k], number)
+                start = perf_counter()
+                worlds[k].cross()
+                spent[k, number] = seconds, perf_counter() - start
+        for world in worlds:
+            world.close()
+        fastest = np.minimum(fastest, spent)
+    one, two = (Pace(each[:, 0], each[:, 1]) for each in fastest)
+    return one, two
 
 
 class _Run:
     """One variant while it is played; one that fails stays where it is."""
 
-    def __init__(self, engine: Engine, scenario: Scenario, settings: Settings, warm: bool = True) -> None:
+    def __init__(self, engine: Engine, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
         self._names = [body.name for body in scenario.bodies]
         self._seconds: list[float] = []
@@ -127,8 +157,7 @@ class _Run:
         self._world: World | None = None
         try:
             self._plan = planned(scenario, settings.effects)
-            if warm:
-                warm_up(engine, scenario, settings)
+            warm_up(engine, scenario, settings)
             self._world = ready(engine, scenario, settings).world
         except AdapterError as error:
             self._ended = str(error)
@@ -169,20 +198,14 @@ class _Run:
         )
         self._moved, self._turned = max(self._moved, float(moved)), max(self._turned, float(turned.max()))
 
-    def keep_fastest(self, other: _Run) -> None:
-        """Take the times of another pass where they are shorter."""
-        self._seconds = [min(pair) for pair in zip(self._seconds, other._seconds)]
-
-    def close(self) -> Variant:
-        """What it did; frees the world."""
-        crossings = np.zeros(0)
+    def close(self, first: _Run) -> Variant:
+        """What it did beside the first one; frees the world."""
         if self._world is not None:
-            crossings = np.zeros(CROSSINGS)
-            for k in range(CROSSINGS):
-                start = perf_counter()
-                self._world.cross()
-                crossings[k] = perf_counter() - start
             self._world.close()
-        crossing = float(np.median(crossings)) if len(crossings) else 0.0
         same = self._same and not self._ended
-        return Variant(np.array(self._seconds), crossing, self._moved, self._turned, same, self._ended)
+        pace, beside = (_gross(seconds) for seconds in (self._seconds, first._seconds))
+        return Variant(pace, beside, self._moved, self._turned, same, self._ended)
+
+
+def _gross(seconds: Sequence[float]) -> Pace:
+    return Pace(np.array(seconds), np.zeros(len(seconds)))

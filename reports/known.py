@@ -56,7 +56,7 @@ HALVES = (
 )
 OVER_BEST = ": touchstone run {} --engine reference --metric posture.over_best"
 GALLERY: tuple[Known, ...] = (
-    *(Known("time.left", "reference", NEEDED, scenario=group) for group in ("gallery", "probe")),
+    *(Known("time.left", "reference", NEEDED, scenario=group) for group in ("gallery",)),
     *(
         Known("posture.over_best", "reference", reason + OVER_BEST.format(scene), scene, profile, subject)
         for profile in ("balanced", "accurate")

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.engine import Settings
+from adapters.engine import Array, Settings
 from adapters.registry import ENGINES, installed, load, missing_reason
 from adapters.stepping import Loader
-from adapters.variants import Variant, VariantPlayer
+from adapters.variants import Pace, Variant, VariantPlayer
 from reports.limits import judged
 from reports.output import output_folder
 from reports.progress import Progress
@@ -38,8 +38,8 @@ TOLERANCE = 1e-6
 """Difference of outcomes that no limit on overlap or gap would notice [m, rad]."""
 BUDGET = 1.0
 """Seconds of an engine's steps in a scene, both variants together; the reference plays all frames."""
-PASSES = 5
-"""Times that the reference plays a scene."""
+PASSES = 8
+"""Times that the reference's frames are timed, each variant the first in half of them."""
 IDENTICAL, WITHIN, MATTERS = "identical", "within tolerance", "matters"
 JUDGED = ("effects.changed", "time.left", "time.slower", "time.plan")
 """Metrics of this study with limits."""
@@ -130,7 +130,7 @@ def _rows_of_scene(child: VariantPlayer, base: Row, scenario: Scenario) -> list[
         rows.append(replace(base, metric="time.plan", unit="s", value=value, low=low, high=high))
         wanted |= toggles(scenario)
     settings = [Settings(base.profile, base.dt, effects=effects) for effects in wanted.values()]
-    how = (np.inf, PASSES) if ours else (BUDGET, 1)
+    how = (np.inf, PASSES) if ours else (BUDGET, 0)
     variants = child.ask("play", (scenario, settings, *how))
     if variants is None:
         return []
@@ -155,9 +155,7 @@ def toggles(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
     """Time saved by the plan, and how far the outcome is from the plan's, by variant."""
     rows = []
-    mine = played[""]
-    net = mine.crossing if base.engine == REFERENCE else 0.0
-    value, low, high = median_interval(mine.seconds - net, middle=np.mean)
+    value, low, high = median_interval(_times(base, played[""].pace), middle=np.mean)
     rows.append(replace(base, metric="time.frame", unit="s", value=value, low=low, high=high))
     for subject, other in played.items():
         if not subject:
@@ -166,7 +164,7 @@ def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
         if other.ended:
             rows.append(replace(row, metric="run", verdict="known", reason=f"{subject}: {other.ended}"))
             continue
-        rows += _saved(row, mine, other, net)
+        rows += _saved(row, other)
         word = IDENTICAL if other.same else WITHIN if max(other.moved, other.turned) <= TOLERANCE else MATTERS
         row = replace(row, reason=word)
         rows.append(replace(row, metric="effects.moved", unit="m", value=other.moved))
@@ -175,12 +173,17 @@ def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
     return rows
 
 
-def _saved(row: Row, mine: Variant, other: Variant, net: float) -> list[Row]:
-    """Share of the other's frame that the plan does without, and by how much it is surely slower."""
-    if min(len(mine.seconds), len(other.seconds)) == 0:
+def _times(row: Row, pace: Pace) -> Array:
+    """Seconds of a row's frames: the reference's are net."""
+    return pace.net if row.engine == REFERENCE else pace.seconds
+
+
+def _saved(row: Row, other: Variant) -> list[Row]:
+    """Share of the other's frames that the plan does without, and by how much it is surely slower."""
+    mine, theirs = _times(row, other.beside), _times(row, other.pace)
+    if min(len(mine), len(theirs)) == 0:
         return []
-    theirs = other.crossing if net else 0.0
-    ratio = time_ratio(mine.seconds - net, other.seconds - theirs, middle=np.mean)
+    ratio = time_ratio(mine, theirs, middle=np.mean)
     saved = replace(
         row, metric="time.saved", unit="1", value=1 - ratio.value, low=1 - ratio.high, high=1 - ratio.low
     )

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from adapters.engine import Settings
-from adapters.variants import Variant, play
+from adapters.variants import Pace, Variant, play
 from reports.results import Row, rows_of
 from reports.studies import effects, effects_table
 from reports.studies.effects import ALL, IDENTICAL, MATTERS, WITHIN
@@ -20,10 +20,15 @@ from scenarios.effects import PLANNED
 BASE = Row("effects", "fall", "reference", "balanced", 1 / 60, "")
 
 
-def variant(seconds: float, **told: object) -> Variant:
-    """Forty frames that each take so long, with the same outcome unless told otherwise."""
-    facts: dict[str, object] = {"crossing": 0.0, "moved": 0.0, "turned": 0.0, "same": True, "ended": ""}
-    return Variant(seconds=np.full(40, seconds), **facts | told)
+def pace(seconds: float, crossing: float = 0.0) -> Pace:
+    """Forty frames that each take so long."""
+    return Pace(np.full(40, seconds), np.full(40, crossing))
+
+
+def variant(seconds: float, beside: float = 1e-6, crossing: float = 0.0, **told: object) -> Variant:
+    """Frames beside others, with the same outcome unless told otherwise."""
+    facts: dict[str, object] = {"moved": 0.0, "turned": 0.0, "same": True, "ended": ""}
+    return Variant(pace(seconds, crossing), pace(beside, crossing), **facts | told)
 
 
 def by_metric(rows: list[Row]) -> Mapping[tuple[str, str], Row]:
@@ -33,7 +38,7 @@ def by_metric(rows: list[Row]) -> Mapping[tuple[str, str], Row]:
 
 def test_times_are_net_of_the_crossing() -> None:
     """Take the crossing off both times of the reference, and off no engine's."""
-    played = {"": variant(2e-6, crossing=1e-6), ALL: variant(3e-6, crossing=1e-6)}
+    played = {"": variant(2e-6), ALL: variant(3e-6, 2e-6, crossing=1e-6)}
     saved = by_metric(effects.rows_of_variants(BASE, played))["time.saved", ALL]
     assert saved.value == pytest.approx(0.5)
     other = Row("effects", "fall", "mujoco", "recommended", 1 / 540, "")
@@ -81,14 +86,23 @@ def test_variants_of_a_fall(registry) -> None:
     assert whole.same
     assert not without.same
     assert without.moved > 0.5
-    assert len(mine.seconds) == len(whole.seconds) == catalogue()["fall"].frame_count
+    assert len(mine.pace.seconds) == len(whole.pace.net) == catalogue()["fall"].frame_count
+
+
+def test_passes_time_a_variant_beside_the_first(registry) -> None:
+    """Time pairs in passes of their own: as many frames, each with its crossing, the first one beside."""
+    settings = [Settings("balanced", 1 / 60, effects=one) for one in (None, PLANNED)]
+    mine, whole = play(registry.engine("reference"), catalogue()["fall"], settings, passes=2)
+    assert len(whole.pace.seconds) == len(whole.beside.crossing) == catalogue()["fall"].frame_count
+    assert (whole.pace.crossing > 0).all()
+    assert np.array_equal(mine.pace.seconds, whole.beside.seconds)
 
 
 def test_a_budget_ends_all_variants_together(registry) -> None:
     """Stop after the frame in which the steps of all took as long as allowed."""
     settings = [Settings("balanced", 1 / 60, effects=one) for one in (None, PLANNED)]
     variants = play(registry.engine("reference"), catalogue()["stack"], settings, budget=1e-9)
-    assert [len(one.seconds) for one in variants] == [1, 1]
+    assert [len(one.pace.seconds) for one in variants] == [1, 1]
 
 
 def test_the_study_as_a_whole(tmp_path: Path) -> None:
