@@ -17,7 +17,7 @@ from reference_impl.conventions import (
 from reference_impl.detection import detect_for
 from reference_impl.kernel import kernel
 from reference_impl.least_turn import least_turn
-from reference_impl.skeleton import pose_chain
+from reference_impl.skeleton import pose_chain_links
 
 
 @kernel
@@ -58,7 +58,7 @@ def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, late
             else:
                 first = aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
                 bring_out(bodies, joints, first, link, rounds, state)
-            pose_chain(bodies, joints, driver, chain)
+            pose_chain_links(bodies, joints, driver, chain)
             end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
     return end
 

@@ -7,6 +7,7 @@ from reference_impl.conventions import (
     COUNT_GAVE_UP,
     COUNT_ROUNDS,
     COUNT_WAY_BACK,
+    DETECTION_SWEEP,
     DRIVEN,
     FIXED,
     LONGEST_SHIFT,
@@ -29,7 +30,7 @@ from reference_impl.kernel import kernel
 from reference_impl.least_motion import least_motion
 from reference_impl.rooms import in_rooms
 from reference_impl.rotation import copy_quaternion, copy_vector, rotation_between, turn
-from reference_impl.skeleton import place, pose_links
+from reference_impl.skeleton import place, pose_links, pose_moved
 
 
 @kernel
@@ -71,7 +72,7 @@ def pass_free(bodies, pieces, joints, drivers, state):
     if state["drive_clear"] == 0:
         return False
     for d in range(len(drivers)):
-        pose_links(bodies, joints, drivers[d])
+        pose_moved(bodies, joints, drivers[d])
     if not in_rooms(bodies, pieces, state):
         return False
     for d in range(len(drivers)):
@@ -141,7 +142,11 @@ def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover
     driver, shift = drivers[d], state["shift"]
     previous, marked = 0.0, 0
     for rounds in range(REMOVAL_ROUNDS + 1):
-        pose_links(bodies, joints, driver)
+        # sweeps leave links on their ways
+        if state["detection"] == DETECTION_SWEEP:
+            pose_links(bodies, joints, driver)
+        else:
+            pose_moved(bodies, joints, driver)
         end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
         if state["removal"] == REMOVAL_LEAST_MOTION:
             deepest, size = least_motion(bodies, pairs, 0, end, mover, state["planes"], shift)

@@ -1,6 +1,6 @@
 """Kinematics of a driven body: a tree of links joined by hinges, and its inertia as a whole."""
 
-from math import cos, sin
+from math import cos, nan, sin
 
 import numpy as np
 
@@ -42,22 +42,45 @@ def place(body):
 @kernel
 def pose_links(bodies, joints, driver):
     """Forward kinematics: world poses of a driver's links from its root's pose and its hinges' angles."""
-    root = bodies[driver["root"]]
-    for i in range(3):
-        root["position"][i] = driver["position"][i]
-    for i in range(4):
-        root["orientation"][i] = driver["orientation"][i]
-    place(root)
+    _pose_root(bodies, driver)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         _pose_link(bodies, joints[k])
 
 
 @kernel
-def pose_chain(bodies, joints, driver, chain):
+def pose_moved(bodies, joints, driver):
+    """`pose_links`, but for links that neither their hinge nor what they hang on has moved since."""
+    root, moved = bodies[driver["root"]], False
+    for i in range(3):
+        moved = moved or root["position"][i] != driver["position"][i]
+    for i in range(4):
+        moved = moved or root["orientation"][i] != driver["orientation"][i]
+    if moved:
+        _pose_root(bodies, driver)
+    root["moved"] = 1 if moved else 0
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        moved = bodies[joint["parent"]]["moved"] == 1 or joint["angle"] != joint["posed_angle"]
+        if moved:
+            _pose_link(bodies, joint)
+        bodies[joint["child"]]["moved"] = 1 if moved else 0
+
+
+@kernel
+def pose_chain_links(bodies, joints, driver, chain):
     """Forward kinematics of the links that one chain moves, the rest being posed."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         if bodies[joints[k]["child"]]["chain"] == chain:
             _pose_link(bodies, joints[k])
+
+
+@kernel
+def _pose_root(bodies, driver):
+    """Pose a driver's root where the driver is."""
+    root = bodies[driver["root"]]
+    copy_vector(driver["position"], root["position"])
+    copy_quaternion(driver["orientation"], root["orientation"])
+    place(root)
 
 
 @kernel
@@ -68,17 +91,21 @@ def _pose_link(bodies, joint):
     hang(bodies[joint["parent"]], joint, child)
     quaternion_of(child["rotation"], child["orientation"])
     place(child)
+    joint["posed_angle"] = joint["angle"]
 
 
 @kernel
 def measure_angle(joint):
     """Cosine and sine of a hinge's angle."""
+    if joint["angle"] != joint["posed_angle"]:
+        joint["posed_angle"] = nan
     joint["cosine"], joint["sine"] = cos(joint["angle"]), sin(joint["angle"])
 
 
 @kernel
 def hang(parent, joint, child):
     """Rotation and origin of a hinge's child from its parent's, and the angle's cosine and sine."""
+    joint["posed_angle"] = nan
     hinge_rotation(joint["axis"], joint["cosine"], joint["sine"], joint["rest"], child["scratch"])
     multiply(parent["rotation"], child["scratch"], child["rotation"])
     rotate(parent["rotation"], joint["position"], child["position"])

@@ -62,6 +62,7 @@ BODY = _record(
     old_orientation=_QUATERNION,
     old_velocity=_VECTOR,
     old_omega=_VECTOR,
+    moved="i8",  # of a link: whether it was posed anew
     shown_center=_VECTOR,  # of a link, at the start of a frame
     shown_orientation=_QUATERNION,
     # its way over a substep (`motion`)
@@ -161,6 +162,7 @@ JOINT = _record(
     lower="f8",
     upper="f8",
     angle="f8",
+    posed_angle="f8",  # at which its child is posed, cosine and sine included; NaN where it may not be
     rate="f8",
     shown_angle="f8",  # at the start of a frame
     free_angle="f8",  # in the last free pose
