@@ -159,6 +159,15 @@ _TABLE: tuple[Setting, ...] = (
         "chains come free link by link by inverse kinematics, or by the smallest turns for all links at once",
     ),
     Range(
+        "attraction_time",
+        0,
+        1e3,
+        "s",
+        ("0.1", "0.0", "0.0"),
+        "lag of the attraction: in which the way to a tracker that stands still falls to 1 / e",
+        whole=False,
+    ),
+    Range(
         "attraction_parts",
         1,
         64,

@@ -146,7 +146,7 @@ def _joints(scenario: Scenario) -> np.ndarray:
     for tracker, first in zip(scenario.trackers, _first_joints(scenario)):
         rows = joints[first : first + len(tracker.joints)]
         motion = sample(tracker, np.zeros(1))
-        for name in ("angle", "shown_angle", "free_angle", "target_angle"):
+        for name in ("angle", "shown_angle", "free_angle", "target_angle", "last_target_angle"):
             rows[name] = motion.angle[0]
         for name in ("rate", "target_rate"):
             rows[name] = motion.rate[0]

@@ -1,4 +1,4 @@
-"""By how much the overlap of a pair is a chain's to resolve, and which side of it the chain moves."""
+"""By how much the overlap of a pair is a chain's to resolve by inverse kinematics, and which side of it moves."""
 
 from reference_impl.kernel import kernel
 

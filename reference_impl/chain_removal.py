@@ -6,18 +6,18 @@ from reference_impl.chain_reach import aim, bend, bring_out
 from reference_impl.conventions import (
     BEND_ROUNDS,
     CHAIN_ROUNDS,
-    COUNT_IK_ITERATIONS,
-    COUNT_IK_JOINTS,
     COUNT_IK_ROUNDS,
     OVERLAP_TOLERANCE,
     POSTURE_LEAST_TURN,
     STRETCHED,
+    TURN_MAX,
     TURN_TOLERANCE,
 )
 from reference_impl.detection import detect_for
 from reference_impl.kernel import kernel
-from reference_impl.least_turn import least_turn
-from reference_impl.skeleton import pose_chain_links
+from reference_impl.least_turn import apply_turns, least_turn, missed_share
+from reference_impl.skeleton import pose_chain_links, pose_links
+from reference_impl.turn_rows import chains_depth, gather_rows
 
 
 @kernel
@@ -35,7 +35,8 @@ def shuffle_chains(driver, state):
 
 @kernel
 def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
-    """Bring the chains of driver d out of overlap, one after the other; links are posed.
+    """Bring the chains of driver d out of overlap, one after the other by inverse kinematics or all at once
+    by the least turn; links are posed.
 
     Args:
         later: as in `detect_for`.
@@ -44,43 +45,52 @@ def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, late
         Index after the last pair of the last detection; whether all chains came free is for its pairs to say.
     """
     driver = drivers[d]
-    # the least turn converges fast; passes of inverse kinematics do not
-    enough = TURN_TOLERANCE if state["posture"] == POSTURE_LEAST_TURN else OVERLAP_TOLERANCE
+    if state["posture"] == POSTURE_LEAST_TURN:
+        return _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
     for i in range(driver["chain_count"]):
         chain = driver["order"][i]
         for rounds in range(CHAIN_ROUNDS):
-            link = _innermost(bodies, pairs, end, driver, d, chain, rounds, enough)
+            link = _innermost(bodies, pairs, end, driver, d, chain, rounds)
             if link < 0:
                 break
             state["counters"][COUNT_IK_ROUNDS] += 1
-            if state["posture"] == POSTURE_LEAST_TURN:
-                _turn_all(bodies, joints, pairs, end, driver, d, chain, rounds, state)
-            else:
-                first = aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
-                bring_out(bodies, joints, first, link, rounds, state)
+            first = aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
+            bring_out(bodies, joints, first, link, rounds, state)
             pose_chain_links(bodies, joints, driver, chain)
             end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
     return end
 
 
 @kernel
-def _turn_all(bodies, joints, pairs, end, driver, d, chain, rounds, state):
-    """Turn a chain by the least that frees all its links; a stretched one is bent."""
-    first, last = driver["chains"][chain, 0], driver["chains"][chain, 1]
-    state["counters"][COUNT_IK_ITERATIONS] += 1
-    state["counters"][COUNT_IK_JOINTS] += last + 1 - first
-    missed = least_turn(bodies, joints, pairs, end, driver, d, chain, rounds, state)
-    if missed > STRETCHED and rounds < BEND_ROUNDS:
-        bend(joints, first, last)
+def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
+    """Turn all chains by the least that frees them, round by round; stretched ones are bent."""
+    driver = drivers[d]
+    for rounds in range(CHAIN_ROUNDS):
+        gather_rows(bodies, pairs, end, driver, d)
+        # converges fast, unlike passes of inverse kinematics
+        if chains_depth(bodies, pairs, end, d) <= TURN_TOLERANCE:
+            break
+        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+            joints[k]["pass_turn"] = 0.0
+        least_turn(bodies, joints, driver, False, state)
+        state["counters"][COUNT_IK_ROUNDS] += 1
+        for i in range(driver["chain_count"]):
+            first, last = driver["chains"][i, 0], driver["chains"][i, 1]
+            if rounds < BEND_ROUNDS and missed_share(joints, first, last, driver) > STRETCHED:
+                bend(joints, first, last)
+        apply_turns(joints, driver, 1.0, TURN_MAX)
+        pose_links(bodies, joints, driver)
+        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+    return end
 
 
 @kernel
-def _innermost(bodies, pairs, end, driver, d, chain, rounds, enough):
-    """Hinge of the chain's link deeper than `enough` [m] that is closest to the root, or -1."""
+def _innermost(bodies, pairs, end, driver, d, chain, rounds):
+    """Hinge of the chain's link that overlaps and is closest to the root, or -1."""
     link = -1
     for k in range(end):
         side, depth = chain_depth(bodies, pairs[k], driver, d, chain, rounds)
-        if side == 0.0 or depth <= enough:
+        if side == 0.0 or depth <= OVERLAP_TOLERANCE:
             continue
         hinge = bodies[pairs[k]["body_b"] if side > 0 else pairs[k]["body_a"]]["hinge"]
         if link < 0 or hinge < link:

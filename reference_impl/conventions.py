@@ -279,12 +279,16 @@ NEAR_CRITICAL = 1e-5
 
 # chains (method, section 4)
 ATTRACTION_TIME = 0.1
-"""In which what parts a chain's shown posture from the tracker's falls to 1 / e [s]."""
+"""Lag at which no tracker is too slow for the attraction [s]: of `paper`, and of what its stride allows."""
 ATTRACTION_TURN = 0.02
 """Turn of all hinges of a chain in one part of the attraction [rad]: 14 mm at the end of an arm, half of what
 two hands are thick."""
+ATTRACTION_MOST = 0.04
+"""And at most, however few parts are left [rad]: what a hand is thick."""
+ATTRACTION_SETTLED = 1e-3
+"""Turn of all hinges in a part after which none is needed [rad]: first order leaves 0.5e-6 m of it."""
 CHAIN_ROUNDS = 16
-"""Links of one chain that a frame brings out of overlap."""
+"""Links of one chain, or turns of all chains, that bring a body out of overlap."""
 CHAIN_TOLERANCE = 2e-7
 """Distance of end effector and goal at which a link is out [m]: well within OVERLAP_TOLERANCE."""
 CHAIN_PASSES = 64
@@ -299,8 +303,10 @@ ALONG = 0.17364817766693033
 """Cosine between a link and the way out below which it lies along the obstacle [1]: sin 10 degrees."""
 CHAIN_JOINTS = 16
 """Hinges a chain may have."""
-TURN_ROWS = 16
-"""Pairs of a chain that one turn looks at; the next one sees the rest."""
+TURN_ROWS = 32
+"""Points of a body's chains that one turn looks at; the next one sees the rest."""
+TURN_ALIKE = 1e-3
+"""Distance at which two points of a pair count as one [m]."""
 TURN_SWEEPS = 96
 """Sweeps of Hildreth's method; one pair takes 1, a corner about 10, almost opposing ones tens."""
 TURN_PLAIN = 8
@@ -308,6 +314,8 @@ TURN_OVER = 1.7
 """Plain sweeps, and the factor of the corrections after them [1]: hundreds of sweeps become tens."""
 TURN_TOLERANCE = 1e-8
 """Change of a depth in a sweep that ends it [m]: a hundredth of OVERLAP_TOLERANCE."""
+TURN_ROUGH = 1e-6
+"""The same where a turn is pulled [m]: what is left is taken out after it."""
 TURN_CLEARANCE = 5e-7
 """Gap that a turn aims at [m]: what its linearisation leaves then is no depth, and the links still touch."""
 TURN_LEVER = 5e-3

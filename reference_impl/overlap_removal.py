@@ -76,7 +76,7 @@ def pass_free(bodies, pieces, joints, drivers, state):
     if not in_rooms(bodies, pieces, state):
         return False
     for d in range(len(drivers)):
-        drivers[d]["is_free"] = 1
+        drivers[d]["is_free"], drivers[d]["turn_count"] = 1, 0
         store_free_pose(joints, drivers[d])
         shuffle_chains(drivers[d], state)
     return True

@@ -1,5 +1,6 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
+from reference_impl.attraction import approach, set_goals
 from reference_impl.contact_change import first_return
 from reference_impl.contact_log import cut_holds
 from reference_impl.conventions import (
@@ -47,7 +48,7 @@ from reference_impl.skeleton import (
     store_shown,
 )
 from reference_impl.strips import list_pieces
-from reference_impl.virtual_coupling import attraction_parts, follow_tracker, pose_hinges
+from reference_impl.virtual_coupling import follow_tracker
 
 
 @kernel
@@ -113,17 +114,21 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
         if drivers[d]["chain_count"] > 0:
             store_shown(bodies, joints, drivers[d])
         follow_tracker(drivers[d], state["dt"])
+        set_goals(joints, drivers[d], state["dt"], state["attraction_time"])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
     # chains go towards the tracker in parts: none goes through another limb unseen
-    parts = min(attraction_parts(joints, state["dt"]), state["attraction_parts"])
-    for _ in range(parts):
+    for part in range(state["attraction_parts"]):
+        more = False
         for d in range(len(drivers)):
-            pose_hinges(joints, drivers[d], state["dt"] / parts)
+            if approach(bodies, joints, drivers[d], state, part):
+                more = True
         if state["skip_removal"] == 0 and not pass_free(bodies, pieces, joints, drivers, state):
             if state["detection"] == DETECTION_SWEEP:
                 sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
             remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
+        if not more:
+            break
     if state["skip_removal"] == 1:
         for d in range(len(drivers)):
             drivers[d]["is_free"] = 1

@@ -2,8 +2,7 @@
 
 from math import cos, cosh, exp, sin, sinh, sqrt
 
-from reference_impl.ccd_ik import keep_in_cones
-from reference_impl.conventions import ATTRACTION_TIME, ATTRACTION_TURN, NEAR_CRITICAL
+from reference_impl.conventions import NEAR_CRITICAL
 from reference_impl.kernel import kernel
 from reference_impl.rotation import rotation_between, turn
 
@@ -66,39 +65,3 @@ def _follow_rotation(driver, stiffness, h):
         error[i], rate = decay(error[i], rate, stiffness, 2 * sqrt(stiffness), h)
         driver["omega"][i] = pace + rate
     turn(driver["target_orientation"], error[0], error[1], error[2], driver["orientation"])
-
-
-@kernel
-def attraction_parts(joints, h):
-    """Into how many parts of a time h the attraction is divided, for no chain to turn by more than
-    ATTRACTION_TURN in all in one of them; at least 1."""
-    share = 1 - exp(-h / ATTRACTION_TIME)
-    most = total = 0.0
-    for k in range(len(joints)):
-        joint = joints[k]
-        # chains follow each other, each from its first hinge on
-        if k > 0 and (joints[k - 1]["chain"] != joint["chain"] or joints[k - 1]["child"] != joint["parent"]):
-            total = 0.0
-        if joint["chain"] >= 0:
-            total += share * abs(joint["target_angle"] - joint["angle"])
-        most = max(most, total)
-    return 1 + int(min(most / ATTRACTION_TURN, 1e3))
-
-
-@kernel
-def pose_hinges(joints, driver, h):
-    """Pose a hand's hinges as the glove shows them, with their rates; those of chains go a share of the way
-    (the attraction of section 4), within limits and reach cones."""
-    share = 1 - exp(-h / ATTRACTION_TIME)
-    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
-    for k in range(first, end):
-        joint = joints[k]
-        joint["last_angle"] = joint["angle"]
-        if joint["chain"] < 0:
-            joint["angle"] = joint["target_angle"]
-            joint["rate"] = joint["target_rate"]
-        else:
-            wanted = joint["angle"] + share * (joint["target_angle"] - joint["angle"])
-            joint["angle"] = min(max(wanted, joint["lower"]), joint["upper"])
-    if driver["chain_count"] > 0:
-        keep_in_cones(joints, first, end - 1)

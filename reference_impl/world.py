@@ -168,6 +168,8 @@ JOINT = _record(
     free_angle="f8",  # in the last free pose
     entry_angle="f8",  # when removal began
     target_angle="f8",  # at the end of the frame
+    goal_angle="f8",  # of the frame's attraction
+    last_target_angle="f8",  # at its start
     target_rate="f8",
     # first of a ball joint's three hinges: its reach cone, in the hinges' axes at angles 0
     cone_count="i8",  # corners; 0 where no ball joint starts
@@ -197,6 +199,24 @@ JOINT = _record(
     normal=_VECTOR,  # of the plane through both
     foot=_VECTOR,
     zero=_VECTOR,  # the mark of twist 0
+)
+TURN = _record(
+    piece_a="i8",  # of the pair
+    piece_b="i8",
+    seen="i8",  # whether that touched when pairs were last looked at
+    body="i8",  # a link of a chain
+    other="i8",  # the body it meets
+    first=("i8", (2,)),  # hinges that move the one and the other
+    last=("i8", (2,)),
+    point=_VECTOR,  # of the link, its frame
+    other_point=_VECTOR,  # of the other, its frame
+    normal=_VECTOR,  # out of the other
+    height="f8",  # that the one point is to be at above the other, along the normal [m]
+    world_point=_VECTOR,
+    depth="f8",
+    fall=("f8", (2, CHAIN_JOINTS)),  # of the depth per turn of these hinges [m]
+    push="f8",  # multiplier [1/m]
+    kept="f8",  # that of the last pulled turn
 )
 DRIVER = _record(
     root="i8",
@@ -228,6 +248,9 @@ DRIVER = _record(
     free_orientation=_QUATERNION,
     has_free="i8",
     is_free="i8",  # of overlap, after this frame's removal
+    stride="f8",  # by which attraction turns a hinge in this frame at most [rad]
+    turn_count="i8",  # what its chains touch: rows of the least turn
+    turns=(TURN, (TURN_ROWS,)),
     entry_position=_VECTOR,  # pose when removal began
     entry_orientation=_QUATERNION,
     scratch=("f8", (3, 3)),
@@ -287,17 +310,6 @@ WALK = _record(
     toward=("f8", (2, 3)),  # piece frame
     cone=("f8", (2,)),
 )
-TURN = _record(
-    first="i8",  # hinges that move the point
-    last="i8",
-    point=_VECTOR,  # in the frame of the last hinge's child
-    normal=_VECTOR,  # out of the obstacle
-    height="f8",  # of the plane that the point is to be on, along the normal [m]
-    world_point=_VECTOR,
-    depth="f8",
-    fall=("f8", (CHAIN_JOINTS,)),  # of the depth per turn of each hinge of the chain [m]
-    push="f8",  # multiplier [1/m]
-)
 STATE = _record(
     dt="f8",
     gravity=_VECTOR,
@@ -317,6 +329,7 @@ STATE = _record(
     angle="i8",
     passes="i8",
     posture="i8",
+    attraction_time="f8",  # in which what parts a chain from the tracker falls to 1 / e [s]
     attraction_parts="i8",  # of a frame, at most
     self_collision="i8",  # 1: links of one driver meet
     # stages that the plan leaves out where 1: the driven loop; removal of its overlap; everything that
@@ -378,8 +391,6 @@ STATE = _record(
     inverse=_MATRIX,
     away=_VECTOR,
     pull=_VECTOR,
-    turn_count="i8",  # rows of the least turn
-    turns=(TURN, (TURN_ROWS,)),
     # scratch of convex depth: A's pose in B's frame, vertices of the Minkowski difference, and the points and
     # corners they come from
     turn=_MATRIX,

@@ -10,7 +10,9 @@ import pytest
 from adapters.engine import Unsupported
 from adapters.translation import PAIRS_AT_LEAST, PAIRS_PER_PIECE, matrix, pair_capacity, translate
 from reference_impl import conventions
+from reference_impl.skeleton import pose_links
 from reference_impl.world import MATERIAL_CAPACITY
+from scenarios.avatar import arm_with_hand_parts
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, PairCoefficients, Piece, Sphere
 from scenarios.solids import sphere_inertia
@@ -164,3 +166,20 @@ def test_room_for_pairs_follows_the_scene(lab):
     balls = [lab.ball(f"b{k}", (k, 0.0, 1.0)) for k in range(300)]
     sizes = [pair_capacity(lab.scene(*balls[:count])) for count in (50, 300)]
     assert sizes == [PAIRS_AT_LEAST, 300 * PAIRS_PER_PIECE]
+
+
+def test_links_know_what_moves_them(lab) -> None:
+    """Fix the hand's fingers to the last hinge of the arm; bare links are passed over on the way up."""
+    scenario = lab.person(arm_with_hand_parts())
+    world = translate(scenario)
+    pose_links(world.bodies, world.joints, world.drivers[0])
+    index = scenario.body_index
+    last = int(world.drivers[0]["chains"][0, 1])
+    for name in ("palm", "thumb_distal", "little_proximal"):
+        assert world.bodies[index(name)]["hinge"] == last
+        assert world.bodies[index(name)]["chain"] == 0
+    assert world.bodies[0]["hinge"] == world.bodies[0]["chain"] == -1
+    assert world.bodies[index("right_forearm")]["above"] == index("right_upper_arm")
+    assert world.bodies[index("thumb_middle")]["above"] == index("thumb_proximal")
+    # the palm has no pieces
+    assert world.bodies[index("thumb_proximal")]["above"] == index("right_forearm")

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,6 +32,7 @@ from scenarios.avatar import avatar_parts
 from scenarios.chains import hinge_axes
 from scenarios.materials import TABLE_1
 from scenarios.scenario import IDENTITY, Body, Scenario, Tracker
+from scenarios.tracking import sample
 
 ROOT = Path(__file__).parents[2]
 FRAME = 1 / 60
@@ -204,7 +206,7 @@ def test_a_pushed_arm_stays_near_the_best_posture(lab: SimpleNamespace, profile:
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_crossing_arms_hold_each_other_up(profile: str) -> None:
-    """Keep arms that are led through each other apart; both give way."""
+    """Keep arms that are led through each other apart; both give way, and one may slide over the other."""
     scenario = arms_cross()
     recording = played(scenario, profile)
     assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
@@ -214,9 +216,10 @@ def test_crossing_arms_hold_each_other_up(profile: str) -> None:
     for side in ("left", "right"):
         assert off[[name.startswith(f"{side}_") for name in NAMES]].max() > 0.1
     if profile != "paper":
-        # never in one frame to the other side of a hand 3 cm thick
+        # over the other, if at all, and never through a hand 3 cm thick
         left, right = (scenario.body_index(f"{side}_hand") for side in ("left", "right"))
-        assert (recording.position[:, left, 1] > recording.position[:, right, 1]).all()
+        apart = recording.position[:, left] - recording.position[:, right]
+        assert ((apart[:, 1] > 0) | (np.abs(apart[:, 2]) > 0.05)).all()
         assert np.abs(recording.joint_rate).max() < 8
     # without self-collision they pass through each other
     through = walking(
@@ -250,20 +253,39 @@ def test_a_mirrored_push_is_mirrored(lab: SimpleNamespace) -> None:
 
 
 def test_attraction_closes_the_gap_exponentially() -> None:
-    """Follow a posture that stands still with exp(-t / tau), whatever the frame rate."""
+    """Follow a posture that stands still with exp(-t / tau) where a lag is set, whatever the frame rate; with
+    none no slower, and no hinge turns by more than that share of what parts the whole posture."""
     angles = (posture(), posture(left_elbow=1.0, right_knee=0.5))
     scenario = walking(times=(0.0, 1.0), ways=(0.0, 0.0), angles=angles)
-    for rate in (30, 60, 120):
-        world = ReferenceEngine().build(scenario, Settings("balanced", 1 / rate))
+    targets = np.array(angles[1])
+    for rate, changed in product((30, 60, 120), ((f"attraction_time={ATTRACTION_TIME}",), ())):
+        world = ReferenceEngine().build(scenario, Settings("balanced", 1 / rate, changed))
         world.drive(0)
-        world._world.joints["shown_angle"] = 0.0
-        targets = np.array(angles[1])
-        world._targets = [target for target in world._targets if target[1].shape[1] != len(NAMES)]
-        world._world.joints["target_angle"] = targets
+        world._targets = []
+        joints = world._world.joints
+        joints["target_angle"] = joints["last_target_angle"] = targets
+        slow = 1 - np.exp(-1 / rate / ATTRACTION_TIME)
         for frame in range(1, rate // 3):
+            before = joints["angle"].copy()
             world.step()
-            share = 1 - np.exp(-frame / rate / ATTRACTION_TIME)
-            np.testing.assert_allclose(world._world.joints["angle"], share * targets, atol=1e-12)
+            left = np.exp(-frame / rate / ATTRACTION_TIME) * targets
+            if changed:
+                np.testing.assert_allclose(joints["angle"], targets - left, atol=1e-12)
+            else:
+                assert (targets - joints["angle"] <= left + 1e-12).all()
+                turned = np.abs(joints["angle"] - before).max()
+                assert turned <= slow * np.linalg.norm(targets - before) + 1e-12
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+def test_free_chains_are_where_the_tracker_is(profile: str) -> None:
+    """Show the tracker's own posture in every frame where nothing is in the way."""
+    lifting = posture(right_shoulder=lifted("right"), right_elbow=1.0, left_knee=0.6)
+    scenario = walking(times=(0.0, 0.4, 0.8), ways=(0.0,) * 3, angles=(posture(), lifting, posture()))
+    recording = played(scenario, profile)
+    tracked = sample(scenario.trackers[0], recording.time).angle
+    assert np.abs(np.diff(tracked, axis=0)).max() > 0.05
+    np.testing.assert_allclose(recording.joint_angle, tracked, atol=1e-9)
 
 
 def test_velocities_lead_from_frame_to_frame(lab: SimpleNamespace) -> None:
@@ -364,27 +386,3 @@ def test_interpreted_source_computes_the_same() -> None:
         angles.append(json.loads(done.stdout))
     np.testing.assert_allclose(*angles, rtol=0, atol=1e-9)
     assert np.abs(angles[0]).max() > 0.1
-
-
-def test_links_know_what_moves_them() -> None:
-    """Fix the hand's fingers to the last hinge of the arm; bare links are passed over on the way up."""
-    from scenarios.avatar import arm_with_hand_parts, standing_tracker
-
-    parts = arm_with_hand_parts()
-    bodies, joints, chains = parts
-    tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
-    scenario = Scenario(
-        "arm", "", (), bodies, 1.0, TABLE_1, joints=joints, trackers=(tracker,), chains=chains
-    )
-    world = translate(scenario)
-    pose_links(world.bodies, world.joints, world.drivers[0])
-    index = scenario.body_index
-    last = int(world.drivers[0]["chains"][0, 1])
-    for name in ("palm", "thumb_distal", "little_proximal"):
-        assert world.bodies[index(name)]["hinge"] == last
-        assert world.bodies[index(name)]["chain"] == 0
-    assert world.bodies[0]["hinge"] == world.bodies[0]["chain"] == -1
-    assert world.bodies[index("right_forearm")]["above"] == index("right_upper_arm")
-    assert world.bodies[index("thumb_middle")]["above"] == index("thumb_proximal")
-    # the palm has no pieces
-    assert world.bodies[index("thumb_proximal")]["above"] == index("right_forearm")

@@ -170,6 +170,6 @@ def test_an_avatar_stays_on_its_side(lab: SimpleNamespace, jump: str) -> None:
     assert recording.position[:, links, 0].max() < face
     assert measure(recording, scenario).overlap().max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
     assert not recording.work[:, list(recording.work_names).index("gave_up")].any()
-    if jump != "arm alone":
-        # without the sweep the body passes
+    if jump in ("arm ahead", "arm and fingers"):
+        # without the sweep the body passes, unless a frame happens to end in the wall
         assert passing.position[-1, 0, 0] > face + 0.05

@@ -8,23 +8,24 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from reference_impl.conventions import TURN_CLEARANCE, TURN_LEVER, TURN_TOLERANCE
-from reference_impl.least_turn import least_turn
+from reference_impl.conventions import TURN_CLEARANCE, TURN_LEVER, TURN_MAX, TURN_TOLERANCE
+from reference_impl.least_turn import apply_turns, least_turn, missed_share
 from reference_impl.skeleton import pose_links
+from reference_impl.turn_rows import drop_rows, gather_rows
 from reference_impl.world import PAIR
 
-CHAIN = 1
-"""The left arm."""
+CHAIN, RIGHT = 1, 2
+"""The left arm, and the other."""
 
 
 @pytest.fixture
 def world(lab: SimpleNamespace):
-    """The person with the left arm a little bent, beside a block whose contacts are made up."""
+    """The person with both arms a little bent, beside a block whose contacts are made up."""
     block = lab.block("block", (0.1, 0.1, 0.1), (5.0, 0.0, 0.0), kind="fixed")
     person = lab.person()
     built = lab.build(lab.person(bodies=(*person.bodies, block)))
-    first, last = built.drivers[0]["chains"][CHAIN]
-    built.joints["angle"][first : last + 1] = (0.3, -0.4, 0.2, 0.8, 0.1, -0.1)
+    for first, last in built.drivers[0]["chains"][[CHAIN, RIGHT]]:
+        built.joints["angle"][first : last + 1] = (0.3, -0.4, 0.2, 0.8, 0.1, -0.1)
     pose_links(built.bodies, built.joints, built.drivers[0])
     return built
 
@@ -33,48 +34,68 @@ def contacts(world, rows) -> np.ndarray:
     """Pairs of the block (A) with links of the arm (B), by link counted from the last, point and normal."""
     _, last = world.drivers[0]["chains"][CHAIN]
     pairs = np.zeros(len(rows), PAIR)
-    for pair, (inward, point, normal, depth) in zip(pairs, rows):
+    for k, (pair, (inward, point, normal, depth)) in enumerate(zip(pairs, rows)):
         body = int(world.joints[last - inward]["child"])
         pair["body_a"], pair["body_b"], pair["distance"] = len(world.bodies) - 1, body, -depth
+        pair["piece_a"] = k
         link = world.bodies[body]
         pair["point_b"] = link["position"] + link["rotation"] @ np.array(point)
         pair["normal"] = np.array(normal) / np.linalg.norm(normal)
+        pair["point_a"] = pair["point_b"] + depth * pair["normal"]
     return pairs
 
 
-def solve(world, pairs) -> tuple[float, np.ndarray]:
-    """What is missed, and the turns of the arm's hinges."""
+def solve(world, pairs, pull=None) -> tuple[float, np.ndarray]:
+    """What is missed, and the turns of all hinges, pulled by `pull` or by nothing."""
+    driver, joints = world.drivers[0], world.joints
+    before = joints["angle"].copy()
+    driver["turn_count"] = 0
+    gather_rows(world.bodies, pairs, len(pairs), driver, 0)
+    joints["pass_turn"] = 0.0 if pull is None else pull
+    least_turn(world.bodies, joints, driver, pull is not None, world.state[0])
+    missed = missed_share(joints, *driver["chains"][CHAIN], driver)
+    apply_turns(joints, driver, 1.0, TURN_MAX)
+    return missed, joints["angle"] - before
+
+
+def solve_arm(world, pairs) -> tuple[float, np.ndarray]:
+    """What is missed, and the turns of the left arm's hinges: no others turn."""
     first, last = world.drivers[0]["chains"][CHAIN]
-    before = world.joints["angle"].copy()
-    missed = least_turn(
-        world.bodies, world.joints, pairs, len(pairs), world.drivers[0], 0, CHAIN, 0, world.state[0]
-    )
-    turned = world.joints["angle"] - before
+    missed, turned = solve(world, pairs)
     assert not np.delete(turned, range(first, last + 1)).any()
     return missed, turned[first : last + 1]
 
 
-def slopes(world, pairs) -> np.ndarray:
-    """Fall of each depth per turn of each hinge, by central differences."""
+def slopes(world, pairs, hinges=None) -> np.ndarray:
+    """Fall of each depth per turn of hinges, the left arm's unless told, by central differences."""
     first, last = world.drivers[0]["chains"][CHAIN]
+    sides = ("a", "b")
     local = [
-        world.bodies[p["body_b"]]["rotation"].T @ (p["point_b"] - world.bodies[p["body_b"]]["position"])
+        [
+            world.bodies[p[f"body_{s}"]]["rotation"].T
+            @ (p[f"point_{s}"] - world.bodies[p[f"body_{s}"]]["position"])
+            for s in sides
+        ]
         for p in pairs
     ]
 
-    def heights(k: int, change: float) -> list[float]:
+    def gaps(k: int, change: float) -> list[float]:
         world.joints[k]["angle"] += change
         pose_links(world.bodies, world.joints, world.drivers[0])
-        links = [world.bodies[p["body_b"]] for p in pairs]
-        found = [p["normal"] @ (b["position"] + b["rotation"] @ x) for p, b, x in zip(pairs, links, local)]
+        found = []
+        for p, points in zip(pairs, local):
+            a, b = (
+                world.bodies[p[f"body_{s}"]]["position"] + world.bodies[p[f"body_{s}"]]["rotation"] @ x
+                for s, x in zip(sides, points)
+            )
+            found.append(p["normal"] @ (b - a))
         world.joints[k]["angle"] -= change
         pose_links(world.bodies, world.joints, world.drivers[0])
         return found
 
     step = 1e-5
-    return np.transpose(
-        [np.subtract(heights(k, step), heights(k, -step)) / (2 * step) for k in range(first, last + 1)]
-    )
+    hinges = range(first, last + 1) if hinges is None else hinges
+    return np.transpose([np.subtract(gaps(k, step), gaps(k, -step)) / (2 * step) for k in hinges])
 
 
 HAND = (0, (0.01, 0.02, -0.12), (0.3, -0.5, 0.8), 1e-4)
@@ -86,7 +107,7 @@ def test_one_contact_turns_along_its_slope(world) -> None:
     """Turn by g d / (g . g), damped: the shortest way to a plane."""
     pairs = contacts(world, [HAND])
     (g,) = slopes(world, pairs)
-    missed, turned = solve(world, pairs)
+    missed, turned = solve_arm(world, pairs)
     damped = g @ g + TURN_LEVER**2
     assert missed == pytest.approx(TURN_LEVER**2 / damped, rel=1e-7)
     # slopes by differences are good to 1e-10
@@ -95,7 +116,7 @@ def test_one_contact_turns_along_its_slope(world) -> None:
 
 def test_hinges_beyond_the_link_stay(world) -> None:
     """Leave elbow and wrist alone where the upper arm is pushed."""
-    _, turned = solve(world, contacts(world, [UPPER_ARM]))
+    _, turned = solve_arm(world, contacts(world, [UPPER_ARM]))
     assert turned[:3].any()
     assert not turned[3:].any()
 
@@ -112,7 +133,7 @@ def test_several_contacts_solve_the_quadratic_program(world, bound: bool) -> Non
         rows["upper" if truth[k] > 0 else "lower"][k] = rows["angle"][k] + truth[k] / 2
         room = np.transpose([rows["lower"] - rows["angle"], rows["upper"] - rows["angle"]])
         truth = program(g, TURN_CLEARANCE - pairs["distance"], room)
-    _, turned = solve(world, pairs)
+    _, turned = solve_arm(world, pairs)
     # sweeps end when they change no depth by TURN_TOLERANCE; a twentieth of a metre is the least lever here
     np.testing.assert_allclose(turned, truth, atol=20 * TURN_TOLERANCE)
     assert np.abs(turned).max() > 1e-3
@@ -137,13 +158,65 @@ def program(g: np.ndarray, depths: np.ndarray, room: np.ndarray) -> np.ndarray:
     )
 
 
+def test_two_chains_share_by_the_squares_of_their_slopes(world) -> None:
+    """Turn both arms by g d / (|g|^2 of both): the least |dq|^2, not half of the overlap each."""
+    pairs = contacts(world, [HAND])
+    # the right forearm is in the way
+    pairs["body_a"] = int(world.joints[world.drivers[0]["chains"][RIGHT, 1] - 2]["child"])
+    every = range(len(world.joints))
+    g = slopes(world, pairs, every)[0]
+    parts = [(g[first : last + 1] ** 2).sum() for first, last in world.drivers[0]["chains"]]
+    assert parts[RIGHT] > 1.05 * parts[CHAIN] > 0
+    assert sum(parts) == parts[CHAIN] + parts[RIGHT]
+    _, turned = solve(world, pairs)
+    np.testing.assert_allclose(
+        turned, g * (1e-4 + TURN_CLEARANCE) / (g @ g + TURN_LEVER**2), rtol=1e-6, atol=1e-13
+    )
+
+
+def test_a_pull_is_projected(world) -> None:
+    """Keep what of a pull goes along a touching surface, take out what goes into it, and no more of what goes
+    off it than a clearance."""
+    first, last = world.drivers[0]["chains"][CHAIN]
+    pairs = contacts(world, [(*HAND[:3], 0.0)])
+    g, rng = slopes(world, pairs, range(len(world.joints)))[0], np.random.default_rng(3)
+    start = world.joints["angle"].copy()
+    for sign in (1, -1):
+        pull = np.where((np.arange(len(g)) >= first) & (np.arange(len(g)) <= last), 1e-3, 0.0)
+        pull *= rng.normal(size=len(g))
+        pull *= sign * np.sign(g @ pull)
+        _, turned = solve(world, pairs, pull)
+        short = max(TURN_CLEARANCE - g @ pull, 0.0)
+        np.testing.assert_allclose(turned, pull + g * short / (g @ g + TURN_LEVER**2), rtol=1e-6, atol=1e-12)
+        world.joints["angle"] = start
+        pose_links(world.bodies, world.joints, world.drivers[0])
+
+
+def test_points_are_kept_while_their_pair_touches(world) -> None:
+    """Keep both ends of a sole; forget them once the pair is gone, or nothing pushes against them."""
+    driver = world.drivers[0]
+    pairs = contacts(world, [HAND, (0, (-0.02, 0.02, -0.12), *HAND[2:])])
+    pairs["piece_a"] = 0
+    driver["turn_count"] = 0
+    for pair in pairs:
+        gather_rows(world.bodies, np.array([pair]), 1, driver, 0)
+    gather_rows(world.bodies, pairs, 2, driver, 0)
+    assert driver["turn_count"] == 2
+    gather_rows(world.bodies, pairs, 0, driver, 0)
+    driver["turns"]["kept"][0] = 1.0
+    drop_rows(driver, 0)
+    assert driver["turn_count"] == 1
+    drop_rows(driver, 1)
+    assert driver["turn_count"] == 0
+
+
 def test_a_contact_that_is_met_pulls_nothing(world) -> None:
     """Leave pairs that part anyway out of the answer: pushes never pull."""
     start = world.joints["angle"].copy()
-    _, alone = solve(world, contacts(world, [HAND]))
+    _, alone = solve_arm(world, contacts(world, [HAND]))
     world.joints["angle"] = start
     pose_links(world.bodies, world.joints, world.drivers[0])
-    _, both = solve(world, contacts(world, [HAND, (*HAND[:3], -1e-5)]))
+    _, both = solve_arm(world, contacts(world, [HAND, (*HAND[:3], -1e-5)]))
     assert np.abs(alone).max() > 1e-5
     np.testing.assert_allclose(both, alone, rtol=1e-9, atol=1e-15)
 
@@ -153,6 +226,6 @@ def test_a_stretched_arm_pushed_along_itself_is_told(world) -> None:
     first, last = world.drivers[0]["chains"][CHAIN]
     world.joints["angle"][first : last + 1] = 0.0
     pose_links(world.bodies, world.joints, world.drivers[0])
-    missed, turned = solve(world, contacts(world, [(0, (0.0, 0.0, -0.18), (0.0, 0.0, 1.0), 1e-3)]))
+    missed, turned = solve_arm(world, contacts(world, [(0, (0.0, 0.0, -0.18), (0.0, 0.0, 1.0), 1e-3)]))
     assert missed == 1
     assert not turned.any()
