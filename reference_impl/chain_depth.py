@@ -1,4 +1,4 @@
-"""By how much the overlap of a pair is a chain's to resolve by inverse kinematics, and which side of it moves."""
+"""By how much the overlap of a pair is a chain's to resolve by `ccd_ik`, and which side of it that moves."""
 
 from reference_impl.kernel import kernel
 

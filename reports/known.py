@@ -42,30 +42,7 @@ ALWAYS_MU = (
     "Eq. 10 as printed applies mu j to any sliding, however slow: a rolling ball is reversed every frame: "
     "touchstone run ball_snip --engine reference --profile paper --metric events.roll"
 )
-NEEDED = (
-    "nearly all that a scene's frame costs is what it needs; what it has no use for ends at once in the full "
-    "pipeline too: touchstone study effects --engine reference"
-)
-LAGS = (
-    "attraction follows a tracker by 0.1 s (method, section 4), and the pushes of this scene are held for "
-    "0.1 to 0.4 s; the ratio to what attraction follows is the other row"
-)
-HALVES = (
-    "arms that push each other share their overlap by halves, which alone is 1.10 of the best, and by how "
-    "much they give way follows their sliding by 0.1 s: held still they come to 1.11"
-)
-OVER_BEST = ": touchstone run {} --engine reference --metric posture.over_best"
 GALLERY: tuple[Known, ...] = (
-    *(Known("time.left", "reference", NEEDED, scenario=group) for group in ("gallery",)),
-    *(
-        Known("posture.over_best", "reference", reason + OVER_BEST.format(scene), scene, profile, subject)
-        for profile in ("balanced", "accurate")
-        for reason, scene, subject in (
-            (LAGS, "two_arms", "tracker"),
-            (LAGS, "arms_cross", "tracker"),
-            (HALVES, "arms_cross", "attraction"),
-        )
-    ),
     Known("events.roll", "reference", ALWAYS_MU, scenario="ball_snip", profile="paper", never=True),
     Known("energy.injected", "reference", ALWAYS_MU, scenario="ball_snip", profile="paper"),
     Known("energy.injected", "reference", ALWAYS_MU, scenario="table_slide", profile="paper"),

@@ -35,8 +35,8 @@ HINGE_SPEED = {
     "ball_snip": 11.8,
     "table_slide": 0.0,
 }
-"""Largest speed of a hinge of a scene's tracker [rad/s]: attraction only slows it, removal that tears would
-not."""
+"""Largest speed of a hinge of a scene's tracker [rad/s]: attraction follows it, removal that tears would be
+faster."""
 GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
     Limit("overlap.max", 1e-6, "method, section 3: removal ends at 1e-6 m", engine="reference"),

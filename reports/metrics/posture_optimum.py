@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
-from reference_impl.conventions import ATTRACTION_TIME
 from reports.metrics.arcs import TOUCH_GAP
 from reports.metrics.evidence import Evidence, NotMeasured, Values
 from scenarios.scenario import Tracker
@@ -15,8 +14,6 @@ from scenarios.tracking import sample
 
 FRAMES = 12
 """Frames of contact, spread evenly, whose best posture is searched for: about 0.4 s each."""
-GOALS = ("tracker", "attraction")
-"""What postures are compared with, as subjects."""
 
 
 def posture_deviation(evidence: Evidence) -> Values:
@@ -29,9 +26,8 @@ def posture_deviation(evidence: Evidence) -> Values:
 def posture_over_best(evidence: Evidence) -> Values:
     """Sum of |q - q_tracker|^2 shown over that of the best known free posture, 12 frames with contact [1].
 
-    `tracker`: as it is. `attraction`: as the attraction of section 4 follows it with nothing in the way, so
-    that its lag of 0.1 s, which is asked for, does not count. The frames are spread evenly over those with
-    contact; the best is that of 20 starts, with the root where it is shown (`nearest_posture.py`).
+    The frames are spread evenly over those with contact; the best is that of 20 starts, with the root where
+    it is shown (`nearest_posture.py`).
     """
     tracker, frames = _person(evidence)
     if evidence.recording.facts["engine"] != "reference":
@@ -44,21 +40,18 @@ def posture_over_best(evidence: Evidence) -> Values:
     search, root = NearestPosture(scenario, tracker), scenario.body_index(tracker.root)
     chosen = frames[np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).round().astype(int)]
     shown, tracked = _shown(evidence, tracker), sample(tracker, recording.time).angle
-    found: dict[str, float] = {}
-    for subject, goals in zip(GOALS, (tracked, _followed(tracked, evidence.frame))):
-        rng, best = np.random.default_rng(scenario.seed), 0.0
-        last: list[Array] = []
-        for f in chosen.tolist():
-            turned = Rotation.from_quat(recording.orientation[f], scalar_first=True).as_matrix()
-            poses = list(zip(turned, recording.position[f]))
-            posture = search.best(poses[root], poses, goals[f], [goals[f], shown[f], *last], rng)
-            if posture is None:
-                raise NotMeasured(f"no free posture found at {recording.time[f]:.3f} s")
-            best += float(np.sum((posture - goals[f]) ** 2))
-            last = [posture]
-        away = float(np.sum((shown[chosen] - goals[chosen]) ** 2))
-        found[subject] = away / best if best > 0 else float("nan")
-    return found
+    rng, best = np.random.default_rng(scenario.seed), 0.0
+    last: list[Array] = []
+    for f in chosen.tolist():
+        turned = Rotation.from_quat(recording.orientation[f], scalar_first=True).as_matrix()
+        poses = list(zip(turned, recording.position[f]))
+        posture = search.best(poses[root], poses, tracked[f], [tracked[f], shown[f], *last], rng)
+        if posture is None:
+            raise NotMeasured(f"no free posture found at {recording.time[f]:.3f} s")
+        best += float(np.sum((posture - tracked[f]) ** 2))
+        last = [posture]
+    away = float(np.sum((shown[chosen] - tracked[chosen]) ** 2))
+    return {"": away / best if best > 0 else float("nan")}
 
 
 def _person(evidence: Evidence) -> tuple[Tracker, NDArray[np.int64]]:
@@ -81,11 +74,3 @@ def _shown(evidence: Evidence, tracker: Tracker) -> Array:
     trackers = evidence.scenario.trackers
     first = sum(len(other.joints) for other in trackers[: trackers.index(tracker)])
     return evidence.recording.joint_angle[:, first : first + len(tracker.joints)]
-
-
-def _followed(tracked: Array, frame: float) -> Array:
-    """Angles (f, j) under attraction alone [rad]."""
-    share, followed = 1 - np.exp(-frame / ATTRACTION_TIME), tracked.copy()
-    for f in range(1, len(tracked)):
-        followed[f] = followed[f - 1] + share * (tracked[f] - followed[f - 1])
-    return followed

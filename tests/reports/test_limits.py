@@ -16,7 +16,6 @@ from reports.bench.geometry import MOTION
 from reports.bench.poses import FAMILIES
 from reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
 from reports.metrics import METRICS
-from reports.metrics.posture_optimum import GOALS
 from reports.results import VERDICTS, Row
 from reports.studies import effects
 from reports.studies.calibration_rows import ALL, LARGEST
@@ -71,10 +70,7 @@ def test_every_entry_names_what_exists(entry):
     assert entry.profile in ("", *profiles)
     bodies = {body.name for scenario in catalogue().values() for body in scenario.bodies}
     numbered = entry.subject.startswith("#") and entry.subject[1:].isdigit()
-    if entry.metric != "posture.over_best":
-        assert numbered or set(filter(None, entry.subject.split("-"))) <= bodies
-    else:
-        assert entry.subject in ("", *GOALS)
+    assert numbered or set(filter(None, entry.subject.split("-"))) <= bodies
 
 
 @pytest.mark.parametrize("scene", HINGE_SPEED)
