@@ -11,6 +11,7 @@ from reference_impl.conventions import OVERLAP_TOLERANCE
 from reports.metrics.evidence import Evidence
 from reports.metrics.posture import cone_excess, limit_excess
 from scenarios.catalogue import catalogue, tagged
+from scenarios.tracking import sample
 
 SCENES = [scenario.name for scenario in tagged("gallery")]
 ORACLE_SLACK = 2e-8
@@ -43,6 +44,18 @@ def test_limits_and_cones_are_kept(registry, scene: str, profile: str) -> None:
     cones = [cone for chain in evidence.scenario.chains for cone in chain.cones]
     for cone in cones:
         assert cone_excess(evidence, cone).max() <= ROUNDING
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+@pytest.mark.parametrize("scene", ["wall_push", "corner_slide", "two_arms", "arms_cross"])
+def test_free_limbs_are_where_the_tracker_has_them(registry, scene: str, profile: str) -> None:
+    """Show the tracker's own posture, without a lag, until something is met."""
+    recording = registry.played(scene, "reference", profile)
+    contacting = recording.work[:, list(recording.work_names).index("pairs.contacting")]
+    met = int((contacting > 0).argmax())
+    assert met > 30
+    tracked = sample(catalogue()[scene].trackers[0], recording.time).angle
+    np.testing.assert_allclose(recording.joint_angle[: met + 1], tracked[: met + 1], rtol=0, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("profile", PROFILES)
