@@ -21,7 +21,7 @@ from reference_impl.conventions import (
 )
 from reference_impl.kernel import kernel
 from reference_impl.least_turn import apply_turns, least_turn
-from reference_impl.skeleton import pose_links
+from reference_impl.skeleton import pose_moved
 from reference_impl.turn_rows import drop_rows
 
 
@@ -60,9 +60,10 @@ def approach(bodies, joints, driver, state, part):
     projected = state["posture"] == POSTURE_LEAST_TURN
     if projected and part == 0:
         drop_rows(driver, 1)
-        # the root has moved
-        pose_links(bodies, joints, driver)
     if driver["turn_count"] > 0:
+        # the root has moved
+        if part == 0:
+            pose_moved(bodies, joints, driver)
         least_turn(bodies, joints, driver, True, state)
         drop_rows(driver, 0)
     way = _longest_way(joints, driver)

@@ -16,7 +16,7 @@ from reference_impl.conventions import (
 from reference_impl.detection import detect_for
 from reference_impl.kernel import kernel
 from reference_impl.least_turn import apply_turns, least_turn, missed_share
-from reference_impl.skeleton import pose_chain_links, pose_links
+from reference_impl.skeleton import pose_chain_links, pose_moved
 from reference_impl.turn_rows import chains_depth, gather_rows
 
 
@@ -79,7 +79,7 @@ def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later,
             if rounds < BEND_ROUNDS and missed_share(joints, first, last, driver) > STRETCHED:
                 bend(joints, first, last)
         apply_turns(joints, driver, 1.0, TURN_MAX)
-        pose_links(bodies, joints, driver)
+        pose_moved(bodies, joints, driver)
         end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
     return end
 
