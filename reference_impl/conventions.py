@@ -93,13 +93,15 @@ STRIP_FAR = 2.0**30
 """Rows of squares that are told apart, on either side of the origin."""
 
 # rooms
-ROOM_FRAMES, ROOM_WAIT = 10, 12
-"""Frames for which driven links have room at their present speed, and after which more of it is sought."""
-ROOM_SLACK = 4e-3
-"""Room of driven links beyond that [m]: those at rest will move."""
+ROOM_FRAMES = 10
+"""Frames for which driven links have room as they go now."""
+ROOM_SLACK, ROOM_SHARE = 2e-3, 0.1
+"""Room of driven links beyond that, to either side and in turning [m], and that over their way [1]: their
+speed changes."""
 ROOM_FLIGHTS = (2, 16)
-"""Frames for which simulated bodies have room: twice as many after each that meets nothing, half after one
-that does."""
+"""Frames for which simulated bodies have room: half as many where they meet something, then twice as many."""
+ROOM_WAITS = (3, 12)
+"""Frames after which more room is sought, without drivers and with some."""
 ROOM_PAD = 1e-4
 """Room of a simulated body's centre beyond its flight [m]: far above rounding."""
 

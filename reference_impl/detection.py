@@ -50,7 +50,7 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     """
     since = clock(state["clock"])
     if state["rooms"] == 1 and not place_in_rooms(bodies, pieces, vertices, kind, state):
-        leave_rooms(bodies, state)
+        leave_rooms(bodies, pieces, state)
         place_listed(bodies, pieces, vertices, DRIVEN, state)
     if state["rooms"] == 0:
         place_listed(bodies, pieces, vertices, kind, state)

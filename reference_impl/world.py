@@ -84,7 +84,8 @@ BODY = _record(
     spin_bend="f8",  # bound on |omega'| [rad per substep^2]
     memory="i8",  # first contact point it remembers, counted from 1, or 0
     momentum=_VECTOR,  # angular, about the centre of mass, world
-    # its room (`rooms`): of a simulated body's centre; of a link, where it was and how far it may go
+    # its room (`rooms`): of a simulated body's centre; of a link, where it was, and how far it may go
+    # from there and turn
     clear="i8",  # of a link: 1 while it can meet nothing
     room_low=_VECTOR,
     room_high=_VECTOR,
