@@ -11,20 +11,9 @@ from scipy.spatial.transform import Rotation
 from adapters.engine import Unsupported
 from adapters.hull_table import hull_rows
 from reference_impl import conventions
-from reference_impl.world import (
-    BODY,
-    CHAIN_CAPACITY,
-    CONE_CORNERS,
-    CONTACT,
-    DRIVER,
-    JOINT,
-    MATERIAL_CAPACITY,
-    PAIR,
-    PIECE,
-    STATE,
-    VERTEX,
-    World,
-)
+from reference_impl.driver_records import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
+from reference_impl.state_record import MATERIAL_CAPACITY, STATE
+from reference_impl.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
 from scenarios.chains import hinge_axes
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 from scenarios.tracking import sample

@@ -15,7 +15,7 @@ from reference_impl.conventions import (
 )
 from reference_impl.kernel import clock, kernel
 from reference_impl.motion import swept_box
-from reference_impl.rooms import leave_rooms, place_in_rooms
+from reference_impl.rooms import in_rooms, leave_rooms
 from reference_impl.shapes import place_piece
 from reference_impl.skeleton import are_adjacent
 from reference_impl.walk import pair_depth
@@ -49,11 +49,10 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
         (end, deepest): index after the last of them, and the largest depth [m].
     """
     since = clock(state["clock"])
-    if state["rooms"] == 1 and not place_in_rooms(bodies, pieces, vertices, kind, state):
+    place_listed(bodies, pieces, vertices, kind, state)
+    if state["rooms"] == 1 and not in_rooms(bodies, pieces, state):
         leave_rooms(bodies, pieces, state)
         place_listed(bodies, pieces, vertices, DRIVEN, state)
-    if state["rooms"] == 0:
-        place_listed(bodies, pieces, vertices, kind, state)
     found, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first

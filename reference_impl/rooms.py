@@ -42,16 +42,6 @@ def begin_rooms(state):
 
 
 @kernel
-def place_in_rooms(bodies, pieces, vertices, kind, state):
-    """Place the listed pieces of `kind`; whether all moving pieces are in their rooms."""
-    group = state["groups"][kind]
-    for k in range(group["first"], group["end"]):
-        piece = pieces[pieces[k]["order"]]
-        place_piece(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
-    return in_rooms(bodies, pieces, state)
-
-
-@kernel
 def in_rooms(bodies, pieces, state):
     """Whether clear links, as they are posed, and all other moving pieces, as placed, keep to their rooms.
 

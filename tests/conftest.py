@@ -22,7 +22,8 @@ from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.pipeline import prepare, step
 from reference_impl.shapes import place_piece
-from reference_impl.world import BODY, PAIR, STATE, World
+from reference_impl.state_record import STATE
+from reference_impl.world import BODY, PAIR, World
 from scenarios.avatar import Parts, avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.materials import TABLE_1

@@ -19,9 +19,10 @@ from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.kernel import clock, kernel
 from reference_impl.shapes import place_piece
+from reference_impl.state_record import STATE
 from reference_impl.walk import walk
 from reference_impl.walk_memory import recall
-from reference_impl.world import BODY, PAIR, STATE
+from reference_impl.world import BODY, PAIR
 
 FRAME_STEP = 0.01
 """How far B was in the frame before, over the smaller piece's size [1], and how much turned [rad]: half a

@@ -11,7 +11,7 @@ from adapters.engine import Unsupported
 from adapters.translation import PAIRS_AT_LEAST, PAIRS_PER_PIECE, matrix, pair_capacity, translate
 from reference_impl import conventions
 from reference_impl.skeleton import pose_links
-from reference_impl.world import MATERIAL_CAPACITY
+from reference_impl.state_record import MATERIAL_CAPACITY
 from scenarios.avatar import arm_with_hand_parts
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, PairCoefficients, Piece, Sphere

@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 from adapters.translation import piece_arrays
 from reference_impl.conventions import FLIGHT_BALLISTIC, HULL, IMPACT_SLACK, IMPACT_TARGET, SIMULATED
 from reference_impl.free_rotation import rotate_freely
+from reference_impl.state_record import STATE
 from reference_impl.sweep import distance_at, sweep
-from reference_impl.world import BODY, PAIR, STATE
+from reference_impl.world import BODY, PAIR
 from scenarios.scenario import Piece, Shape
 
 NEAR = IMPACT_TARGET + IMPACT_SLACK

@@ -7,8 +7,9 @@ import pytest
 
 from reference_impl.broad_phase import find_pairs
 from reference_impl.conventions import DRIVEN, FEW_PIECES, FIXED, SIMULATED, STRIP_FAR
+from reference_impl.state_record import STATE
 from reference_impl.strips import list_pieces
-from reference_impl.world import BODY, PAIR, PIECE, STATE
+from reference_impl.world import BODY, PAIR, PIECE
 
 KINDS = [SIMULATED, DRIVEN]
 

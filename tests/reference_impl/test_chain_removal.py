@@ -25,9 +25,10 @@ from adapters.reference_settings import PROFILES
 from adapters.translation import translate
 from reference_impl.chain_removal import shuffle_chains
 from reference_impl.conventions import ATTRACTION_TIME, OVERLAP_TOLERANCE
+from reference_impl.driver_records import DRIVER
 from reference_impl.reach_cone import keep_in_cone
 from reference_impl.skeleton import pose_links
-from reference_impl.world import DRIVER, STATE
+from reference_impl.state_record import STATE
 from scenarios.avatar import avatar_parts
 from scenarios.chains import hinge_axes
 from scenarios.materials import TABLE_1

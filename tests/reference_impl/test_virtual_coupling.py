@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from reference_impl.driver_records import DRIVER
 from reference_impl.virtual_coupling import decay, follow_tracker
-from reference_impl.world import DRIVER
 
 HAND = (1000 / 0.4, 40 / 0.4)
 SPRINGS = {

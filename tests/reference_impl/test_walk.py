@@ -18,9 +18,10 @@ from adapters.translation import piece_arrays
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
 from reference_impl.shapes import local_support, place_piece
+from reference_impl.state_record import STATE
 from reference_impl.walk import walk
 from reference_impl.walk_memory import steady_support
-from reference_impl.world import BODY, PAIR, STATE
+from reference_impl.world import BODY, PAIR
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 from scenarios.solids import elliptic_hull
 

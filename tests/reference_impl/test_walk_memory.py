@@ -9,8 +9,8 @@ from adapters.translation import translate
 from reference_impl import conventions
 from reference_impl.detection import detect
 from reference_impl.pipeline import prepare, step
+from reference_impl.state_record import STATE
 from reference_impl.walk_memory import recall
-from reference_impl.world import STATE
 from scenarios.catalogue import catalogue
 
 
