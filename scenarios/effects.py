@@ -316,7 +316,8 @@ def _needs(scenario: Scenario, gap: Array, may_touch: list[Pair], meeting: list[
         "self_collision": self_collision(),
         "overlap_removal": moved,
         "inverse_kinematics": kinematics,
-        "reach_cones": (bool(cones) and kinematics[0], f"{cones} ball joints" if cones else "no ball joint"),
+        # attraction leads into them, too, where the tracker leaves them
+        "reach_cones": (bool(cones), f"{cones} ball joints" if cones else "no ball joint"),
         "attraction": (
             bool(chains),
             "postures return to the tracker's" if chains else "no chain of hinges",

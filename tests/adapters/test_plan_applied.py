@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from adapters.bounds import planned
 from adapters.engine import AdapterError, Settings
 from adapters.record import Player, ready, record
+from scenarios.avatar import avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario
@@ -64,10 +65,28 @@ def random_scene(lab: SimpleNamespace, rng: np.random.Generator) -> Scenario:
     return lab.scene(*bodies, duration=0.5, gravity=gravity, trackers=tuple(trackers), **law)
 
 
-def assert_sound(lab: SimpleNamespace, registry: SimpleNamespace, seed: int) -> None:
+def random_person(lab: SimpleNamespace, rng: np.random.Generator) -> Scenario:
+    """A person who turns some chains anywhere within their hinges' limits, among up to two blocks."""
+    parts = bodies, joints, chains = avatar_parts()
+    tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
+    limits = {joint.name: (joint.lower, joint.upper) for joint in joints}
+    turned = {name for chain in chains if rng.random() < 0.6 for name in chain.joints}
+    size = rng.uniform(0.1, 1.0)
+    end = tuple(
+        angle + size * (rng.uniform(*limits[name]) - angle) if name in turned else angle
+        for name, angle in zip(tracker.joints, tracker.angles[0])
+    )
+    blocks = [
+        lab.block(f"block{k}", tuple(rng.uniform(0.05, 0.5, 3).tolist()), tuple(place.tolist()), kind="fixed")
+        for k, place in enumerate(rng.uniform((-1.2, -1.2, -0.8), (1.2, 1.2, 0.8), (rng.integers(0, 3), 3)))
+    ]
+    effects = ("self_collision",) if rng.random() < 0.5 else ()
+    tracker = replace(tracker, angles=(tracker.angles[0], end))
+    return lab.person(parts, bodies=(*bodies, *blocks), trackers=(tracker,), effects=effects)
+
+
+def assert_sound(registry: SimpleNamespace, scene: Scenario, rng: np.random.Generator) -> None:
     """Play a random scene with its plan as with all effects; a bound that breaks counts as unsound."""
-    rng = np.random.default_rng(seed)
-    scene = random_scene(lab, rng)
     profile = str(rng.choice(["balanced", "accurate", "paper"]))
     engine = registry.engine("reference")
     one, two = (record(engine, scene, Settings(profile, FRAME, effects=e)) for e in (None, PLANNED))
@@ -78,7 +97,34 @@ def assert_sound(lab: SimpleNamespace, registry: SimpleNamespace, seed: int) -> 
 @given(seed=st.integers(0, 10**6))
 def test_random_scenes_need_no_more_than_their_plan(lab, registry, seed: int) -> None:
     """Change nothing by forcing on what the plan of a random scene leaves out."""
-    assert_sound(lab, registry, seed)
+    rng = np.random.default_rng(seed)
+    assert_sound(registry, random_scene(lab, rng), rng)
+
+
+def assert_person_sound(lab: SimpleNamespace, registry: SimpleNamespace, seed: int) -> None:
+    """The same for a random person; one that is refused, or thrown out of its bounds, is told so."""
+    rng = np.random.default_rng(seed)
+    scene = random_person(lab, rng)
+    try:
+        assert_sound(registry, scene, rng)
+    except AdapterError as error:
+        if not any(words in str(error) for words in ("into each other", "starts stuck", "left the box")):
+            raise
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6))
+def test_random_persons_need_no_more_than_their_plan(lab, registry, seed: int) -> None:
+    """Change nothing by forcing on what the plan of a random person leaves out: cones, pieces, frames."""
+    assert_person_sound(lab, registry, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(4))
+def test_400_random_persons_need_no_more_than_their_plan(lab, registry, part: int) -> None:
+    """The same for 400 persons, in four parts."""
+    for seed in range(10**6 + 100 * part, 10**6 + 100 * (part + 1)):
+        assert_person_sound(lab, registry, seed)
 
 
 @pytest.mark.slow
@@ -86,7 +132,8 @@ def test_random_scenes_need_no_more_than_their_plan(lab, registry, seed: int) ->
 def test_5000_random_scenes_need_no_more_than_their_plan(lab, registry, part: int) -> None:
     """The same for 5,000 scenes, in ten parts."""
     for seed in range(10**6 + 500 * part, 10**6 + 500 * (part + 1)):
-        assert_sound(lab, registry, seed)
+        rng = np.random.default_rng(seed)
+        assert_sound(registry, random_scene(lab, rng), rng)
 
 
 @pytest.mark.parametrize("name", ["reference", "dart", "bullet", "mujoco"])

@@ -15,7 +15,7 @@ from adapters.recording import Recording
 from scenarios.avatar import avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.effects import PLANNED, STIFF
-from scenarios.scenario import Scenario
+from scenarios.scenario import Chain, Joint, Scenario
 
 FRAME = 1 / 60
 SPIN = {"angular_velocity": (0.0, 0.0, 1.0)}
@@ -43,6 +43,34 @@ def pushing(lab: SimpleNamespace, end: float) -> Scenario:
     return lab.scene(hand, wall, trackers=(lab.still("hand", (0.0, 0.0, 0.0), (end, 0.0, 0.0), 1.0),))
 
 
+def lifting(lab: SimpleNamespace, cones: bool) -> Scenario:
+    """A person in the open who shows the left arm farther back than its shoulder lets it go."""
+    bodies, joints, chains = parts = avatar_parts()
+    tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
+    shown = {"left_shoulder_1": -0.9, "left_shoulder_2": 1.3, "left_shoulder_3": -3.0}
+    back = tuple(shown.get(name, angle) for name, angle in zip(tracker.joints, tracker.angles[0]))
+    free = tuple(replace(chain, cones=chain.cones if cones else ()) for chain in chains)
+    parts = (bodies, joints, free)
+    return lab.person(parts, trackers=(replace(tracker, angles=(tracker.angles[0], back)),))
+
+
+def waving(lab: SimpleNamespace, apart: float) -> Scenario:
+    """Two arms of one hinge each, so far from each other at their roots, that are shown turned inwards."""
+    trunk = replace(lab.ball("trunk", (0.0, 0.0, 0.0)), kind="driven")
+    arms = [replace(lab.ball(name, (0.0, 0.0, 0.0)), kind="driven") for name in ("left", "right")]
+    arms = [replace(arm, pieces=(replace(arm.pieces[0], position=(0.0, 0.0, 0.3)),)) for arm in arms]
+    joints = tuple(
+        Joint(f"{arm.name}_hinge", "trunk", arm.name, (side * apart / 2, 0.0, 0.1), (0.0, 1.0, 0.0))
+        for arm, side in zip(arms, (-1, 1))
+    )
+    chains = tuple(Chain(joint.child, (joint.name,)) for joint in joints)
+    names = tuple(joint.name for joint in joints)
+    still = lab.still("trunk", (0.0, 0.0, 0.0))
+    tracker = replace(still, joints=names, angles=((0.0, 0.0), (0.6, -0.6)))
+    effects = ("self_collision",)
+    return lab.scene(trunk, *arms, joints=joints, chains=chains, trackers=(tracker,), effects=effects)
+
+
 def cases(lab: SimpleNamespace) -> dict[str, tuple[Scenario, Scenario]]:
     """Of each effect a scene in which it alone matters, and one in which it is not needed."""
     ground, ball = lab.ground(), lab.ball()
@@ -60,13 +88,22 @@ def cases(lab: SimpleNamespace) -> dict[str, tuple[Scenario, Scenario]]:
         "virtual_coupling": (pushing(lab, 0.05), lab.scene(ball)),
         "inverse_kinematics": (catalogue()["wall_push"], moving(lab)),
         "attraction": (moving(lab), lab.scene(ball)),
+        "reach_cones": (lifting(lab, cones=True), lifting(lab, cones=False)),
+        "self_collision": (waving(lab, 0.3), waving(lab, 2.0)),
     }
 
 
 EFFECTS = (
     *("gravity", "rotation", "restitution", "friction", "contact", "overlap_removal"),
-    *("virtual_coupling", "inverse_kinematics", "attraction"),
+    *("virtual_coupling", "inverse_kinematics", "attraction", "reach_cones", "self_collision"),
 )
+
+
+def test_cones_bound_a_tracker_that_leaves_them(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
+    """Follow a tracker out of a reach cone, where nothing is met, with the plan as with all effects."""
+    engine, scene = registry.engine("reference"), lifting(lab, cones=True)
+    one, two = (record(engine, scene, Settings("balanced", FRAME, effects=e)) for e in (None, PLANNED))
+    assert change(one, two) == 0
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
