@@ -24,7 +24,17 @@ import pybullet
 from scipy.spatial.transform import Rotation
 
 from adapters import bullet_tables
-from adapters.bullet_tables import BASE, FRICTION_MAX, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
+from adapters.bullet_tables import (
+    BASE,
+    FRICTION_MAX,
+    LINK,
+    NO_SHAPE,
+    SLEEPING,
+    UNTURNED,
+    Links,
+    Multibody,
+    Part,
+)
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import check_range, frictions, product_factors, restitutions
@@ -65,6 +75,7 @@ class World:
         self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._told = bullet_tables.TUNED if settings.profile == TUNED else bullet_tables.DEFAULT
+        self._sleep = SLEEPING if settings.sleeping else {}
         pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
         n, hinges = len(scenario.bodies), sum(len(tracker.joints) for tracker in scenario.trackers)
@@ -148,8 +159,10 @@ class World:
             **dict(zip(Part._fields, zip(*parts))),
             **self._on,
         )
-        has_hull = any(isinstance(piece.shape, Hull) for piece in scenario.bodies[bodies[0]].pieces)
+        root = scenario.bodies[bodies[0]]
+        has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         told = self._told.base | (self._told.hull if has_hull else {})
+        told |= {} if root.kind == "driven" else self._sleep
         pybullet.changeDynamics(number, BASE, **told, **self._on)
         for link, body in enumerate((*bodies, *(bodies[k] for k, _ in further)), start=BASE):
             restitution, friction = self._factors[body]
@@ -325,7 +338,7 @@ class World:
         joints = [pybullet.getJointInfo(*link, **self._on) for link in links]
         rows = zip(facts, self._scenario.bodies)
         hulls = [fact for fact, body in rows if any(isinstance(p.shape, Hull) for p in body.pieces)]
-        as_set = self._told.solver | self._told.base | self._told.hull | LINK
+        as_set = self._told.solver | self._told.base | self._told.hull | LINK | self._sleep
         return {
             **{f"{name} (read back)": value for name, value in told.items()},
             **{f"{name} (as set)": value for name, value in as_set.items() if name not in told},
@@ -339,6 +352,7 @@ class World:
             "hinges with limits (read back)": sum(joint[8] <= joint[9] for joint in joints),
             "hull corners": "rounded by Bullet to about 1e-4 of the hull's size",
             "integrator": "semi-implicit Euler on reduced coordinates, gyroscopic term on",
+            "sleep of driven bodies": "off: no force wakes a multibody",
             "default joint motors": "off (force 0)",
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",

@@ -50,6 +50,8 @@ MULTIBODY: dict[str, int | float] = {
     "maxJointVelocity": SPEED_LIMIT,
     "activationState": pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
 }
+SLEEPING: dict[str, int | float] = {"activationState": pybullet.ACTIVATION_STATE_ENABLE_SLEEPING}
+"""Of a base that may sleep, where that is asked for; never of a driven one, which no force would wake."""
 LINK: dict[str, int | float] = {"jointDamping": 0.0, "rollingFriction": 0.0, "spinningFriction": 0.0}
 
 

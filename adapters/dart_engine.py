@@ -70,12 +70,12 @@ class DartEngine:
 
 
 def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
-    """Every default on purpose: DART's own, but sleeping off."""
+    """Every default on purpose: DART's own, but sleeping off unless it is asked for."""
     world.setTimeStep(settings.dt)
     world.setGravity(np.array(scenario.acting_gravity))
     world.setNumSimulationThreads(1)
     deactivation = world.getDeactivationOptions()
-    deactivation.mEnabled = False
+    deactivation.mEnabled = settings.sleeping
     world.setDeactivationOptions(deactivation)
     world.setCollisionDetector(detector_of(scenario))
     solver = world.getConstraintSolver()
@@ -228,6 +228,7 @@ class World:
     def _facts(self) -> dict[str, Scalar]:
         world, solver = self._world, self._world.getConstraintSolver()
         detector, option = solver.getCollisionDetector(), solver.getCollisionOption()
+        deactivation = world.getDeactivationOptions()
         hinges = [hand.getJoint(k) for hand in self._hands for k in range(1, hand.getNumJoints())]
         dofs = [
             (joint, k)
@@ -247,7 +248,11 @@ class World:
             "contacts_max": option.maxNumContacts,
             "contacts_per_pair_max": option.getEffectiveMaxNumContactsPerPair(),
             "contacts_of_negative_depth": option.allowNegativePenetrationDepthContacts,
-            "deactivation": world.getDeactivationOptions().mEnabled,
+            "deactivation": deactivation.mEnabled,
+            "deactivation_speed [m/s]": deactivation.mLinearSpeedThreshold,
+            "deactivation_rate [rad/s]": deactivation.mAngularSpeedThreshold,
+            "deactivation_time [s]": deactivation.mTimeUntilSleep,
+            "deactivation_wake_factor": deactivation.mWakeThresholdScale,
             "threads": world.getNumSimulationThreads(),
             "collision_shapes": sum(
                 shape.hasCollisionAspect()

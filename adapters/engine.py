@@ -62,8 +62,8 @@ class NotInstalled(AdapterError):
 class Settings:
     """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
     profile (reference only); the effects asked for, or None for those that the scene calls for; and, filled
-    in from the plan, the stages that the reference leaves out, and whether it leaves out in each frame what
-    can meet nothing in it."""
+    in from the plan, the stages that the reference leaves out, whether it leaves out in each frame what can
+    meet nothing in it, and whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds."""
 
     profile: str
     dt: float
@@ -71,6 +71,7 @@ class Settings:
     effects: tuple[str, ...] | None = None
     skipped: tuple[str, ...] = ()
     rooms: bool = False
+    sleeping: bool = False
 
     @property
     def label(self) -> str:

@@ -38,6 +38,7 @@ from scenarios.scenario import Scenario
 OPTIONS = (
     *("timestep", "iterations", "tolerance", "ls_iterations", "ls_tolerance", "noslip_iterations"),
     *("noslip_tolerance", "impratio", "ccd_iterations", "ccd_tolerance", "density", "viscosity"),
+    "sleep_tolerance",
 )
 FLAGS = (
     # option field, its bits, their prefix, whether a set bit means on

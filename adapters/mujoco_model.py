@@ -37,7 +37,7 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
     spec.option.gravity = scenario.acting_gravity
     spec.option.density = spec.option.viscosity = 0.0
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    spec.option.enableflags = 0
+    spec.option.enableflags = int(mujoco.mjtEnableBit.mjENBL_SLEEP) if settings.sleeping else 0
     if settings.profile == TUNED:
         # circular where the pyramid has .707 mu at 45 degrees
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

@@ -47,7 +47,9 @@ def substeps(scenario: Scenario, dt: float) -> int:
 def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
     """A player of a world in which only those effects are simulated that the plan has."""
     plan = planned(scenario, settings.effects)
-    settings = dataclasses.replace(settings, skipped=plan.skipped, rooms=settings.effects is None)
+    settings = dataclasses.replace(
+        settings, skipped=plan.skipped, rooms=settings.effects is None, sleeping=plan.on("sleeping")
+    )
     return Player(engine.build(plan.applied(scenario), settings), scenario, settings, plan)
 
 

@@ -98,7 +98,7 @@ def run(
         typer.Option("--set", help="KEY=VALUE in the reference's profiles (touchstone list settings)."),
     ] = None,
     effects: Annotated[
-        str, typer.Option(help="auto: those that a scene calls for; all; or the names of those to simulate.")
+        str, typer.Option(help="auto: those that a scene calls for; all (without sleeping); or names.")
     ] = "auto",
     hold_last: Annotated[
         bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")

@@ -44,6 +44,8 @@ SKIPPED = ("drive", "removal", "contact", "rotation", "sweep")
 simulated bodies, and their rotation; with sweeps it tests ends of steps alone."""
 STAGES_OF_OURS = ("overlap_removal", "inverse_kinematics", "reach_cones", "attraction", "sweep")
 """Effects that the reference alone has a stage for: an engine's contacts push, its hinges follow a servo."""
+APPROXIMATE = ("sleeping",)
+"""Left out where all effects are asked for, for it leaves motion out: on only where named among some."""
 STIFF = 1e9
 """Factor of the inertia of bodies that are asked not to turn [1]: no impact moves them by more than rounding
 shows in a picture, and no engine divides by zero."""
@@ -185,20 +187,24 @@ def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = N
     """Decide on every effect.
 
     Args:
-        effects: run these and no others, whatever the scene calls for, contact between all that may touch;
-            None: those that the scene calls for, contact between those that can meet.
+        effects: run these and no others, whatever the scene calls for, contact between all that may touch,
+            none of APPROXIMATE where all of PLANNED are named; None: those that the scene calls for, contact
+            between those that can meet.
     """
+    asked_for_all = effects is not None and set(PLANNED) <= set(effects)
     may_touch = list(scenario.touching_pairs())
     gap = least_gap(bounds.gap, bounds.body)
     meeting = [(a, b) for a, b in may_touch if max(gap[a, b], gap[b, a]) <= 0]
     needs = _needs(scenario, gap, may_touch, meeting)
+    if asked_for_all:
+        effects = tuple(effect for effect in PLANNED if effect not in APPROXIMATE)
     decisions = tuple(_decide(effect, *needs[effect], effects) for effect in PLANNED)
     on = {decision.effect for decision in decisions if decision.on}
     group = scenario.groups()
     own = {(a, b) for a, b in may_touch if group[a] == group[b] >= 0}
     # without an effect that it needs a scene may leave its bounds: nothing then leans on them
     forced_off = any(decision.state == "forced off" for decision in decisions)
-    everything = effects is not None and (forced_off or len(on) == len(PLANNED))
+    everything = asked_for_all or forced_off
     pairs = may_touch if everything or not meeting else meeting
     pairs = [pair for pair in pairs if "contact" in on and ("self_collision" in on or pair not in own)]
     kept = _pieces(scenario, bounds, pairs, everything)
@@ -327,7 +333,7 @@ def _needs(scenario: Scenario, gap: Array, may_touch: list[Pair], meeting: list[
             f"{len(scenario.trackers)} driven bodies" if scenario.trackers else "no driven body",
         ),
         "sweep": (bool(meeting), "where the profile sweeps" if meeting else "no pair can meet"),
-        "sleeping": (False, "a body at rest is simulated like any other"),
+        "sleeping": (False, "a body at rest is simulated like any other, with all effects too"),
     }
 
 
