@@ -24,17 +24,7 @@ import pybullet
 from scipy.spatial.transform import Rotation
 
 from adapters import bullet_tables
-from adapters.bullet_tables import (
-    BASE,
-    FRICTION_MAX,
-    LINK,
-    NO_SHAPE,
-    SLEEPING,
-    UNTURNED,
-    Links,
-    Multibody,
-    Part,
-)
+from adapters.bullet_tables import BASE, FRICTION_MAX, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import check_range, frictions, product_factors, restitutions
@@ -75,7 +65,7 @@ class World:
         self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._told = bullet_tables.TUNED if settings.profile == TUNED else bullet_tables.DEFAULT
-        self._sleep = SLEEPING if settings.sleeping else {}
+        self._sleep = bullet_tables.SLEEPING if settings.sleeping else {}
         pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
         n, hinges = len(scenario.bodies), sum(len(tracker.joints) for tracker in scenario.trackers)

@@ -1,4 +1,4 @@
-"""Sleeping where it is asked for: what each engine stops that would move on, when, and what it leaves alone."""
+"""Sleeping where it is asked for: what each engine stops that would move on, when, and what it lets be."""
 
 from __future__ import annotations
 
