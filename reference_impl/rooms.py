@@ -162,6 +162,10 @@ def seek_rooms(bodies, pieces, vertices, drivers, pairs, state):
     if drive:
         end, lost = find_pairs(pieces, DRIVEN, 0, pairs, state)
         drive = _clear_links(bodies, pairs, end)
+        # what is lost may meet anything
+        if lost > 0:
+            drive = False
+            _list_all(bodies, pieces, state)
     _swap(pieces, moving)
     _list_driven(bodies, pieces, state)
     state["flight_clear"], state["drive_clear"] = 1 if flight else 0, 1 if drive else 0
