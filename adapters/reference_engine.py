@@ -32,6 +32,8 @@ STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that the compiled step can skip."""
 TARGETS = ("old_target_position", "old_target_orientation", "target_position", "target_orientation")
 """Fields of a driver that hold its tracker, in the order in which they lie."""
+INEXACT = ("residual", "dropped_time", "parted_energy")
+"""Fields of the state that are 0 where a frame was resolved exactly."""
 COMPILE_NOTE = "compile_seconds.txt"
 """File of the kernel cache that tells what filling it cost."""
 
@@ -243,7 +245,8 @@ class _World:
 
     def work(self) -> Mapping[str, float]:
         """Counters of the last frame."""
-        return dict(zip(conventions.COUNTERS, map(float, self._state["counters"].tolist())))
+        counted = dict(zip(conventions.COUNTERS, map(float, self._state["counters"].tolist())))
+        return counted | {name: float(self._state[name]) for name in INEXACT}
 
     def close(self) -> None:
         """Nothing is held."""

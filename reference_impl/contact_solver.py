@@ -53,16 +53,21 @@ def settle(bodies, joints, drivers, pairs, count, patch, state):
     for sweep in range(sweeps):
         if sweep > 0:
             extrapolate(bodies, joints, drivers, pairs, count, patch, state)
-        change = 0.0
+        change, worst = 0.0, -1
         k = first_row(patch, count)
         while k >= 0:
             copy_vector(pairs[k]["held"], pairs[k]["kept"])
-            change = max(change, _relax(bodies, joints, drivers, pairs[k], state))
+            moved = _relax(bodies, joints, drivers, pairs[k], state)
+            if moved > change:
+                change, worst = moved, k
             k = next_row(pairs, k, patch, count)
         state["counters"][COUNT_SWEEPS] += 1
         if change <= residual:
-            return True
-    return False
+            break
+    if change > state["residual"]:
+        state["residual"] = change
+        state["residual_body_a"], state["residual_body_b"] = pairs[worst]["body_a"], pairs[worst]["body_b"]
+    return change <= residual
 
 
 @kernel

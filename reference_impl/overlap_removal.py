@@ -334,14 +334,14 @@ def part_simulated(bodies, pieces, vertices, pairs, state):
         if is_free(deepest):
             return True
         state["counters"][COUNT_ROUNDS] += 1
-        _push_apart(bodies, pairs, end)
+        _push_apart(bodies, pairs, end, state)
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 
 
 @kernel
-def _push_apart(bodies, pairs, end):
+def _push_apart(bodies, pairs, end, state):
     """Move simulated bodies until no depth is left along the normals found: one pair after the other, by all
     of its depth against fixed and driven bodies, by half each against their like (Gauss-Seidel)."""
     for b in range(len(bodies)):
@@ -369,4 +369,7 @@ def _push_apart(bodies, pairs, end):
         if bodies[b]["kind"] == SIMULATED:
             for i in range(3):
                 bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
+                state["parted_energy"] -= (
+                    bodies[b]["mass"] * state["gravity"][i] * bodies[b]["scratch"][0, i]
+                )
             place(bodies[b])

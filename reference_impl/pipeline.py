@@ -84,6 +84,8 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["counters"][:] = 0
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
+    s["residual"] = s["dropped_time"] = s["parted_energy"] = 0.0
+    s["residual_body_a"] = s["residual_body_b"] = -1
     if s["skip_drive"] == 0:
         _drive(bodies, pieces, joints, drivers, vertices, pairs, s)
     if s["skip_contact"] == 1:
@@ -195,6 +197,7 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
             break
         state["counters"][COUNT_EVENTS] += 1
     if left > TIME_MIN:
+        state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
 

@@ -53,6 +53,12 @@ STATE = record(
     rows="i8",  # of the frame's substeps so far
     last_rows="i8",  # of the last substep
     crowded="i8",  # whether the substep is
+    # what a frame leaves inexact: each is 0 where all of it was resolved
+    residual="f8",  # largest of the contact solves [m/s]
+    residual_body_a="i8",  # its bodies, or -1
+    residual_body_b="i8",
+    dropped_time="f8",  # part of the frame that was not simulated [s]
+    parted_energy="f8",  # potential energy added by parting overlapping bodies [J]
     removal="i8",
     depth="i8",
     angle="i8",
