@@ -1,20 +1,27 @@
-"""Uniform solids: their inertia about the centre, bodies made of one, and the vertices of elliptic hulls."""
+"""Uniform solids: mass, centre and inertia, bodies made of one, and the vertices of elliptic hulls."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from scenarios.scenario import (
     IDENTITY,
     ORIGIN,
     Body,
     Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
     Kind,
     Matrix,
     Piece,
     Quaternion,
     Sphere,
     Vector,
+    vector,
 )
 
 
@@ -46,6 +53,48 @@ def capsule_inertia(mass: float, radius: float, half_length: float) -> Matrix:
     middle = mass - ends
     across = middle * (r * r / 4 + h * h / 3) + ends * (2 * r * r / 5 + h * h + 3 * h * r / 4)
     return _diagonal(across, across, middle * r * r / 2 + ends * 2 * r * r / 5)
+
+
+def hull_mass_properties(
+    vertices: Sequence[Vector], *, mass: float | None = None, density: float | None = None
+) -> tuple[float, Vector, Matrix]:
+    """Mass, centre of mass and inertia of a uniform convex hull, exact: the sum over tetrahedra.
+
+    A tetrahedron with corners 0, a, b, c has the second moments V / 20 (sum x x^T + s s^T), s = a + b + c.
+
+    Args:
+        vertices: points [m] whose convex hull is the solid; those inside it change nothing.
+        mass: of the solid [kg], or
+        density: its density [kg/m^3]; exactly one of them.
+    Returns:
+        Mass [kg], centre of mass [m, frame of the vertices], inertia about it along the axes of that frame
+        [kg m^2].
+    Raises:
+        ValueError: both or none of mass and density are given, or the vertices span no volume.
+    """
+    if (mass is None) == (density is None):
+        raise ValueError(f"mass {mass} and density {density}: expected exactly one of them")
+    points = np.array(vertices, dtype=float).reshape(-1, 3)
+    try:
+        faces = ConvexHull(points)
+    except (QhullError, ValueError) as error:
+        reason = f"{error}".strip().partition("\n")[0]
+        raise ValueError(f"{len(points)} vertices span no volume: {reason}") from error
+    # tetrahedra from a point inside to every triangle
+    inside = points.mean(axis=0)
+    corners = points[faces.simplices] - inside
+    volumes = np.abs(np.linalg.det(corners)) / 6
+    sums = corners.sum(axis=1)
+    volume = volumes.sum()
+    centre = volumes @ sums / (4 * volume)
+    moments = np.einsum("t,tki,tkj->ij", volumes, corners, corners)
+    moments = (moments + np.einsum("t,ti,tj->ij", volumes, sums, sums)) / 20 - volume * np.outer(
+        centre, centre
+    )
+    total = float(mass if density is None else density * volume)  # type: ignore[arg-type]
+    inertia = total / volume * (np.trace(moments) * np.eye(3) - moments)
+    rows = [vector(row) for row in (inertia + inertia.T) / 2]
+    return total, vector(inside + centre), (rows[0], rows[1], rows[2])
 
 
 def ball(
@@ -90,6 +139,93 @@ def block(
         (Piece(name, Box(half_extents)),),
         mass=mass,
         inertia=box_inertia(mass, half_extents),
+        position=position,
+        orientation=orientation,
+        linear_velocity=velocity,
+        angular_velocity=spin,
+    )
+
+
+def capsule(
+    name: str,
+    material: str,
+    radius: float,
+    half_length: float,
+    mass: float = 0.0,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    velocity: Vector = ORIGIN,
+    spin: Vector = ORIGIN,
+    kind: Kind = "simulated",
+) -> Body:
+    """A solid capsule along the body's z axis; radius and half length in m, mass in kg, then its state."""
+    return Body(
+        name,
+        kind,
+        material,
+        (Piece(name, Capsule(radius, half_length)),),
+        mass=mass,
+        inertia=capsule_inertia(mass, radius, half_length),
+        position=position,
+        orientation=orientation,
+        linear_velocity=velocity,
+        angular_velocity=spin,
+    )
+
+
+def ellipsoid(
+    name: str,
+    material: str,
+    half_axes: Vector,
+    mass: float = 0.0,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    velocity: Vector = ORIGIN,
+    spin: Vector = ORIGIN,
+    kind: Kind = "simulated",
+) -> Body:
+    """A solid ellipsoid; half axes in m, mass in kg, then its state."""
+    return Body(
+        name,
+        kind,
+        material,
+        (Piece(name, Ellipsoid(half_axes)),),
+        mass=mass,
+        inertia=ellipsoid_inertia(mass, half_axes),
+        position=position,
+        orientation=orientation,
+        linear_velocity=velocity,
+        angular_velocity=spin,
+    )
+
+
+def hull(
+    name: str,
+    material: str,
+    vertices: Sequence[Vector],
+    mass: float = 0.0,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    velocity: Vector = ORIGIN,
+    spin: Vector = ORIGIN,
+    kind: Kind = "simulated",
+) -> Body:
+    """A solid convex hull whose origin is its centre of mass.
+
+    Args:
+        vertices: corners of the hull [m] in any frame with the body's axes; they are shifted so that the
+            centre of mass becomes the body's origin, as that of a ball or a block is.
+        mass: in kg; the other arguments are the state.
+    """
+    _, centre, inertia = hull_mass_properties(vertices, mass=mass)
+    corners = tuple(vector(np.subtract(vertex, centre)) for vertex in vertices)
+    return Body(
+        name,
+        kind,
+        material,
+        (Piece(name, Hull(corners)),),
+        mass=mass,
+        inertia=inertia,
         position=position,
         orientation=orientation,
         linear_velocity=velocity,

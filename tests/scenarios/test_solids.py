@@ -1,0 +1,111 @@
+"""Uniform solids: the mass properties of hulls, and bodies made of one piece."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from scenarios.scenario import PairCoefficients, Scenario
+from scenarios.solids import (
+    block,
+    box_inertia,
+    capsule,
+    capsule_inertia,
+    ellipsoid,
+    ellipsoid_inertia,
+    hull,
+    hull_mass_properties,
+    slab,
+)
+
+ROUNDING = 1e-13
+"""Relative error of a few hundred sums of products of one size."""
+CUBE = tuple(product((-0.1, 0.1), (-0.2, 0.2), (-0.3, 0.3)))
+
+
+def test_a_box_by_its_corners():
+    """Give a box the closed form's volume, centre and inertia, wherever its corners lie."""
+    mass, centre, inertia = hull_mass_properties(np.array(CUBE) + [3.0, -2.0, 1.0], density=500.0)
+    assert mass == pytest.approx(500.0 * 0.2 * 0.4 * 0.6, rel=ROUNDING)
+    np.testing.assert_allclose(centre, (3.0, -2.0, 1.0), rtol=ROUNDING)
+    # the offset of 3 m loses four digits of the corners themselves
+    np.testing.assert_allclose(inertia, box_inertia(mass, (0.1, 0.2, 0.3)), atol=1e-12)
+
+
+def test_a_tetrahedron():
+    """Give a cube's corner I_xx = 3 m a^2 / 40 and I_xy = m a^2 / 80 about its centre."""
+    vertices = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    mass, centre, inertia = hull_mass_properties(vertices, density=6.0)
+    assert mass == pytest.approx(1.0, rel=ROUNDING)
+    np.testing.assert_allclose(centre, (0.25, 0.25, 0.25), rtol=ROUNDING)
+    np.testing.assert_allclose(inertia, (5 * np.eye(3) + 1) / 80, rtol=ROUNDING)
+
+
+def test_turned_hulls_have_turned_inertia():
+    """Turn the corners of a box and find its inertia turned, I' = R I R^T."""
+    turn = Rotation.from_rotvec((0.3, -1.1, 0.7))
+    _, _, inertia = hull_mass_properties(turn.apply(CUBE), mass=2.0)
+    matrix = turn.as_matrix()
+    expected = matrix @ np.array(box_inertia(2.0, (0.1, 0.2, 0.3))) @ matrix.T
+    np.testing.assert_allclose(inertia, expected, atol=1e-15)
+
+
+def test_a_fine_hull_tends_to_its_ellipsoid():
+    """Approach the ellipsoid's volume and inertia as 1 / n with n points spread over it evenly."""
+    axes = np.array((0.3, 0.2, 0.1))
+    errors = []
+    for count in (500, 2000):
+        # Fibonacci's lattice on the sphere
+        k = np.arange(count) + 0.5
+        z, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+        r = np.sqrt(1 - z * z)
+        points = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1) * axes
+        mass, centre, inertia = hull_mass_properties(points, density=1000.0)
+        full = 1000.0 * 4 / 3 * np.pi * axes.prod()
+        errors.append(1 - mass / full)
+        np.testing.assert_allclose(inertia, ellipsoid_inertia(mass, axes), atol=3 * errors[-1] * mass * 0.04)
+        np.testing.assert_allclose(centre, 0.0, atol=1e-3 * axes.max())
+    assert 0 < errors[1] < errors[0] / 3.5
+    assert errors[1] < 5e-3
+
+
+def test_points_inside_change_nothing():
+    """Leave the answer as it is where the vertices hold points that are no corners."""
+    one = hull_mass_properties(CUBE, mass=1.0)
+    two = hull_mass_properties((*CUBE, (0.01, 0.02, 0.03)), mass=1.0)
+    np.testing.assert_allclose(np.hstack([two[1], *two[2]]), np.hstack([one[1], *one[2]]), atol=1e-16)
+
+
+def test_what_has_no_volume_is_refused():
+    """Refuse flat hulls, too few vertices, and both or neither of mass and density."""
+    with pytest.raises(ValueError, match="8 vertices span no volume"):
+        hull_mass_properties([(x, y, 0.0) for x, y, _ in CUBE], mass=1.0)
+    with pytest.raises(ValueError, match="2 vertices span no volume"):
+        hull_mass_properties(CUBE[:2], mass=1.0)
+    for given in ({}, {"mass": 1.0, "density": 1.0}):
+        with pytest.raises(ValueError, match="exactly one"):
+            hull_mass_properties(CUBE, **given)
+
+
+def test_bodies_of_one_piece_are_valid_and_centred():
+    """Build a capsule, an ellipsoid and a hull whose origin is their centre of mass, and a fixed wedge."""
+    wedge = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    bodies = (
+        capsule("capsule", "wood", 0.1, 0.2, 1.0, position=(0.0, 0.0, 1.0)),
+        ellipsoid("ellipsoid", "wood", (0.1, 0.2, 0.3), 2.0, position=(1.0, 0.0, 1.0), spin=(1.0, 0.0, 0.0)),
+        hull("hull", "wood", np.array(wedge) + 5.0, 3.0, position=(2.0, 0.0, 1.0)),
+        hull("wedge", "wood", wedge, kind="fixed", position=(5.0, 0.0, 1.0)),
+        block("block", "wood", (0.1, 0.1, 0.1), 1.0, position=(8.0, 0.0, 1.0)),
+        slab("floor", "wood"),
+    )
+    Scenario("solids", "", (), bodies, 1.0, (PairCoefficients("wood", "wood", 0.0, 0.5),))
+    assert bodies[0].inertia == capsule_inertia(1.0, 0.1, 0.2)
+    assert bodies[1].inertia == ellipsoid_inertia(2.0, (0.1, 0.2, 0.3))
+    shape = bodies[2].pieces[0].shape
+    _, centre, inertia = hull_mass_properties(shape.vertices, mass=3.0)
+    np.testing.assert_allclose(centre, 0.0, atol=1e-15)
+    np.testing.assert_allclose(bodies[2].inertia, inertia, rtol=1e-12)
+    assert bodies[3].mass == 0
