@@ -1,0 +1,167 @@
+"""Random convex bodies, and their support functions, with which they are placed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, pi, sin
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from scenarios.scenario import (
+    IDENTITY,
+    ORIGIN,
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Quaternion,
+    Shape,
+    Sphere,
+    Vector,
+    vector,
+)
+from scenarios.solids import ball, block, capsule, ellipsoid, hull, hull_mass_properties
+
+Array = NDArray[np.float64]
+
+MATERIAL = "wood"
+SHAPES = ("sphere", "box", "capsule", "ellipsoid", "hull", "coin")
+FLAT = ("box", "hull", "coin")
+"""Shapes that rest on a face."""
+ASPECT = (0.3, 1.0)
+"""Range of the smaller over the largest dimension of a random shape [1]."""
+COIN_CORNERS = 16
+"""Corners of each face of a coin."""
+COIN_ASPECT = 0.15
+"""Half thickness of a coin over its radius [1]."""
+HULL_POINTS = (6, 20)
+"""Range of the number of points whose convex hull is a random hull."""
+HEAVIEST = 10.0
+"""Largest mass of a random body [kg]; a mass ratio makes the others lighter."""
+
+
+def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) -> Shape:
+    """A shape of one of `kinds` (names of SHAPES) within `reach` [m] of its centre of mass."""
+    a, b = rng.uniform(*ASPECT, 2)
+    match str(rng.choice(kinds)):
+        case "sphere":
+            return Sphere(reach)
+        case "box":
+            half = rng.permutation([1.0, a, b])
+            return Box(vector(reach / np.linalg.norm(half) * half))
+        case "capsule":
+            return Capsule(reach * a / 2, reach * (1 - a / 2))
+        case "ellipsoid":
+            return Ellipsoid(vector(reach * rng.permutation([1.0, a, b])))
+        case "coin":
+            return coin(reach / np.hypot(1, COIN_ASPECT), reach / np.hypot(1 / COIN_ASPECT, 1))
+        case _:
+            return _random_hull(rng, reach)
+
+
+def coin(radius: float, half_thickness: float) -> Hull:
+    """A prism of 2 COIN_CORNERS vertices along z; an edge, not a corner, is at its lowest along -x."""
+    angles = 2 * pi * (np.arange(COIN_CORNERS) + 0.5) / COIN_CORNERS
+    return Hull(
+        tuple(
+            (radius * cos(t), radius * sin(t), z) for z in (-half_thickness, half_thickness) for t in angles
+        )
+    )
+
+
+def _random_hull(rng: Generator, reach: float) -> Hull:
+    """The hull of random points on a sphere, squeezed, about its centre of mass."""
+    points = rng.normal(size=(int(rng.integers(*HULL_POINTS)), 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points *= rng.uniform(ASPECT[0], 1.0, 3)
+    points = points[ConvexHull(points).vertices]
+    _, centre, _ = hull_mass_properties([vector(p) for p in points], mass=1.0)
+    points -= centre
+    return Hull(tuple(vector(p) for p in reach / np.linalg.norm(points, axis=1).max() * points))
+
+
+def solid(
+    name: str,
+    shape: Shape,
+    mass: float,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    velocity: Vector = ORIGIN,
+    spin: Vector = ORIGIN,
+) -> Body:
+    """A simulated uniform body of one shape; mass in kg, then its state."""
+    state = (mass, position, orientation, velocity, spin)
+    match shape:
+        case Sphere(radius):
+            return ball(name, MATERIAL, radius, mass, position, velocity, spin)
+        case Box(half_extents):
+            return block(name, MATERIAL, half_extents, *state)
+        case Capsule(radius, half_length):
+            return capsule(name, MATERIAL, radius, half_length, *state)
+        case Ellipsoid(half_axes):
+            return ellipsoid(name, MATERIAL, half_axes, *state)
+        case Hull(vertices):
+            return hull(name, MATERIAL, vertices, *state)
+
+
+def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:
+    """How far a shape reaches from its origin along a unit vector of the world [m]."""
+    local = Rotation.from_quat(orientation, scalar_first=True).inv().apply(direction)
+    match shape:
+        case Sphere(radius):
+            return radius
+        case Box(half_extents):
+            return float(np.abs(local) @ half_extents)
+        case Capsule(radius, half_length):
+            return float(radius + half_length * abs(local[2]))
+        case Ellipsoid(half_axes):
+            return float(np.linalg.norm(local * half_axes))
+        case Hull(vertices):
+            return float((np.array(vertices) @ local).max())
+
+
+def masses(rng: Generator, count: int, ratio: float) -> list[float]:
+    """Masses [kg] that span `ratio`, in random order: the heaviest has HEAVIEST, one the `ratio`-th of it."""
+    exponents = np.concatenate([[0.0, 1.0], rng.uniform(0.0, 1.0, max(0, count - 2))])[:count]
+    return [float(m) for m in rng.permutation(HEAVIEST * ratio**-exponents)]
+
+
+def random_orientation(rng: Generator) -> Quaternion:
+    """Any orientation, wxyz, uniformly."""
+    w, x, y, z = rng.normal(size=4)
+    size = float(np.sqrt(w * w + x * x + y * y + z * z))
+    return (float(w) / size, float(x) / size, float(y) / size, float(z) / size)
+
+
+def turned(axis: Vector, angle: float) -> Quaternion:
+    """A turn by `angle` [rad] about a unit axis."""
+    s = sin(angle / 2)
+    return (cos(angle / 2), s * axis[0], s * axis[1], s * axis[2])
+
+
+def random_direction(rng: Generator) -> Array:
+    """A unit vector (3,), uniformly."""
+    found = rng.normal(size=3)
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def scattered(rng: Generator, count: int, reach: float, across: int, bottom: float) -> Array:
+    """Places (count, 3) [m] of balls of radius `reach` that touch neither each other nor z = `bottom`.
+
+    They fill layers of `across` by `across` cells about the z axis, from below, in random order within a
+    layer, and are off the middle of their cell by chance.
+    """
+    slack = reach * rng.uniform(0.02, 0.3)
+    cell = 2 * (reach + slack)
+    layers = -(-count // across**2)
+    grid = [np.argwhere(np.ones((across, across))) for _ in range(layers)]
+    rows = [np.column_stack([rng.permutation(xy), np.full(len(xy), k)]) for k, xy in enumerate(grid)]
+    places = cell * (np.concatenate(rows)[:count] - [(across - 1) / 2, (across - 1) / 2, -0.5])
+    # just inside the cell: neighbours stay apart by rounding and more
+    places += rng.uniform(-0.99, 0.99, places.shape) * slack
+    return np.asarray(places + [0.0, 0.0, bottom])

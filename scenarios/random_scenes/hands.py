@@ -1,0 +1,116 @@
+"""A driven hand, or a driven box, that presses loose bodies down or pushes them sideways."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from scenarios.hand import hand_parts
+from scenarios.scenario import Body, Box, Joint, Piece, Quaternion, Tracker, vector
+from scenarios.solids import box_inertia
+from scenarios.tracking import ease
+
+Array = NDArray[np.float64]
+
+HAND_MATERIAL = "human"
+HAND_REACH = 0.2
+"""Radius of a ball round the palm's origin that holds the hand at any posture [m]."""
+FINGER_CLEARANCE = 0.06
+"""Height of the palm at which relaxed fingers clear what lies below it by a centimetre [m]."""
+RELAXED = (0.10, 0.15, 0.10)
+"""Angles of a finger's three hinges at the start [rad]."""
+FLEXED = (0.9, 0.6, 0.4)
+"""Most by which a finger flexes further [rad]."""
+PALM_AHEAD = 0.06
+"""Distance of the palm's origin behind the fingers' middle [m]."""
+BOX_HALF = (0.06, 0.06, 0.02)
+"""Half extents of the driven box [m]."""
+BOX_MASS = 0.4
+"""Mass of the driven box, as the hand's [kg]: critically damped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pressing:
+    """A driven body and its way: from `start` (3,) to `end` (3,) [m] within `times` (begin, length) [s]."""
+
+    summary: str
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]
+    start: Array
+    end: Array
+    times: tuple[float, float]
+    orientation: Quaternion
+    flexion: Array  # (joints,) [rad] by which the hinges turn on the way
+    heading: Array  # (3,) unit vector of the way
+    sideways: bool
+
+    def tracker(self, duration: float) -> Tracker:
+        """Sixty keyframes a second over `duration` [s]."""
+        times = np.arange(round(duration * 60) + 1) / 60
+        blend = ease(times, *self.times)
+        angles = np.tile(RELAXED, len(self.joints) // 3) + np.outer(blend, self.flexion)
+        path = self.start + np.outer(blend, self.end - self.start)
+        return Tracker(
+            root=self.bodies[0].name,
+            joints=tuple(joint.name for joint in self.joints),
+            times=tuple(times.tolist()),
+            positions=tuple(map(vector, path)),
+            orientations=(self.orientation,) * len(times),
+            angles=tuple(map(tuple, angles.tolist())),
+        )
+
+
+def pressing(rng: Generator, reach: float, top: float) -> Pressing:
+    """A hand or a box that moves at loose bodies within `reach` [m] of the z axis and below `top` [m].
+
+    It starts apart from them: above them, or beside them by its own reach.
+    """
+    hinged, sideways = bool(rng.random() < 0.75), bool(rng.random() < 0.4)
+    bodies, joints = hand_parts() if hinged else ((_box(),), ())
+    own = HAND_REACH if hinged else float(np.linalg.norm(BOX_HALF))
+    yaw = float(rng.uniform(-pi, pi))
+    turn = Rotation.from_rotvec([0.0, 0.0, yaw])
+    heading = turn.apply([1.0, 0.0, 0.0])
+    if sideways:
+        height = float(rng.uniform(0.03, 0.08)) + (0.02 if hinged else 0.0)
+        start = -heading * (reach + own + 0.01) + [0.0, 0.0, height]
+        end = start + heading * float(rng.uniform(0.1, 0.35))
+    else:
+        over = FINGER_CLEARANCE if hinged else BOX_HALF[2] + 0.01
+        start = -heading * (PALM_AHEAD if hinged else 0.0) + [0.0, 0.0, top + over]
+        end = start - [0.0, 0.0, float(rng.uniform(0.02, 0.1))] + heading * float(rng.choice([0.0, 0.1]))
+    flexion = rng.uniform(0.0, 1.0) * np.tile(FLEXED, len(joints) // 3)
+    what = "a hand" if hinged else "a driven box"
+    return Pressing(
+        summary=f"{what} {'pushes' if sideways else 'presses'}",
+        bodies=bodies,
+        joints=joints,
+        start=start,
+        end=end,
+        times=(0.05, float(rng.uniform(0.2, 0.6))),
+        orientation=_quaternion(turn),
+        flexion=flexion if rng.random() < 0.5 else np.zeros(len(joints)),
+        heading=heading,
+        sideways=sideways,
+    )
+
+
+def _quaternion(turn: Rotation) -> Quaternion:
+    w, x, y, z = (float(value) for value in turn.as_quat(scalar_first=True))
+    return (w, x, y, z)
+
+
+def _box() -> Body:
+    return Body(
+        "presser",
+        "driven",
+        HAND_MATERIAL,
+        (Piece("presser", Box(BOX_HALF)),),
+        mass=BOX_MASS,
+        inertia=box_inertia(BOX_MASS, BOX_HALF),
+    )
