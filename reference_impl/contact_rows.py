@@ -1,8 +1,8 @@
 """Rows of one island: their velocities, Coulomb's law at one contact point, and the residual of all.
 
 Conventions: u = free + J x is the velocity of B against A at a contact point, x the change of the movers'
-velocities by the impulses. Coulomb's law: u.n >= floor, impulse.n >= 0, one of both with equality; friction at
-most mu times impulse.n, against the sliding where there is some.
+velocities by the impulses. Coulomb's law: u.n >= floor, impulse.n >= 0, one of both with equality; friction
+at most mu times impulse.n, against the sliding where there is some.
 """
 
 from math import sqrt
@@ -158,7 +158,7 @@ def solve_row(row, movers, always):
     Args:
         always: friction is mu times the pressure against any sliding (Eq. 10), not at most that.
     """
-    f, n, p, m, w = row["free"], row["normal"], row["impulse"], row["mass"], row["mobility"]
+    f, p, m, w = row["free"], row["impulse"], row["mass"], row["mobility"]
     x, y, z = changed_velocity(row, movers)
     # the velocity without this row's impulse
     x += f[0] - w[0, 0] * p[0] - w[0, 1] * p[1] - w[0, 2] * p[2]
@@ -191,15 +191,14 @@ def _coulomb(row, x, y, z, always):
     a = w[1, 1] * w[2, 2] - w[1, 2] * w[1, 2]
     b = w[0, 2] * w[1, 2] - w[0, 1] * w[2, 2]
     c = w[0, 1] * w[1, 2] - w[0, 2] * w[1, 1]
+    g = w[0, 0] * w[2, 2] - w[0, 2] * w[0, 2]
+    h = w[0, 1] * w[0, 2] - w[0, 0] * w[1, 2]
+    i = w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]
     d = w[0, 0] * a + w[0, 1] * b + w[0, 2] * c
     u, v, t = floor * n[0] - x, floor * n[1] - y, floor * n[2] - z
     px = (a * u + b * v + c * t) / d
-    py = (
-        b * u + (w[0, 0] * w[2, 2] - w[0, 2] * w[0, 2]) * v + (w[0, 1] * w[0, 2] - w[0, 0] * w[1, 2]) * t
-    ) / d
-    pz = (
-        c * u + (w[0, 1] * w[0, 2] - w[0, 0] * w[1, 2]) * v + (w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]) * t
-    ) / d
+    py = (b * u + g * v + h * t) / d
+    pz = (c * u + h * v + i * t) / d
     j = px * n[0] + py * n[1] + pz * n[2]
     tx, ty, tz = px - j * n[0], py - j * n[1], pz - j * n[2]
     size = sqrt(tx * tx + ty * ty + tz * tz)

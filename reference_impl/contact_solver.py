@@ -104,7 +104,10 @@ def _iterate(solver, state):
     """Sweeps, Newton's method, and sweeps again, as far as they are needed."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
-        if _sweep(solver, state, FIRST_SWEEPS) or newton(solver, state):
+        if _sweep(solver, state, FIRST_SWEEPS):
+            return
+        newton(solver, state)
+        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
             return
         take_best(solver)
     most = max(MOST_SWEEPS, MOST_VISITS // rows)
