@@ -266,7 +266,10 @@ def _search_line(solver):
     if slope_late <= LINE_SHARE * abs(first):
         return 1.0
     side = 0
+    s = 1.0
     for _ in range(LINE_STEPS):
+        if slope_late <= slope_early:
+            break
         s = (early * slope_late - late * slope_early) / (slope_late - slope_early)
         slope = start + s * bend - _row_slope(solver, s)
         if abs(slope) <= LINE_SHARE * abs(first):

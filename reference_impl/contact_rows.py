@@ -7,7 +7,7 @@ at most mu times impulse.n, against the sliding where there is some.
 
 from math import sqrt
 
-from reference_impl.conventions import LOCAL_STEPS, SLIP_MIN
+from reference_impl.conventions import LOCAL_STEPS, RESIDUAL_ACCEPTED, SLIP_MIN
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
 
@@ -131,16 +131,45 @@ def take_best(solver):
 
 
 @kernel
-def make_passive(solver):
-    """Scale all impulses down until contacts do no work on the island (`contact_solver`)."""
-    driving = damping = 0.0
+def _work_terms(solver):
+    """-p.(v + u), p.W p and the sum of |p| over all rows: twice the contacts' work is the second less the
+    first."""
+    driving = damping = size = 0.0
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, f, before = row["impulse"], row["free"], row["before"]
         x, y, z = changed_velocity(row, solver["movers"])
         damping += p[0] * x + p[1] * y + p[2] * z
+        size += sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
         for i in range(3):
             driving -= p[i] * (before[i] + f[i])
+    return driving, damping, size
+
+
+@kernel
+def pushes_along(solver):
+    """Whether the contacts do work on the island, beyond what the residual explains."""
+    driving, damping, size = _work_terms(solver)
+    return damping - driving > RESIDUAL_ACCEPTED * size
+
+
+@kernel
+def reverse_slip(solver):
+    """Take friction against the mean sliding of the hold: against the velocity after it, seen from the reverse
+    of the sliding before."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        n, f, before = row["normal"], row["free"], row["before"]
+        along = n[0] * before[0] + n[1] * before[1] + n[2] * before[2]
+        for i in range(3):
+            f[i] += before[i] - along * n[i]
+            before[i] = along * n[i]
+
+
+@kernel
+def make_passive(solver):
+    """Scale all impulses down until contacts do no work on the island (`contact_solver`)."""
+    driving, damping, _ = _work_terms(solver)
     scale = 0.0
     if driving > 0:
         scale = 1.0 if damping <= driving else driving / damping

@@ -9,7 +9,9 @@ impulses p, v those before the hold, W the map from impulses to velocities, that
 
     p.(v + u + W p) / 2 <= 0  for  p scaled by  s <= -p.(v + u) / p.W p.
 
-This holds for any p, so no cap, stall or start can add energy. It makes an answer safe, not right: what is
+This holds for any p, so no cap, stall or start can add energy. An answer that converged may do work too, where
+friction stops a row that slid the other way before: its mean force then points along that sliding. There
+friction is taken against the mean sliding (v + u) / 2 instead, and does none. It makes an answer safe, not right: what is
 left of the approach lets bodies sink, and is recorded as the frame's residual.
 """
 
@@ -21,8 +23,10 @@ from reference_impl.contact_rows import (
     into_cone,
     keep_best,
     make_passive,
+    pushes_along,
     rebuild,
     residual_of,
+    reverse_slip,
     solve_row,
     take_best,
 )
@@ -31,6 +35,7 @@ from reference_impl.conventions import (
     COUNT_UNCONVERGED,
     DENSE_SWEEPS,
     FIRST_SWEEPS,
+    FLIGHT_BALLISTIC,
     FRICTION_PAPER,
     MOST_SWEEPS,
     MOST_VISITS,
@@ -52,9 +57,11 @@ def begin_row(bodies, pair, floor):
 
 
 @kernel
-def solve_contacts(bodies, joints, drivers, pairs, count, state):
+def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
     """Impulses `held` of the rows `pairs[:count]`, from those they have, which have not acted yet.
 
+    Args:
+        lasting: they act evenly from the velocities before the hold to those after it, not in a moment.
     Returns:
         Whether every island converged.
     """
@@ -64,28 +71,23 @@ def solve_contacts(bodies, joints, drivers, pairs, count, state):
         if pairs[k]["island"] < 0:
             pairs[k]["held"][:] = 0.0
         elif is_head(bodies, pairs, k):
-            converged = solve_island(bodies, joints, drivers, pairs, k, state) and converged
+            converged = solve_island(bodies, joints, drivers, pairs, k, lasting, state) and converged
     return converged
 
 
 @kernel
-def solve_island(bodies, joints, drivers, pairs, head, state):
+def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     """Solve the island whose first row is `head`; returns whether it converged, which is counted if not."""
     load_island(bodies, drivers, pairs, head, state)
     solver = state["solver"]
     rows = solver["rows"]
     for k in range(solver["row_count"]):
         into_cone(rows[k])
-        copy_vector(rows[k]["impulse"], rows[k]["start"])
-    rebuild(solver)
-    make_passive(solver)
-    residual, _ = residual_of(solver)
-    solver["best_residual"] = inf
-    keep_best(solver, residual)
-    if not residual <= RESIDUAL_TARGET:
-        _iterate(solver, state)
-        take_best(solver)
-        residual = solver["best_residual"]
+    _solve_loaded(solver, state)
+    if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
+        reverse_slip(solver)
+        _solve_loaded(solver, state)
+    residual = solver["best_residual"]
     converged = residual <= RESIDUAL_ACCEPTED
     if not converged:
         make_passive(solver)
@@ -97,6 +99,21 @@ def solve_island(bodies, joints, drivers, pairs, head, state):
         state["residual_body_a"], state["residual_body_b"] = pair["body_a"], pair["body_b"]
     store_island(bodies, joints, drivers, pairs, state)
     return converged
+
+
+@kernel
+def _solve_loaded(solver, state):
+    """The best impulses found for the rows of the solver, from those they have."""
+    for k in range(solver["row_count"]):
+        copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
+    rebuild(solver)
+    make_passive(solver)
+    residual, _ = residual_of(solver)
+    solver["best_residual"] = inf
+    keep_best(solver, residual)
+    if not residual <= RESIDUAL_TARGET:
+        _iterate(solver, state)
+        take_best(solver)
 
 
 @kernel

@@ -68,7 +68,6 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["close"] = 0.0
-        pairs[k]["slip"][:] = 0.0
         # what passes by as it goes now may go on so
         if gap > TOUCH_DISTANCE:
             pairs[k]["close"] = max((gap - TOUCH_CLOSED) / h, pairs[k]["key"])

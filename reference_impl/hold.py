@@ -1,7 +1,7 @@
 """Contacts that hold: impulses over a substep that keep touching pairs from approaching (section 5)."""
 
 from reference_impl.contact import approach_speed
-from reference_impl.contact_change import before_across, first_stop, note_free_slip
+from reference_impl.contact_change import first_stop, note_free_slip
 from reference_impl.contact_log import log_held
 from reference_impl.contact_memory import recall, remember
 from reference_impl.contact_solver import begin_row, solve_contacts
@@ -13,7 +13,6 @@ from reference_impl.conventions import (
     IMPULSES_TOGETHER,
     NO_FLOOR,
     SEPARATION_MIN,
-    SLIP_MIN,
     STOP_SHARE,
     STOP_SHORT,
 )
@@ -40,15 +39,12 @@ def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, 
             converged = _hold_together(bodies, joints, drivers, pairs, count, state, h)
         else:
             converged = _hold_in_turn(bodies, joints, drivers, pairs, count, state)
-        if k == HOLD_CAP - 1:
-            break
         # impulses that did not converge tell no moment
-        share = first_stop(bodies, pairs, count, state) if converged else 1.0
-        if share < STOP_SHARE:
-            h *= STOP_SHORT * share
-        elif not _reverse_slip(pairs, count, state):
+        share = first_stop(bodies, pairs, count, state) if converged and k < HOLD_CAP - 1 else 1.0
+        if share >= STOP_SHARE:
             break
         begin_again(bodies, joints, drivers)
+        h *= STOP_SHORT * share
     log_held(bodies, pairs, count, contacts, state, time)
     return h, converged
 
@@ -61,29 +57,6 @@ def _begin_hold(bodies, pairs, count, state):
         pair = pairs[k]
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["patch"] < 0 else patch_flight))
-
-
-@kernel
-def _reverse_slip(pairs, count, state):
-    """Let rows whose friction pushes along the sliding before the hold end with that sliding reversed.
-
-    Friction that stops a row does so by the mean force of the hold; where that points along the sliding at
-    its start, it would do work there. With the sliding reversed at the end its mean is 0, and so is the
-    work. Returns whether there are more than before.
-    """
-    found = False
-    if state["flight"] != FLIGHT_BALLISTIC or state["impulses"] != IMPULSES_TOGETHER:
-        return found
-    for k in range(count):
-        pair = pairs[k]
-        p, s = pair["held"], pair["slip"]
-        x, y, z = before_across(pair)
-        slides = x * x + y * y + z * z > SLIP_MIN * SLIP_MIN
-        held_already = s[0] != 0 or s[1] != 0 or s[2] != 0
-        if slides and not held_already and p[0] * x + p[1] * y + p[2] * z > 0:
-            s[0], s[1], s[2] = -x, -y, -z
-            found = True
-    return found
 
 
 @kernel
@@ -110,7 +83,7 @@ def _hold_together(bodies, joints, drivers, pairs, count, state, h):
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         recall(bodies, pairs[k], state, h)
-    converged = solve_contacts(bodies, joints, drivers, pairs, count, state)
+    converged = solve_contacts(bodies, joints, drivers, pairs, count, True, state)
     remember(bodies, pairs, count, state, h)
     return converged
 

@@ -127,7 +127,6 @@ PAIR = record(
     normal=VECTOR,
     point=VECTOR,  # contact point of its impulses
     floor="f8",  # speed along the normal that a contact solve leaves at least [m/s]
-    slip=VECTOR,  # velocity across the normal at which friction holds a row that does not slide [m/s]
     held=VECTOR,  # impulse on B while the contact holds [N s]
     island="i8",  # mover that stands for its island, or -1
     next_row="i8",  # next row of its island, or -1
