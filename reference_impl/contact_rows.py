@@ -155,8 +155,8 @@ def pushes_along(solver):
 
 @kernel
 def reverse_slip(solver):
-    """Take friction against the mean sliding of the hold: against the velocity after it, seen from the reverse
-    of the sliding before."""
+    """Take friction against the mean sliding of the hold: against the velocity after it, seen from the
+    reverse of the sliding before."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         n, f, before = row["normal"], row["free"], row["before"]

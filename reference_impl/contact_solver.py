@@ -9,10 +9,12 @@ impulses p, v those before the hold, W the map from impulses to velocities, that
 
     p.(v + u + W p) / 2 <= 0  for  p scaled by  s <= -p.(v + u) / p.W p.
 
-This holds for any p, so no cap, stall or start can add energy. An answer that converged may do work too, where
-friction stops a row that slid the other way before: its mean force then points along that sliding. There
-friction is taken against the mean sliding (v + u) / 2 instead, and does none. It makes an answer safe, not right: what is
+This holds for any p, so no cap, stall or start can add energy. It makes an answer safe, not right: what is
 left of the approach lets bodies sink, and is recorded as the frame's residual.
+
+An answer that converged may do work too, where friction stops a row that slid the other way before: its mean
+force then points along that sliding. In such an island friction is taken against the mean sliding (v + u) / 2
+instead, and does none.
 """
 
 from math import inf
