@@ -8,10 +8,8 @@ from math import sqrt
 
 from reference_impl.contact import relative_velocity
 from reference_impl.conventions import (
-    COUNT_EVENTS,
     EVENT_CAP,
     FLIGHT_EULER,
-    LANDING_CAP,
     NO_FLOOR,
     SLIDE_MIN,
     SLIP_MIN,
@@ -47,11 +45,9 @@ def note_free_slip(bodies, pairs, count, state):
 
 @kernel
 def first_stop(bodies, pairs, count, state):
-    """Fraction of the substep at which the first sliding contact stops or turns round, at most 1; also 1 once
-    the frame has had LANDING_CAP events."""
+    """Fraction of the substep at which the first sliding contact stops or turns round, at most 1."""
     first = 1.0
-    exact = state["flight"] != FLIGHT_EULER and state["crowded"] == 0
-    if exact and state["counters"][COUNT_EVENTS] < LANDING_CAP:
+    if state["flight"] != FLIGHT_EULER and state["crowded"] == 0:
         for k in range(count):
             if pairs[k]["patch"] < 0 or pairs[k]["patch"] == k:
                 first = min(first, _stop(bodies, pairs, k, state))

@@ -1,7 +1,6 @@
 """The log of a frame's contacts: one row per impulse, with the surface velocities before and after it."""
 
 from reference_impl.contact import surface_velocity
-from reference_impl.contact_patch import first_row, next_row
 from reference_impl.conventions import COUNT_LOST
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
@@ -32,11 +31,11 @@ def close_row(bodies, contact, p):
 
 
 @kernel
-def log_held(bodies, pairs, count, patch, contacts, state, time):
-    k = first_row(patch, count)
-    while k >= 0:
+def log_held(bodies, pairs, count, contacts, state, time):
+    """Log the impulses of the rows `pairs[:count]`, where there are any."""
+    for k in range(count):
         pair = pairs[k]
-        k, p = next_row(pairs, k, patch, count), pair["held"]
+        p = pair["held"]
         if p[0] == 0 and p[1] == 0 and p[2] == 0:
             continue
         row = log_contact(contacts, state, pair, pair["point"], time)

@@ -9,7 +9,7 @@ from reference_impl.kernel import kernel
 
 @kernel
 def recall(bodies, pair, state, h):
-    """Start a contact point from the force that held the nearest one of its pair; whether any did."""
+    """Set `held` from the force that held the nearest contact point of the pair, if any did."""
     body = bodies[_anchor(bodies, pair)]
     nearest, least, m = -1, 0.0, body["memory"] - 1
     while m >= 0:
@@ -23,7 +23,6 @@ def recall(bodies, pair, state, h):
     if nearest >= 0:
         for i in range(3):
             pair["held"][i] = h * state["held_force"][nearest, i]
-    return nearest >= 0
 
 
 @kernel

@@ -14,8 +14,6 @@ from reference_impl.kernel import kernel
 
 NEVER = 1e300
 """Beyond any height [m]."""
-ALL = -2
-"""In place of a patch: every row, also those without one (-1)."""
 
 
 @kernel
@@ -51,22 +49,6 @@ def expand_patches(pieces, vertices, pairs, touching, state):
                 rows += 1
             _write_point(state["w"][c], face_on_a, pair["point_a"], state, pairs[row])
     return rows
-
-
-@kernel
-def first_row(patch, count):
-    """First row of a patch, or of ALL; -1 where there is none."""
-    if patch == ALL:
-        return 0 if count > 0 else -1
-    return patch
-
-
-@kernel
-def next_row(pairs, k, patch, count):
-    """Row after k of a patch, or of ALL; -1 at the end."""
-    if patch == ALL:
-        return k + 1 if k + 1 < count else -1
-    return pairs[k]["sibling"]
 
 
 @kernel

@@ -1,27 +1,43 @@
-"""Contacts that resolve together: accelerated projected Gauss-Seidel over their rows.
+"""Contacts that resolve together: impulses that meet Coulomb's law in all rows of an island.
 
-A sweep visits every row and sets its accumulated impulse so that its own law holds: no approach below its
-floor, friction within the cone and against the sliding that is left. Sweeps alone take thousands to pass a
-weight down a stack of five boxes, whose points share the load in more ways than one; Anderson's acceleration
-takes tens. What settled ends with a sweep: every row then obeys its law.
+From the impulses of the last hold, sweeps of projected Gauss-Seidel with conjugate directions (Silcowitz,
+Niebe & Erleben 2010) and, where these do not converge, Newton's method on the proximal problem
+(`contact_newton`). The impulses of the least residual are kept.
+
+Impulses that did not converge are scaled down until contacts do no work. With u the velocities without
+impulses p, v those before the hold, W the map from impulses to velocities, that work is
+
+    p.(v + u + W p) / 2 <= 0  for  p scaled by  s <= -p.(v + u) / p.W p.
+
+This holds for any p, so no cap, stall or start can add energy. It makes an answer safe, not right: what is
+left of the approach lets bodies sink, and is recorded as the frame's residual.
 """
 
-from math import sqrt
+from math import inf
 
-from reference_impl.anderson import begin_acceleration, extrapolate
-from reference_impl.contact import apply_to_both, contact_mobility, meeting_velocity, surface_velocity
-from reference_impl.contact_patch import first_row, next_row
+from reference_impl.contact import surface_velocity
+from reference_impl.contact_newton import newton
+from reference_impl.contact_rows import (
+    into_cone,
+    keep_best,
+    make_passive,
+    rebuild,
+    residual_of,
+    solve_row,
+    take_best,
+)
 from reference_impl.conventions import (
     COUNT_SWEEPS,
-    CROWD_RESIDUAL,
-    CROWD_SWEEPS,
+    COUNT_UNCONVERGED,
+    DENSE_SWEEPS,
+    FIRST_SWEEPS,
     FRICTION_PAPER,
-    HOLD_RESIDUAL,
-    HOLD_SWEEPS,
-    HOLD_VISITS,
-    SLIP_MIN,
+    MOST_SWEEPS,
+    MOST_VISITS,
+    RESIDUAL_ACCEPTED,
+    RESIDUAL_TARGET,
 )
-from reference_impl.impulse import respond
+from reference_impl.islands import is_head, join_islands, load_island, store_island
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
 
@@ -36,76 +52,109 @@ def begin_row(bodies, pair, floor):
 
 
 @kernel
-def settle(bodies, joints, drivers, pairs, count, patch, state):
-    """Impulses that keep the rows of a patch, or ALL, at their floor, from those they have.
+def solve_contacts(bodies, joints, drivers, pairs, count, state):
+    """Impulses `held` of the rows `pairs[:count]`, from those they have, which have not acted yet.
 
-    Exact after one sweep where a ball has one contact. Returns whether the sweeps converged.
+    Returns:
+        Whether every island converged.
     """
-    if count == 0:
-        return True
-    k = first_row(patch, count)
-    while k >= 0:
-        _weigh_row(bodies, drivers, pairs[k], state)
-        k = next_row(pairs, k, patch, count)
-    begin_acceleration(state, count)
-    residual = CROWD_RESIDUAL if state["crowded"] == 1 else HOLD_RESIDUAL
-    sweeps = CROWD_SWEEPS if state["crowded"] == 1 else max(HOLD_SWEEPS, HOLD_VISITS // count)
-    for sweep in range(sweeps):
-        if sweep > 0:
-            extrapolate(bodies, joints, drivers, pairs, count, patch, state)
-        change, worst = 0.0, -1
-        k = first_row(patch, count)
-        while k >= 0:
-            copy_vector(pairs[k]["held"], pairs[k]["kept"])
-            moved = _relax(bodies, joints, drivers, pairs[k], state)
-            if moved > change:
-                change, worst = moved, k
-            k = next_row(pairs, k, patch, count)
+    join_islands(bodies, drivers, pairs, count)
+    converged = True
+    for k in range(count):
+        if pairs[k]["island"] < 0:
+            pairs[k]["held"][:] = 0.0
+        elif is_head(bodies, pairs, k):
+            converged = solve_island(bodies, joints, drivers, pairs, k, state) and converged
+    return converged
+
+
+@kernel
+def solve_island(bodies, joints, drivers, pairs, head, state):
+    """Solve the island whose first row is `head`; returns whether it converged, which is counted if not."""
+    load_island(bodies, drivers, pairs, head, state)
+    solver = state["solver"]
+    rows = solver["rows"]
+    for k in range(solver["row_count"]):
+        into_cone(rows[k])
+        copy_vector(rows[k]["impulse"], rows[k]["start"])
+    rebuild(solver)
+    make_passive(solver)
+    residual, _ = residual_of(solver)
+    solver["best_residual"] = inf
+    keep_best(solver, residual)
+    if not residual <= RESIDUAL_TARGET:
+        _iterate(solver, state)
+        take_best(solver)
+        residual = solver["best_residual"]
+    converged = residual <= RESIDUAL_ACCEPTED
+    if not converged:
+        make_passive(solver)
+        state["counters"][COUNT_UNCONVERGED] += 1
+    if residual > state["residual"]:
+        _, worst = residual_of(solver)
+        pair = pairs[rows[max(worst, 0)]["pair"]]
+        state["residual"] = residual
+        state["residual_body_a"], state["residual_body_b"] = pair["body_a"], pair["body_b"]
+    store_island(bodies, joints, drivers, pairs, state)
+    return converged
+
+
+@kernel
+def _iterate(solver, state):
+    """Sweeps, Newton's method, and sweeps again, as far as they are needed."""
+    rows = solver["row_count"]
+    if rows > 1 and state["friction"] != FRICTION_PAPER:
+        if _sweep(solver, state, FIRST_SWEEPS) or newton(solver, state):
+            return
+        take_best(solver)
+    most = max(MOST_SWEEPS, MOST_VISITS // rows)
+    _sweep(solver, state, DENSE_SWEEPS if state["crowded"] == 1 else most)
+
+
+@kernel
+def _sweep(solver, state, most):
+    """At most so many sweeps over all rows; returns whether they reached RESIDUAL_TARGET."""
+    rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
+    always = state["friction"] == FRICTION_PAPER
+    last = 0.0
+    for k in range(count):
+        rows[k]["direction"][:] = 0.0
+    for sweep in range(most):
+        change = size = 0.0
+        for k in range(count):
+            row = rows[k]
+            copy_vector(row["impulse"], row["swept"])
+            change = max(change, solve_row(row, movers, always))
         state["counters"][COUNT_SWEEPS] += 1
-        if change <= residual:
-            break
-    if change > state["residual"]:
-        state["residual"] = change
-        state["residual_body_a"], state["residual_body_b"] = pairs[worst]["body_a"], pairs[worst]["body_b"]
-    return change <= residual
+        # a residual costs half a sweep
+        if change < 2 * solver["best_residual"] or sweep == most - 1:
+            residual, _ = residual_of(solver)
+            if always and change < RESIDUAL_TARGET:
+                residual = change
+            keep_best(solver, residual)
+            if residual <= RESIDUAL_TARGET:
+                return True
+        for k in range(count):
+            p, q, m = rows[k]["impulse"], rows[k]["swept"], rows[k]["mass"]
+            for i in range(3):
+                size += (p[i] - q[i]) ** 2 / m
+        # the conjugate direction; a growing step starts it again
+        share = size / last if last > 0 else 0.0
+        last = size
+        _conjugate(solver, share if share <= 1 else 0.0)
+    return False
 
 
 @kernel
-def _weigh_row(bodies, drivers, pair, state):
-    """How a row's impulse changes its velocity: exactly along the normal, by the mean across it."""
-    m, n, response = state["mobility"], pair["normal"], pair["response"]
-    contact_mobility(bodies, drivers, pair, pair["point"], m)
-    response[0], response[1], response[2] = respond(m, n[0], n[1], n[2])
-    along = n[0] * response[0] + n[1] * response[1] + n[2] * response[2]
-    # the mean mobility across the normal: exact for spheres, a relaxation for the rest
-    pair["along"], pair["across"] = 1 / along, 2 / (m[0, 0] + m[1, 1] + m[2, 2] - along)
-
-
-@kernel
-def _relax(bodies, joints, drivers, pair, state):
-    """One row's share of a sweep; returns the change of its velocity [m/s]."""
-    n, held, p, response = pair["normal"], pair["held"], state["impulse"], pair["response"]
-    x, y, z = meeting_velocity(bodies, pair)
-    v_n = n[0] * x + n[1] * y + n[2] * z
-    if v_n >= pair["floor"] and held[0] == 0 and held[1] == 0 and held[2] == 0:
-        return 0.0
-    along, across = pair["along"], pair["across"]
-    j_old = held[0] * n[0] + held[1] * n[1] + held[2] * n[2]
-    j = max(0.0, j_old - (v_n - pair["floor"]) * along)
-    # what would stop the sliding that j leaves, cut off at the cone (or always the whole cone, Eq. 10)
-    step = j - j_old
-    x = held[0] - across * (x + step * response[0])
-    y = held[1] - across * (y + step * response[1])
-    z = held[2] - across * (z + step * response[2])
-    off = x * n[0] + y * n[1] + z * n[2]
-    x, y, z = x - off * n[0], y - off * n[1], z - off * n[2]
-    sliding, limit, scale = sqrt(x * x + y * y + z * z), pair["friction"] * j, 1.0
-    if sliding > limit or (state["friction"] == FRICTION_PAPER and sliding > SLIP_MIN * across):
-        scale = limit / sliding if sliding > 0 else 0.0
-    p[0], p[1], p[2] = j * n[0] + scale * x, j * n[1] + scale * y, j * n[2] + scale * z
-    change = 0.0
-    for i in range(3):
-        p[i], held[i] = p[i] - held[i], p[i]
-        change += p[i] * p[i]
-    apply_to_both(bodies, joints, drivers, pair, pair["point"], p)
-    return sqrt(change) / min(along, across)
+def _conjugate(solver, share):
+    """Add a share of the last direction to the impulses, and the sweep's step to the direction."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        p, q, d = row["impulse"], row["swept"], row["direction"]
+        for i in range(3):
+            step = p[i] - q[i]
+            d[i] *= share
+            p[i] += d[i]
+            d[i] += step
+    if share > 0:
+        rebuild(solver)

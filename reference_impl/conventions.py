@@ -52,6 +52,7 @@ COUNTERS = (
     "ik.joints",
     "pairs.contacting",
     "sweeps",
+    "factorisations",
 )
 """What a step counts; depths by how they were found: walked without a certificate, with one, or anew. Of
 inverse kinematics: links that were brought out, passes over their joints, and joints that these took part
@@ -76,6 +77,7 @@ with. Contacting pairs: the most that touched or overlapped in one detection of 
     COUNT_IK_JOINTS,
     COUNT_CONTACTING,
     COUNT_SWEEPS,
+    COUNT_FACTORS,
 ) = range(len(COUNTERS))
 
 # broad phase
@@ -209,8 +211,6 @@ LANDING_MIN = 1e-9
 """Fraction of a substep within which no touching pair lands: it would land again and again [1]."""
 SINKING_SLACK = 2.5e-7
 """Accepted deviation from OVERLAP_TOLERANCE where a sweep looks for a touching pair that sinks [m]."""
-LANDING_CAP = 32
-"""Events of one frame after which touching pairs are left to sink: half of EVENT_CAP."""
 PATCH_HEIGHT = 4e-6
 """Height over the supporting plane below which a vertex belongs to the touching face, edge or corner, and
 least extent of a patch [m]: some TOUCH_DISTANCE, for the tilt that leaves a face's far end touching."""
@@ -219,33 +219,47 @@ PATCH_VERTICES = 64
 CROWD_SUBSTEPS = 8
 """Parts into which a crowded rest of a frame is divided at most."""
 CROWD_EVENTS = 32
-"""Events after which a frame counts as crowded: half of EVENT_CAP, beyond which its time would be dropped."""
+"""Events after which the rest of a frame goes in dense substeps."""
 CROWD_SLACK = 0.25
 """Approach, over the resting speed 2 g h, that near pairs may gain within a substep [1]: more of them are
 rows, or fewer meet unforeseen."""
 TOUCH_CLOSED = 9e-7
 """Gap that a near pair may close to [m]: it touches then, and is not yet an impact (IMPACT_TARGET)."""
-EVENT_CAP = 64
-"""Events of one frame."""
+EVENT_CAP = 192
+"""Substeps of one frame: CROWD_EVENTS, DENSE_PARTS, and as many again for impacts that dense parts find."""
+DENSE_PARTS = 32
+"""Parts of a frame into which dense substeps divide it at most for what turns."""
+DENSE_SINKING = 2e-7
+"""Sinking of a turning body over a dense substep that its length allows [m]: a fifth of OVERLAP_TOLERANCE."""
 HOLD_MEMORY = 4096
 """Contact points whose forces the next hold starts from."""
-HOLD_SWEEPS, HOLD_VISITS = 200, 20_000
-HOLD_RESIDUAL = 1e-12
-"""Sweeps over held contacts, or visits to a contact where those are more: about a millisecond; and the change
-of velocity that ends them [m/s]."""
-CROWD_SWEEPS, CROWD_RESIDUAL = 40, 1e-5
-"""The same in a crowded substep: from no impulse wedged balls keep 0.05 m/s after 40 and 0.02 after 60 (0.1
-not accelerated), so most must come from the forces held last; and a residual by which they sink 8e-8 m a
-frame, where some 1e-7 m are left to close."""
-ANDERSON_SPAN, ANDERSON_FEW, ANDERSON_SHORT = 16, 128, 4
-"""Sweeps that the start of the next one is drawn from, up to so many contacts, and with more. For ten boxes
-on each other 10 take twice as many as 16; for wedged balls 4 do as well."""
-ANDERSON_ROWS = 1024
-"""Contacts up to which sweeps are accelerated: room for the changes of so many."""
-ANDERSON_GROWTH = 2.0
-"""Growth of a sweep's step by which the ones before count no more [1]."""
-ANDERSON_WEIGHT = 1e-14
-"""Added to the normal equations, over their trace [1]: some 50 roundings."""
+RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 1e-12, 1e-9
+"""Residual at which a contact solve ends, and at which it has converged [m/s]: bodies sink by it times a frame."""
+RESIDUAL_ROUNDING = 1e-14
+"""Change of velocity below which a minimum is found, however small the residual is to be [m/s]."""
+FIRST_SWEEPS = 8
+"""Sweeps before Newton's method: they tell which contacts slide and which are open."""
+MOST_SWEEPS, MOST_VISITS = 200, 20_000
+"""Sweeps where Newton's method is not used or failed, or visits to a row where those are more: about 2 ms."""
+DENSE_SWEEPS = 40
+"""The same in a dense substep: a frame has tens of them, and each starts from the forces of the last."""
+LOCAL_STEPS = 3
+"""Steps of pressure and friction in turn at one row that slides: sweeps go on from there."""
+COMPLIANCE_FIRST, COMPLIANCE_LEAST, COMPLIANCE_FALL = 1e-3, 1e-9, 0.1
+"""Compliance of the proximal problem over the row's own mobility [1]: first, least (rounding is 1e-16 of the
+velocity over it), and its factor where the residual falls slowly."""
+RESIDUAL_FALL = 0.1
+"""Share of the residual that an outer iteration may leave before the compliance falls [1]."""
+INNER_SHARE = 1e-2
+"""Change of velocity over the residual, times the compliance, at which a minimum is found [1]."""
+NEWTON_INNER, NEWTON_FACTORS = 25, 150
+"""Factorisations of one minimum, and of all of an island."""
+NEWTON_WORK = 3e7
+"""Multiplications of all factorisations of an island, where they are fewer: some 30 ms."""
+LINE_SHARE, LINE_STEPS = 0.3, 12
+"""Share of the slope that a line search may leave [1], and its steps."""
+SLIDING = 1 - 1e-6
+"""Share of the friction bound from which a row that moves slides [1]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 

@@ -8,7 +8,7 @@ unforeseen is an event as ever. And nothing overlaps for it: the distance of con
 their gap along a normal (speculative contacts: Anitescu & Potra 1997; Catto 2013).
 """
 
-from math import ceil
+from math import ceil, sqrt
 
 from reference_impl.contact import surface_velocity
 from reference_impl.contact_patch import expand_patches
@@ -20,6 +20,8 @@ from reference_impl.conventions import (
     CROWD_EVENTS,
     CROWD_SLACK,
     CROWD_SUBSTEPS,
+    DENSE_PARTS,
+    DENSE_SINKING,
     IMPACT_SHARE,
     IMPACT_SLACK,
     IMPACT_TARGET,
@@ -32,6 +34,7 @@ from reference_impl.convex_depth import convex_depth
 from reference_impl.detection import detect, find_swept_pairs, set_coefficients
 from reference_impl.impact import rest_speed
 from reference_impl.kernel import clock, kernel
+from reference_impl.motion import lever_of
 from reference_impl.rotation import copy_quaternion, copy_vector
 from reference_impl.sweep import gap_along, place_pair, sweep
 
@@ -97,14 +100,20 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
             _coast(bodies[b], g, left)
     found = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
     # substeps so short that no impact with restitution comes much too early
-    fastest, reach = v_rest, v_rest * state["dt"]
+    fastest, reach, bend = v_rest, v_rest * state["dt"], 0.0
     for k in range(found):
-        _measure(bodies, pieces, vertices, pairs[k], state)
-        if pairs[k]["distance"] < pairs[k]["key"] * left:
-            fastest = max(fastest, pairs[k]["key"])
+        pair = pairs[k]
+        _measure(bodies, pieces, vertices, pair, state)
+        if pair["distance"] < pair["key"] * left:
+            fastest = max(fastest, pair["key"])
+        if pair["distance"] < max(TOUCH_DISTANCE, pair["key"] * left):
+            bend = max(bend, _centripetal(bodies[pair["body_a"]], pieces[pair["piece_a"]], vertices))
+            bend = max(bend, _centripetal(bodies[pair["body_b"]], pieces[pair["piece_b"]], vertices))
     parts = CROWD_SUBSTEPS if fastest > 0 else 1
     if reach > 0 and fastest * left <= CROWD_SUBSTEPS * reach:
         parts = ceil(fastest * left / reach)
+    # and so short that the points of what turns stay where their contacts hold them
+    parts = max(parts, ceil(min(left * sqrt(bend / (2 * DENSE_SINKING)), DENSE_PARTS * left / state["dt"])))
     h, end = left / parts, 0
     for k in range(found):
         pair = pairs[k]
@@ -122,6 +131,14 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
         end += 1
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, h
+
+
+@kernel
+def _centripetal(body, piece, vertices):
+    """Largest acceleration of a piece's core about its body's axis of rotation [m/s^2]."""
+    _, lever = lever_of(body, piece, vertices)
+    w = body["omega"]
+    return lever * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) if body["kind"] == SIMULATED else 0.0
 
 
 @kernel

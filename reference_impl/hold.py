@@ -1,11 +1,10 @@
 """Contacts that hold: impulses over a substep that keep touching pairs from approaching (section 5)."""
 
-from reference_impl.contact import apply_to_both, approach_speed
+from reference_impl.contact import approach_speed
 from reference_impl.contact_change import first_stop, note_free_slip
 from reference_impl.contact_log import log_held
 from reference_impl.contact_memory import recall, remember
-from reference_impl.contact_patch import ALL
-from reference_impl.contact_solver import begin_row, settle
+from reference_impl.contact_solver import begin_row, solve_contacts
 from reference_impl.conventions import (
     APPROACH_MIN,
     FLIGHT_BALLISTIC,
@@ -46,7 +45,7 @@ def hold_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, 
             break
         begin_again(bodies, joints, drivers)
         h *= STOP_SHORT * share
-    log_held(bodies, pairs, count, ALL, contacts, state, time)
+    log_held(bodies, pairs, count, contacts, state, time)
     return h, converged
 
 
@@ -80,12 +79,11 @@ def _floor(pair, state, flight):
 
 @kernel
 def _hold_together(bodies, joints, drivers, pairs, count, state, h):
-    """Hold all rows at once, from the forces of the last hold; returns whether the sweeps converged."""
+    """Hold all rows at once, from the forces of the last hold; returns whether the impulses converged."""
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
-        if recall(bodies, pairs[k], state, h):
-            apply_to_both(bodies, joints, drivers, pairs[k], pairs[k]["point"], pairs[k]["held"])
-    converged = settle(bodies, joints, drivers, pairs, count, ALL, state)
+        recall(bodies, pairs[k], state, h)
+    converged = solve_contacts(bodies, joints, drivers, pairs, count, state)
     remember(bodies, pairs, count, state, h)
     return converged
 
@@ -97,7 +95,7 @@ def _hold_in_turn(bodies, joints, drivers, pairs, count, state):
     note_free_slip(bodies, pairs, count, state)
     k = -1
     for _ in range(IMPULSE_CAP):
-        k = fastest_row(bodies, pairs, count, k, state)
+        k = fastest_row(bodies, drivers, pairs, count, k, state)
         if k < 0 or pairs[k]["key"] <= APPROACH_MIN:
             return True
         strike(bodies, joints, drivers, pairs[k], 0.0, state)

@@ -1,24 +1,29 @@
-"""Impacts: a priority queue, one contact at a time, the points of a patch as one (section 5)."""
+"""Impacts: all that approach at once, or a priority queue, one contact at a time (section 5).
+
+All at once (generalized reflections: Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012): the contacts that approach
+get impulses together, each by Newton's law against its own velocity before; this repeats until none approaches.
+What touches without approaching takes no part: so a cradle passes its impulse on ball by ball, and a break of
+equal balls stays symmetric. The answer does not depend on the order of bodies or contacts.
+"""
 
 from math import sqrt
 
 from reference_impl.contact import apply_to_both, approach_speed, contact_mobility, relative_velocity
 from reference_impl.contact_log import close_row, log_contact, log_held
-from reference_impl.contact_patch import ALL
-from reference_impl.contact_solver import begin_row, settle
+from reference_impl.contact_solver import begin_row, solve_contacts
 from reference_impl.conventions import (
     APPROACH_MIN,
     COUNT_GUARDED,
     COUNT_IMPULSES,
-    COUNT_UNCONVERGED,
-    FRICTION_PAPER,
     IMPULSE_CAP,
     IMPULSES_TOGETHER,
+    NO_FLOOR,
     SETTLE_MIN,
 )
 from reference_impl.impulse import contact_impulse, resting_restitution
+from reference_impl.island_impact import strike_together, to_middle
+from reference_impl.islands import mover_of
 from reference_impl.kernel import kernel
-from reference_impl.patch_impact import strike_patch, to_middle
 from reference_impl.rotation import copy_vector
 
 
@@ -39,40 +44,63 @@ def rest_speed(state):
 
 @kernel
 def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time):
-    """Impacts of the touching pairs `pairs[:count]`: the fastest approach first, until none is left.
+    """Impacts of the touching pairs `pairs[:count]`, until none approaches.
 
-    Under IMPULSES_TOGETHER those too slow to bounce are contacts that hold, and stop together at the end.
+    Under IMPULSES_TOGETHER contacts too slow to bounce hold, and stop together at the end.
 
     Returns:
-        Whether fewer than IMPULSE_CAP impulses sufficed.
+        Whether fewer than IMPULSE_CAP rounds or impulses sufficed.
     """
+    if state["impulses"] != IMPULSES_TOGETHER:
+        return _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time)
     v_rest = rest_speed(state)
-    together = state["impulses"] == IMPULSES_TOGETHER
-    slow = max(v_rest, APPROACH_MIN) if together else APPROACH_MIN
-    done = _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time, v_rest, slow)
-    k = fastest_row(bodies, pairs, count, -1, state) if together else -1
+    done = False
+    for _ in range(IMPULSE_CAP):
+        if not _find_impacts(bodies, pairs, count, v_rest, state):
+            done = True
+            break
+        strike_together(bodies, joints, drivers, pairs, count, state)
+        log_held(bodies, pairs, count, contacts, state, time)
+    k = fastest_row(bodies, drivers, pairs, count, -1, state)
     if k >= 0 and pairs[k]["key"] > SETTLE_MIN:
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["close"])
-        if not settle(bodies, joints, drivers, pairs, count, ALL, state):
-            state["counters"][COUNT_UNCONVERGED] += 1
-        log_held(bodies, pairs, count, ALL, contacts, state, time)
+        solve_contacts(bodies, joints, drivers, pairs, count, state)
+        log_held(bodies, pairs, count, contacts, state, time)
     return done
 
 
 @kernel
-def fastest_row(bodies, pairs, count, struck, state):
+def _find_impacts(bodies, pairs, count, v_rest, state):
+    """Begin the rows that approach too fast to rest, with the speed at which each leaves as its floor; the
+    others have NO_FLOOR. Returns whether there are any."""
+    slow, found = max(v_rest, APPROACH_MIN), False
+    for k in range(count):
+        pair = pairs[k]
+        approach_speed(bodies, pair, state)
+        if pair["key"] > slow:
+            speed = pair["key"] + pair["close"]
+            e = resting_restitution(pair["restitution"], speed, v_rest)
+            begin_row(bodies, pair, e * speed)
+            found = True
+        else:
+            begin_row(bodies, pair, NO_FLOOR)
+    return found
+
+
+@kernel
+def fastest_row(bodies, drivers, pairs, count, struck, state):
     """The first row with the fastest approach, or -1 where there is none.
 
     Renews the approach speeds of rows that share a moving body with row `struck`, or of all where that is -1.
     """
-    one = _mover(bodies, pairs[struck]["body_a"]) if struck >= 0 else -1
-    two = _mover(bodies, pairs[struck]["body_b"]) if struck >= 0 else -1
+    one = mover_of(bodies, drivers, pairs[struck]["body_a"]) if struck >= 0 else -1
+    two = mover_of(bodies, drivers, pairs[struck]["body_b"]) if struck >= 0 else -1
     fastest = -1
     for k in range(count):
         pair = pairs[k]
         if struck >= 0:
-            a, b = _mover(bodies, pair["body_a"]), _mover(bodies, pair["body_b"])
+            a, b = mover_of(bodies, drivers, pair["body_a"]), mover_of(bodies, drivers, pair["body_b"])
             renewed = (a >= 0 and (a == one or a == two)) or (b >= 0 and (b == one or b == two))
         else:
             renewed = True
@@ -84,35 +112,20 @@ def fastest_row(bodies, pairs, count, struck, state):
 
 
 @kernel
-def _mover(bodies, b):
-    """What an impulse on body b moves: the body, or all links of its driver; -1 for nothing."""
-    body = bodies[b]
-    if body["driver"] >= 0:
-        return len(bodies) + body["driver"]
-    return b if body["inverse_mass"] > 0 else -1
-
-
-@kernel
-def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time, v_rest, slow):
-    """One impact after the other until none approaches faster than `slow`; returns whether IMPULSE_CAP of
-    them sufficed."""
-    k = -1
+def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time):
+    """One impact after the other, the fastest approach first, until none approaches; returns whether
+    IMPULSE_CAP of them sufficed."""
+    v_rest, k = rest_speed(state), -1
     for _ in range(IMPULSE_CAP):
-        k = fastest_row(bodies, pairs, count, k, state)
-        if k < 0 or pairs[k]["key"] <= slow:
+        k = fastest_row(bodies, drivers, pairs, count, k, state)
+        if k < 0 or pairs[k]["key"] <= APPROACH_MIN:
             return True
         pair = pairs[k]
         e = resting_restitution(pair["restitution"], pair["key"] + pair["close"], v_rest)
-        several = pair["patch"] >= 0 and pairs[pair["patch"]]["sibling"] >= 0
-        if several and state["friction"] != FRICTION_PAPER:
-            strike_patch(bodies, joints, drivers, pairs, count, pair["patch"], e, state)
-            log_held(bodies, pairs, count, pair["patch"], contacts, state, time)
-            state["counters"][COUNT_IMPULSES] += 1
-        else:
-            if several:
-                to_middle(pairs, pair)
-            strike(bodies, joints, drivers, pair, e, state)
-            _log_strike(bodies, pair, contacts, state, time)
+        if pair["patch"] >= 0:
+            to_middle(pairs, pair)
+        strike(bodies, joints, drivers, pair, e, state)
+        _log_strike(bodies, pair, contacts, state, time)
     return False
 
 

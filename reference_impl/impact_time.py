@@ -2,12 +2,10 @@
 
 from reference_impl.contact_patch import is_polyhedral
 from reference_impl.conventions import (
-    COUNT_EVENTS,
     COUNT_UNCONVERGED,
     DETECTION_SWEEP,
     IMPACT_SHARE,
     IMPACT_STEPS,
-    LANDING_CAP,
     LANDING_DEPTH,
     LANDING_MIN,
     OVERLAP_TOLERANCE,
@@ -63,8 +61,8 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
         late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
         if late == first:
             return first, start < -OVERLAP_TOLERANCE
-    # what keeps sinking has used up its events; at the end alone, only a polyhedron may have more to land
-    if state["counters"][COUNT_EVENTS] >= LANDING_CAP or not (polyhedral or sweeps):
+    # dense substeps are so short that little sinks; at the end, only a polyhedron may have more to land
+    if state["crowded"] == 1 or not (polyhedral or sweeps):
         return first, True
     if not polyhedral:
         return late, start < 0

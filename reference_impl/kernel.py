@@ -1,57 +1,28 @@
-"""`@kernel`: the only import of numba in the repository, and the home of the compile cache.
+"""`@kernel`: the decorator that compiles the functions of this package.
 
-Numba's cache checks the caller's own file alone: an inner kernel edited elsewhere would leave cached
-callers on the old code. The cache folder is therefore keyed by a hash of every source of this package, the
-versions of numba and numpy and the processor's name, and is chosen before the first decorator runs.
+Only this module and its parts `kernel_cache` and `kernel_linking` import numba.
 """
 
-import hashlib
-import os
-import tempfile
 import time
-from pathlib import Path
+import warnings
 
 import numba
-import numpy as np
 from numba.core import config, types
 
+from reference_impl.kernel_cache import CACHE_FOLDER
+
 JIT = not config.DISABLE_JIT
-
-
-def source_key(folder):
-    """Hash of every source in `folder`, numba, numpy and the processor (hexadecimal)."""
-    digest = hashlib.sha256()
-    for source in sorted(Path(folder).glob("*.py")):
-        digest.update(source.name.encode() + b"\0" + source.read_bytes())
-    cpu = config.CPU_NAME or numba.core.codegen.ll.get_host_cpu_name()
-    digest.update(f"{numba.__version__} {np.__version__} {cpu}".encode())
-    return digest.hexdigest()[:16]
-
-
-def choose_cache_folder():
-    """The first writable of $TOUCHSTONE_CACHE, the user's cache and the temporary folder; None if none is."""
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    candidates = [
-        os.environ.get("TOUCHSTONE_CACHE"),
-        f"{home}/touchstone",
-        f"{tempfile.gettempdir()}/touchstone",
-    ]
-    for candidate in filter(None, candidates):
-        folder = Path(candidate) / "kernels" / source_key(Path(__file__).parent)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            probe = folder / f".probe-{os.getpid()}"
-            probe.touch()
-            probe.unlink()
-        except OSError:
-            continue
-        return folder
-    return None
-
-
-CACHE_FOLDER = choose_cache_folder()
-if CACHE_FOLDER is not None:
-    config.CACHE_DIR = str(CACHE_FOLDER)
+LINK_BY_NAME = None
+"""Function that lets callers of a kernel call it at its address; None where callers copy its code."""
+if JIT:
+    try:
+        from reference_impl.kernel_linking import link_by_name as LINK_BY_NAME
+    except ImportError as error:
+        warnings.warn(
+            f"{error}: kernels are copied into their callers, and compile in three times the time",
+            RuntimeWarning,
+            stacklevel=1,
+        )
 
 KERNELS = []
 """Every kernel of the package, for the test that each was compiled for one signature alone."""
@@ -72,10 +43,18 @@ def inlined_kernel(function):
 
 
 def _compiled(function, **options):
-    options |= {"cache": CACHE_FOLDER is not None, "error_model": "numpy", "_nrt": False}
+    # no C wrapper: a kernel is called by kernels and by Python alone
+    options |= {
+        "cache": CACHE_FOLDER is not None,
+        "error_model": "numpy",
+        "_nrt": False,
+        "no_cfunc_wrapper": True,
+    }
     compiled = numba.njit(**options)(function)
     if JIT:
         _forget_literals(compiled)
+        if LINK_BY_NAME is not None:
+            LINK_BY_NAME(compiled)
     KERNELS.append(compiled)
     return compiled
 

@@ -342,8 +342,8 @@ def part_simulated(bodies, pieces, vertices, pairs, state):
 
 @kernel
 def _push_apart(bodies, pairs, end, state):
-    """Move simulated bodies until no depth is left along the normals found: one pair after the other, by all
-    of its depth against fixed and driven bodies, by half each against their like (Gauss-Seidel)."""
+    """Move simulated bodies until no depth is left along the normals found: one pair after the other, by
+    all of its depth against fixed and driven bodies, by inverse mass against their like (Gauss-Seidel)."""
     for b in range(len(bodies)):
         bodies[b]["scratch"][0, :] = 0.0
     for _ in range(PART_SWEEPS):
@@ -356,13 +356,10 @@ def _push_apart(bodies, pairs, end, state):
             if depth <= 0:
                 continue
             deepest = max(deepest, depth)
-            like = a["kind"] == SIMULATED and b["kind"] == SIMULATED
-            share = 0.5 if like else 1.0
+            total = a["inverse_mass"] + b["inverse_mass"]
             for i in range(3):
-                if a["kind"] == SIMULATED:
-                    p[i] -= share * depth * n[i]
-                if b["kind"] == SIMULATED:
-                    q[i] += share * depth * n[i]
+                p[i] -= a["inverse_mass"] / total * depth * n[i]
+                q[i] += b["inverse_mass"] / total * depth * n[i]
         if deepest <= OVERLAP_TOLERANCE / 2:
             break
     for b in range(len(bodies)):

@@ -220,7 +220,7 @@ def triangle_normal(w, i, j, k):
     return x, y, z, square, max(one, two)
 
 
-@kernel
+@inlined_kernel
 def _square(w, choice):
     """Squared distance from the origin of the point with mask and weights `choice`."""
     _, p, q, r, s = choice
@@ -232,7 +232,7 @@ def _square(w, choice):
     return total
 
 
-@kernel
+@inlined_kernel
 def _triangle(w, i, j, k):
     """Nearest point of triangle ijk to the origin: (mask, four weights)."""
     nx, ny, nz, square, _ = triangle_normal(w, i, j, k)
@@ -253,7 +253,7 @@ def _triangle(w, i, j, k):
     return best
 
 
-@kernel
+@inlined_kernel
 def _tetrahedron(w):
     """Nearest point of the tetrahedron to the origin: (mask, four weights); INSIDE when it holds it."""
     best = (0, 0.0, 0.0, 0.0, 0.0)

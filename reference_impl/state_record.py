@@ -1,8 +1,6 @@
 """The record of settings, clocks, counters and scratch."""
 
 from reference_impl.conventions import (
-    ANDERSON_ROWS,
-    ANDERSON_SPAN,
     COUNTERS,
     EPA_FACES,
     EPA_VERTICES,
@@ -12,6 +10,7 @@ from reference_impl.conventions import (
     WALK_MEMORY,
 )
 from reference_impl.records import MATRIX, VECTOR, record
+from reference_impl.solver_records import SOLVER
 
 MATERIAL_CAPACITY = 8
 """Materials a world may hold: the two tables of `STATE` have this many rows."""
@@ -95,21 +94,9 @@ STATE = record(
     held_pieces=("i8", (HOLD_MEMORY, 2)),
     held_point=("f8", (HOLD_MEMORY, 3)),
     held_force=("f8", (HOLD_MEMORY, 3)),
-    # scratch of Anderson's acceleration: sweeps kept, size of the last one's step, changes of steps and
-    # answers from sweep to sweep, normal equations of their weights
-    span="i8",  # most sweeps kept
-    steps="i8",
-    step_size="f8",
-    last_step=("f8", (ANDERSON_ROWS, 3)),
-    last_answer=("f8", (ANDERSON_ROWS, 3)),
-    step_change=("f8", (ANDERSON_SPAN, ANDERSON_ROWS, 3)),
-    answer_change=("f8", (ANDERSON_SPAN, ANDERSON_ROWS, 3)),
-    step_product=("f8", (ANDERSON_SPAN, ANDERSON_SPAN)),
-    step_factor=("f8", (ANDERSON_SPAN, ANDERSON_SPAN)),
-    step_slope=("f8", (ANDERSON_SPAN,)),
-    weight=("f8", (ANDERSON_SPAN,)),
     walks=(WALK, (WALK_MEMORY,)),
     recalls="i8",  # look-ups in `walks` so far
+    solver=SOLVER,
     # scratch of overlap removal, and of impulses: B against A, both surfaces, across the normal
     shift=VECTOR,
     planes=("f8", (4, 4)),

@@ -55,6 +55,10 @@ BODY = record(
     spin_rate=VECTOR,  # angular velocity where it was last posed [rad/s]
     spin_most="f8",  # bound on |omega| [rad per substep]
     spin_bend="f8",  # bound on |omega'| [rad per substep^2]
+    # of a mover (`islands`): the one that stands for its island, that one's first row, index in the solver
+    island="i8",
+    first_row="i8",
+    mover="i8",
     memory="i8",  # first contact point it remembers, counted from 1, or 0
     momentum=VECTOR,  # angular, about the centre of mass, world
     # its room (`rooms`): of a simulated body's centre; of a link, where it was, and how far it may go
@@ -122,12 +126,10 @@ PAIR = record(
     friction="f8",
     normal=VECTOR,
     point=VECTOR,  # contact point of its impulses
-    floor="f8",  # speed along the normal that a hold or a patch's impact leaves at least [m/s]
-    response=VECTOR,  # velocity of B against A per impulse on B along the normal at `point` [1/kg]
-    along="f8",  # impulse per speed along the normal [kg], the effective mass of Eq. 9
-    across="f8",  # and across it, the mean
+    floor="f8",  # speed along the normal that a contact solve leaves at least [m/s]
     held=VECTOR,  # impulse on B while the contact holds [N s]
-    kept=VECTOR,  # `held` before the sweep
+    island="i8",  # mover that stands for its island, or -1
+    next_row="i8",  # next row of its island, or -1
     sibling="i8",  # next row of the patch, or -1
     key="f8",  # approach speed in the priority queue [m/s]
     close="f8",  # speed at which a near pair may still close its gap [m/s]

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import reference_impl
+from reference_impl.kernel_cache import remove_old_folders, source_key
 
 SOURCE = Path(reference_impl.__file__).parent
 ROOT = SOURCE.parent
@@ -72,11 +73,12 @@ def run(code: str, **environment: str) -> str:
 
 @pytest.fixture
 def package(tmp_path: Path) -> dict[str, str]:
-    """A package of `kernel.py` and two kernels, one calling the other; the environment that finds it."""
+    """A package of `kernel*.py` and two kernels, one calling the other; the environment that finds it."""
     folder = tmp_path / "reference_impl"
     folder.mkdir()
     (folder / "__init__.py").touch()
-    (folder / "kernel.py").write_bytes((SOURCE / "kernel.py").read_bytes())
+    for source in SOURCE.glob("kernel*.py"):
+        (folder / source.name).write_bytes(source.read_bytes())
     (folder / "inner.py").write_text(INNER)
     (folder / "outer.py").write_text(OUTER)
     return {"PYTHONPATH": str(tmp_path), "TOUCHSTONE_CACHE": str(tmp_path / "cache")}
@@ -120,15 +122,37 @@ def test_an_unwritable_cache_falls_back(package: dict[str, str], tmp_path: Path)
 
 def test_the_cache_is_keyed_by_source(tmp_path: Path) -> None:
     """Change the key with any source's name or text."""
-    from reference_impl.kernel import source_key
-
     keys = set()
-    for name, text in (("a.py", "x = 1"), ("a.py", "x = 2"), ("b.py", "x = 2")):
+    for name, text in (("a.py", "x = 1"), ("a.py", "x = 2"), ("b.py", "x = 2"), ("b.py", "x = '2'")):
         for old in tmp_path.glob("*.py"):
             old.unlink()
         (tmp_path / name).write_text(text)
         keys.add(source_key(tmp_path))
-    assert len(keys) == 3
+    assert len(keys) == 4
+
+
+def test_comments_and_docstrings_are_no_part_of_the_key(tmp_path: Path) -> None:
+    """Keep the key when comments, docstrings or line breaks change, and nothing else."""
+    plain = "X = 1\ndef f(x):\n    return 'a', x\n"
+    laid_out = (
+        "X = 1\n\n\ndef f(x):\n    '''One.'''\n    # two\n    return (\n        'a',\n        x,\n    )\n"
+    )
+    keys = []
+    for text in (plain, f"'''Module.'''\n{laid_out}", plain.replace("'a'", "'b'")):
+        (tmp_path / "a.py").write_text(text)
+        keys.append(source_key(tmp_path))
+    assert keys[0] == keys[1] != keys[2]
+
+
+def test_old_cache_folders_are_removed(tmp_path: Path) -> None:
+    """Keep the folders that were used last."""
+    for age in range(5):
+        folder = tmp_path / f"folder_{age}"
+        folder.mkdir()
+        (folder / "entry").touch()
+        os.utime(folder, (1e9 - age, 1e9 - age))
+    remove_old_folders(tmp_path, 3)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["folder_0", "folder_1", "folder_2"]
 
 
 @pytest.mark.slow

@@ -1,0 +1,65 @@
+"""Records of the contact solver: one island's rows and movers, and the matrix of its Newton steps."""
+
+from reference_impl.records import MATRIX, VECTOR, record
+
+ROW_CAPACITY = 16_384
+"""Contact points of one island; more are dropped and counted as lost."""
+MOVER_CAPACITY = 8_192
+"""Movers of one island."""
+NEWTON_ROWS, NEWTON_MOVERS, NEWTON_ENTRIES = 2_048, 192, 180_000
+"""Largest island that Newton's method takes: contact points, movers, and entries of its matrix's envelope."""
+
+ROW = record(
+    pair="i8",  # its row of `pairs`
+    a="i8",  # its movers, or -1 where that side does not move
+    b="i8",
+    r_a=VECTOR,  # from a mover's centre of mass to the contact point
+    r_b=VECTOR,
+    normal=VECTOR,
+    friction="f8",
+    floor="f8",  # least speed along the normal after the solve [m/s]
+    mobility=MATRIX,  # W: velocity of B against A per impulse on B [1/kg]
+    mass="f8",  # 3 / trace of W [kg]
+    free=VECTOR,  # velocity of B against A without impulses [m/s]
+    before=VECTOR,  # at the start of the hold
+    impulse=VECTOR,  # on B [N s]
+    start=VECTOR,  # the impulse that the solve starts from
+    best=VECTOR,  # that of the least residual so far
+    # sweeps: the impulse before the sweep, and the conjugate direction
+    swept=VECTOR,
+    direction=VECTOR,
+    # Newton's method: proximal centre, velocity, its change along a step, and what an outer iteration freezes
+    centre=VECTOR,
+    velocity=VECTOR,
+    rate=VECTOR,
+    stiffness="f8",  # [kg]
+    slides="i8",  # 1: the friction is bounded by `radius`; 0: the impulse by the cone
+    radius="f8",  # [N s]
+    shift="f8",  # of the normal velocity [m/s]
+)
+MOVER = record(
+    body="i8",  # its row of `bodies`: a simulated body, or the root of a driver
+    inverse_mass="f8",
+    inverse_inertia=MATRIX,
+    center=VECTOR,
+    velocity=VECTOR,  # change by the impulses, of the centre of mass [m/s]
+    omega=VECTOR,
+    inertia=MATRIX,
+    place="i8",  # of its block of six unknowns in the matrix
+    first_place="i8",  # least place of a mover that it touches, itself included
+)
+SOLVER = record(
+    row_count="i8",
+    mover_count="i8",
+    best_residual="f8",  # [m/s]
+    rows=(ROW, (ROW_CAPACITY,)),
+    movers=(MOVER, (MOVER_CAPACITY,)),
+    order=("i8", (NEWTON_MOVERS,)),  # mover at each place
+    offset=("i8", (6 * NEWTON_MOVERS,)),  # entry (i, j) of the envelope is entries[offset[i] + j]
+    begin=("i8", (6 * NEWTON_MOVERS,)),  # first column of row i
+    entries=("f8", (NEWTON_ENTRIES,)),
+    gradient=("f8", (6 * NEWTON_MOVERS,)),
+    step=("f8", (6 * NEWTON_MOVERS,)),
+    block=("f8", (6, 3)),
+    kernel=MATRIX,  # derivative of a row's impulse by its velocity, negative [kg]
+)
