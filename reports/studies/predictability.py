@@ -25,7 +25,8 @@ from reports.progress import Progress
 from reports.results import Row, save, save_manifest, table, write_beside
 from reports.studies.agreement import own_profile
 from scenarios.outcomes import final_positions
-from scenarios.scenario import Scenario, vector
+from scenarios.scenario import Scenario
+from scenarios.transforms import shifted
 
 STUDY, METRIC, ERROR, CLOSED_FORM = "predictability", "predictability", "predictability.error", "closed form"
 SIZES = (1e-9, 1e-6, 1e-3)
@@ -88,7 +89,7 @@ def rows_of_scene(
                 ends.pop(engine)
         if number == 0 and first is not None:
             moved = directions(scenario, touching(first, scenario), seed)
-            starts += [perturbed(scenario, size * one) for size in SIZES for one in moved]
+            starts += [shifted(scenario, size * one) for size in SIZES for one in moved]
         number += 1
     true_ends = [end for end in map(final_positions, starts) if end is not None]
     truth = _amplifications(true_ends) if len(true_ends) == len(starts) else None
@@ -128,24 +129,6 @@ def touching(recording: Recording, scenario: Scenario) -> Array:
         if row.any():
             rows.append(row.ravel())
     return np.array(rows)
-
-
-def perturbed(scenario: Scenario, shift: Array) -> Scenario:
-    """The scene with its simulated bodies, or else the paths of its trackers, moved by (n, 3) [m]; without
-    truths and expectations, which are those of the scene itself."""
-    moves = iter(shift)
-    fields: dict[str, object] = {}
-    if any(body.kind == "simulated" for body in scenario.bodies):
-        fields["bodies"] = tuple(
-            replace(body, position=vector(body.position + next(moves))) if body.kind == "simulated" else body
-            for body in scenario.bodies
-        )
-    else:
-        fields["trackers"] = tuple(
-            replace(tracker, positions=tuple(map(vector, np.array(tracker.positions) + next(moves))))
-            for tracker in scenario.trackers
-        )
-    return replace(scenario, truths=(), expectations=(), **fields)  # type: ignore[arg-type]
 
 
 def _simulated(scenario: Scenario) -> list[int]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from rich.console import Console
@@ -16,7 +14,6 @@ from reports.studies.predictability import (
     SCENES,
     SIZES,
     directions,
-    perturbed,
     run,
     touching,
 )
@@ -121,20 +118,6 @@ def test_what_touches_at_the_start_is_found(recordings):
     np.testing.assert_allclose(np.abs(rows).sum(axis=1), 2, atol=1e-6)
     fall = catalogue()["fall"]
     assert touching(recordings.recording(fall), fall).size == 0
-
-
-def test_bodies_or_else_trackers_are_moved():
-    """Move what is simulated; where nothing is, every keyframe of the trackers; leave the rest."""
-    cradle, push = catalogue()["cradle"], catalogue()["wall_push"]
-    shift = np.arange(15.0).reshape(5, 3) * 1e-3
-    there = np.array([body.position for body in perturbed(cradle, shift).bodies])
-    np.testing.assert_allclose(there - [body.position for body in cradle.bodies], shift, atol=1e-15)
-    one = np.array([[1e-3, 0.0, 0.0]])
-    found = perturbed(push, one)
-    assert found.bodies == push.bodies
-    moved = np.array(found.trackers[0].positions) - push.trackers[0].positions
-    np.testing.assert_allclose(moved, np.tile(one, (len(moved), 1)), atol=1e-15)
-    assert replace(found, trackers=push.trackers) == replace(push, expectations=(), truths=())
 
 
 def test_the_picture_is_drawn_even_without_scenes(played, tmp_path):

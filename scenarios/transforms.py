@@ -1,0 +1,182 @@
+"""The same scene elsewhere: mirrored, translated, with its bodies in another order, or moved a little.
+
+An engine without a preferred place, side or order gives the same motion, transformed alike.
+
+Conventions: the mirror is x -> -x, M = diag(-1, 1, 1). Vectors become M v, rotations M R M, axes and angular
+velocities (pseudovectors) -M w. Angles of hinges stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.scenario import (
+    Arc,
+    Body,
+    Hull,
+    Joint,
+    Matrix,
+    Piece,
+    Quaternion,
+    Scenario,
+    Tracker,
+    Truth,
+    Vector,
+    vector,
+)
+
+Array = NDArray[np.float64]
+
+
+def shifted(scenario: Scenario, shift: Array) -> Scenario:
+    """The scene with its simulated bodies, or else the paths of its trackers, moved by (n, 3) [m]; without
+    truths and expectations, which are those of the scene itself."""
+    moves = iter(shift)
+    fields: dict[str, object] = {}
+    if any(body.kind == "simulated" for body in scenario.bodies):
+        fields["bodies"] = tuple(
+            replace(body, position=vector(body.position + next(moves))) if body.kind == "simulated" else body
+            for body in scenario.bodies
+        )
+    else:
+        fields["trackers"] = tuple(
+            replace(tracker, positions=tuple(map(vector, np.array(tracker.positions) + next(moves))))
+            for tracker in scenario.trackers
+        )
+    return replace(scenario, truths=(), expectations=(), **fields)  # type: ignore[arg-type]
+
+
+def perturbed(scenario: Scenario, size: float, seed: int) -> Scenario:
+    """The scene with each simulated body, or else each tracker, moved by `size` [m] in a direction that the
+    seed draws. What touches may overlap by up to twice that."""
+    rng = np.random.default_rng(seed)
+    count = sum(body.kind == "simulated" for body in scenario.bodies) or len(scenario.trackers)
+    moves = rng.normal(size=(count, 3))
+    return shifted(scenario, size * moves / np.linalg.norm(moves, axis=1, keepdims=True))
+
+
+def permuted(scenario: Scenario, order: Sequence[int]) -> Scenario:
+    """The scene with its bodies in another order: body k is the one with index `order[k]` before.
+
+    Raises:
+        ValueError: `order` does not name every body once.
+    """
+    if sorted(order) != list(range(len(scenario.bodies))):
+        raise ValueError(f"order {list(order)}: expected each of 0 to {len(scenario.bodies) - 1} once")
+    return replace(scenario, bodies=tuple(scenario.bodies[k] for k in order))
+
+
+def translated(scenario: Scenario, offset: Vector) -> Scenario:
+    """The scene with everything moved by `offset` [m]: bodies, trackers and truths."""
+
+    def there(place: Vector) -> Vector:
+        return vector(np.add(place, offset))
+
+    return replace(
+        scenario,
+        bodies=tuple(
+            b if b.kind == "driven" else replace(b, position=there(b.position)) for b in scenario.bodies
+        ),
+        trackers=tuple(replace(t, positions=tuple(map(there, t.positions))) for t in scenario.trackers),
+        truths=tuple(
+            replace(t, arcs=tuple(replace(arc, position=there(arc.position)) for arc in t.arcs))
+            for t in scenario.truths
+        ),
+    )
+
+
+def mirrored(scenario: Scenario) -> Scenario:
+    """The mirror image of a scene, x -> -x, with its truths.
+
+    Raises:
+        ValueError: a chain has reach cones, whose swing and twist are not mirrored.
+    """
+    if any(chain.cones for chain in scenario.chains):
+        raise ValueError(f"scenario {scenario.name!r}: reach cones have no mirror image here")
+    return replace(
+        scenario,
+        bodies=tuple(map(_mirrored_body, scenario.bodies)),
+        joints=tuple(map(_mirrored_joint, scenario.joints)),
+        trackers=tuple(map(_mirrored_tracker, scenario.trackers)),
+        gravity=mirror(scenario.gravity),
+        truths=tuple(_mirrored_truth(truth) for truth in scenario.truths),
+    )
+
+
+def mirror(v: Vector) -> Vector:
+    """The mirror image of a place, a velocity or a force."""
+    return (-v[0], v[1], v[2])
+
+
+def mirror_axis(w: Vector) -> Vector:
+    """The mirror image of an axis of rotation, an angular velocity or a torque."""
+    return (w[0], -w[1], -w[2])
+
+
+def mirror_turn(q: Quaternion) -> Quaternion:
+    """The mirror image of an orientation, wxyz."""
+    return (q[0], q[1], -q[2], -q[3])
+
+
+def _mirror_matrix(m: Matrix) -> Matrix:
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = m
+    return ((xx, -xy, -xz), (-yx, yy, yz), (-zx, zy, zz))
+
+
+def _mirrored_piece(piece: Piece) -> Piece:
+    shape = piece.shape
+    if isinstance(shape, Hull):
+        # all other shapes are their own mirror images
+        shape = Hull(tuple(map(mirror, shape.vertices)))
+    return replace(
+        piece, shape=shape, position=mirror(piece.position), orientation=mirror_turn(piece.orientation)
+    )
+
+
+def _mirrored_body(body: Body) -> Body:
+    return replace(
+        body,
+        pieces=tuple(map(_mirrored_piece, body.pieces)),
+        center_of_mass=mirror(body.center_of_mass),
+        inertia=_mirror_matrix(body.inertia),
+        position=mirror(body.position),
+        orientation=mirror_turn(body.orientation),
+        linear_velocity=mirror(body.linear_velocity),
+        angular_velocity=mirror_axis(body.angular_velocity),
+    )
+
+
+def _mirrored_joint(joint: Joint) -> Joint:
+    return replace(
+        joint,
+        position=mirror(joint.position),
+        axis=mirror_axis(joint.axis),
+        orientation=mirror_turn(joint.orientation),
+    )
+
+
+def _mirrored_tracker(tracker: Tracker) -> Tracker:
+    return replace(
+        tracker,
+        positions=tuple(map(mirror, tracker.positions)),
+        orientations=tuple(map(mirror_turn, tracker.orientations)),
+    )
+
+
+def _mirrored_truth(truth: Truth) -> Truth:
+    return replace(truth, arcs=tuple(map(_mirrored_arc, truth.arcs)))
+
+
+def _mirrored_arc(arc: Arc) -> Arc:
+    return replace(
+        arc,
+        position=mirror(arc.position),
+        velocity=mirror(arc.velocity),
+        acceleration=mirror(arc.acceleration),
+        angular_velocity=mirror_axis(arc.angular_velocity),
+        angular_acceleration=mirror_axis(arc.angular_acceleration),
+    )

@@ -1,0 +1,123 @@
+"""Scenes elsewhere: mirrored, translated, permuted and moved a little, with their truths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Settings, State
+from adapters.record import record
+from scenarios.catalogue import catalogue
+from scenarios.random_scenes import random_scene
+from scenarios.scenario import Scenario
+from scenarios.transforms import mirrored, permuted, perturbed, shifted, translated
+from scenarios.truths import motion
+
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+SCENES = [random_scene(seed) for seed in range(30)]
+FRAME = 1 / 60
+
+
+def test_bodies_or_else_trackers_are_moved():
+    """Move what is simulated; where nothing is, every keyframe of the trackers; leave the rest."""
+    cradle, push = catalogue()["cradle"], catalogue()["wall_push"]
+    shift = np.arange(15.0).reshape(5, 3) * 1e-3
+    there = np.array([body.position for body in shifted(cradle, shift).bodies])
+    np.testing.assert_allclose(there - [body.position for body in cradle.bodies], shift, atol=1e-15)
+    one = np.array([[1e-3, 0.0, 0.0]])
+    found = shifted(push, one)
+    assert found.bodies == push.bodies
+    moved = np.array(found.trackers[0].positions) - push.trackers[0].positions
+    np.testing.assert_allclose(moved, np.tile(one, (len(moved), 1)), atol=1e-15)
+    assert replace(found, trackers=push.trackers) == replace(push, expectations=(), truths=())
+
+
+def test_a_perturbation_moves_every_simulated_body_by_its_size() -> None:
+    """Move each simulated body by the size in seeded directions, by a rounding too, and nothing else."""
+    for scene in SCENES[:6]:
+        there = perturbed(scene, 1e-3, 4)
+        for one, two in zip(scene.bodies, there.bodies):
+            way = np.linalg.norm(np.subtract(two.position, one.position))
+            assert way == pytest.approx(1e-3 if one.kind == "simulated" else 0.0, rel=1e-12)
+            assert replace(two, position=one.position) == one
+        assert there == perturbed(scene, 1e-3, 4) != perturbed(scene, 1e-3, 5)
+    assert perturbed(SCENES[0], 1e-16, 4) != replace(SCENES[0], truths=(), expectations=())
+
+
+def test_transforms_have_inverses() -> None:
+    """Come back by mirroring twice, by the inverse order, and by the opposite way to rounding."""
+    for scene in (*SCENES, *(catalogue()[name] for name in ("slip", "collide_sticks", "ball_snip"))):
+        assert mirrored(mirrored(scene)) == scene
+        order = np.random.default_rng(1).permutation(len(scene.bodies))
+        there = permuted(scene, order.tolist())
+        assert [body.name for body in there.bodies] == [scene.bodies[k].name for k in order]
+        assert permuted(there, np.argsort(order).tolist()) == scene
+        back = translated(translated(scene, (1.0, -2.0, 0.5)), (-1.0, 2.0, -0.5))
+        for one, two in zip(scene.bodies, back.bodies):
+            np.testing.assert_allclose(two.position, one.position, atol=1e-15)
+
+
+def test_no_order_but_of_all_bodies() -> None:
+    """Refuse an order that leaves out a body."""
+    with pytest.raises(ValueError, match="each of 0 to"):
+        permuted(SCENES[0], [0] * len(SCENES[0].bodies))
+
+
+def test_cones_have_no_mirror_image() -> None:
+    """Refuse to mirror an avatar."""
+    with pytest.raises(ValueError, match="reach cones"):
+        mirrored(catalogue()["wall_push"])
+
+
+@pytest.mark.parametrize("name", ["slip", "collide_sticks", "bounce_e05", "incline_slides"])
+def test_truths_move_with_their_scene(name: str) -> None:
+    """Work out the mirrored and the translated motion from the transformed truths."""
+    scene, offset = catalogue()[name], (0.3, -0.2, 0.1)
+    times = np.linspace(0, scene.duration, 20)
+    reflected, moved = mirrored(scene), translated(scene, offset)
+    for k, truth in enumerate(scene.truths):
+        own = motion(scene, truth, times)
+        other, away = motion(reflected, reflected.truths[k], times), motion(moved, moved.truths[k], times)
+        np.testing.assert_allclose(other.position, own.position @ MIRROR, atol=1e-12)
+        np.testing.assert_allclose(other.velocity, own.velocity @ MIRROR, atol=1e-12)
+        np.testing.assert_allclose(other.angular_velocity, -own.angular_velocity @ MIRROR, atol=1e-12)
+        turn, image = (Rotation.from_quat(m.orientation, scalar_first=True).as_matrix() for m in (own, other))
+        np.testing.assert_allclose(image, MIRROR @ turn @ MIRROR, atol=1e-12)
+        np.testing.assert_allclose(away.position, own.position + offset, atol=1e-12)
+
+
+def start(registry: SimpleNamespace, scene: Scenario) -> State:
+    """The state before the first step, links of hands included."""
+    world, state = registry.engine("reference").build(scene, registry.settings("reference")), State(scene)
+    world.read(state)
+    return state
+
+
+def test_hands_are_mirrored_link_by_link(registry: SimpleNamespace) -> None:
+    """Pose every link of a mirrored hand as the mirror image of its original."""
+    seed = next(seed for seed in range(50) if random_scene(seed, "press").joints)
+    scene = random_scene(seed, "press")
+    own, image = start(registry, scene), start(registry, mirrored(scene))
+    np.testing.assert_allclose(image.position, own.position @ MIRROR, atol=1e-12)
+    turns = [Rotation.from_quat(s.orientation, scalar_first=True).as_matrix() for s in (own, image)]
+    np.testing.assert_allclose(turns[1], MIRROR @ turns[0] @ MIRROR, atol=1e-12)
+
+
+@pytest.mark.parametrize("transform", ["mirrored", "permuted", "translated"])
+def test_free_flight_is_the_same_elsewhere(registry: SimpleNamespace, transform: str) -> None:
+    """Tumble to the transformed end: without contact nothing but rounding differs."""
+    scene = catalogue()["tumble_unstable"]
+    scene = replace(scene, bodies=(*scene.bodies, replace(scene.bodies[0], name="other", position=(9, 9, 9))))
+    offset = (1.0, 2.0, 3.0)
+    other, expected = {
+        "mirrored": (mirrored(scene), lambda end: end @ MIRROR),
+        "permuted": (permuted(scene, [1, 0]), lambda end: end[::-1]),
+        "translated": (translated(scene, offset), lambda end: end + offset),
+    }[transform]
+    engine, settings = registry.engine("reference"), Settings("accurate", FRAME)
+    own, there = (record(engine, one, settings).position[-1] for one in (scene, other))
+    np.testing.assert_allclose(there, expected(own), atol=1e-11)
