@@ -189,10 +189,9 @@ class _World:
         count = int(self._state["contact_count"])
         lost = int(self._state["counters"][conventions.COUNT_LOST])
         if lost:
-            raise AdapterError(
-                f"reference: more pairs or contact points than fit into {len(self._world.pairs)} pairs and "
-                f"{len(self._world.contacts)} contact points; {lost} were dropped"
-            )
+            full = "contacts" if count >= len(self._world.contacts) else "pairs"
+            room = len(getattr(self._world, full))
+            raise AdapterError(f"reference: more than {room} {full} in one step: {lost} were dropped")
         if count > len(state.contacts):
             raise AdapterError(f"reference: {contact_overflow(len(state.contacts))}")
         rows, log = state.contacts[:count], self._world.contacts[:count]

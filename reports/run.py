@@ -17,7 +17,7 @@ from adapters.recording import Recording, load
 from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
-from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
+from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS, SOLVER_METRICS
 from reports.metrics.contact import AUDIT_LIMIT
 from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
@@ -26,6 +26,7 @@ from reports.output import OutputError, output_folder
 from reports.progress import Progress
 from reports.ratios import time_ratio
 from reports.results import Row, save, save_manifest, table, write_beside
+from reports.unresolved import warning
 from scenarios.scenario import Scenario
 
 STUDY = "run"
@@ -38,8 +39,8 @@ MANY_CONTACTS = 10
 SAME_DEPTH = 1e-8
 """Overlap below which none is larger [m]: the oracle's tolerance."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
-NEEDED = ("overlap.max", "contact.impulse_balance")
-"""Metrics that others are judged by."""
+NEEDED = ("overlap.max", "contact.impulse_balance", *SOLVER_METRICS)
+"""Metrics that others are judged by, or warnings."""
 DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
 __all__ = ["OutputError", "Request", "Results", "columns_of", "measured", "run", "step_text"]
@@ -70,12 +71,15 @@ class Request:
 
 @dataclass
 class Results:
-    """What a run gave: the long table; per (scenario, engine, profile) the recording and what it does over
-    time, the latter where several engines play."""
+    """What a run gave: the long table; per (scenario, engine, profile) the recording, of a run that failed
+    what it did before, and what a recording does over time, the last where several engines play; a line per
+    run that left contacts unresolved."""
 
     frame: pd.DataFrame
     recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
+    ended: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
     courses: dict[tuple[str, str, str], Course] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
 
 
 def run(request: Request, progress: Progress) -> Results:
@@ -98,7 +102,10 @@ def run(request: Request, progress: Progress) -> Results:
                 s.name: {"tags": s.tags, "seed": s.seed, "held_samples": [t.held for t in s.trackers]}
                 for s in request.scenarios
             },
-            "engines": {"/".join(key): recording.facts for key, recording in results.recordings.items()},
+            "engines": {
+                "/".join(key): recording.facts
+                for key, recording in (results.recordings | results.ended).items()
+            },
         }
         save_manifest(folder, manifest)
         from reports.frame_budget_picture import write_picture
@@ -144,6 +151,8 @@ def _judge(
         base = Row(STUDY, scenario.name, job.engine, label, job.settings.dt, "run")
         if outcome.status != "done":
             rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
+            if outcome.recorded:
+                results.ended[scenario.name, job.engine, label] = load(job.recording)
             continue
         progress(f"{job.engine} {label}: judge", 0)
         recording = load(job.recording)
@@ -153,7 +162,10 @@ def _judge(
         found = measured_of(base, evidence, request.metrics)
         if several:
             results.courses[scenario.name, job.engine, label] = course(evidence)
-        rows += [_excused(row, recording, scenario.tags) for row in found]
+        found = [_excused(row, recording, scenario.tags) for row in found]
+        line = warning([judged(row, scenario.tags) for row in found], evidence)
+        results.warnings += [line] if line else []
+        rows += found
     rows += _ratios(scenario, played, rows) + _spreads(scenario, rows)
     return [judged(row, scenario.tags) for row in rows]
 
