@@ -12,7 +12,7 @@ KINDS = {
     "solver.residual": ((RESIDUAL,), "contact solve left {} m/s in {}"),
     "solver.dropped_time": (("dropped_time",), "{} s were not simulated, most of it in {}"),
     "solver.parted_energy": (("parted_energy",), "parting overlap added {} J, most of it in {}"),
-    "solver.caps": (CAPS, "{} caps were reached, most in {}"),
+    "solver.caps": (CAPS, "caps reached: {}, most in {}"),
 }
 """Metric -> its counters, and what a warning says of its size and its worst place."""
 

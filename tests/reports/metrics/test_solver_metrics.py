@@ -114,7 +114,7 @@ def test_one_line_names_scene_profile_frame_and_pair(evidence):
         "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two); "
         "0.003 s were not simulated, most of it in frame 4 (ground, one); "
         "parting overlap added 0.75 J, most of it in frame 6 (ground, two); "
-        "3 caps were reached, most in frame 2 (one, two)"
+        "caps reached: 3, most in frame 2 (one, two)"
     )
 
 
