@@ -27,6 +27,7 @@ from adapters.engine import (
 from adapters.recording import Recording, RunEnded
 from adapters.rotation import cross, turned
 from scenarios.effects import STAGES_OF_OURS, Decision, Plan
+from scenarios.places import coinciding
 from scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
@@ -57,7 +58,13 @@ def substeps(scenario: Scenario, dt: float) -> int:
 
 
 def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
-    """A player of a world in which only those effects are simulated that the plan has."""
+    """A player of a world in which only those effects are simulated that the plan has.
+
+    Raises AdapterError where two bodies start in one place: what each engine makes of that is chance.
+    """
+    fault = coinciding(scenario)
+    if fault:
+        raise AdapterError(fault)
     plan = planned(scenario, settings.effects)
     settings = dataclasses.replace(
         settings, skipped=plan.skipped, rooms=settings.effects is None, sleeping=plan.on("sleeping")

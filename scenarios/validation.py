@@ -12,7 +12,6 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from scenarios.chains import check_chains
-from scenarios.places import check_places
 from scenarios.scenario import (
     EFFECTS,
     EVENTS,
@@ -63,9 +62,8 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     for i, tracker in enumerate(scenario.trackers):
         _check_tracker(scenario, tracker, f"trackers[{i}]", report)
     _check_driving(scenario, report)
-    if not found:  # chains lean on sound joints and trackers, places on sound poses
+    if not found:  # chains lean on sound joints and trackers
         check_chains(scenario, report)
-        check_places(scenario, report)
     _check_coefficients(scenario, report)
     _check_expectations(scenario, report)
     _check_truths(scenario, report)

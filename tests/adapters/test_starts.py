@@ -1,9 +1,12 @@
-"""Bodies that start in overlap."""
+"""Bodies that start in overlap or in one place."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+
+from adapters.engine import AdapterError
+from adapters.record import record
 
 
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])
@@ -18,3 +21,11 @@ def test_overlap_at_the_start_is_parted_without_a_throw(lab, profile):
     # what is lifted keeps the speed of the frame at most: g / 60
     assert np.abs([velocity for _, velocity in told]).max() <= 9.81 / 60 + 1e-9
     assert world.bodies["position"][:, 2] == pytest.approx([-0.5, 0.05, 0.15], abs=1e-6)
+
+
+def test_bodies_in_one_place_are_not_played(lab, registry):
+    """Refuse a run in which two bodies start in one place, in one line."""
+    scene = lab.scene(lab.ground(), lab.ball("one"), lab.ball("two"))
+    told = r"^bodies\[2\].position: 'two' starts where 'one' does: .* \(0, 0, 1\) m; move one of them$"
+    with pytest.raises(AdapterError, match=told):
+        record(registry.engine("reference"), scene, registry.settings("reference"))

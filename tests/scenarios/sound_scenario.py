@@ -27,12 +27,7 @@ INERTIA = sphere_inertia(1.0, 0.05)
 def sound() -> dict:
     """The fields of a sound scenario: ground, ball, and an arm of two links on one hinge."""
     ground = Body("ground", "fixed", "wood", (Piece("slab", Box((1.0, 1.0, 0.1))),))
-    ball = Body(
-        *("ball", "simulated", "wood", (Piece("ball", Sphere(0.05)),)),
-        mass=1.0,
-        inertia=INERTIA,
-        position=(0.0, 0.0, 0.2),
-    )
+    ball = Body("ball", "simulated", "wood", (Piece("ball", Sphere(0.05)),), mass=1.0, inertia=INERTIA)
     upper, lower = (
         Body(name, "driven", "human", (Piece(name, Hull(CUBE)),), mass=1.0, inertia=INERTIA)
         for name in ("upper", "lower")
