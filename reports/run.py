@@ -17,7 +17,7 @@ from adapters.recording import Recording, load
 from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
-from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS, SOLVER_METRICS
+from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
 from reports.metrics.contact import AUDIT_LIMIT
 from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
@@ -39,8 +39,8 @@ MANY_CONTACTS = 10
 SAME_DEPTH = 1e-8
 """Overlap below which none is larger [m]: the oracle's tolerance."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
-NEEDED = ("overlap.max", "contact.impulse_balance", *SOLVER_METRICS)
-"""Metrics that others are judged by, or warnings."""
+NEEDED = ("overlap.max", "contact.impulse_balance")
+"""Metrics that others are judged by."""
 DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
 __all__ = ["OutputError", "Request", "Results", "columns_of", "measured", "run", "step_text"]
@@ -80,6 +80,11 @@ class Results:
     ended: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
     courses: dict[tuple[str, str, str], Course] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+
+    def warn(self, base: Row, evidence: Evidence) -> None:
+        """Keep the warning of a run, if it calls for one."""
+        line = warning(base, evidence)
+        self.warnings += [line] if line else []
 
 
 def run(request: Request, progress: Progress) -> Results:
@@ -152,7 +157,8 @@ def _judge(
         if outcome.status != "done":
             rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
             if outcome.recorded:
-                results.ended[scenario.name, job.engine, label] = load(job.recording)
+                recording = results.ended[scenario.name, job.engine, label] = load(job.recording)
+                results.warn(base, Evidence(recording, scenario))
             continue
         progress(f"{job.engine} {label}: judge", 0)
         recording = load(job.recording)
@@ -162,10 +168,8 @@ def _judge(
         found = measured_of(base, evidence, request.metrics)
         if several:
             results.courses[scenario.name, job.engine, label] = course(evidence)
-        found = [_excused(row, recording, scenario.tags) for row in found]
-        line = warning([judged(row, scenario.tags) for row in found], evidence)
-        results.warnings += [line] if line else []
-        rows += found
+        rows += [_excused(row, recording, scenario.tags) for row in found]
+        results.warn(base, evidence)
     rows += _ratios(scenario, played, rows) + _spreads(scenario, rows)
     return [judged(row, scenario.tags) for row in rows]
 

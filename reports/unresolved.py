@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import replace
 
-from reports.metrics.evidence import Evidence
+from reports.limits import judged
+from reports.metrics import METRICS
+from reports.metrics.evidence import Evidence, NotMeasured, Value
 from reports.metrics.solver import CAPS, RESIDUAL, worst_place
 from reports.results import Row
 
@@ -17,20 +19,27 @@ KINDS = {
 """Metric -> its counters, and what a warning says of its size and its worst place."""
 
 
-def warning(rows: Iterable[Row], evidence: Evidence) -> str | None:
+def warning(base: Row, evidence: Evidence) -> str | None:
     """One line that names engine, profile, scene, frame and pair of everything that a run left unresolved
-    beyond its limit; None where that is nothing.
+    beyond its limit, known failings included; None where that is nothing, or the engine does not tell.
 
     Args:
-        rows: judged rows of one run.
-        evidence: of the same run.
+        base: a row of the run, for its engine, profile, scene and step.
+        evidence: of the run, whole or until it failed.
     """
-    broken = [row for row in rows if row.metric in KINDS and row.verdict in ("fail", "known")]
-    if not broken:
-        return None
     told = []
-    for row in broken:
-        counters, words = KINDS[row.metric]
-        told.append(words.format(f"{row.value:.3g}", worst_place(evidence, *counters)))
-    first = broken[0]
-    return f"warning: {first.engine} {first.profile} {first.scenario}: {'; '.join(told)}"
+    for metric, (counters, words) in KINDS.items():
+        try:
+            value = _value(evidence, metric)
+        except NotMeasured:
+            return None
+        row = judged(replace(base, metric=metric, value=value), evidence.scenario.tags)
+        if row.verdict in ("fail", "known"):
+            told.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))
+    return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(told)}" if told else None
+
+
+def _value(evidence: Evidence, metric: str) -> float:
+    """The value of one of KINDS for the whole run."""
+    found = METRICS[metric].measure(evidence)[""]
+    return found.value if isinstance(found, Value) else found

@@ -133,17 +133,22 @@ def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):
 
 
 def test_a_failed_run_keeps_its_recording(touchstone, monkeypatch, registry, left):
-    """Leave what a run recorded before it diverged in the folder of results, beside its row and exit 1."""
+    """Leave what a run recorded before it diverged in the folder of results, beside its row, its warning and
+    exit 1."""
     said = "diverged: the position of 'ball' is not finite, in frame 40 at 0.6667 s"
     recording = registry.played("ball_snip", "reference")
+    work = recording.work.copy()
+    work[39, recording.work_names.tolist().index("residual")] = 0.5
 
     def play(self, jobs, progress):
         for job in jobs:
-            replace(recording, ended=said).save(job.recording)
+            replace(recording, ended=said, work=work).save(job.recording)
         return [Outcome(job, "error", said) for job in jobs]
 
     monkeypatch.setattr(study.Children, "play", play)
-    code, out, _ = touchstone(*RUN, "--out", "r", "--format", "json")
+    code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")
     assert code == 1
     assert [(row["verdict"], row["reason"]) for row in json.loads(out)] == [("error", said)]
+    # why it failed is worth a warning, too
+    assert "warning: reference balanced ball_snip: contact solve left 0.5 m/s in frame 40" in err
     assert left("r/recordings") == ["ball_snip-reference-balanced.npz"]
