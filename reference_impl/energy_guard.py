@@ -1,9 +1,10 @@
 """Energy guard of a substep: contacts that last add no energy to an island, whatever its motion leaves out.
 
 The work of contacts is not positive for the velocities that the solver sees (`contact_solver`). Over a
-substep points and normals turn with their bodies, it may end at an event before a contact has come back, and sunk bodies are lifted (`parting`). What these add is measured, body by body, and taken out of the motion of
-the island: all of it where it touches what is fixed, that about its centre of mass where it does not. Islands
-that a driver pushes are left alone.
+substep points and normals turn with their bodies, it may end at an event before a contact has come back,
+and sunk bodies are lifted (`parting`). What these add is measured, body by body, and taken out of the
+motion of the island: all of it where it touches what is fixed, that about its centre of mass where it does
+not. Islands that a driver pushes are left alone.
 """
 
 from math import sqrt
