@@ -15,6 +15,7 @@ from math import sqrt
 
 from reference_impl.contact_rows import (
     changed_velocity,
+    into_cone,
     keep_best,
     rebuild,
     residual_of,
@@ -27,14 +28,18 @@ from reference_impl.conventions import (
     INNER_SHARE,
     LINE_SHARE,
     LINE_STEPS,
+    NEWTON_ALLOWANCE,
     NEWTON_FACTORS,
     NEWTON_INNER,
+    NEWTON_STALLS,
     RESIDUAL_ACCEPTED,
     RESIDUAL_FALL,
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
+    SECANT_MOST,
     SLIDING,
     SLIP_MIN,
+    SLIP_SHARE,
 )
 from reference_impl.envelope import add_block, factorise, lay_out, solve_factors
 from reference_impl.kernel import kernel
@@ -51,11 +56,13 @@ def newton(solver, state):
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
     # the sweeps classify the rows; the answer nearest to the start is sought
-    _classify(solver)
+    compliance, last, stalled = COMPLIANCE_FIRST, solver["best_residual"], 0
+    for k in range(count):
+        rows[k]["slides"] = 0
+    _classify(solver, last)
     for k in range(count):
         copy_vector(rows[k]["start"], rows[k]["centre"])
-    compliance, last = COMPLIANCE_FIRST, solver["best_residual"]
-    left = min(NEWTON_FACTORS, int(state["newton_work"] / work))
+    left = min(NEWTON_FACTORS, int(max(state["newton_work"], NEWTON_ALLOWANCE) / work))
     while left > 0:
         for k in range(count):
             rows[k]["stiffness"] = rows[k]["mass"] / compliance
@@ -68,21 +75,28 @@ def newton(solver, state):
             p = row["impulse"]
             p[0], p[1], p[2] = _project(row, 0.0)
             copy_vector(p, row["centre"])
+            into_cone(row)
         rebuild(solver)
         residual, _ = residual_of(solver)
         keep_best(solver, residual)
-        stalls = residual > RESIDUAL_FALL * last
-        if residual <= RESIDUAL_TARGET or (stalls and solver["best_residual"] <= RESIDUAL_ACCEPTED):
+        if residual <= RESIDUAL_TARGET:
             return
-        if stalls:
+        if residual > RESIDUAL_FALL * last:
+            stalled += 1
+            if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
+                return
             compliance = max(COMPLIANCE_LEAST, COMPLIANCE_FALL * compliance)
         last = residual
-        _classify(solver)
+        _classify(solver, residual)
 
 
 @kernel
-def _classify(solver):
-    """Freeze what makes the problem convex, from the present impulses and velocities."""
+def _classify(solver, residual):
+    """Freeze what makes the problem convex, from the present impulses and velocities.
+
+    Args:
+        residual: up to which sliding is the error of an unfinished answer [m/s].
+    """
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, n, f, mu = row["impulse"], row["normal"], row["free"], row["friction"]
@@ -92,10 +106,27 @@ def _classify(solver):
         slip = sqrt((x - u_n * n[0]) ** 2 + (y - u_n * n[1]) ** 2 + (z - u_n * n[2]) ** 2)
         j = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
         size = sqrt((p[0] - j * n[0]) ** 2 + (p[1] - j * n[1]) ** 2 + (p[2] - j * n[2]) ** 2)
-        sliding = j > 0 and slip > SLIP_MIN and size >= SLIDING * mu * j
+        # a row stuck by too large a bound of its friction goes on to slide
+        slid, bound = row["slides"] == 1, mu * j
+        if slid:
+            bound = min(bound, row["radius"])
+        sliding = slip > max(SLIP_MIN, SLIP_SHARE * residual) and size >= SLIDING * bound
+        sliding = j > 0 and (sliding or (slid and size > mu * j))
+        _set_radius(row, mu * j, sliding and slid)
         row["slides"] = 1 if sliding or mu == 0 else 0
-        row["radius"] = mu * j
         row["shift"] = 0.0 if j > 0 else mu * slip
+
+
+@kernel
+def _set_radius(row, wanted, again):
+    """Bound of a row's friction for the next iteration: where it slid before, by the secant of what the last
+    two bounds led to."""
+    used, change = row["radius"], row["radius"] - row["last_radius"]
+    row["radius"] = wanted
+    if again and change != 0:
+        slope = min(SECANT_MOST, max(-SECANT_MOST, (wanted - row["last_wanted"]) / change))
+        row["radius"] = max(0.0, (wanted - slope * used) / (1 - slope))
+    row["last_radius"], row["last_wanted"] = (used, wanted) if again else (row["radius"], wanted)
 
 
 @kernel

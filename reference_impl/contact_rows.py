@@ -250,13 +250,20 @@ def _coulomb(row, plain, x, y, always):
     """
     mu, a, b, d = row["friction"], row["across_11"], row["across_12"], row["across_22"]
     g, h, along = row["share_1"], row["share_2"], row["along"]
-    slip = sqrt(x * x + y * y)
     if mu == 0:
         return plain, 0.0, 0.0
-    if always and slip > SLIP_MIN:
-        bend = 1 - mu * (g * x + h * y) / slip
-        j = plain / bend if bend > 0 else plain
-        return j, -mu * j * x / slip, -mu * j * y / slip
+    if always:
+        # against the sliding that the present impulse leaves
+        p, n = row["impulse"], row["normal"]
+        q, r = _dot(p, row["across_1"]), _dot(p, row["across_2"])
+        j = _dot(p, n) + g * q + h * r
+        u, v = x + along * g * j + a * q + b * r, y + along * h * j + b * q + d * r
+        q, r = q - 2 * u / (a + d), r - 2 * v / (a + d)
+        size = sqrt(q * q + r * r)
+        if size > SLIP_MIN / (a + d):
+            bend = 1 + mu * (g * q + h * r) / size
+            j = plain / bend if bend > 0 else plain
+            return j, mu * j * q / size, mu * j * r / size
     x, y = x + along * g * plain, y + along * h * plain
     q, r = _friction(a, b, d, x, y, 0.0)
     j, size = plain - g * q - h * r, sqrt(q * q + r * r)
@@ -294,6 +301,11 @@ def _coulomb(row, plain, x, y, always):
     j = max(0.0, j)
     scale = min(1.0, mu * j / size)
     return j, scale * q, scale * r
+
+
+@kernel
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel

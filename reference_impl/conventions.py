@@ -257,9 +257,15 @@ INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which a minimum is found [1]."""
 NEWTON_INNER, NEWTON_FACTORS = 25, 150
 """Factorisations of one minimum, and of all of an island."""
-NEWTON_WORK = 1e8
-"""Multiplications of all factorisations of a frame, where they are fewer: some 0.1 s; later islands go by
-sweeps."""
+NEWTON_WORK, NEWTON_ALLOWANCE = 5e7, 4e5
+"""Multiplications of all factorisations of a frame, where they are fewer: some 50 ms; and of an island
+when these are used up. What is larger then goes by sweeps."""
+NEWTON_STALLS = 4
+"""Outer iterations with little progress after which a converged answer is taken."""
+SLIP_SHARE = 1e-3
+"""Sliding over the residual up to which it is the error of an unfinished answer [1]."""
+SECANT_MOST = 0.7
+"""Largest slope of the secant for the bound of friction [1]: an extrapolation by three."""
 LINE_SHARE, LINE_STEPS = 0.3, 12
 """Share of the slope that a line search may leave [1], and its steps."""
 SLIDING = 1 - 1e-6

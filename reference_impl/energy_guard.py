@@ -41,7 +41,7 @@ def guard_energy(bodies, drivers, pairs, count, state):
     for k in range(count):
         if pairs[k]["island"] >= 0:
             island = bodies[pairs[k]["island"]]["guard"]
-            if island["driven"] == 0 and island["rise"] > ENERGY_ROUNDING * island["motion"]:
+            if island["driven"] == 0 and island["rise"] > ENERGY_ROUNDING * island["scale"]:
                 for side in range(2):
                     b = pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]
                     if bodies[b]["kind"] == SIMULATED and bodies[b]["guard"]["state"] == 1:
@@ -50,6 +50,7 @@ def guard_energy(bodies, drivers, pairs, count, state):
                 if island["counted"] == 0:
                     island["counted"] = 1
                     state["guarded_energy"] += island["rise"]
+                    state["parted_energy"] += max(0.0, island["rise"] - _loose_motion(island))
 
 
 @kernel
@@ -60,7 +61,7 @@ def _reset(bodies, drivers, pair):
         if m >= 0:
             guard = bodies[m]["guard"]
             guard["state"] = guard["grounded"] = guard["driven"] = guard["counted"] = 0
-            guard["rise"] = guard["motion"] = guard["mass"] = 0.0
+            guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
             guard["momentum"][:] = 0.0
 
 
@@ -80,17 +81,30 @@ def _sum_up(bodies, drivers, pair, state):
             motion = kinetic_energy(body)
             island["rise"] += motion + _height_energy(body, state) - body["guard"]["before"]
             island["motion"] += motion
+            island["scale"] += motion + abs(body["guard"]["before"])
             island["mass"] += body["mass"]
             for i in range(3):
                 island["momentum"][i] += body["mass"] * body["velocity"][i]
 
 
 @kernel
+def _common_share(island):
+    """One over the mass of an island whose centre of mass keeps its velocity, or 0 [1/kg]."""
+    return 0.0 if island["grounded"] == 1 else 1 / island["mass"]
+
+
+@kernel
+def _loose_motion(island):
+    """Kinetic energy of an island that may be taken out [J]."""
+    p = island["momentum"]
+    return island["motion"] - _common_share(island) * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / 2
+
+
+@kernel
 def _slow_down(body, island):
     """Scale a body's motion so that its island loses what its energy rose, as far as it moves."""
-    common = 0.0 if island["grounded"] == 1 else 1 / island["mass"]
+    common, motion = _common_share(island), _loose_motion(island)
     p = island["momentum"]
-    motion = island["motion"] - common * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / 2
     scale = sqrt(max(0.0, 1 - island["rise"] / motion)) if motion > 0 else 0.0
     for i in range(3):
         v = common * p[i]

@@ -27,14 +27,14 @@ def part_simulated(bodies, pieces, vertices, pairs, first, state):
         if is_free(deepest):
             return True
         state["counters"][COUNT_ROUNDS] += 1
-        _push_apart(bodies, pairs, first, end, state)
+        _push_apart(bodies, pairs, first, end)
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 
 
 @kernel
-def _push_apart(bodies, pairs, first, end, state):
+def _push_apart(bodies, pairs, first, end):
     """Move simulated bodies until no depth is left along the normals found: one pair after the other, by
     all of its depth against fixed and driven bodies, by inverse mass against their like (Gauss-Seidel)."""
     for b in range(len(bodies)):
@@ -55,21 +55,11 @@ def _push_apart(bodies, pairs, first, end, state):
                 q[i] += b["inverse_mass"] / total * depth * n[i]
         if deepest <= OVERLAP_TOLERANCE / 2:
             break
-    _displace(bodies, state)
-
-
-@kernel
-def _displace(bodies, state):
-    """Move simulated bodies by what `scratch` holds; counts the potential energy this adds."""
-    g = state["gravity"]
     for b in range(len(bodies)):
-        body = bodies[b]
-        if body["kind"] != SIMULATED:
-            continue
-        for i in range(3):
-            body["position"][i] += body["scratch"][0, i]
-            state["parted_energy"] -= body["mass"] * g[i] * body["scratch"][0, i]
-        place(body)
+        if bodies[b]["kind"] == SIMULATED:
+            for i in range(3):
+                bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
+            place(bodies[b])
 
 
 @kernel

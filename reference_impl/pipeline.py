@@ -11,6 +11,7 @@ from reference_impl.conventions import (
     DRIVEN,
     EVENT_CAP,
     FIXED,
+    IMPULSES_TOGETHER,
     NEWTON_WORK,
     SIMULATED,
     STAGE_COLLISION,
@@ -198,7 +199,8 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         # detection for parting writes behind the rows that hold
         if drifted:
             part_simulated(bodies, pieces, vertices, pairs, touching, state)
-        guard_energy(bodies, drivers, pairs, touching, state)
+        if state["impulses"] == IMPULSES_TOGETHER:
+            guard_energy(bodies, drivers, pairs, touching, state)
         left -= fraction * h
         if left <= TIME_MIN:
             break

@@ -43,6 +43,8 @@ ROW = record(
     stiffness="f8",  # [kg]
     slides="i8",  # 1: the friction is bounded by `radius`; 0: the impulse by the cone
     radius="f8",  # [N s]
+    last_radius="f8",  # of the iteration before, and mu times the pressure that it led to
+    last_wanted="f8",
     shift="f8",  # of the normal velocity [m/s]
 )
 MOVER = record(

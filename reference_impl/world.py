@@ -17,6 +17,7 @@ GUARD = record(
     # of an island, at the mover that stands for it
     rise="f8",  # of its energy over the substep [J]
     motion="f8",  # kinetic energy [J]
+    scale="f8",  # of the energies whose rounding is no rise [J]
     mass="f8",
     momentum=VECTOR,
     grounded="i8",  # 1: it touches what does not move by impulses
