@@ -17,7 +17,7 @@ from reference_impl.conventions import (
     SETTLE_MIN,
 )
 from reference_impl.impulse import contact_impulse, resting_restitution
-from reference_impl.kernel import kernel
+from reference_impl.kernel import inlined_kernel, kernel
 from reference_impl.patch_impact import strike_patch, to_middle
 from reference_impl.rotation import copy_vector
 
@@ -60,7 +60,7 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
     return done
 
 
-@kernel
+@inlined_kernel
 def fastest_row(bodies, pairs, count, struck, state):
     """The first row with the fastest approach, or -1 where there is none.
 

@@ -369,7 +369,5 @@ def _push_apart(bodies, pairs, end, state):
         if bodies[b]["kind"] == SIMULATED:
             for i in range(3):
                 bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
-                state["parted_energy"] -= (
-                    bodies[b]["mass"] * state["gravity"][i] * bodies[b]["scratch"][0, i]
-                )
+                state["parted_energy"] -= bodies[b]["mass"] * state["gravity"][i] * bodies[b]["scratch"][0, i]
             place(bodies[b])
