@@ -3,11 +3,13 @@
 Only this module and its parts `kernel_cache` and `kernel_linking` import numba.
 """
 
+import gc
 import time
 import warnings
 
 import numba
 from numba.core import config, types
+from numba.core.compiler_lock import global_compiler_lock
 
 from reference_impl.kernel_cache import CACHE_FOLDER
 
@@ -23,6 +25,10 @@ if JIT:
             RuntimeWarning,
             stacklevel=1,
         )
+
+OBJECTS_COLLECTED = 100_000, 50, 1000
+"""Thresholds of the garbage collector during compilation [-]: collections at Python's usual thresholds take
+8 s of a cold compilation of 60 s and find little; without any, its memory doubles."""
 
 KERNELS = []
 """Every kernel of the package, for the test that each was compiled for one signature alone."""
@@ -53,6 +59,7 @@ def _compiled(function, **options):
     compiled = numba.njit(**options)(function)
     if JIT:
         _forget_literals(compiled)
+        _collect_less(compiled)
         if LINK_BY_NAME is not None:
             LINK_BY_NAME(compiled)
     KERNELS.append(compiled)
@@ -67,6 +74,22 @@ def _forget_literals(compiled):
         return template(tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()})
 
     compiled.get_call_template = plain_template
+
+
+def _collect_less(compiled):
+    """Let the garbage collector run less often while a kernel and those it calls are compiled."""
+    compile_now = compiled.compile
+
+    def compile_with_rare_collections(signature):
+        with global_compiler_lock:
+            usual = gc.get_threshold()
+            gc.set_threshold(*OBJECTS_COLLECTED)
+            try:
+                return compile_now(signature)
+            finally:
+                gc.set_threshold(*usual)
+
+    compiled.compile = compile_with_rare_collections
 
 
 def compile_count():

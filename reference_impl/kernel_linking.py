@@ -13,7 +13,7 @@ import hashlib
 from pathlib import Path
 
 import llvmlite.binding
-from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc
+from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc, imputils
 
 from reference_impl.kernel_cache import CACHE_FOLDER, PACKAGE
 
@@ -25,7 +25,8 @@ PARTS = (
     (caching, "FunctionCache"),
     (caching, "CompileResultCacheImpl"),
     (caching, "_CacheLocator"),
-    (base.BaseContext, "insert_user_function"),
+    (base.BaseContext, "declare_function"),
+    (base.BaseContext, "insert_func_defn"),
     (base.BaseContext, "remove_user_function"),
     (codegen.JITCodeLibrary, "_final_module"),
     (codegen.JITCodeLibrary, "_get_module_for_linking"),
@@ -37,6 +38,7 @@ PARTS = (
     (dispatcher.Dispatcher, "overloads"),
     (funcdesc.FunctionDescriptor, "abi_tags"),
     (funcdesc.FunctionDescriptor, "mangled_name"),
+    (imputils, "user_function"),
 )
 """What this module uses of Numba beyond its documented interface: (owner, name)."""
 
@@ -114,11 +116,33 @@ def _name(compiled, args, symbol=None):
         return False
     llvmlite.binding.add_symbol(symbol, address)
     _owners[symbol] = owner
+    call = _declared_call(result, symbol)
+    compiled.targetctx.remove_user_function(result.entry_point)
+    compiled.targetctx.insert_func_defn([(call, result.entry_point, call.signature)])
+    return True
+
+
+def _declared_call(result, symbol):
+    """Code that declares a kernel under its symbol and calls it.
+
+    The declaration repeats the attributes that LLVM found, such as the arguments that a kernel only reads.
+    Without them frames take 2 % longer.
+    """
     declared = copy.copy(result.fndesc)
     declared.mangled_name = symbol
-    compiled.targetctx.remove_user_function(result.entry_point)
-    compiled.targetctx.insert_user_function(result.entry_point, declared)  # without a library to link
-    return True
+    function = result.library._get_module_for_linking().get_function(result.fndesc.llvm_func_name)
+    found = [[one.decode() for one in value.attributes] for value in (function, *function.arguments)]
+    del found[0][1:]  # sets of attributes: the function's, then those of its result and arguments
+    call = imputils.user_function(declared, ())  # without a library to link
+
+    def declare_and_call(context, builder, signature, args):
+        function = context.declare_function(builder.module, declared)
+        for value, attributes in zip((function, *function.args), found):
+            set.update(value.attributes, attributes)  # `add` refuses attributes newer than its list
+        return call(context, builder, signature, args)
+
+    declare_and_call.signature, declare_and_call.libs = call.signature, call.libs
+    return declare_and_call
 
 
 def _load_named(symbol, module, name, args):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -86,16 +88,115 @@ def package(tmp_path: Path) -> dict[str, str]:
 
 CALL = "from reference_impl.outer import outer; from reference_impl import kernel; print(outer(1.0)); "
 FOLDER = "print(kernel.CACHE_FOLDER)"
+COUNT = "print(kernel.compile_count())"
+
+
+@pytest.fixture
+def named(package: dict[str, str]) -> dict[str, str]:
+    """The package with every kernel named, though it is small, and a third one between the two, inlined."""
+    folder = Path(package["PYTHONPATH"]) / "reference_impl"
+    linking = folder / "kernel_linking.py"
+    linking.write_text(re.sub(r"LINES_COPIED = \d+", "LINES_COPIED = 0", linking.read_text()))
+    (folder / "middle.py").write_text(
+        OUTER.replace("import kernel", "import inlined_kernel").replace("@kernel", "@inlined_kernel")
+    )
+    (folder / "outer.py").write_text(OUTER.replace("inner import inner", "middle import outer as inner"))
+    return package
+
+
+SYMBOLS = "from reference_impl import kernel_linking; print(*sorted(kernel_linking._owners)); "
 
 
 def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> None:
     """Compile the caller anew when a kernel in another file changes, and only then."""
-    count = "print(kernel.compile_count())"
-    assert run(CALL + count, **package).split() == ["2.0", "2"]
-    assert run(CALL + count, **package).split() == ["2.0", "0"]
+    assert run(CALL + COUNT, **package).split() == ["2.0", "2"]
+    assert run(CALL + COUNT, **package).split() == ["2.0", "0"]
     inner = Path(package["PYTHONPATH"]) / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("1.0", "100.0"))
-    assert run(CALL + count, **package).split() == ["101.0", "2"]
+    assert run(CALL + COUNT, **package).split() == ["101.0", "2"]
+    inner.write_text("# comment\n" + INNER.replace("1.0", "100.0"))
+    assert run(CALL + COUNT, **package).split() == ["101.0", "0"]
+
+
+def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
+    """Call a kernel by its symbol in the process that compiled it, and in one that loaded its caller."""
+    first = run(CALL + COUNT + ";" + SYMBOLS, **named).split()
+    assert first[:2] == ["2.0", "3"]
+    assert [symbol.rpartition(".")[0] for symbol in first[2:]] == ["reference_impl.inner.inner"]
+    assert run(CALL + COUNT + ";" + SYMBOLS, **named).split() == ["2.0", "0", *first[2:]]
+
+
+def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> None:
+    """Call the edited kernel, not the one that the cache holds."""
+    assert run(CALL, **named).split() == ["2.0"]
+    inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner.write_text(INNER.replace("1.0", "100.0"))
+    assert run(CALL, **named).split() == ["101.0"]
+
+
+def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
+    """Name a kernel apart for every signature, alike in every process."""
+    middle = Path(named["PYTHONPATH"]) / "reference_impl" / "middle.py"
+    middle.write_text(middle.read_text().replace("inner(x)", "inner(x) + inner(int(x))"))
+    first = run(CALL + SYMBOLS, **named).split()
+    assert first[0] == "4.0"
+    assert len(set(first[1:])) == 2
+    assert run(CALL + SYMBOLS, **named).split() == first
+
+
+@pytest.mark.parametrize("lost", ["*.nbc", "*.nbi"])
+def test_a_lost_entry_is_compiled_again(named: dict[str, str], lost: str) -> None:
+    """Compile a named kernel whose entry is missing before its caller is loaded."""
+    folder = run(CALL + FOLDER, **named).split()[1]
+    for entry in Path(folder).glob(f"inner.{lost}"):
+        entry.unlink()
+    assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
+    assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
+
+
+def test_processes_share_a_cold_cache(named: dict[str, str]) -> None:
+    """Compile the same kernels in several processes at once, each with the right answer."""
+    with ThreadPoolExecutor() as pool:
+        answers = [pool.submit(run, CALL, **named) for _ in range(3)]
+        assert [one.result().split() for one in answers] == [["2.0"]] * 3
+    assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
+
+
+def test_numba_has_the_parts_that_naming_uses() -> None:
+    """Notice a version of Numba that lacks a private part, before compilation becomes slow."""
+    kernel_linking = pytest.importorskip("reference_impl.kernel_linking")
+    assert kernel_linking.missing_parts() == []
+    assert kernel_linking.missing_parts([(Path, "no_part")]) == ["Path.no_part"]
+
+
+PLAIN = """
+import warnings
+from numba.core import caching
+
+del caching.CompileResultCacheImpl
+with warnings.catch_warnings(record=True) as found:
+    warnings.simplefilter("always")
+    from reference_impl.outer import outer
+print(outer(1.0))
+for one in found:
+    print(one.message)
+"""
+
+
+def test_kernels_are_linked_plainly_without_a_part(named: dict[str, str]) -> None:
+    """Copy kernels into their callers, with one warning, where Numba lacks a part; mix no cache entries."""
+    for _ in range(2):
+        value, warning = run(PLAIN, **named).splitlines()
+        assert value == "2.0"
+        assert "numba has no" in warning
+        assert "CompileResultCacheImpl" in warning
+        assert run(CALL, **named).split() == ["2.0"]
+
+
+def test_kernels_run_uncompiled(named: dict[str, str]) -> None:
+    """Leave the naming of kernels out where nothing is compiled."""
+    code = CALL + "import sys; print('reference_impl.kernel_linking' in sys.modules)"
+    assert run(code, NUMBA_DISABLE_JIT="1", **named).split() == ["2.0", "False"]
 
 
 def test_constants_and_numbers_share_a_signature(package: dict[str, str]) -> None:
