@@ -140,6 +140,23 @@ EFFECTS: tuple[Limit, ...] = (
     Limit("time.slower", 0.02, "a plan costs nothing, whatever it saves", "reference"),
     Limit("time.plan", 0.05, "a plan is made before anybody waits for it", "reference"),
 )
+ROBUSTNESS: tuple[Limit, ...] = tuple(
+    # of the reference, over all kinds of random scenes
+    Limit(f"robustness.{metric}", largest, reason, "reference", "all", profile)
+    for profile in ("balanced", "accurate")
+    for metric, largest, reason in (
+        ("error", 0, "every random scene can be played to its end"),
+        ("hang", 0, "every frame ends"),
+        ("not_finite", 0, "contacts do no positive work: velocities are bounded"),
+        ("exploded", 0, "contacts do no positive work: energy cannot double"),
+        ("passed", 0, "nothing passes through a fixed body"),
+        ("overlap.max", 1.02e-6, "method, section 3: 1e-6 m, by an oracle good to 1e-8 m"),
+        ("momentum.max", 1e-9, "impulses act on both sides, to rounding"),
+        ("rise.max", 1e-6, "contacts do no positive work, corrections hardly any"),
+        ("rise.p99", 1e-9, "contacts do no positive work, to rounding"),
+        ("residual.p995", 1e-7, "all but named cases are solved: bodies sink by 2e-9 m a frame"),
+    )
+)
 FIRST_ORDER = "5 %: an integrator of first order at a fitting step is off by h / T, below 1 %"
 BOUNCES = tuple(f"bounce_{e}" for e in ("e0", "e03", "e05", "e08", "e1"))
 PROBES: tuple[Limit, ...] = (
@@ -237,6 +254,7 @@ LIMITS = (
     *PROBES,
     *GALLERY,
     *EFFECTS,
+    *ROBUSTNESS,
     *(
         replace(limit, engine="reference", profile=profile, scenario=tag)
         for limit in EXACTING

@@ -31,7 +31,7 @@ def energy_loss(evidence: Evidence) -> Values:
 def _change(evidence: Evidence) -> Array:
     if "conservative" not in evidence.scenario.tags:
         raise NotMeasured("not tagged conservative: friction, impacts or a drive do work")
-    energy = _mechanical(evidence, evidence.simulated)
+    energy = mechanical_energy(evidence, evidence.simulated)
     energy[_stores(evidence, evidence.simulated)] = np.nan
     kinetic = np.zeros(len(energy))
     for k, truth in evidence.truths.items():
@@ -66,9 +66,9 @@ def energy_rise(evidence: Evidence) -> dict[str, Array]:
     if evidence.scenario.trackers and not np.isnan(work).any():
         moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
         stores = _stores(evidence, moving) | (limit_excess(evidence).max(axis=1, initial=0.0) > STORING_ANGLE)
-        found["all"] = _rise(_mechanical(evidence, moving) - work, stores)
+        found["all"] = _rise(mechanical_energy(evidence, moving) - work, stores)
     if evidence.simulated:
-        simulated = _mechanical(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
+        simulated = mechanical_energy(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
         found["simulated"] = _rise(simulated, _stores(evidence, evidence.simulated))
     return found
 
@@ -90,7 +90,7 @@ def energy_ledger(evidence: Evidence) -> Values:
     friction = np.einsum("ij,ij->i", tangential, mean)[free].sum()
     restitution = (normal * np.einsum("ij,ij->i", rows["normal"], mean))[free].sum()
     drive = _work_of_driven_contacts(evidence)[-1]
-    energy = _mechanical(evidence, evidence.simulated)
+    energy = mechanical_energy(evidence, evidence.simulated)
     correction = energy[-1] - energy[0] - friction - restitution - drive
     told = {"friction": friction, "restitution": restitution, "drive": drive, "correction": correction}
     return {name: float(value) for name, value in told.items()}
@@ -110,7 +110,7 @@ def _rise(s: Array, stores: Array) -> Array:
     return np.asarray(np.where(stores, 0.0, s - lowest))
 
 
-def _mechanical(evidence: Evidence, bodies: list[int]) -> Array:
+def mechanical_energy(evidence: Evidence, bodies: list[int]) -> Array:
     """Kinetic and potential energy per frame (f,) [J]; driven bodies feel no gravity."""
     r = evidence.recording
     energy = np.zeros(len(r.time))
