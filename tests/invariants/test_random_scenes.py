@@ -1,4 +1,4 @@
-"""Random scenes on the reference: it needs no truth to see energy created, overlap, or a run that breaks off."""
+"""Random scenes on the reference: energy created, overlap or a broken-off run shows without any truth."""
 
 from __future__ import annotations
 
