@@ -38,9 +38,13 @@ def meeting_velocity(bodies, pair):
 
 @kernel
 def contact_point(pair, out_point):
-    """Midpoint of the two witnesses."""
+    """Contact point between the two witnesses: their midpoint, or on the face of a patch.
+
+    The points of a patch then lie in one plane, and a body that turns about an edge can stick to all of them.
+    """
+    s = pair["level"]
     for i in range(3):
-        out_point[i] = (pair["point_a"][i] + pair["point_b"][i]) / 2
+        out_point[i] = (1 - s) * pair["point_a"][i] + s * pair["point_b"][i]
 
 
 @kernel

@@ -94,16 +94,21 @@ def _separation(pair):
 
 
 @kernel
+def before_across(pair):
+    """Sliding velocity before the hold [m/s]."""
+    n, a, b, v_n = pair["normal"], pair["before_a"], pair["before_b"], _separation(pair)
+    return b[0] - a[0] - v_n * n[0], b[1] - a[1] - v_n * n[1], b[2] - a[2] - v_n * n[2]
+
+
+@kernel
 def _slip(pair):
     """Sliding speed before the hold [m/s]."""
-    n, a, b, v_n = pair["normal"], pair["before_a"], pair["before_b"], _separation(pair)
-    x, y, z = b[0] - a[0] - v_n * n[0], b[1] - a[1] - v_n * n[1], b[2] - a[2] - v_n * n[2]
+    x, y, z = before_across(pair)
     return sqrt(x * x + y * y + z * z)
 
 
 @kernel
 def _along_slip(pair, vector):
     """A vector times the sliding velocity before the hold."""
-    n, a, b, v_n = pair["normal"], pair["before_a"], pair["before_b"], _separation(pair)
-    x, y, z = b[0] - a[0] - v_n * n[0], b[1] - a[1] - v_n * n[1], b[2] - a[2] - v_n * n[2]
+    x, y, z = before_across(pair)
     return vector[0] * x + vector[1] * y + vector[2] * z

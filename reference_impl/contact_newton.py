@@ -1,8 +1,8 @@
 """Newton's method for the contacts of one island: exact to rounding where sweeps crawl.
 
-Frozen for one outer iteration: the bound of the friction of rows that slide (mu times their pressure), and for
-rows that stick the cone of Coulomb (with the shift mu |u_t| of De Saxce & Feng 1998 where they are open). What
-is left is convex in the movers' velocities x:
+Frozen for one outer iteration: the bound of the friction of rows that slide (mu times their pressure), and
+for rows that stick the cone of Coulomb (with the shift mu |u_t| of De Saxce & Feng 1998 where they are open).
+What is left is convex in the movers' velocities x:
 
     minimise  x.M x / 2 + sum over rows of |P(z)|^2 / (2 k)-like terms,  z = centre - k (u(x) - floor n),
 
@@ -30,6 +30,7 @@ from reference_impl.conventions import (
     NEWTON_FACTORS,
     NEWTON_INNER,
     NEWTON_WORK,
+    RESIDUAL_ACCEPTED,
     RESIDUAL_FALL,
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
@@ -43,10 +44,10 @@ from reference_impl.rotation import copy_vector, invert_symmetric
 
 @kernel
 def newton(solver, state):
-    """Improve the impulses of an island; the best are kept. Returns whether they reached RESIDUAL_TARGET."""
+    """Improve the impulses of an island until they reach RESIDUAL_TARGET or improve no more; `keep_best`."""
     work = lay_out(solver)
     if work < 0:
-        return False
+        return
     rows, count = solver["rows"], solver["row_count"]
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
@@ -70,13 +71,13 @@ def newton(solver, state):
         rebuild(solver)
         residual, _ = residual_of(solver)
         keep_best(solver, residual)
-        if residual <= RESIDUAL_TARGET:
-            return True
-        if residual > RESIDUAL_FALL * last:
+        stalls = residual > RESIDUAL_FALL * last
+        if residual <= RESIDUAL_TARGET or (stalls and solver["best_residual"] <= RESIDUAL_ACCEPTED):
+            return
+        if stalls:
             compliance = max(COMPLIANCE_LEAST, COMPLIANCE_FALL * compliance)
         last = residual
         _classify(solver)
-    return False
 
 
 @kernel
@@ -265,7 +266,10 @@ def _search_line(solver):
     if slope_late <= LINE_SHARE * abs(first):
         return 1.0
     side = 0
+    s = 1.0
     for _ in range(LINE_STEPS):
+        if slope_late <= slope_early:
+            break
         s = (early * slope_late - late * slope_early) / (slope_late - slope_early)
         slope = start + s * bend - _row_slope(solver, s)
         if abs(slope) <= LINE_SHARE * abs(first):

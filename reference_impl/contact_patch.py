@@ -14,6 +14,8 @@ from reference_impl.kernel import kernel
 
 NEVER = 1e300
 """Beyond any height [m]."""
+EQUAL_AREA = 1e-9
+"""Difference of two areas over their sum, and component of a normal, that count as none [1]."""
 
 
 @kernel
@@ -32,6 +34,7 @@ def expand_patches(pieces, vertices, pairs, touching, state):
         pair = pairs[k]
         a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
         pair["sibling"] = -1
+        pair["level"] = 0.5
         if not is_polyhedral(a, b):
             pair["patch"] = -1
             continue
@@ -72,13 +75,15 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
     count_a = _feature(piece_a, vertices, 1.0, pair["point_a"], state["mobility"], lower)
     count_b = _feature(piece_b, vertices, -1.0, pair["point_a"], state["mobility"], upper)
     count_a, count_b = _order(lower, count_a), _order(upper, count_b)
-    face_on_a = count_a > 2 and _plane(lower, count_a, plane)
-    if face_on_a:
-        count = _clip(upper, count_b, lower, count_a, state["normal"])
-    elif count_b > 2 and _plane(upper, count_b, plane):
-        count = _clip(lower, count_a, upper, count_b, state["normal"])
-    else:
+    area_a, area_b = _plane(lower, count_a, plane), _plane(upper, count_b, plane)
+    if area_a == 0 and area_b == 0:
         return 0, False
+    face_on_a = _is_reference(area_a, area_b, pair["normal"])
+    if face_on_a:
+        _plane(lower, count_a, plane)
+        count = _clip(upper, count_b, lower, count_a, state["normal"])
+    else:
+        count = _clip(lower, count_a, upper, count_b, state["normal"])
     # keep what touches
     points, kept = upper if face_on_a else lower, 0
     for k in range(count):
@@ -89,6 +94,17 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
             lower[kept, 0], lower[kept, 1], lower[kept, 2] = x, y, gap
             kept += 1
     return kept, face_on_a
+
+
+@kernel
+def _is_reference(area_a, area_b, n):
+    """Whether A's face clips B's: the larger one does, and of equal ones the lower, whatever their order."""
+    if abs(area_a - area_b) > EQUAL_AREA * (area_a + area_b):
+        return area_a > area_b
+    for axis in (2, 1, 0):
+        if abs(n[axis]) > EQUAL_AREA:
+            return n[axis] > 0
+    return True
 
 
 @kernel
@@ -172,9 +188,11 @@ def _swap(points, i, j):
 
 @kernel
 def _plane(points, count, out_plane):
-    """Plane of a polygon through its vertices' mean, by Newell's normal; returns whether it has an area."""
+    """Plane of a polygon through its vertices' mean, by Newell's normal; returns twice its area, or 0."""
     x = y = z = 0.0
     out_plane[:] = 0.0
+    if count < 3:
+        return 0.0
     for k in range(count):
         p, q = points[k], points[(k + 1) % count]
         ux, uy, uz = p[0] - points[0, 0], p[1] - points[0, 1], p[2] - points[0, 2]
@@ -183,10 +201,10 @@ def _plane(points, count, out_plane):
         for i in range(3):
             out_plane[i] += p[i] / count
     if z <= PATCH_HEIGHT * PATCH_HEIGHT:
-        return False
+        return 0.0
     out_plane[2] += (x * out_plane[0] + y * out_plane[1]) / z
     out_plane[0], out_plane[1] = -x / z, -y / z
-    return True
+    return z
 
 
 @kernel
@@ -255,6 +273,7 @@ def _write_point(point, face_on_a, origin, state, out_pair):
     z_a, z_b = (z_face, z_face + gap) if face_on_a else (z_face - gap, z_face)
     size = sqrt(1 + plane[0] * plane[0] + plane[1] * plane[1])
     out_pair["distance"] = gap
+    out_pair["level"] = 0.0 if face_on_a else 1.0
     for i in range(3):
         level = origin[i] + frame[0, i] * x + frame[1, i] * y
         out_pair["normal"][i] = (frame[2, i] - plane[0] * frame[0, i] - plane[1] * frame[1, i]) / size

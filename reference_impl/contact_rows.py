@@ -1,13 +1,13 @@
 """Rows of one island: their velocities, Coulomb's law at one contact point, and the residual of all.
 
 Conventions: u = free + J x is the velocity of B against A at a contact point, x the change of the movers'
-velocities by the impulses. Coulomb's law: u.n >= floor, impulse.n >= 0, one of both with equality; friction at
-most mu times impulse.n, against the sliding where there is some.
+velocities by the impulses. Coulomb's law: u.n >= floor, impulse.n >= 0, one of both with equality; friction
+at most mu times impulse.n, against the sliding where there is some.
 """
 
 from math import sqrt
 
-from reference_impl.conventions import LOCAL_STEPS, SLIP_MIN
+from reference_impl.conventions import LOCAL_STEPS, RESIDUAL_ACCEPTED, SLIP_MIN
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
 
@@ -131,16 +131,45 @@ def take_best(solver):
 
 
 @kernel
-def make_passive(solver):
-    """Scale all impulses down until contacts do no work on the island (`contact_solver`)."""
-    driving = damping = 0.0
+def _work_terms(solver):
+    """-p.(v + u), p.W p and the sum of |p| over all rows: twice the contacts' work is the second less the
+    first."""
+    driving = damping = size = 0.0
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, f, before = row["impulse"], row["free"], row["before"]
         x, y, z = changed_velocity(row, solver["movers"])
         damping += p[0] * x + p[1] * y + p[2] * z
+        size += sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
         for i in range(3):
             driving -= p[i] * (before[i] + f[i])
+    return driving, damping, size
+
+
+@kernel
+def pushes_along(solver):
+    """Whether the contacts do work on the island, beyond what the residual explains."""
+    driving, damping, size = _work_terms(solver)
+    return damping - driving > RESIDUAL_ACCEPTED * size
+
+
+@kernel
+def reverse_slip(solver):
+    """Take friction against the mean sliding of the hold: against the velocity after it, seen from the
+    reverse of the sliding before."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        n, f, before = row["normal"], row["free"], row["before"]
+        along = n[0] * before[0] + n[1] * before[1] + n[2] * before[2]
+        for i in range(3):
+            f[i] += before[i] - along * n[i]
+            before[i] = along * n[i]
+
+
+@kernel
+def make_passive(solver):
+    """Scale all impulses down until contacts do no work on the island (`contact_solver`)."""
+    driving, damping, _ = _work_terms(solver)
     scale = 0.0
     if driving > 0:
         scale = 1.0 if damping <= driving else driving / damping
@@ -158,7 +187,7 @@ def solve_row(row, movers, always):
     Args:
         always: friction is mu times the pressure against any sliding (Eq. 10), not at most that.
     """
-    f, n, p, m, w = row["free"], row["normal"], row["impulse"], row["mass"], row["mobility"]
+    f, p, m, w = row["free"], row["impulse"], row["mass"], row["mobility"]
     x, y, z = changed_velocity(row, movers)
     # the velocity without this row's impulse
     x += f[0] - w[0, 0] * p[0] - w[0, 1] * p[1] - w[0, 2] * p[2]
@@ -191,15 +220,14 @@ def _coulomb(row, x, y, z, always):
     a = w[1, 1] * w[2, 2] - w[1, 2] * w[1, 2]
     b = w[0, 2] * w[1, 2] - w[0, 1] * w[2, 2]
     c = w[0, 1] * w[1, 2] - w[0, 2] * w[1, 1]
+    g = w[0, 0] * w[2, 2] - w[0, 2] * w[0, 2]
+    h = w[0, 1] * w[0, 2] - w[0, 0] * w[1, 2]
+    i = w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]
     d = w[0, 0] * a + w[0, 1] * b + w[0, 2] * c
     u, v, t = floor * n[0] - x, floor * n[1] - y, floor * n[2] - z
     px = (a * u + b * v + c * t) / d
-    py = (
-        b * u + (w[0, 0] * w[2, 2] - w[0, 2] * w[0, 2]) * v + (w[0, 1] * w[0, 2] - w[0, 0] * w[1, 2]) * t
-    ) / d
-    pz = (
-        c * u + (w[0, 1] * w[0, 2] - w[0, 0] * w[1, 2]) * v + (w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]) * t
-    ) / d
+    py = (b * u + g * v + h * t) / d
+    pz = (c * u + h * v + i * t) / d
     j = px * n[0] + py * n[1] + pz * n[2]
     tx, ty, tz = px - j * n[0], py - j * n[1], pz - j * n[2]
     size = sqrt(tx * tx + ty * ty + tz * tz)

@@ -11,6 +11,10 @@ impulses p, v those before the hold, W the map from impulses to velocities, that
 
 This holds for any p, so no cap, stall or start can add energy. It makes an answer safe, not right: what is
 left of the approach lets bodies sink, and is recorded as the frame's residual.
+
+An answer that converged may do work too, where friction stops a row that slid the other way before: its mean
+force then points along that sliding. In such an island friction is taken against the mean sliding (v + u) / 2
+instead, and does none.
 """
 
 from math import inf
@@ -21,8 +25,10 @@ from reference_impl.contact_rows import (
     into_cone,
     keep_best,
     make_passive,
+    pushes_along,
     rebuild,
     residual_of,
+    reverse_slip,
     solve_row,
     take_best,
 )
@@ -31,6 +37,7 @@ from reference_impl.conventions import (
     COUNT_UNCONVERGED,
     DENSE_SWEEPS,
     FIRST_SWEEPS,
+    FLIGHT_BALLISTIC,
     FRICTION_PAPER,
     MOST_SWEEPS,
     MOST_VISITS,
@@ -52,9 +59,11 @@ def begin_row(bodies, pair, floor):
 
 
 @kernel
-def solve_contacts(bodies, joints, drivers, pairs, count, state):
+def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
     """Impulses `held` of the rows `pairs[:count]`, from those they have, which have not acted yet.
 
+    Args:
+        lasting: they act evenly from the velocities before the hold to those after it, not in a moment.
     Returns:
         Whether every island converged.
     """
@@ -64,28 +73,23 @@ def solve_contacts(bodies, joints, drivers, pairs, count, state):
         if pairs[k]["island"] < 0:
             pairs[k]["held"][:] = 0.0
         elif is_head(bodies, pairs, k):
-            converged = solve_island(bodies, joints, drivers, pairs, k, state) and converged
+            converged = solve_island(bodies, joints, drivers, pairs, k, lasting, state) and converged
     return converged
 
 
 @kernel
-def solve_island(bodies, joints, drivers, pairs, head, state):
+def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     """Solve the island whose first row is `head`; returns whether it converged, which is counted if not."""
     load_island(bodies, drivers, pairs, head, state)
     solver = state["solver"]
     rows = solver["rows"]
     for k in range(solver["row_count"]):
         into_cone(rows[k])
-        copy_vector(rows[k]["impulse"], rows[k]["start"])
-    rebuild(solver)
-    make_passive(solver)
-    residual, _ = residual_of(solver)
-    solver["best_residual"] = inf
-    keep_best(solver, residual)
-    if not residual <= RESIDUAL_TARGET:
-        _iterate(solver, state)
-        take_best(solver)
-        residual = solver["best_residual"]
+    _solve_loaded(solver, state)
+    if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
+        reverse_slip(solver)
+        _solve_loaded(solver, state)
+    residual = solver["best_residual"]
     converged = residual <= RESIDUAL_ACCEPTED
     if not converged:
         make_passive(solver)
@@ -100,11 +104,29 @@ def solve_island(bodies, joints, drivers, pairs, head, state):
 
 
 @kernel
+def _solve_loaded(solver, state):
+    """The best impulses found for the rows of the solver, from those they have."""
+    for k in range(solver["row_count"]):
+        copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
+    rebuild(solver)
+    make_passive(solver)
+    residual, _ = residual_of(solver)
+    solver["best_residual"] = inf
+    keep_best(solver, residual)
+    if not residual <= RESIDUAL_TARGET:
+        _iterate(solver, state)
+        take_best(solver)
+
+
+@kernel
 def _iterate(solver, state):
     """Sweeps, Newton's method, and sweeps again, as far as they are needed."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
-        if _sweep(solver, state, FIRST_SWEEPS) or newton(solver, state):
+        if _sweep(solver, state, FIRST_SWEEPS):
+            return
+        newton(solver, state)
+        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
             return
         take_best(solver)
     most = max(MOST_SWEEPS, MOST_VISITS // rows)

@@ -234,7 +234,8 @@ DENSE_SINKING = 2e-7
 HOLD_MEMORY = 4096
 """Contact points whose forces the next hold starts from."""
 RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 1e-12, 1e-9
-"""Residual at which a contact solve ends, and at which it has converged [m/s]: bodies sink by it times a frame."""
+"""Residual at which a contact solve ends, and at which it has converged [m/s]: bodies sink by that times a
+frame."""
 RESIDUAL_ROUNDING = 1e-14
 """Change of velocity below which a minimum is found, however small the residual is to be [m/s]."""
 FIRST_SWEEPS = 8
@@ -245,7 +246,7 @@ DENSE_SWEEPS = 40
 """The same in a dense substep: a frame has tens of them, and each starts from the forces of the last."""
 LOCAL_STEPS = 3
 """Steps of pressure and friction in turn at one row that slides: sweeps go on from there."""
-COMPLIANCE_FIRST, COMPLIANCE_LEAST, COMPLIANCE_FALL = 1e-3, 1e-9, 0.1
+COMPLIANCE_FIRST, COMPLIANCE_LEAST, COMPLIANCE_FALL = 1e-3, 1e-7, 0.1
 """Compliance of the proximal problem over the row's own mobility [1]: first, least (rounding is 1e-16 of the
 velocity over it), and its factor where the residual falls slowly."""
 RESIDUAL_FALL = 0.1

@@ -83,7 +83,7 @@ def _hold_together(bodies, joints, drivers, pairs, count, state, h):
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         recall(bodies, pairs[k], state, h)
-    converged = solve_contacts(bodies, joints, drivers, pairs, count, state)
+    converged = solve_contacts(bodies, joints, drivers, pairs, count, True, state)
     remember(bodies, pairs, count, state, h)
     return converged
 

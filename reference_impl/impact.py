@@ -1,9 +1,9 @@
 """Impacts: all that approach at once, or a priority queue, one contact at a time (section 5).
 
-All at once (generalized reflections: Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012): the contacts that approach
-get impulses together, each by Newton's law against its own velocity before; this repeats until none approaches.
-What touches without approaching takes no part: so a cradle passes its impulse on ball by ball, and a break of
-equal balls stays symmetric. The answer does not depend on the order of bodies or contacts.
+All at once (generalized reflections: Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012): the contacts that
+approach get impulses together, each by Newton's law against its own velocity before; this repeats until none
+approaches. What touches without approaching takes no part: so a cradle passes its impulse on ball by ball,
+and a break of equal balls stays symmetric. The answer does not depend on the order of bodies or contacts.
 """
 
 from math import sqrt
@@ -65,7 +65,7 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
     if k >= 0 and pairs[k]["key"] > SETTLE_MIN:
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["close"])
-        solve_contacts(bodies, joints, drivers, pairs, count, state)
+        solve_contacts(bodies, joints, drivers, pairs, count, False, state)
         log_held(bodies, pairs, count, contacts, state, time)
     return done
 

@@ -27,7 +27,7 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
     for k in range(count):
         if not is_head(bodies, pairs, k):
             continue
-        solve_island(bodies, joints, drivers, pairs, k, state)
+        solve_island(bodies, joints, drivers, pairs, k, False, state)
         gain, work = _energy_change(bodies, pairs, k, state)
         if state["restitution_law"] == RESTITUTION_GUARDED and gain > ENERGY_ROUNDING * work:
             _guard(bodies, joints, drivers, pairs, k, gain, state)
@@ -61,7 +61,7 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
         pair["held"][:] = 0.0
         pair["floor"] = 0.0
         k = pair["next_row"]
-    solve_island(bodies, joints, drivers, pairs, head, state)
+    solve_island(bodies, joints, drivers, pairs, head, False, state)
     start, _ = _energy_change(bodies, pairs, head, state)
     slope = 0.0
     k = head

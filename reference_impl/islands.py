@@ -13,7 +13,7 @@ from reference_impl.solver_records import MOVER_CAPACITY, ROW_CAPACITY
 
 @kernel
 def mover_of(bodies, drivers, b):
-    """Row of `bodies` that stands for what an impulse on body b moves: the body or its driver's root, or -1."""
+    """Row of `bodies` that an impulse on body b moves: that body or its driver's root; -1 for none."""
     body = bodies[b]
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
@@ -95,10 +95,10 @@ def load_island(bodies, drivers, pairs, head, state):
         row["b"] = _load_mover(bodies, drivers, pair["body_b"], pair["point"], solver, row["r_b"])
         copy_vector(pair["normal"], row["normal"])
         copy_vector(pair["held"], row["impulse"])
-        for i in range(3):
-            row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
         u = row["free"]
         u[0], u[1], u[2] = meeting_velocity(bodies, pair)
+        for i in range(3):
+            row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
         m = row["mobility"]
         contact_mobility(bodies, drivers, pair, pair["point"], m)
         row["mass"] = 3 / (m[0, 0] + m[1, 1] + m[2, 2])

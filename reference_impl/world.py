@@ -126,6 +126,7 @@ PAIR = record(
     friction="f8",
     normal=VECTOR,
     point=VECTOR,  # contact point of its impulses
+    level="f8",  # of that between the witness on A, 0, and on B, 1: on the face that clips the other [1]
     floor="f8",  # speed along the normal that a contact solve leaves at least [m/s]
     held=VECTOR,  # impulse on B while the contact holds [N s]
     island="i8",  # mover that stands for its island, or -1
