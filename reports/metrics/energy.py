@@ -18,6 +18,8 @@ STORING_ANGLE = 1e-3
 def energy_gain(evidence: Evidence) -> Values:
     """Largest E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1].
 
+    Where a scene has no closed form, over the kinetic energy at the start.
+
     Frames in which a soft contact stores energy are left out, as in `energy.injected`.
     """
     return {"": float(_change(evidence).max())}
@@ -34,6 +36,11 @@ def _change(evidence: Evidence) -> Array:
     energy = mechanical_energy(evidence, evidence.simulated)
     energy[_stores(evidence, evidence.simulated)] = np.nan
     kinetic = np.zeros(len(energy))
+    r = evidence.recording
+    for k in () if evidence.truths else evidence.simulated:
+        kinetic += _kinetic(
+            evidence, k, r.linear_velocity[:1, k], r.orientation[:1, k], r.angular_velocity[:1, k]
+        )
     for k, truth in evidence.truths.items():
         kinetic += _kinetic(evidence, k, truth.velocity, truth.orientation, truth.angular_velocity)
     free = energy[np.isfinite(energy)]
