@@ -22,7 +22,7 @@ from scenarios.scenario import Scenario
 Array = NDArray[np.float64]
 Scalar = str | int | float | bool
 
-CONTACT_CAPACITY = 8192
+CONTACT_CAPACITY = 32_768
 """Contact points a step may report; more is an error, never a silent loss."""
 
 CONTACT_FIELDS = np.dtype(

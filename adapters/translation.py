@@ -19,7 +19,7 @@ from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, S
 from scenarios.tracking import sample
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
-CONTACT_CAPACITY = 8192
+CONTACT_CAPACITY = 32_768
 PAIRS_PER_PIECE = 32
 """Room for pairs per piece in large scenes: a sphere among equals has 12 neighbours, at the start of a
 substep and again at its end."""

@@ -29,7 +29,6 @@ from reference_impl.conventions import (
     LINE_STEPS,
     NEWTON_FACTORS,
     NEWTON_INNER,
-    NEWTON_WORK,
     RESIDUAL_ACCEPTED,
     RESIDUAL_FALL,
     RESIDUAL_ROUNDING,
@@ -56,13 +55,14 @@ def newton(solver, state):
     for k in range(count):
         copy_vector(rows[k]["start"], rows[k]["centre"])
     compliance, last = COMPLIANCE_FIRST, solver["best_residual"]
-    left = min(NEWTON_FACTORS, max(NEWTON_INNER, int(NEWTON_WORK / work)))
+    left = min(NEWTON_FACTORS, int(state["newton_work"] / work))
     while left > 0:
         for k in range(count):
             rows[k]["stiffness"] = rows[k]["mass"] / compliance
         used = _minimise(solver, compliance * max(RESIDUAL_ROUNDING, INNER_SHARE * last))
         state["counters"][COUNT_FACTORS] += used
         left -= used
+        state["newton_work"] -= used * work
         for k in range(count):
             row = rows[k]
             p = row["impulse"]

@@ -7,7 +7,7 @@ at most mu times impulse.n, against the sliding where there is some.
 
 from math import sqrt
 
-from reference_impl.conventions import LOCAL_STEPS, RESIDUAL_ACCEPTED, SLIP_MIN
+from reference_impl.conventions import RESIDUAL_ACCEPTED, SLIDE_ROUNDING, SLIDE_STEPS, SLIP_MIN
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
 
@@ -181,74 +181,124 @@ def make_passive(solver):
 
 
 @kernel
+def prepare_row(row):
+    """Axes across a row's normal, and its mobility along and across it, the normal impulse eliminated."""
+    n, t, s, w = row["normal"], row["across_1"], row["across_2"], row["mobility"]
+    ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
+    least = 0 if ax <= ay and ax <= az else (1 if ay <= az else 2)
+    size = sqrt(1 - n[least] * n[least])
+    for i in range(3):
+        t[i] = ((1.0 if i == least else 0.0) - n[least] * n[i]) / size
+    s[0], s[1], s[2] = n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2], n[0] * t[1] - n[1] * t[0]
+    row["mass"] = 3 / (w[0, 0] + w[1, 1] + w[2, 2])
+    row["along"], along_1, along_2 = _form(w, n, n), _form(w, n, t), _form(w, n, s)
+    row["share_1"], row["share_2"] = along_1 / row["along"], along_2 / row["along"]
+    row["across_11"] = _form(w, t, t) - along_1 * row["share_1"]
+    row["across_12"] = _form(w, t, s) - along_1 * row["share_2"]
+    row["across_22"] = _form(w, s, s) - along_2 * row["share_2"]
+
+
+@kernel
+def _form(w, a, b):
+    """a.W b"""
+    total = 0.0
+    for i in range(3):
+        total += a[i] * (w[i, 0] * b[0] + w[i, 1] * b[1] + w[i, 2] * b[2])
+    return total
+
+
+@kernel
 def solve_row(row, movers, always):
     """Impulse of one row that meets Coulomb's law while the others stay; returns its change over m [m/s].
 
     Args:
         always: friction is mu times the pressure against any sliding (Eq. 10), not at most that.
     """
-    f, p, m, w = row["free"], row["impulse"], row["mass"], row["mobility"]
+    f, p, w = row["free"], row["impulse"], row["mobility"]
+    n, t, s = row["normal"], row["across_1"], row["across_2"]
     x, y, z = changed_velocity(row, movers)
     # the velocity without this row's impulse
     x += f[0] - w[0, 0] * p[0] - w[0, 1] * p[1] - w[0, 2] * p[2]
     y += f[1] - w[1, 0] * p[0] - w[1, 1] * p[1] - w[1, 2] * p[2]
     z += f[2] - w[2, 0] * p[0] - w[2, 1] * p[1] - w[2, 2] * p[2]
-    px, py, pz = _coulomb(row, x, y, z, always)
-    px, py, pz = px - p[0], py - p[1], pz - p[2]
-    if px == 0 and py == 0 and pz == 0:
+    missing = row["floor"] - (x * n[0] + y * n[1] + z * n[2])
+    j = u = v = 0.0
+    if missing > 0:
+        across_1, across_2 = x * t[0] + y * t[1] + z * t[2], x * s[0] + y * s[1] + z * s[2]
+        j, u, v = _coulomb(row, missing / row["along"], across_1, across_2, always)
+    x = j * n[0] + u * t[0] + v * s[0] - p[0]
+    y = j * n[1] + u * t[1] + v * s[1] - p[1]
+    z = j * n[2] + u * t[2] + v * s[2] - p[2]
+    if x == 0 and y == 0 and z == 0:
         return 0.0
-    p[0], p[1], p[2] = p[0] + px, p[1] + py, p[2] + pz
-    push_movers(row, movers, px, py, pz)
-    return sqrt(px * px + py * py + pz * pz) / m
+    p[0], p[1], p[2] = p[0] + x, p[1] + y, p[2] + z
+    push_movers(row, movers, x, y, z)
+    return sqrt(x * x + y * y + z * z) / row["mass"]
 
 
 @kernel
-def _coulomb(row, x, y, z, always):
-    """Impulse by Coulomb's law on what meets with (x, y, z) without it."""
-    n, w, mu, floor, old = row["normal"], row["mobility"], row["friction"], row["floor"], row["impulse"]
-    v_n = x * n[0] + y * n[1] + z * n[2]
-    if v_n >= floor:
-        return 0.0, 0.0, 0.0
-    wx = w[0, 0] * n[0] + w[0, 1] * n[1] + w[0, 2] * n[2]
-    wy = w[1, 0] * n[0] + w[1, 1] * n[1] + w[1, 2] * n[2]
-    wz = w[2, 0] * n[0] + w[2, 1] * n[1] + w[2, 2] * n[2]
-    along = n[0] * wx + n[1] * wy + n[2] * wz
+def _coulomb(row, plain, x, y, always):
+    """Impulse along and across the normal by Coulomb's law.
+
+    With the normal impulse j = plain - share.q eliminated, friction q leaves the sliding c + A q. Sticking:
+    that is 0. Sliding: c + A q = -alpha q with the alpha > 0 for which |q| = mu j: 1 - mu j / |q| falls from
+    above 0, where sticking is outside the cone, without bound, so there is one however strong the coupling.
+
+    Args:
+        plain: impulse along the normal without friction [N s].
+        x, y: velocity across the normal without any [m/s].
+    """
+    mu, a, b, d = row["friction"], row["across_11"], row["across_12"], row["across_22"]
+    g, h, along = row["share_1"], row["share_2"], row["along"]
+    slip = sqrt(x * x + y * y)
     if mu == 0:
-        j = (floor - v_n) / along
-        return j * n[0], j * n[1], j * n[2]
-    # sticking: the impulse that leaves `floor` along the normal and no sliding
-    a = w[1, 1] * w[2, 2] - w[1, 2] * w[1, 2]
-    b = w[0, 2] * w[1, 2] - w[0, 1] * w[2, 2]
-    c = w[0, 1] * w[1, 2] - w[0, 2] * w[1, 1]
-    g = w[0, 0] * w[2, 2] - w[0, 2] * w[0, 2]
-    h = w[0, 1] * w[0, 2] - w[0, 0] * w[1, 2]
-    i = w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]
-    d = w[0, 0] * a + w[0, 1] * b + w[0, 2] * c
-    u, v, t = floor * n[0] - x, floor * n[1] - y, floor * n[2] - z
-    px = (a * u + b * v + c * t) / d
-    py = (b * u + g * v + h * t) / d
-    pz = (c * u + h * v + i * t) / d
-    j = px * n[0] + py * n[1] + pz * n[2]
-    tx, ty, tz = px - j * n[0], py - j * n[1], pz - j * n[2]
-    size = sqrt(tx * tx + ty * ty + tz * tz)
-    slip = sqrt((x - v_n * n[0]) ** 2 + (y - v_n * n[1]) ** 2 + (z - v_n * n[2]) ** 2)
-    if j >= 0 and size <= mu * j and not (always and slip > SLIP_MIN):
-        return px, py, pz
-    # sliding: pressure and friction in turn, from the friction there is
-    across = 2 / (w[0, 0] + w[1, 1] + w[2, 2] - along)
-    j = old[0] * n[0] + old[1] * n[1] + old[2] * n[2]
-    tx, ty, tz = old[0] - j * n[0], old[1] - j * n[1], old[2] - j * n[2]
-    for _ in range(LOCAL_STEPS):
-        ux = x + w[0, 0] * tx + w[0, 1] * ty + w[0, 2] * tz
-        uy = y + w[1, 0] * tx + w[1, 1] * ty + w[1, 2] * tz
-        uz = z + w[2, 0] * tx + w[2, 1] * ty + w[2, 2] * tz
-        j = max(0.0, (floor - ux * n[0] - uy * n[1] - uz * n[2]) / along)
-        ux, uy, uz = tx - across * (ux + j * wx), ty - across * (uy + j * wy), tz - across * (uz + j * wz)
-        off = ux * n[0] + uy * n[1] + uz * n[2]
-        tx, ty, tz = ux - off * n[0], uy - off * n[1], uz - off * n[2]
-        size = sqrt(tx * tx + ty * ty + tz * tz)
-        scale = 1.0
-        if size > mu * j or (always and size > 0):
-            scale = mu * j / size
-        tx, ty, tz = scale * tx, scale * ty, scale * tz
-    return j * n[0] + tx, j * n[1] + ty, j * n[2] + tz
+        return plain, 0.0, 0.0
+    if always and slip > SLIP_MIN:
+        bend = 1 - mu * (g * x + h * y) / slip
+        j = plain / bend if bend > 0 else plain
+        return j, -mu * j * x / slip, -mu * j * y / slip
+    x, y = x + along * g * plain, y + along * h * plain
+    q, r = _friction(a, b, d, x, y, 0.0)
+    j, size = plain - g * q - h * r, sqrt(q * q + r * r)
+    if size <= mu * j:
+        return j, q, r
+    early, value_early = 0.0, 1 - mu * j / size
+    late = sqrt(x * x + y * y) / (mu * plain)
+    value_late = value_early
+    for _ in range(SLIDE_STEPS):
+        q, r = _friction(a, b, d, x, y, late)
+        j, size = plain - g * q - h * r, sqrt(q * q + r * r)
+        value_late = 1 - mu * j / size
+        if value_late <= 0:
+            break
+        early, value_early, late = late, value_late, 2 * late
+    side = 0
+    for _ in range(SLIDE_STEPS):
+        alpha = (early * value_late - late * value_early) / (value_late - value_early)
+        q, r = _friction(a, b, d, x, y, alpha)
+        j, size = plain - g * q - h * r, sqrt(q * q + r * r)
+        value = 1 - mu * j / size
+        if abs(value) <= SLIDE_ROUNDING:
+            break
+        if value > 0:
+            early, value_early = alpha, value
+            if side == 1:
+                value_late /= 2
+            side = 1
+        else:
+            late, value_late = alpha, value
+            if side == -1:
+                value_early /= 2
+            side = -1
+    # in the cone whatever is left of the value
+    j = max(0.0, j)
+    scale = min(1.0, mu * j / size)
+    return j, scale * q, scale * r
+
+
+@kernel
+def _friction(a, b, d, x, y, alpha):
+    """-(A + alpha)^-1 (x, y)"""
+    a, d = a + alpha, d + alpha
+    bottom = a * d - b * b
+    return (b * y - d * x) / bottom, (b * x - a * y) / bottom

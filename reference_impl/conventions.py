@@ -244,8 +244,10 @@ MOST_SWEEPS, MOST_VISITS = 200, 20_000
 """Sweeps where Newton's method is not used or failed, or visits to a row where those are more: about 2 ms."""
 DENSE_SWEEPS = 40
 """The same in a dense substep: a frame has tens of them, and each starts from the forces of the last."""
-LOCAL_STEPS = 3
-"""Steps of pressure and friction in turn at one row that slides: sweeps go on from there."""
+SLIDE_STEPS = 40
+"""Steps for the friction of one row that slides; about 5 are usual."""
+SLIDE_ROUNDING = 1e-15
+"""Deviation from the cone, over it, at which that friction is found [1]: some roundings."""
 COMPLIANCE_FIRST, COMPLIANCE_LEAST, COMPLIANCE_FALL = 1e-3, 1e-7, 0.1
 """Compliance of the proximal problem over the row's own mobility [1]: first, least (rounding is 1e-16 of the
 velocity over it), and its factor where the residual falls slowly."""
@@ -255,8 +257,8 @@ INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which a minimum is found [1]."""
 NEWTON_INNER, NEWTON_FACTORS = 25, 150
 """Factorisations of one minimum, and of all of an island."""
-NEWTON_WORK = 3e7
-"""Multiplications of all factorisations of an island, where they are fewer: some 30 ms."""
+NEWTON_WORK = 1e8
+"""Multiplications of all factorisations of a frame, where they are fewer: some 0.1 s. Later ones go by sweeps."""
 LINE_SHARE, LINE_STEPS = 0.3, 12
 """Share of the slope that a line search may leave [1], and its steps."""
 SLIDING = 1 - 1e-6

@@ -61,11 +61,14 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
         late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
         if late == first:
             return first, start < -OVERLAP_TOLERANCE
-    # dense substeps are so short that little sinks; at the end, only a polyhedron may have more to land
-    if state["crowded"] == 1 or not (polyhedral or sweeps):
+    # dense substeps are so short that little sinks
+    if state["crowded"] == 1:
         return first, True
     if not polyhedral:
-        return late, start < 0
+        if not sweeps:
+            target = min(start, 0.0) - OVERLAP_TOLERANCE
+            late = _closing(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
+        return late, True
     if start > TOUCH_DISTANCE:
         gap = state["impact_gap"]
         return _closing(bodies, pieces, vertices, pair, state, late, gap, IMPACT_SHARE * gap), False

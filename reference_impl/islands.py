@@ -4,6 +4,7 @@ A mover is what an impulse on a body moves: a simulated body, or all links of a 
 """
 
 from reference_impl.contact import contact_mobility, meeting_velocity
+from reference_impl.contact_rows import prepare_row
 from reference_impl.conventions import COUNT_LOST, NO_FLOOR
 from reference_impl.kernel import kernel
 from reference_impl.rotation import copy_vector
@@ -99,9 +100,8 @@ def load_island(bodies, drivers, pairs, head, state):
         u[0], u[1], u[2] = meeting_velocity(bodies, pair)
         for i in range(3):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
-        m = row["mobility"]
-        contact_mobility(bodies, drivers, pair, pair["point"], m)
-        row["mass"] = 3 / (m[0, 0] + m[1, 1] + m[2, 2])
+        contact_mobility(bodies, drivers, pair, pair["point"], row["mobility"])
+        prepare_row(row)
 
 
 @kernel

@@ -11,9 +11,7 @@ from reference_impl.conventions import (
     DRIVEN,
     FIXED,
     LONGEST_SHIFT,
-    OVERLAP_TOLERANCE,
     PART_ROOT,
-    PART_SWEEPS,
     PART_WHOLE,
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
@@ -320,51 +318,3 @@ def move(body, shift, share):
     for i in range(3):
         body["position"][i] += share * shift[i]
     place(body)
-
-
-@kernel
-def part_simulated(bodies, pieces, vertices, pairs, state):
-    """Part simulated bodies that sank into each other or into fixed ones while their contact held.
-
-    Returns:
-        Whether they came free; giving up is counted.
-    """
-    for _ in range(REMOVAL_ROUNDS):
-        end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
-        if is_free(deepest):
-            return True
-        state["counters"][COUNT_ROUNDS] += 1
-        _push_apart(bodies, pairs, end, state)
-    place_listed(bodies, pieces, vertices, SIMULATED, state)
-    state["counters"][COUNT_GAVE_UP] += 1
-    return False
-
-
-@kernel
-def _push_apart(bodies, pairs, end, state):
-    """Move simulated bodies until no depth is left along the normals found: one pair after the other, by
-    all of its depth against fixed and driven bodies, by inverse mass against their like (Gauss-Seidel)."""
-    for b in range(len(bodies)):
-        bodies[b]["scratch"][0, :] = 0.0
-    for _ in range(PART_SWEEPS):
-        deepest = 0.0
-        for k in range(end):
-            a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
-            p, q = a["scratch"][0], b["scratch"][0]
-            depth = -pairs[k]["distance"]
-            depth -= n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])
-            if depth <= 0:
-                continue
-            deepest = max(deepest, depth)
-            total = a["inverse_mass"] + b["inverse_mass"]
-            for i in range(3):
-                p[i] -= a["inverse_mass"] / total * depth * n[i]
-                q[i] += b["inverse_mass"] / total * depth * n[i]
-        if deepest <= OVERLAP_TOLERANCE / 2:
-            break
-    for b in range(len(bodies)):
-        if bodies[b]["kind"] == SIMULATED:
-            for i in range(3):
-                bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
-                state["parted_energy"] -= bodies[b]["mass"] * state["gravity"][i] * bodies[b]["scratch"][0, i]
-            place(bodies[b])

@@ -11,6 +11,7 @@ from reference_impl.conventions import (
     DRIVEN,
     EVENT_CAP,
     FIXED,
+    NEWTON_WORK,
     SIMULATED,
     STAGE_COLLISION,
     STAGE_DRIVE,
@@ -36,7 +37,8 @@ from reference_impl.integrate import (
     set_ways,
 )
 from reference_impl.kernel import clock, kernel
-from reference_impl.overlap_removal import part_simulated, pass_free, remove_overlap, store_free_pose
+from reference_impl.overlap_removal import pass_free, remove_overlap, store_free_pose
+from reference_impl.parting import part_simulated
 from reference_impl.rooms import begin_rooms, flies_clear, seek_rooms
 from reference_impl.rotation import invert_symmetric
 from reference_impl.skeleton import (
@@ -85,6 +87,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
     s["residual"] = s["dropped_time"] = s["parted_energy"] = 0.0
+    s["newton_work"] = NEWTON_WORK
     s["residual_body_a"] = s["residual_body_b"] = -1
     if s["skip_drive"] == 0:
         _drive(bodies, pieces, joints, drivers, vertices, pairs, s)

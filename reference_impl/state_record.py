@@ -97,6 +97,7 @@ STATE = record(
     walks=(WALK, (WALK_MEMORY,)),
     recalls="i8",  # look-ups in `walks` so far
     solver=SOLVER,
+    newton_work="f8",  # multiplications that Newton's method may still take in this frame
     # scratch of overlap removal, and of impulses: B against A, both surfaces, across the normal
     shift=VECTOR,
     planes=("f8", (4, 4)),
