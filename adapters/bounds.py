@@ -54,7 +54,7 @@ def bounds(scenario: Scenario) -> Bounds:
     body = world.pieces["body"].astype(np.intp)
     n, p = len(world.bodies), len(world.pieces)
     reach = np.zeros(n)
-    np.maximum.at(reach, body, [_extent(piece) for b in scenario.bodies for piece in b.pieces])
+    np.maximum.at(reach, body, [extent(piece) for b in scenario.bodies for piece in b.pieces])
     low, high = world.bodies["position"].copy(), world.bodies["position"].copy()
     if p > MANY:
         return Bounds(body, reach, low - np.inf, high + np.inf, np.zeros((n, p)))
@@ -65,7 +65,7 @@ def bounds(scenario: Scenario) -> Bounds:
     return Bounds(body, reach, low, high, gap)
 
 
-def _extent(piece: Piece) -> float:
+def extent(piece: Piece) -> float:
     """Distance of a piece's farthest point from its body's origin [m], or a bound on it."""
     match piece.shape:
         case Sphere(radius):

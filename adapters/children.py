@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from adapters.engine import AdapterError, Engine, Settings
-from adapters.process import PATIENCE, ChildProcess, divert_output, interrupt_held
+from adapters.process import PATIENCE, ChildProcess, divert_output, failure_of, interrupt_held
 from adapters.record import ready, warm_up
 from adapters.registry import load
 from scenarios.scenario import Scenario
@@ -47,11 +47,17 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a job ended: `done`, `skipped` (unsupported) or `error`, with the reason of the last two."""
+    """How a job ended: `done`, `skipped` (unsupported) or `error`, with the reason of the last two. One that
+    failed while it played leaves the recording of what it played before, unless its process died."""
 
     job: Job
     status: str
     reason: str = ""
+
+    @property
+    def recorded(self) -> bool:
+        """Whether there is a recording, whole or until the run failed."""
+        return self.job.recording.exists()
 
 
 class Children:
@@ -168,12 +174,25 @@ class _Run:
                 self._player = ready(engine, job.scenario, job.settings)
             case "play":
                 if self._player.seconds_played < job.budget:
-                    return self._player.play(argument, min(PART, job.budget))
+                    try:
+                        return self._player.play(argument, min(PART, job.budget))
+                    except Exception as error:
+                        self._save(failure_of(error)[1])
+                        raise
             case "save":
-                recording = self._player.recording()
+                self._save()
                 self._player.world.close()
-                try:
-                    recording.save(job.recording)
-                except OSError as error:
-                    raise _NotSaved(error.strerror or str(error)) from error
         return 0
+
+    def _save(self, ended: str = "") -> None:
+        """Save what was played; of a run that failed as far as its engine can still be asked."""
+        try:
+            recording = self._player.recording(ended)
+        except Exception:
+            if ended:
+                return
+            raise
+        try:
+            recording.save(self._job.recording)
+        except OSError as error:
+            raise _NotSaved(error.strerror or str(error)) from error

@@ -25,6 +25,10 @@ Scalar = str | int | float | bool
 CONTACT_CAPACITY = 32_768
 """Contact points a step may report; more is an error, never a silent loss."""
 
+RESIDUAL_COUNTERS = ("residual", "residual.body_a", "residual.body_b")
+"""Counters that belong together: the largest speed by which a contact misses its law after it was solved
+[m/s], and its bodies by index (-1: none). Of several steps those of the largest residual are kept."""
+
 CONTACT_FIELDS = np.dtype(
     [
         ("time", "f8"),  # [s] start of the step, or the moment of the impact where an engine knows it
@@ -119,6 +123,11 @@ class Manifest:
     freedom: int = 0  # degrees of freedom of all simulated and driven bodies
 
 
+def contact_overflow(capacity: int) -> str:
+    """The line for a step with more contact points than there is room for."""
+    return f"more than {capacity} contact points in one step: the scene has too many contacts to record"
+
+
 class State:
     """What a step leaves behind, in preallocated arrays that `World.read` fills.
 
@@ -152,7 +161,7 @@ class State:
         """Append one contact point. `normal` goes from body a to body b and `impulse` acts on b; both are
         turned round when a comes after b in the scenario."""
         if self.contact_count == CONTACT_CAPACITY:
-            raise AdapterError(f"more than {CONTACT_CAPACITY} contact points in one step")
+            raise AdapterError(contact_overflow(CONTACT_CAPACITY))
         sign = 1.0 if a < b else -1.0
         row = self.contacts[self.contact_count]
         row["body_a"], row["body_b"] = min(a, b), max(a, b)
@@ -193,7 +202,9 @@ class World(Protocol):
         """Seconds per stage since the last call; empty where the engine tells nothing."""
 
     def work(self) -> Mapping[str, float]:
-        """Work counters of the last step (pairs, impulses, iterations); empty where none are told."""
+        """Work counters of the last step (pairs, impulses, iterations), and what it left unresolved:
+        RESIDUAL_COUNTERS, `dropped_time` [s] that was not simulated, `parted_energy` [J] that parting
+        overlapping bodies added. Empty where none are told."""
 
     def close(self) -> None:
         """Free what the engine holds."""

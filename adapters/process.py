@@ -137,15 +137,21 @@ def obey(pipe: Connection, output: Path, server: Callable[..., Server], argument
             return
         try:
             pipe.send(("ok", handle(command, argument)))
-        except AdapterError as error:
-            pipe.send((error.status, str(error)))
-        except ImportError as error:
-            pipe.send(("skipped", f"cannot be imported: {error}".splitlines()[0]))
         except Exception as error:
-            import traceback
+            if not isinstance(error, AdapterError | ImportError):
+                import traceback
 
-            traceback.print_exc()
-            pipe.send(("error", f"{type(error).__name__}: {error}".splitlines()[0]))
+                traceback.print_exc()
+            pipe.send(failure_of(error))
+
+
+def failure_of(error: Exception) -> tuple[str, str]:
+    """The status and the reason, one line, of a command that raised."""
+    if isinstance(error, AdapterError):
+        return error.status, str(error)
+    if isinstance(error, ImportError):
+        return "skipped", f"cannot be imported: {error}".splitlines()[0]
+    return "error", f"{type(error).__name__}: {error}".splitlines()[0]
 
 
 def divert_output(path: Path) -> None:

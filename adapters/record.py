@@ -12,9 +12,22 @@ from time import perf_counter
 import numpy as np
 
 from adapters.bounds import planned
-from adapters.engine import CONTACT_FIELDS, AdapterError, Array, Engine, Manifest, Settings, State, World
-from adapters.recording import Recording
+from adapters.divergence import Watch
+from adapters.engine import (
+    CONTACT_FIELDS,
+    RESIDUAL_COUNTERS,
+    AdapterError,
+    Array,
+    Engine,
+    Manifest,
+    Settings,
+    State,
+    World,
+)
+from adapters.recording import Recording, RunEnded
+from adapters.rotation import cross, turned
 from scenarios.effects import STAGES_OF_OURS, Decision, Plan
+from scenarios.places import coinciding
 from scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
@@ -45,7 +58,13 @@ def substeps(scenario: Scenario, dt: float) -> int:
 
 
 def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
-    """A player of a world in which only those effects are simulated that the plan has."""
+    """A player of a world in which only those effects are simulated that the plan has.
+
+    Raises AdapterError where two bodies start in one place: what each engine makes of that is chance.
+    """
+    fault = coinciding(scenario)
+    if fault:
+        raise AdapterError(fault)
     plan = planned(scenario, settings.effects)
     settings = dataclasses.replace(
         settings, skipped=plan.skipped, rooms=settings.effects is None, sleeping=plan.on("sleeping")
@@ -61,11 +80,17 @@ def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
 
 
 def record(engine: Engine, scenario: Scenario, settings: Settings) -> Recording:
-    """Play a whole scene in this process, without warm-up."""
+    """Play a whole scene in this process, without warm-up.
+
+    Raises:
+        RunEnded: the run diverged, left its plan or failed in the engine; it holds the recording until then.
+    """
     player = ready(engine, scenario, settings)
     try:
         player.play(scenario.frame_count)
         return player.recording()
+    except AdapterError as error:
+        raise RunEnded(str(error), player.recording(str(error))) from error
     finally:
         player.world.close()
 
@@ -96,7 +121,8 @@ def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: 
 class Player:
     """A world, the scene it plays and what it has done so far.
 
-    With a plan, it watches what the plan leans on: a run in which a dropped effect may matter ends there.
+    A run that diverges ends with an AdapterError, and so does one that leaves what its plan leans on, for a
+    dropped effect may matter there; `recording` then holds all whole frames before.
     """
 
     def __init__(
@@ -106,7 +132,7 @@ class Player:
         self._scenario = scenario
         self._settings = settings
         self._plan = plan
-        self._names = [body.name for body in scenario.bodies]
+        self._watch = Watch(scenario, plan)
         self._substeps = substeps(scenario, settings.dt)
         self._mass_center = np.array([body.center_of_mass for body in scenario.bodies])
         self._roots = [scenario.body_index(tracker.root) for tracker in scenario.trackers]
@@ -118,6 +144,7 @@ class Player:
         self._stages: list[Mapping[str, float]] = []
         self._counters: list[dict[str, float]] = []
         self._contacts: list[np.ndarray] = []
+        self._whole = 0  # steps with contacts, of whole frames
         self._keep_frame()
         world.stage_seconds()
 
@@ -135,12 +162,14 @@ class Player:
             counters: dict[str, float] = {}
             for substep in range(self._substeps):
                 seconds += self._step(len(self._timings) * self._substeps + substep)
-                for name, value in self.world.work().items():
-                    counters[name] = counters.get(name, 0.0) + value
+                _count(counters, self.world.work())
             self._timings.append((seconds[0], seconds[1], seconds[2]))
             self._stages.append(dict(self.world.stage_seconds()))
             self._counters.append(counters)
             self._keep_frame()
+            fault = self._watch.frame_fault(self._state)
+            if fault:
+                raise AdapterError(f"{fault}, {self._moment(len(self._timings) * self._substeps)}")
             if perf_counter() > end:
                 return left
         return 0
@@ -154,20 +183,27 @@ class Player:
         """One native step; returns the seconds of step, drive and read."""
         self._before, self._state = self._state, self._before
         self._state.clear_contacts()
-        start = perf_counter()
-        self.world.drive(number)
-        driven = perf_counter()
-        self.world.step()
-        stepped = perf_counter()
-        self.world.read(self._state)
-        done = perf_counter()
-        if not np.isfinite(self._state.position).all():
-            raise AdapterError(
-                f"diverged: a position is not finite at {(number + 1) * self._settings.dt:.4f} s"
-            )
+        try:
+            start = perf_counter()
+            self.world.drive(number)
+            driven = perf_counter()
+            self.world.step()
+            stepped = perf_counter()
+            self.world.read(self._state)
+            done = perf_counter()
+        except AdapterError as error:
+            raise AdapterError(f"{error}, {self._moment(number + 1)}") from error
+        fault = self._watch.step_fault(self._state)
+        if fault:
+            raise AdapterError(f"{fault}, {self._moment(number + 1)}")
         self._keep_contacts(number * self._settings.dt)
         self._work += self._driver_work()
         return stepped - driven, driven - start, done - stepped
+
+    def _moment(self, steps: int) -> str:
+        """When a number of native steps ends, in words; frame 0 is the initial state."""
+        frame = -(-steps // self._substeps)
+        return f"in frame {frame} at {steps * self._settings.dt:.4f} s"
 
     def _keep_frame(self) -> None:
         state = self._state
@@ -182,10 +218,7 @@ class Player:
         frame: dict[str, Array | float] = {name: getattr(state, name).copy() for name in names}
         frame["driver_work"] = self._work
         self._frames.append(frame)
-        left = self._plan and self._plan.broken(state.position, self._names)
-        if left:
-            time = len(self._timings) / self._scenario.frame_rate
-            raise AdapterError(f"at {time:.4f} s {left}: the plan does not hold; --effects all plays it")
+        self._whole = len(self._contacts)
 
     def _keep_contacts(self, time: float) -> None:
         """Keep the step's contacts; where the engine knows no moment of impact, the velocities are those at
@@ -205,13 +238,10 @@ class Player:
     def _point_velocity(self, state: State, body: np.ndarray, point: Array) -> Array:
         """World velocities of bodies at world points, under the geometry at the step's start."""
         arm = point - self._world_center(self._before, body)
-        return state.linear_velocity[body] + _cross(state.angular_velocity[body], arm)
+        return state.linear_velocity[body] + cross(state.angular_velocity[body], arm)
 
     def _world_center(self, state: State, body: np.ndarray) -> Array:
-        w, v = state.orientation[body, :1], state.orientation[body, 1:]
-        center = self._mass_center[body]
-        twice = 2 * _cross(v, center)
-        return state.position[body] + center + w * twice + _cross(v, twice)
+        return state.position[body] + turned(state.orientation[body], self._mass_center[body])
 
     def _driver_work(self) -> float:
         """Work of the drives over the step: applied force and torque times the mean velocity."""
@@ -220,7 +250,7 @@ class Player:
             index = np.array([root])
             moved = [
                 s.linear_velocity[root]
-                + _cross(s.angular_velocity[root], s.position[root] - self._world_center(s, index)[0])
+                + cross(s.angular_velocity[root], s.position[root] - self._world_center(s, index)[0])
                 for s in (self._before, state)
             ]
             turned = (self._before.angular_velocity[root] + state.angular_velocity[root]) / 2
@@ -228,8 +258,8 @@ class Player:
         work += float(state.hinge_torque @ (self._before.joint_rate + state.joint_rate) / 2)
         return work * self._settings.dt
 
-    def recording(self) -> Recording:
-        """Everything so far."""
+    def recording(self, ended: str = "") -> Recording:
+        """All whole frames so far; `ended`: why there will be no more, if the scene is longer."""
         stage_names = sorted({name for stages in self._stages for name in stages})
         work_names = sorted({name for counters in self._counters for name in counters})
         timings = np.array(self._timings).reshape(-1, 3)
@@ -238,7 +268,7 @@ class Player:
             scenario=scenario_json(self._scenario),
             manifest=manifest_json(self._manifest()),
             time=np.arange(len(self._frames)) / self._scenario.frame_rate,
-            contacts=np.concatenate([np.zeros(0, CONTACT_FIELDS), *self._contacts]),
+            contacts=np.concatenate([np.zeros(0, CONTACT_FIELDS), *self._contacts[: self._whole]]),
             time_frame=timings[:, 0],
             time_drive=timings[:, 1],
             time_read=timings[:, 2],
@@ -247,6 +277,7 @@ class Player:
             stage_seconds=_table(self._stages, stage_names),
             work_names=np.array(work_names, dtype=str),
             work=_table(self._counters, work_names),
+            ended=ended,
             **frames,
         )
 
@@ -281,11 +312,14 @@ def _beyond(engine: str, decision: Decision) -> str:
     return ""
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Cross products along the last axis: numpy's takes 50 us for its checks of axes, twice a native step."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    u, v, w = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)
+def _count(counters: dict[str, float], step: Mapping[str, float]) -> None:
+    """Add a native step's counters to those of its frame; of residuals the largest stays, with its bodies."""
+    largest = RESIDUAL_COUNTERS[0]
+    if largest in step and step[largest] >= counters.get(largest, 0.0):
+        counters.update({name: step[name] for name in RESIDUAL_COUNTERS if name in step})
+    for name, value in step.items():
+        if name not in RESIDUAL_COUNTERS:
+            counters[name] = counters.get(name, 0.0) + value
 
 
 def _table(rows: list[Mapping[str, float]] | list[dict[str, float]], names: list[str]) -> Array:

@@ -18,13 +18,21 @@ from numpy.typing import NDArray
 
 from adapters.engine import AdapterError, Array
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 DAMAGED = (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 """What numpy and zipfile raise on files that are no archive of arrays, or no longer."""
 
 
 class RecordingError(AdapterError):
     """A file that is no recording of this format."""
+
+
+class RunEnded(AdapterError):
+    """A run that ended before its scene does, and why; `recording` is what it did until then."""
+
+    def __init__(self, reason: str, recording: Recording) -> None:
+        super().__init__(reason)
+        self.recording = recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +57,8 @@ class Recording:
     stage_names: NDArray[np.str_]  # (m,)
     stage_seconds: Array  # (s, m)
     work_names: NDArray[np.str_]  # (w,)
-    work: Array  # (s, w) summed over a displayed frame
+    work: Array  # (s, w) summed over a displayed frame; of RESIDUAL_COUNTERS the largest
+    ended: str = ""  # why the run ended before its scene does; empty where it did not fail
 
     @property
     def facts(self) -> dict:
@@ -82,5 +91,5 @@ def load(path: Path) -> Recording:
     wanted = {f.name for f in fields(Recording)}
     if set(columns) != wanted:
         raise RecordingError(f"{path}: fields {sorted(wanted ^ set(columns))} are missing or unknown")
-    texts = {name: str(columns.pop(name)) for name in ("scenario", "manifest")}
+    texts = {name: str(columns.pop(name)) for name in ("scenario", "manifest", "ended")}
     return Recording(**texts, **columns)  # type: ignore[arg-type]

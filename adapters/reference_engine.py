@@ -14,7 +14,16 @@ from typing import ClassVar
 import numpy as np
 from numpy.lib.recfunctions import structured_to_unstructured
 
-from adapters.engine import AdapterError, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
+from adapters.engine import (
+    AdapterError,
+    BodyFacts,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+    contact_overflow,
+)
 from adapters.reference_settings import configure, describe
 from adapters.registry import ENGINES
 from adapters.translation import translate
@@ -32,8 +41,15 @@ STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that the compiled step can skip."""
 TARGETS = ("old_target_position", "old_target_orientation", "target_position", "target_orientation")
 """Fields of a driver that hold its tracker, in the order in which they lie."""
-INEXACT = ("residual", "dropped_time", "parted_energy")
-"""Fields of the state that are 0 where a frame was resolved exactly."""
+INEXACT = {
+    "residual": "residual",
+    "residual.body_a": "residual_body_a",
+    "residual.body_b": "residual_body_b",
+    "dropped_time": "dropped_time",
+    "parted_energy": "parted_energy",
+}
+"""Counter -> field of the state that tells what a frame left unresolved: 0, or -1 for bodies, where nothing
+was."""
 COMPILE_NOTE = "compile_seconds.txt"
 """File of the kernel cache that tells what filling it cost."""
 
@@ -172,8 +188,12 @@ class _World:
         state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
         count = int(self._state["contact_count"])
         lost = int(self._state["counters"][conventions.COUNT_LOST])
-        if lost or count > len(state.contacts):
-            raise AdapterError(f"reference: {lost} pairs or contacts found no room")
+        if lost:
+            full = "contacts" if count >= len(self._world.contacts) else "pairs"
+            room = len(getattr(self._world, full))
+            raise AdapterError(f"reference: more than {room} {full} in one step: {lost} were dropped")
+        if count > len(state.contacts):
+            raise AdapterError(f"reference: {contact_overflow(len(state.contacts))}")
         rows, log = state.contacts[:count], self._world.contacts[:count]
         for name in self._world.contacts.dtype.names or ():
             rows[name] = log[name]
@@ -246,7 +266,7 @@ class _World:
     def work(self) -> Mapping[str, float]:
         """Counters of the last frame."""
         counted = dict(zip(conventions.COUNTERS, map(float, self._state["counters"].tolist())))
-        return counted | {name: float(self._state[name]) for name in INEXACT}
+        return counted | {name: float(self._state[field]) for name, field in INEXACT.items()}
 
     def close(self) -> None:
         """Nothing is held."""

@@ -70,6 +70,15 @@ def load(name: str) -> Engine:
     return engine
 
 
+def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
+    """The profiles of an engine with their native steps [s]; raises AdapterError with the valid names where
+    the engine, or the profile asked for, is unknown."""
+    valid = _entry(name).profiles
+    if profile and profile not in valid:
+        raise AdapterError(f"{name}: no profile {profile!r}; valid: {', '.join(valid)}")
+    return valid
+
+
 def require_profile(name: str, settings: Settings) -> None:
     """Raise Unsupported where an engine has no such profile, or no settings to change; names what it has."""
     valid = ENGINES[name].profiles

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from adapters.bounds import bounds, planned
+from adapters.divergence import Watch
 from adapters.engine import AdapterError, Array, Engine, Settings, State, World
 from adapters.process import PATIENCE, ChildProcess
 from adapters.record import frame_seconds, ready, undisturbed, warm_up
@@ -149,14 +150,13 @@ class _Run:
 
     def __init__(self, engine: Engine, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
-        self._names = [body.name for body in scenario.bodies]
         self._seconds: list[float] = []
         self._moved = self._turned = 0.0
         self._same, self._ended = True, ""
         self.state = State(scenario)
         self._world: World | None = None
         try:
-            self._plan = planned(scenario, settings.effects)
+            self._watch = Watch(scenario, planned(scenario, settings.effects))
             warm_up(engine, scenario, settings)
             self._world = ready(engine, scenario, settings).world
         except AdapterError as error:
@@ -174,10 +174,7 @@ class _Run:
             self._ended = str(error)
             return 0.0
         self._seconds.append(seconds)
-        position = self.state.position
-        left = self._plan.broken(position, self._names)
-        if left or not np.isfinite(position).all():
-            self._ended = left or "diverged: a position is not finite"
+        self._ended = self._watch.step_fault(self.state) or self._watch.frame_fault(self.state) or ""
         return seconds
 
     def compare(self, other: _Run) -> None:

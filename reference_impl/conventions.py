@@ -258,7 +258,8 @@ INNER_SHARE = 1e-2
 NEWTON_INNER, NEWTON_FACTORS = 25, 150
 """Factorisations of one minimum, and of all of an island."""
 NEWTON_WORK = 1e8
-"""Multiplications of all factorisations of a frame, where they are fewer: some 0.1 s. Later ones go by sweeps."""
+"""Multiplications of all factorisations of a frame, where they are fewer: some 0.1 s; later islands go by
+sweeps."""
 LINE_SHARE, LINE_STEPS = 0.3, 12
 """Share of the slope that a line search may leave [1], and its steps."""
 SLIDING = 1 - 1e-6

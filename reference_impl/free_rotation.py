@@ -35,6 +35,13 @@ from reference_impl.rotation import (
 
 
 @kernel
+def is_isotropic(inertia):
+    """Whether a body's inertia is the same about all axes, to the bit."""
+    equal = inertia[0, 0] == inertia[1, 1] and inertia[1, 1] == inertia[2, 2]
+    return equal and inertia[0, 1] == 0 and inertia[0, 2] == 0 and inertia[1, 2] == 0
+
+
+@kernel
 def refresh_inertia(body):
     """World inverse inertia of a simulated body from its rotation matrix."""
     conjugate_by(body["rotation"], body["inertia"], body["scratch"])
@@ -52,10 +59,7 @@ def rotate_freely(body, h, flight):
     """
     body["spin_steps"] = 0
     inertia, omega, momentum = body["inertia"], body["old_omega"], body["momentum"]
-    if (
-        inertia[0, 0] == inertia[1, 1] == inertia[2, 2]
-        and inertia[0, 1] == inertia[0, 2] == inertia[1, 2] == 0
-    ):
+    if is_isotropic(inertia):
         return
     conjugate_by(body["rotation"], inertia, body["scratch"])
     rotate(body["scratch"], omega, momentum)

@@ -1,10 +1,10 @@
 """Velocities and poses of simulated bodies over a substep."""
 
 from reference_impl.conventions import SIMULATED
-from reference_impl.free_rotation import free_omega, refresh_inertia, rotate_freely
+from reference_impl.free_rotation import free_omega, is_isotropic, refresh_inertia, rotate_freely
 from reference_impl.kernel import kernel
 from reference_impl.motion import flight_motion, flight_way, pose_along
-from reference_impl.rotation import copy_quaternion, copy_vector, matrix_of, rotate
+from reference_impl.rotation import copy_quaternion, copy_vector, invert_symmetric, matrix_of, rotate
 from reference_impl.skeleton import move_links
 
 
@@ -105,13 +105,31 @@ def end_substep(bodies, joints, drivers, s):
         if body["spin_steps"] != 0:
             free_omega(body, body["omega"])
         else:
-            _blend(body["old_omega"], s, body["omega"])
-            refresh_inertia(body)
+            _turn_on(body, s)
     for d in range(len(drivers)):
         if s < 1 and drivers[d]["inverse_mass"] > 0:
             _blend(drivers[d]["old_velocity"], s, drivers[d]["velocity"])
             _blend(drivers[d]["old_omega"], s, drivers[d]["omega"])
             move_links(bodies, joints, drivers[d])
+
+
+@kernel
+def _turn_on(body, s):
+    """Omega and world inertia of a body that contacts turned, at fraction s of its substep.
+
+    Its angular momentum grows evenly; where its inertia differs between axes, omega follows from that.
+    """
+    inertia, momentum, end = body["inertia"], body["momentum"], body["turn"]
+    if is_isotropic(inertia):
+        _blend(body["old_omega"], s, body["omega"])
+        refresh_inertia(body)
+        return
+    invert_symmetric(body["inverse_inertia"], body["scratch"])
+    rotate(body["scratch"], body["omega"], end)
+    for i in range(3):
+        end[i] = (1 - s) * momentum[i] + s * end[i]
+    refresh_inertia(body)
+    rotate(body["inverse_inertia"], end, body["omega"])
 
 
 @kernel

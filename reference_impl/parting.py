@@ -1,7 +1,5 @@
 """Simulated bodies that sank into each other or into others while their contacts held are parted again."""
 
-from math import sqrt
-
 from reference_impl.conventions import (
     COUNT_GAVE_UP,
     COUNT_ROUNDS,
@@ -16,32 +14,34 @@ from reference_impl.skeleton import place
 
 
 @kernel
-def part_simulated(bodies, pieces, vertices, pairs, state):
+def part_simulated(bodies, pieces, vertices, pairs, first, state):
     """Part simulated bodies that sank into each other or into fixed ones while their contact held.
 
+    Args:
+        first: row of `pairs` from which on they may be written.
     Returns:
         Whether they came free; giving up is counted.
     """
     for _ in range(REMOVAL_ROUNDS):
-        end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
+        end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, first)
         if is_free(deepest):
             return True
         state["counters"][COUNT_ROUNDS] += 1
-        _push_apart(bodies, pairs, end, state)
+        _push_apart(bodies, pairs, first, end, state)
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 
 
 @kernel
-def _push_apart(bodies, pairs, end, state):
+def _push_apart(bodies, pairs, first, end, state):
     """Move simulated bodies until no depth is left along the normals found: one pair after the other, by
     all of its depth against fixed and driven bodies, by inverse mass against their like (Gauss-Seidel)."""
     for b in range(len(bodies)):
         bodies[b]["scratch"][0, :] = 0.0
     for _ in range(PART_SWEEPS):
         deepest = 0.0
-        for k in range(end):
+        for k in range(first, end):
             a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
             p, q = a["scratch"][0], b["scratch"][0]
             depth = -pairs[k]["distance"]
@@ -60,55 +60,16 @@ def _push_apart(bodies, pairs, end, state):
 
 @kernel
 def _displace(bodies, state):
-    """Move simulated bodies by what `scratch` holds; their motion pays for the potential energy this adds.
-
-    A body that turns sinks over a substep in which it is held by the points it had at its start, and is lifted
-    again. What sinking gave to its motion, lifting takes back: each body pays for itself, and what one cannot
-    pay the others that are displaced do. What is left is counted.
-    """
+    """Move simulated bodies by what `scratch` holds; counts the potential energy this adds."""
     g = state["gravity"]
-    net = raised = 0.0
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] != SIMULATED:
             continue
-        lift = 0.0
         for i in range(3):
             body["position"][i] += body["scratch"][0, i]
-            lift -= body["mass"] * g[i] * body["scratch"][0, i]
+            state["parted_energy"] -= body["mass"] * g[i] * body["scratch"][0, i]
         place(body)
-        body["scratch"][1, 0] = lift
-        net, raised = net + lift, raised + max(0.0, lift)
-    if net <= 0:
-        state["parted_energy"] += net
-        return
-    owed = motion = 0.0
-    for b in range(len(bodies)):
-        lift = bodies[b]["scratch"][1, 0]
-        if bodies[b]["kind"] == SIMULATED and lift != 0:
-            wanted = max(0.0, lift) * net / raised
-            owed += wanted - _slow_down(bodies[b], wanted)
-            motion += kinetic_energy(bodies[b])
-    if owed > 0 and motion > 0:
-        share = min(1.0, owed / motion)
-        for b in range(len(bodies)):
-            if bodies[b]["kind"] == SIMULATED and bodies[b]["scratch"][1, 0] != 0:
-                owed -= _slow_down(bodies[b], share * kinetic_energy(bodies[b]))
-    state["parted_energy"] += max(0.0, owed)
-
-
-@kernel
-def _slow_down(body, energy):
-    """Take an energy [J] out of a body's motion, as far as it has any; returns what was taken."""
-    motion = kinetic_energy(body)
-    if motion == 0 or energy <= 0:
-        return 0.0
-    taken = min(energy, motion)
-    scale = sqrt(1 - taken / motion)
-    for i in range(3):
-        body["velocity"][i] *= scale
-        body["omega"][i] *= scale
-    return taken
 
 
 @kernel

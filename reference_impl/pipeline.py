@@ -23,6 +23,7 @@ from reference_impl.conventions import (
 from reference_impl.crowd import gather_contacts
 from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_listed, place_pieces
 from reference_impl.driven_sweep import sweep_drivers
+from reference_impl.energy_guard import guard_energy, note_energy
 from reference_impl.free_rotation import refresh_inertia
 from reference_impl.global_depth import largest_depth
 from reference_impl.hold import hold_contacts
@@ -86,7 +87,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["counters"][:] = 0
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
-    s["residual"] = s["dropped_time"] = s["parted_energy"] = 0.0
+    s["residual"] = s["dropped_time"] = s["parted_energy"] = s["guarded_energy"] = 0.0
     s["newton_work"] = NEWTON_WORK
     s["residual_body_a"] = s["residual_body_b"] = -1
     if s["skip_drive"] == 0:
@@ -183,6 +184,7 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
             state["counters"][COUNT_GAVE_UP] += 1
         begin_substep(bodies, drivers)
+        note_energy(bodies, state)
         first_held = state["contact_count"]
         h, converged = hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
         if not converged:
@@ -193,8 +195,10 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, returned, state)
         end_substep(bodies, joints, drivers, fraction)
         cut_holds(contacts, first_held, state["contact_count"], fraction)
+        # detection for parting writes behind the rows that hold
         if drifted:
-            part_simulated(bodies, pieces, vertices, pairs, state)
+            part_simulated(bodies, pieces, vertices, pairs, touching, state)
+        guard_energy(bodies, drivers, pairs, touching, state)
         left -= fraction * h
         if left <= TIME_MIN:
             break

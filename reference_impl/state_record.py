@@ -58,6 +58,7 @@ STATE = record(
     residual_body_b="i8",
     dropped_time="f8",  # part of the frame that was not simulated [s]
     parted_energy="f8",  # potential energy added by parting overlapping bodies [J]
+    guarded_energy="f8",  # energy that substeps added to islands, and the guard took out again [J]
     removal="i8",
     depth="i8",
     angle="i8",

@@ -11,6 +11,18 @@ import numpy as np
 from reference_impl.conventions import SPIN_TERMS
 from reference_impl.records import MATRIX, QUATERNION, VECTOR, record
 
+GUARD = record(
+    state="i8",  # of a body while the guard runs: 0 not seen, 1 summed up, 2 done
+    before="f8",  # kinetic and potential energy at the start of a substep [J]
+    # of an island, at the mover that stands for it
+    rise="f8",  # of its energy over the substep [J]
+    motion="f8",  # kinetic energy [J]
+    mass="f8",
+    momentum=VECTOR,
+    grounded="i8",  # 1: it touches what does not move by impulses
+    driven="i8",  # 1: a driver takes part
+    counted="i8",  # 1: what is taken out of it is counted
+)
 BODY = record(
     # first, and in few cache lines, what sweeps over contacts read
     kind="i8",
@@ -59,6 +71,7 @@ BODY = record(
     island="i8",
     first_row="i8",
     mover="i8",
+    guard=GUARD,
     memory="i8",  # first contact point it remembers, counted from 1, or 0
     momentum=VECTOR,  # angular, about the centre of mass, world
     # its room (`rooms`): of a simulated body's centre; of a link, where it was, and how far it may go

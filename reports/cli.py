@@ -124,6 +124,8 @@ def run(
             results = run_study(request, progress)
     except OutputError as error:
         stop(str(error), BAD_INPUT)
+    for line in [] if quiet else results.warnings:
+        print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
         from reports.terminal import console, show, show_budget
 

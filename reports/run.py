@@ -26,6 +26,7 @@ from reports.output import OutputError, output_folder
 from reports.progress import Progress
 from reports.ratios import time_ratio
 from reports.results import Row, save, save_manifest, table, write_beside
+from reports.unresolved import warning
 from scenarios.scenario import Scenario
 
 STUDY = "run"
@@ -70,12 +71,20 @@ class Request:
 
 @dataclass
 class Results:
-    """What a run gave: the long table; per (scenario, engine, profile) the recording and what it does over
-    time, the latter where several engines play."""
+    """What a run gave: the long table; per (scenario, engine, profile) the recording, of a run that failed
+    what it did before, and what a recording does over time, the last where several engines play; a line per
+    run that left contacts unresolved."""
 
     frame: pd.DataFrame
     recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
+    ended: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
     courses: dict[tuple[str, str, str], Course] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def warn(self, base: Row, evidence: Evidence) -> None:
+        """Keep the warning of a run, if it calls for one."""
+        line = warning(base, evidence)
+        self.warnings += [line] if line else []
 
 
 def run(request: Request, progress: Progress) -> Results:
@@ -98,7 +107,10 @@ def run(request: Request, progress: Progress) -> Results:
                 s.name: {"tags": s.tags, "seed": s.seed, "held_samples": [t.held for t in s.trackers]}
                 for s in request.scenarios
             },
-            "engines": {"/".join(key): recording.facts for key, recording in results.recordings.items()},
+            "engines": {
+                "/".join(key): recording.facts
+                for key, recording in (results.recordings | results.ended).items()
+            },
         }
         save_manifest(folder, manifest)
         from reports.frame_budget_picture import write_picture
@@ -144,6 +156,9 @@ def _judge(
         base = Row(STUDY, scenario.name, job.engine, label, job.settings.dt, "run")
         if outcome.status != "done":
             rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
+            if outcome.recorded:
+                recording = results.ended[scenario.name, job.engine, label] = load(job.recording)
+                results.warn(base, Evidence(recording, scenario))
             continue
         progress(f"{job.engine} {label}: judge", 0)
         recording = load(job.recording)
@@ -154,6 +169,7 @@ def _judge(
         if several:
             results.courses[scenario.name, job.engine, label] = course(evidence)
         rows += [_excused(row, recording, scenario.tags) for row in found]
+        results.warn(base, evidence)
     rows += _ratios(scenario, played, rows) + _spreads(scenario, rows)
     return [judged(row, scenario.tags) for row in rows]
 

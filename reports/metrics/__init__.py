@@ -14,6 +14,7 @@ from reports.metrics import (
     posture_optimum,
     rest,
     sliding,
+    solver,
     symmetry,
     timing,
     truth,
@@ -66,6 +67,10 @@ _ALL = (
     Metric("energy.loss", "1", "lower", energy.energy_loss),
     Metric("energy.injected", "J", "lower", energy.energy_injected, ("mJ", 1e3)),
     Metric("energy.ledger", "J", "none", energy.energy_ledger, ("mJ", 1e3)),
+    Metric("solver.residual", "m/s", "lower", solver.solver_residual),
+    Metric("solver.dropped_time", "s", "lower", solver.solver_dropped_time, _MS),
+    Metric("solver.parted_energy", "J", "lower", solver.solver_parted_energy, ("mJ", 1e3)),
+    Metric("solver.caps", "1", "lower", solver.solver_caps),
     Metric("joint.limit", "rad", "lower", posture.joint_limit),
     Metric("joint.cone", "rad", "lower", posture.joint_cone),
     Metric("joint.speed", "rad/s", "lower", posture.joint_speed),
@@ -87,6 +92,9 @@ PAIR_METRICS = (
     *("friction.deficit", "friction.direction"),
 )
 """Metrics of single pairs, which tell nothing of a heap: others push at the same time."""
+
+SOLVER_METRICS = ("solver.residual", "solver.dropped_time", "solver.parted_energy", "solver.caps")
+"""Metrics of what a solver leaves unresolved: a run that breaks a limit of theirs says so in a warning."""
 
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
 IMPULSE_METRICS = (

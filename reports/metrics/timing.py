@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from reports.metrics.evidence import Evidence, NotMeasured, Values
+from reports.metrics.solver import UNRESOLVED
 
 STATISTICS: dict[str, tuple[str, float]] = {
     "median": ("Median", 50),
@@ -56,4 +57,5 @@ def work(evidence: Evidence) -> Values:
     r = evidence.recording
     if not len(r.work_names):
         raise NotMeasured("the engine counts nothing")
-    return {str(name): float(r.work[:, k].mean()) for k, name in enumerate(r.work_names)}
+    counted = [(k, str(name)) for k, name in enumerate(r.work_names) if name not in UNRESOLVED]
+    return {name: float(r.work[:, k].mean()) for k, name in counted}

@@ -155,7 +155,7 @@ def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: Bound
         outcome, reason = _cause(str(error)), str(error)
     if player is None:
         return Assessment(outcome, reason)
-    recording = player.recording()
+    recording = player.recording(reason)
     player.world.close()
     with np.errstate(over="ignore", invalid="ignore"):
         return _judged(recording, scenario, bounds, outcome, reason)
@@ -174,9 +174,9 @@ def _play(player: Player, scenario: Scenario) -> str:
 
 def _cause(message: str) -> str:
     """The class of a run that an adapter ended."""
-    if "diverged" in message:
-        return "not finite"
-    return "exploded" if "left the box" in message else "error"
+    if "diverged" not in message:
+        return "error"
+    return "not finite" if "not finite" in message else "exploded"
 
 
 def _judged(

@@ -24,6 +24,8 @@ BRICK: Vector = (0.1, 0.05, 0.035)
 """Half extents of a brick [m]."""
 COURSES, BRICKS = 6, 4
 """Rows of the wall, and bricks in the lowest."""
+BRIEF = 0.3
+"""Duration of pyramid and wall [s]: a second of either takes DART a minute."""
 STONES = 11
 """Stones of an arch; the middle one is the keystone."""
 RADIUS = 0.5
@@ -53,14 +55,14 @@ ARCHES: dict[str, Arch] = {
 
 @scene
 def pyramid() -> Scenario:
-    """36 cubes, each on two of the row below, for one second."""
+    """36 cubes, each on two of the row below, for a moment."""
     places: dict[str, Vector] = {}
     for row in range(BASE):
         for k in range(BASE - row):
             place = (SPACING * (k - (BASE - row - 1) / 2), 0.0, (2 * row + 1) * HALF)
             places[f"box_{row + 1}_{k + 1}"] = place
     cubes = tuple(block(name, "wood", (HALF,) * 3, 1.0, place) for name, place in places.items())
-    return _standing("pyramid", f"a pyramid of {len(cubes)} cubes stands", cubes, 0.5)
+    return _standing("pyramid", f"a pyramid of {len(cubes)} cubes stands", cubes, 0.5, BRIEF)
 
 
 @scene
@@ -76,7 +78,7 @@ def wall() -> Scenario:
             name, half = f"brick_{course + 1}_{k + 1}", (right - left) / 2
             place = ((left + right) / 2 - x * BRICKS, 0.0, (2 * course + 1) * z)
             bricks.append(block(name, "wood", (half, y, z), 2.0 * half / x, place))
-    return _standing("brick_wall", f"a wall of {len(bricks)} bricks stands", tuple(bricks), 0.5)
+    return _standing("brick_wall", f"a wall of {len(bricks)} bricks stands", tuple(bricks), 0.5, BRIEF)
 
 
 @scene
@@ -114,14 +116,16 @@ def _stone(k: int, thickness: float) -> Body:
     return hull(f"stone_{k + 1}", "wood", corners, mass, centre)
 
 
-def _standing(name: str, summary: str, bodies: tuple[Body, ...], mu: float) -> Scenario:
-    """Bodies that stay where they are for a second."""
+def _standing(
+    name: str, summary: str, bodies: tuple[Body, ...], mu: float, duration: float = 1.0
+) -> Scenario:
+    """Bodies that stay where they are."""
     return Scenario(
         name=name,
         summary=summary,
         tags=("probe", "symmetric"),
         bodies=(slab("floor", "wood"), *bodies),
         coefficients=(PairCoefficients("wood", "wood", 0.0, mu),),
-        duration=1.0,
+        duration=duration,
         truths=tuple(Truth(body.name, "arcs", (Arc(0.0, body.position),)) for body in bodies),
     )

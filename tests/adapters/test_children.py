@@ -27,8 +27,9 @@ SETTINGS = Settings("only", 1 / 60, effects=PLANNED)  # bodies sink through the 
 REASONS = {
     "throws on load": ("error", "RuntimeError: no such"),
     "throws": ("error", "ZeroDivisionError: one"),
-    "reports": ("error", "reports: lost its way"),
-    "diverges": ("error", "diverged: a position is not finite at 0.6667 s"),
+    "reports": ("error", "reports: lost its way, in frame 40 at 0.6667 s"),
+    "diverges": ("error", "diverged: the position of 'ball' is not finite, in frame 40 at 0.6667 s"),
+    "speeds": ("error", "diverged: the linear velocity of 'ball' is 1e+30 m/s, in frame 40 at 0.6667 s"),
     "exits": ("error", "died during 'play': exit code 7"),
     "crashes": ("error", "died during 'play': signal SIGSEGV"),
     "unsupported": ("skipped", "unsupported: no spheres"),
@@ -102,12 +103,21 @@ def test_each_ends_in_its_own_way(ended, name):
     assert (outcome.status, outcome.reason) == REASONS[name]
 
 
-def test_only_finished_engines_leave_a_recording(ended):
-    """The healthy ones' recordings are whole and their own; the others leave none, nor part of one."""
-    stage, _ = ended
-    assert {path.name for path in stage.folder.glob("*.npz*")} == {"healthy.npz", "prints.npz"}
-    for name in ("healthy", "prints"):
+def test_what_was_played_is_recorded(ended):
+    """The healthy ones' recordings are whole and their own; those that fail in a step leave what came before
+    it with the reason; those whose process dies or that never play leave none, nor part of one."""
+    stage, outcomes = ended
+    whole, failed = {"healthy", "prints"}, {"throws", "reports", "diverges", "speeds"}
+    assert {path.name for path in stage.folder.glob("*.npz*")} == {f"{name}.npz" for name in whole | failed}
+    assert {name for name, outcome in outcomes.items() if outcome.recorded} == whole | failed
+    for name in failed:
         kept = load(stage.folder / f"{name}.npz")
+        assert kept.ended == outcomes[name].reason
+        # the 40th step is the one that fails
+        assert (kept.position[:, 0, 2] == -0.01 * np.arange(40)).all()
+    for name in whole:
+        kept = load(stage.folder / f"{name}.npz")
+        assert kept.ended == ""
         assert kept.facts["engine"] == name
         assert kept.facts["settings"]["pid"] == int((stage.folder / f"{name}.pid").read_text())
         # exact: one product per frame
@@ -141,7 +151,7 @@ def test_slices_are_interleaved(ended):
     lengths = [SLICE, SLICE, FRAMES - 2 * SLICE]
     assert good == [(name, length) for length in lengths for name in ("prints", "healthy")]
     # the broken ones end within their second turn; a turn that is cut in two would show as more
-    assert len(turns) == 3 * 2 + 5 * 2
+    assert len(turns) == 3 * 2 + 6 * 2
 
 
 def test_together_is_at_the_same_time(ended, scenario, tmp_path):

@@ -11,6 +11,7 @@ import pytest
 from adapters import record as module
 from adapters.engine import CONTACT_CAPACITY, AdapterError, Manifest, Settings, State
 from adapters.record import CROSSINGS, WARM_UP_FRAMES, Player, record, substeps, warm_up
+from adapters.recording import RunEnded
 from scenarios.effects import PLANNED
 from scenarios.scenario import Body, Box, Joint, PairCoefficients, Piece, Scenario, Tracker
 
@@ -32,7 +33,7 @@ class FakeWorld:
 
     def __init__(self, scenario, clock):
         self.scenario, self.clock, self.steps, self.log, self.closed = scenario, clock, 0, [], False
-        self.contact = {}
+        self.contact, self.left = {}, {}
         self.diverge_at = None
 
     def drive(self, step):
@@ -75,7 +76,8 @@ class FakeWorld:
         return {"b": 0.25 * self.steps, "a": 1.0}
 
     def work(self):
-        return {"pairs": float(self.steps)} if self.steps % 2 else {"contacts": 1.0}
+        counted = {"pairs": float(self.steps)} if self.steps % 2 else {"contacts": 1.0}
+        return counted | self.left.get(self.steps, {})
 
     def close(self):
         self.closed = True
@@ -85,11 +87,11 @@ class FakeEngine:
     """Builds FakeWorlds and remembers them."""
 
     def __init__(self, scenario, clock):
-        self.worlds, self.clock, self.diverge_at, self.contact = [], clock, None, {}
+        self.worlds, self.clock, self.diverge_at, self.contact, self.left = [], clock, None, {}, {}
 
     def build(self, scenario, settings):
         world = FakeWorld(scenario, self.clock)
-        world.diverge_at, world.contact = self.diverge_at, self.contact
+        world.diverge_at, world.contact, world.left = self.diverge_at, self.contact, self.left
         self.worlds.append(world)
         return world
 
@@ -196,6 +198,21 @@ def test_counters_are_summed_and_stages_kept_by_name(engine, scenario, settings)
     assert kept.stage_seconds.tolist() == [[1.0, float(f + 1)] for f in range(FRAMES)]
 
 
+def test_of_residuals_the_largest_of_a_frame_is_kept(engine, scenario, settings):
+    """Keep the largest residual of a frame's steps with its bodies, in any order; other counters add."""
+
+    def left(size, a, b):
+        return {"residual": size, "residual.body_a": a, "residual.body_b": b, "dropped_time": 0.5}
+
+    engine.left = {1: left(1e-3, 1, 2), 2: left(2e-3, 0, 1), 3: left(0.0, -1, -1), 5: left(0.0, -1, -1)}
+    kept = record(engine, scenario, settings)
+    told = dict(zip(kept.work_names.tolist(), kept.work.T.tolist()))
+    assert told["residual"][:2] == [2e-3, 0.0]
+    assert told["residual.body_a"][:2] == [0.0, -1.0]
+    assert told["residual.body_b"][:2] == [1.0, -1.0]
+    assert told["dropped_time"][:2] == [1.5, 0.5]
+
+
 def test_driver_work_of_a_constant_drive(engine, scenario, settings):
     """Work is force times the way of the origin, torque times the turn and hinge torque times its angle."""
     kept = record(engine, scenario, settings)
@@ -249,10 +266,18 @@ def test_playing_in_slices_is_playing_at_once(engine, scenario, settings):
 
 
 def test_a_diverged_state_is_an_error_with_its_time(engine, scenario, settings):
-    """A position that is not finite ends the run with the time, and the world is closed all the same."""
+    """A position that is not finite ends the run with body, frame and time; the world is closed all the same,
+    and the whole frames before are kept."""
     engine.diverge_at = 6
-    with pytest.raises(AdapterError, match=r"diverged: a position is not finite at 0\.1500 s"):
+    with pytest.raises(
+        RunEnded, match=r"diverged: the position of 'box' is not finite, in frame 2 at 0\.1500 s"
+    ) as end:
         record(engine, scenario, settings)
+    kept = end.value.recording
+    assert kept.ended == str(end.value)
+    # frame 1 is whole, with the contacts of its steps from the second on; frame 2 is not
+    assert (len(kept.time), len(kept.time_frame), len(kept.work)) == (2, 1, 1)
+    assert len(kept.contacts) == SUBSTEPS - 1
     assert engine.worlds[0].closed
 
 
@@ -284,5 +309,15 @@ def test_too_many_contacts_are_an_error(scenario):
     add = (0, 1, np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(3))
     for _ in range(CONTACT_CAPACITY):
         state.add_contact(*add)
-    with pytest.raises(AdapterError, match=str(CONTACT_CAPACITY)):
+    with pytest.raises(AdapterError, match=f"more than {CONTACT_CAPACITY} contact points in one step"):
         state.add_contact(*add)
+
+
+def test_too_many_contacts_name_the_frame(engine, scenario, settings, monkeypatch):
+    """A full contact buffer ends the run with one line that names the frame."""
+    monkeypatch.setattr("adapters.engine.CONTACT_CAPACITY", 0)
+    with pytest.raises(RunEnded) as end:
+        record(engine, scenario, settings)
+    reason = "more than 0 contact points in one step: the scene has too many contacts to record"
+    # the fake's first contact is in its second step
+    assert str(end.value) == f"{reason}, in frame 1 at 0.0500 s"

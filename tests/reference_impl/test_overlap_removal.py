@@ -11,7 +11,8 @@ from adapters.engine import Settings
 from adapters.reference_engine import ReferenceEngine
 from reference_impl.conventions import OVERLAP_TOLERANCE, SIMULATED
 from reference_impl.detection import place_pieces
-from reference_impl.overlap_removal import part_simulated, remove_overlap
+from reference_impl.overlap_removal import remove_overlap
+from reference_impl.parting import part_simulated
 from reference_impl.skeleton import pose_links
 from scenarios.catalogue import catalogue
 from scenarios.hand import hand_parts
@@ -246,7 +247,7 @@ def test_simulated_bodies_part_by_halves(lab: SimpleNamespace) -> None:
     one, two = lab.ball("one", (0.0, 0.0, 1.0)), lab.ball("two", (0.08, 0.0, 1.0))
     low = lab.ball("low", (1.0, 0.0, 0.04))
     world = lab.build(lab.scene(one, two, low, lab.ground()))
-    assert part_simulated(world.bodies, world.pieces, world.vertices, world.pairs, world.state[0])
+    assert part_simulated(world.bodies, world.pieces, world.vertices, world.pairs, 0, world.state[0])
     np.testing.assert_allclose(world.bodies["position"][:2, 0], (-0.01, 0.09), atol=1e-12)
     assert world.bodies["position"][2, 2] == pytest.approx(RADIUS, abs=1e-12)
 

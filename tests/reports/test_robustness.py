@@ -88,7 +88,7 @@ def test_runs_fall_into_their_class(fakes, name):
     if name == "silent":
         assert (found.residuals, np.isnan(found.residual)) == ((), True)
     if name == "reports":
-        assert (found.reason, found.frames) == ("reports: lost its way", 2)
+        assert (found.reason.startswith("reports: lost its way"), found.frames) == (True, 2)
 
 
 def test_momentum_of_isolated_scenes_is_judged(fakes):
@@ -128,7 +128,7 @@ def test_limits_hold_for_the_reference_alone(fakes):
         assert {row.verdict for row in rows if row.scenario == "tower"} == {""}
         worst = [row for row in rows if row.metric == "run"]
         assert [row.subject for row in worst] == ["exploded", "residual"]
-        assert worst[0].reason == line(asked[0])
+        assert worst[0].reason.startswith(f"{line(asked[0])}: diverged")
 
 
 def test_a_line_names_all_that_a_run_was():

@@ -102,3 +102,53 @@ def test_a_missing_engine_is_skipped_with_a_hint(touchstone, quick, monkeypatch,
     for name in ("mujoco",) if named else ("dart", "bullet", "mujoco"):
         assert f"skipped: {name} recommended: {missing_reason(name)}" in out
     assert "Traceback" not in err
+
+
+def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):
+    """Print one warning per run on standard error that names scene, profile and frame, whatever is asked for;
+    none where nobody wants to be told."""
+    recording = registry.played("ball_snip", "reference")
+    work = recording.work.copy()
+    work[11, recording.work_names.tolist().index("residual")] = 3e-5
+    work[[11, 12], recording.work_names.tolist().index("dropped_time")] = 1e-3
+
+    def play(self, jobs, progress):
+        for job in jobs:
+            replace(recording, work=work).save(job.recording)
+        return [Outcome(job, "done") for job in jobs]
+
+    monkeypatch.setattr(study.Children, "play", play)
+    code, out, err = touchstone(*RUN, "--out", "r")
+    told = [line for line in err.splitlines() if "warning" in line]
+    assert len(told) == 1
+    start = "warning: reference balanced ball_snip: contact solve left 3e-05 m/s in frame 12"
+    assert told[0].startswith(start)
+    assert "0.002 s were not simulated, most of it in frame 12" in told[0]
+    assert code == 1
+    assert "fail: reference balanced: solver.residual" in out
+    code, out, err = touchstone(*RUN, "--metric", "overlap.max", "--out", "s", "--format", "json")
+    assert [line.startswith(start) for line in err.splitlines() if "warning" in line] == [True]
+    assert {row["metric"] for row in json.loads(out)} == {"overlap.max"}
+    assert touchstone(*RUN, "--out", "t", "--quiet")[2] == ""
+
+
+def test_a_failed_run_keeps_its_recording(touchstone, monkeypatch, registry, left):
+    """Leave what a run recorded before it diverged in the folder of results, beside its row, its warning and
+    exit 1."""
+    said = "diverged: the position of 'ball' is not finite, in frame 40 at 0.6667 s"
+    recording = registry.played("ball_snip", "reference")
+    work = recording.work.copy()
+    work[39, recording.work_names.tolist().index("residual")] = 0.5
+
+    def play(self, jobs, progress):
+        for job in jobs:
+            replace(recording, ended=said, work=work).save(job.recording)
+        return [Outcome(job, "error", said) for job in jobs]
+
+    monkeypatch.setattr(study.Children, "play", play)
+    code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")
+    assert code == 1
+    assert [(row["verdict"], row["reason"]) for row in json.loads(out)] == [("error", said)]
+    # why it failed is worth a warning, too
+    assert "warning: reference balanced ball_snip: contact solve left 0.5 m/s in frame 40" in err
+    assert left("r/recordings") == ["ball_snip-reference-balanced.npz"]

@@ -1,0 +1,78 @@
+"""What an engine says its solver left unresolved. Only the reference tells; 0 where all was resolved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adapters.engine import RESIDUAL_COUNTERS, Array
+from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
+
+RESIDUAL, BODY_A, BODY_B = RESIDUAL_COUNTERS
+CAPS = ("gave_up", "unconverged", "lost")
+"""Counters of iterations and buffers that reached their cap."""
+UNRESOLVED = (*RESIDUAL_COUNTERS, "dropped_time", "parted_energy")
+"""Counters that are sizes and bodies, no counts: they have metrics of their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A displayed frame, counted from 1 (0 is the initial state), and a pair of bodies' names, or none."""
+
+    frame: int
+    pair: tuple[str, str] | None
+
+    def __str__(self) -> str:
+        return f"frame {self.frame}" + (f" ({', '.join(self.pair)})" if self.pair else "")
+
+
+def solver_residual(evidence: Evidence) -> Values:
+    """Largest speed by which a contact misses its law after it was solved, of all frames [m/s]."""
+    return _told(evidence, RESIDUAL, total=False)
+
+
+def solver_dropped_time(evidence: Evidence) -> Values:
+    """Time that was not simulated, over all frames [s]."""
+    return _told(evidence, "dropped_time")
+
+
+def solver_parted_energy(evidence: Evidence) -> Values:
+    """Potential energy that parting overlapping simulated bodies added, over all frames [J]."""
+    return _told(evidence, "parted_energy")
+
+
+def solver_caps(evidence: Evidence) -> Values:
+    """Caps reached: iterations that gave up or did not converge, contacts that found no room [1]."""
+    return _told(evidence, *CAPS)
+
+
+def worst_place(evidence: Evidence, *counters: str) -> Place:
+    """The frame in which counters are the largest, and a pair that it is about: the one whose contact was
+    solved worst, or the deepest contact of the frame."""
+    step = int(np.argmax(np.abs(_per_frame(evidence, *counters))))
+    pair = tuple(int(_per_frame(evidence, name)[step]) for name in (BODY_A, BODY_B))
+    rows = evidence.recording.contacts
+    if min(pair) < 0 or counters == ("parted_energy",):
+        here = rows[evidence.contact_frame == step]
+        if not len(here):
+            return Place(step + 1, None)
+        deepest = here[np.argmin(here["distance"])]
+        pair = int(deepest["body_a"]), int(deepest["body_b"])
+    bodies = evidence.scenario.bodies
+    return Place(step + 1, (bodies[pair[0]].name, bodies[pair[1]].name))
+
+
+def _told(evidence: Evidence, *counters: str, total: bool = True) -> Values:
+    """The sum of counters over all frames, or the largest frame's, with its place where it is not zero."""
+    frames = _per_frame(evidence, *counters)
+    value = float(frames.sum() if total else frames.max(initial=0.0))
+    return {"": Value(value, f"most in {worst_place(evidence, *counters)}") if value else value}
+
+
+def _per_frame(evidence: Evidence, *counters: str) -> Array:
+    r = evidence.recording
+    names = r.work_names.tolist()
+    if not set(counters) <= set(names):
+        raise NotMeasured("the engine does not tell what its solver leaves unresolved")
+    return np.asarray(r.work[:, [names.index(name) for name in counters]].sum(axis=1))

@@ -1,0 +1,201 @@
+"""What a run is checked for: numbers, speeds, energies and places."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adapters.bounds import planned
+from adapters.divergence import EXPLODED, SPEED_MAX, Watch
+from adapters.engine import Manifest, Settings, State
+from adapters.record import RunEnded, record
+from scenarios.effects import PLANNED
+from scenarios.scenario import Scenario
+
+FRAME = 1 / 60
+
+
+class Script:
+    """An engine whose world does what a function of time says: `motion(state, t)`."""
+
+    def __init__(self, motion):
+        self.motion, self.time = motion, 0.0
+
+    def build(self, scenario, settings):
+        self.scenario = scenario
+        return self
+
+    def drive(self, step):
+        pass
+
+    def step(self):
+        self.time += FRAME
+
+    def read(self, state):
+        state.position[:] = [body.position for body in self.scenario.bodies]
+        self.motion(state, self.time)
+
+    def describe(self):
+        return Manifest("script", "1", "only", FRAME, {}, {}, ())
+
+    def cross(self):
+        pass
+
+    def stage_seconds(self):
+        return {}
+
+    def work(self):
+        return {}
+
+    def close(self):
+        pass
+
+
+def ended(motion, scenario: Scenario, effects=None) -> RunEnded:
+    """How a run of a script ends before its scene does."""
+    with pytest.raises(RunEnded) as caught:
+        record(Script(motion), scenario, Settings("only", FRAME, effects=effects))
+    assert caught.value.recording.ended == str(caught.value)
+    return caught.value
+
+
+@pytest.fixture
+def scenario(lab):
+    """A ball of 1 kg that falls from 1 m onto the ground; it can reach no more than 9.81 J there."""
+    return lab.scene(lab.ball(), lab.ground())
+
+
+@pytest.fixture
+def state(scenario):
+    """The state of a body at rest where the scene starts."""
+    still = State(scenario)
+    still.position[:] = [body.position for body in scenario.bodies]
+    return still
+
+
+@pytest.mark.parametrize(
+    "name", ["position", "orientation", "linear_velocity", "angular_velocity"], ids=lambda name: name
+)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_every_number_of_a_body_must_be_finite(scenario, state, name, value):
+    """Name the quantity and the body of the first number that is not finite."""
+    watch = Watch(scenario)
+    assert watch.step_fault(state) is None
+    getattr(state, name)[1, 2] = value
+    expected = f"diverged: the {name.replace('_', ' ')} of 'ground' is not finite"
+    assert watch.step_fault(state) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("linear_velocity", "m/s"), ("angular_velocity", "rad/s")], ids=["linear", "angular"]
+)
+def test_absurd_speeds_are_told(scenario, state, name, unit):
+    """Tell a speed above SPEED_MAX with its body, even one whose square overflows, and none below."""
+    watch = Watch(scenario)
+    getattr(state, name)[0, 1] = -0.99 * SPEED_MAX
+    getattr(state, name)[1, 1] = 0.99 * SPEED_MAX
+    assert watch.step_fault(state) is None
+    for speed in (1e30, 1e200):
+        getattr(state, name)[0, 1] = -speed
+        assert (
+            watch.step_fault(state)
+            == f"diverged: the {name.replace('_', ' ')} of 'ball' is {speed:.2g} {unit}"
+        )
+
+
+def test_far_places_are_finite_numbers(scenario, state):
+    """Say nothing of a place far away where nothing bounds it: it may be a body that falls for hours."""
+    state.position[0] = (1e9, 0.0, 0.0)
+    assert Watch(scenario).step_fault(state) is None
+
+
+def test_a_run_at_1e30_keeps_its_recording(scenario):
+    """Keep all frames before the one in which a body goes at 1e30 m/s."""
+
+    def motion(state, t):
+        state.linear_velocity[0, 0] = 1e30 if t > 0.49 else 1.0
+
+    end = ended(motion, scenario, PLANNED)
+    assert str(end) == "diverged: the linear velocity of 'ball' is 1e+30 m/s, in frame 30 at 0.5000 s"
+    assert len(end.recording.time) == len(end.recording.position) == 30
+    assert len(end.recording.time_frame) == 29
+    assert np.isfinite(end.recording.linear_velocity).all()
+
+
+def test_energy_from_nowhere_is_divergence(scenario):
+    """Blame energy where a body leaves its bounds with more of it than the scene allows, and name it."""
+
+    def motion(state, t):
+        if t > 0.09:
+            state.position[0, 0] = 181.0
+            state.linear_velocity[0, 0] = 3e3
+
+    end = ended(motion, scenario)
+    # the ball has not fallen: what is allowed is the noise of both at rest, 1 kg (0.1 m/s)^2 / 2
+    told = "diverged: 'ball' moves at 3e+03 m/s, energy 4.5e+06 J of at most 0.005 J, in frame 6 at 0.1000 s"
+    assert str(end) == told
+    assert end.recording.position[-1, 0, 0] == 181.0
+
+
+def test_a_plan_that_is_left_at_a_normal_energy_is_blamed(scenario):
+    """Blame the plan where a body leaves its bounds with no more energy than it may have."""
+
+    def motion(state, t):
+        # creeps away without falling
+        state.position[0, 0] = 100.0 * t
+
+    told = str(ended(motion, scenario))
+    assert told.startswith("ball left the box that it was to keep to (the plan does not hold; --effects all ")
+    assert "diverged" not in told
+
+
+def test_without_bounds_only_an_explosion_ends_a_run(scenario):
+    """Play on at twice the energy where nothing is bounded, and end at EXPLODED times the energy."""
+    allowed = 0.005 + 9.81 * 0.5
+
+    def motion(state, t):
+        state.position[0, 2] = 0.5
+        energy = EXPLODED * allowed * (1.01 if t > 0.91 else 0.99)
+        state.linear_velocity[0, 1] = np.sqrt(2 * energy)
+
+    assert "in frame 55 at 0.9167 s" in str(ended(motion, scenario, PLANNED))
+
+
+def test_spin_is_energy_too(scenario):
+    """Count the energy of a spin along the body's own axes, and say that the body turns."""
+
+    def motion(state, t):
+        state.orientation[0] = np.array([1.0, 1.0, 0.0, 0.0]) / np.sqrt(2)
+        state.angular_velocity[0] = (0.0, 4e3, 0.0)
+
+    # 2/5 m r^2 = 1e-3 kg m^2
+    told = str(ended(motion, scenario, PLANNED))
+    assert told.startswith("diverged: 'ball' turns at 4e+03 rad/s, energy 8e+03 J of at most 0.005 J")
+
+
+def test_what_falls_may_be_fast(scenario, state):
+    """Allow what gravity does: a ball that falls by 2 km, and what it had at the start."""
+    thrown = replace(scenario.bodies[0], linear_velocity=(30.0, 0.0, 0.0))
+    for one in (scenario, replace(scenario, bodies=(thrown, scenario.bodies[1]))):
+        watch, start = Watch(one, planned(one, PLANNED)), one.bodies[0].linear_velocity
+        for t in (1.0, 20.0):
+            state.position[0] = (start[0] * t, 0.0, 1 - 9.81 * t * t / 2)
+            state.linear_velocity[0] = (start[0], 0.0, -9.81 * t)
+            assert watch.step_fault(state) is None
+            assert watch.frame_fault(state) is None
+
+
+def test_drivers_may_lift_and_throw(lab):
+    """Allow what a hand may pass on: its speed twice over, and slow lifts by metres."""
+    hand = lab.block("hand", (0.1, 0.1, 0.1), (0.0, 0.0, 0.0), kind="driven")
+    tracker = lab.still("hand", (0.0, 0.0, 0.0), (0.0, 0.0, 2.0))
+    scene = lab.scene(lab.ball(position=(0.0, 0.0, 0.15)), hand, trackers=(tracker,))
+    watch, state = Watch(scene, planned(scene, PLANNED)), State(scene)
+    state.position[0, 2] = 10.0
+    # the tracker's largest speed is 3 m/s, of a cubic ease over 2 m in a second
+    state.linear_velocity[0, 2] = 6.0
+    assert watch.frame_fault(state) is None
+    state.linear_velocity[0, 2] = 6e3
+    assert "diverged: 'ball' moves at 6e+03 m/s" in str(watch.frame_fault(state))

@@ -1,0 +1,75 @@
+"""One call that plays a scene on several engines."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adapters.children import Children
+from adapters.engine import AdapterError
+from adapters.play import play
+from adapters.record import record
+from adapters.registry import Entry
+from scenarios.effects import PLANNED
+
+FAKES = ("healthy", "speeds", "throws", "exits", "unsupported")
+
+
+@pytest.fixture
+def fakes(monkeypatch, tmp_path):
+    """The fake engines in the registry's place, and children that load them."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    from fake_engines import load
+
+    entries = {name: Entry("fake_engines:Engine", "numpy", {"only": 1 / 60}) for name in FAKES}
+    entries["missing"] = Entry("nowhere:Engine", "no_such_package", {"only": 1 / 60})
+    monkeypatch.setattr("adapters.registry.ENGINES", entries)
+    with Children(partial(load, str(tmp_path))) as children:
+        yield children
+    sys.modules.pop("fake_engines", None)
+
+
+def test_every_engine_has_its_entry(lab, fakes):
+    """Give a run per engine: whole, until it failed, or none, with status and reason; leave no files."""
+    scenario = lab.scene(lab.ball(), lab.ground(), duration=1.0)
+    runs = play(scenario, (*FAKES, "missing"), effects=PLANNED, children=fakes)
+    assert list(runs) == [(name, "only") for name in (*FAKES, "missing")]
+    told = {name: (run.status, run.reason) for (name, _), run in runs.items()}
+    assert told == {
+        "healthy": ("done", ""),
+        "speeds": ("error", "diverged: the linear velocity of 'ball' is 1e+30 m/s, in frame 40 at 0.6667 s"),
+        "throws": ("error", "ZeroDivisionError: one"),
+        "exits": ("error", "died during 'play': exit code 7"),
+        "unsupported": ("skipped", "unsupported: no spheres"),
+        "missing": ("skipped", "not installed (pip install 'touchstone[missing]')"),
+    }
+    frames = {name: len(run.recording.time) for (name, _), run in runs.items() if run.recording}
+    assert frames == {"healthy": 61, "speeds": 40, "throws": 40}
+    assert runs["speeds", "only"].recording.ended == told["speeds"][1]
+    assert runs["healthy", "only"].recording.ended == ""
+
+
+def test_unknown_names_are_refused(lab):
+    """Refuse engines and profiles that do not exist with those that do, before anything is played."""
+    scenario = lab.scene(lab.ball())
+    with pytest.raises(AdapterError, match=r"unknown engine 'bulet'; valid: reference, dart, bullet, mujoco"):
+        play(scenario, ("bulet",))
+    with pytest.raises(
+        AdapterError, match=r"reference: no profile 'tuned'; valid: balanced, paper, accurate"
+    ):
+        play(scenario, (("reference", "tuned"),))
+
+
+def test_the_reference_plays_as_in_this_process(lab, registry):
+    """Play two profiles of the reference and find what `record` finds, to the bit."""
+    scenario = lab.scene(lab.ball(), lab.ground(), e=0.5, duration=0.5)
+    runs = play(scenario, ("reference", ("reference", "accurate")))
+    assert list(runs) == [("reference", "balanced"), ("reference", "accurate")]
+    for profile in ("balanced", "accurate"):
+        settings = registry.settings("reference", profile)
+        here = record(registry.engine("reference"), scenario, settings)
+        np.testing.assert_array_equal(runs["reference", profile].recording.position, here.position)

@@ -1,0 +1,31 @@
+"""Bodies that start in overlap or in one place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adapters.engine import AdapterError
+from adapters.record import record
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+def test_overlap_at_the_start_is_parted_without_a_throw(lab, profile):
+    """Part two boxes that start half in each other on the reference, leave them at rest, and say so: the
+    energy of lifting the upper one by 5 cm."""
+    half = (0.05, 0.05, 0.05)
+    low, high = (lab.block(f"box_{z}", half, (0.0, 0.0, z)) for z in (0.05, 0.1))
+    world = lab.build(lab.scene(lab.ground(), low, high), profile)
+    told = lab.play(world, 10, lambda w: (w.state[0]["parted_energy"], w.bodies["velocity"].copy()))
+    assert told[0][0] == pytest.approx(9.81 * 0.05, rel=1e-4)  # lifted from where it fell to in a frame
+    # what is lifted keeps the speed of the frame at most: g / 60
+    assert np.abs([velocity for _, velocity in told]).max() <= 9.81 / 60 + 1e-9
+    assert world.bodies["position"][:, 2] == pytest.approx([-0.5, 0.05, 0.15], abs=1e-6)
+
+
+def test_bodies_in_one_place_are_not_played(lab, registry):
+    """Refuse a run in which two bodies start in one place, in one line."""
+    scene = lab.scene(lab.ground(), lab.ball("one"), lab.ball("two"))
+    told = r"^bodies\[2\].position: 'two' starts where 'one' does: .* \(0, 0, 1\) m; move one of them$"
+    with pytest.raises(AdapterError, match=told):
+        record(registry.engine("reference"), scene, registry.settings("reference"))

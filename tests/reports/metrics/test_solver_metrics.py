@@ -1,0 +1,162 @@
+"""What a solver left unresolved: metrics, their limits, and the one warning of a run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reports import limits
+from reports.known import Known
+from reports.limits import judged
+from reports.metrics import METRICS, SOLVER_METRICS
+from reports.metrics.evidence import Evidence, NotMeasured
+from reports.metrics.solver import CAPS, Place, worst_place
+from reports.results import Row
+from reports.run import measured_of
+from reports.unresolved import warning
+from scenarios.catalogue import catalogue
+
+NAMES = (
+    *("contacts", "dropped_time", "gave_up", "lost", "parted_energy"),
+    *("residual", "residual.body_a", "residual.body_b", "unconverged"),
+)
+QUIET = {"residual.body_a": -1.0, "residual.body_b": -1.0}
+FRAMES = 6
+
+
+@pytest.fixture
+def evidence(lab, recordings):
+    """Evidence of three bodies over six frames with counters given per frame: {frame: {name: value}}."""
+
+    def build(told=None, contacts=(), names=NAMES):
+        bodies = (lab.ground(), lab.ball("one"), lab.ball("two", (0.0, 1.0, 1.0)))
+        scenario = lab.scene(*bodies, duration=FRAMES / 60)
+        work = np.array([[QUIET.get(name, 0.0) for name in names] for _ in range(FRAMES)])
+        for frame, counters in (told or {}).items():
+            for name, value in counters.items():
+                work[frame - 1, names.index(name)] = value
+        rows = recordings.contacts(*contacts)
+        recording = recordings.recording(scenario, work_names=np.array(names), work=work, contacts=rows)
+        return Evidence(recording, scenario)
+
+    return build
+
+
+def rows_of(evidence, profile="balanced", engine="reference"):
+    """The judged rows of the solver's metrics."""
+    base = Row("run", "scene", engine, profile, 1 / 60, "run")
+    found = measured_of(base, evidence, SOLVER_METRICS)
+    return [judged(row, ()) for row in found if row.metric in SOLVER_METRICS]
+
+
+def warned(evidence, profile="balanced", engine="reference"):
+    """The warning of a run."""
+    return warning(Row("run", "scene", engine, profile, 1 / 60, "run"), evidence)
+
+
+UNRESOLVED = {
+    2: {"residual": 3e-5, "residual.body_a": 1, "residual.body_b": 2, "unconverged": 2},
+    4: {"residual": 1e-9, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 0.002},
+    5: {"parted_energy": 0.25, "gave_up": 1},
+    6: {"parted_energy": 0.5, "dropped_time": 0.001},
+}
+TOUCH = {"time": 5.5 / 60, "body_a": 0, "body_b": 2, "distance": -1e-3}
+SHALLOW = {"time": 5.5 / 60, "body_a": 0, "body_b": 1, "distance": 0.0}
+
+
+def test_sizes_add_up_and_residuals_do_not(evidence):
+    """Take the largest residual and the sums of time, energy and caps, each with its worst frame and pair."""
+    told = evidence(UNRESOLVED, (SHALLOW, TOUCH))
+    found = {name: METRICS[name].measure(told)[""] for name in SOLVER_METRICS}
+    assert {name: value.value for name, value in found.items()} == pytest.approx(
+        {
+            "solver.residual": 3e-5,
+            "solver.dropped_time": 0.003,
+            "solver.parted_energy": 0.75,
+            "solver.caps": 3,
+        }
+    )
+    assert {name: value.reason for name, value in found.items()} == {
+        "solver.residual": "most in frame 2 (one, two)",
+        "solver.dropped_time": "most in frame 4 (ground, one)",
+        # the deepest contact of the frame is what was parted
+        "solver.parted_energy": "most in frame 6 (ground, two)",
+        "solver.caps": "most in frame 2 (one, two)",
+    }
+
+
+def test_a_resolved_run_is_zero_and_says_nothing(evidence):
+    """Give plain zeros that meet their limits, and no warning."""
+    told = evidence()
+    assert [METRICS[name].measure(told) for name in SOLVER_METRICS] == [{"": 0.0}] * 4
+    rows = rows_of(told)
+    assert [row.verdict for row in rows] == ["pass"] * 4
+    assert warned(told) is None
+
+
+def test_energy_taken_away_by_parting_counts_too(evidence):
+    """Judge parting that lowers bodies by its size."""
+    rows = {row.metric: row for row in rows_of(evidence({3: {"parted_energy": -0.1}}))}
+    assert rows["solver.parted_energy"].verdict == "fail"
+
+
+def test_other_engines_do_not_tell(evidence):
+    """Measure nothing where the engine counts nothing of it, and warn of nothing."""
+    told = evidence(names=("contacts",))
+    for name in SOLVER_METRICS:
+        with pytest.raises(NotMeasured, match="does not tell"):
+            METRICS[name].measure(told)
+    rows = rows_of(told, engine="mujoco", profile="recommended")
+    assert [row.verdict for row in rows] == ["skipped"] * 4
+    assert warned(told, "recommended", "mujoco") is None
+
+
+def test_one_line_names_scene_profile_frame_and_pair(evidence):
+    """Tell all that breaks a limit in one line: how large it is, in which frame, between which bodies."""
+    told = evidence({2: UNRESOLVED[2] | {"unconverged": 0}})
+    line = warned(told)
+    assert line == "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two)"
+    told = evidence(UNRESOLVED, (SHALLOW, TOUCH))
+    assert warned(told) == (
+        "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two); "
+        "0.003 s were not simulated, most of it in frame 4 (ground, one); "
+        "parting overlap added 0.75 J, most of it in frame 6 (ground, two); "
+        "caps reached: 3, most in frame 2 (one, two)"
+    )
+
+
+def test_known_failings_are_warned_of(evidence, monkeypatch):
+    """Warn of what is known to fail as well: the numbers of the run are no better for it."""
+    known = Known("solver.dropped_time", "reference", "it drops")
+    monkeypatch.setattr(limits, "KNOWN", (known,))
+    told = evidence({2: {"dropped_time": 0.01}})
+    assert [row.verdict for row in rows_of(told)] == ["pass", "known", "pass", "pass"]
+    assert "0.01 s were not simulated, most of it in frame 2" in str(warned(told))
+
+
+def test_a_frame_without_contacts_has_no_pair(evidence):
+    """Name the frame alone where no contact tells a pair."""
+    assert worst_place(evidence({3: {"gave_up": 1}}), *CAPS) == Place(3, None)
+    assert str(Place(3, None)) == "frame 3"
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+@pytest.mark.parametrize("name", SOLVER_METRICS)
+def test_every_scene_has_a_limit(profile, name):
+    """Judge each of these metrics in every scene of the catalogue, in both profiles that claim exactness."""
+    for scenario in catalogue().values():
+        row = Row("run", scenario.name, "reference", profile, 1 / 60, name, 1.0)
+        assert judged(row, scenario.tags).verdict in ("fail", "known")
+
+
+def test_the_papers_own_way_is_no_failing(evidence):
+    """Let `paper` hold contacts in turn: 1e-4 m/s, parting and caps are its method, dropped time is not."""
+    told = evidence({1: {"residual": 9e-5, "parted_energy": 1.0, "unconverged": 5}})
+    assert warned(told, "paper") is None
+    told = evidence({1: {"residual": 2e-4, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 1e-3}})
+    assert [row.metric for row in rows_of(told, "paper") if row.verdict == "fail"] == list(SOLVER_METRICS[:2])
+
+
+def test_sizes_are_no_work(evidence):
+    """Keep sizes and bodies out of the table of counts."""
+    assert set(METRICS["work"].measure(evidence(UNRESOLVED))) == {"contacts", *CAPS}
