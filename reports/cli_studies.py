@@ -140,6 +140,32 @@ def predictability(
     ended(frame, show, folder, output, quiet)
 
 
+@study.command("robustness")
+def robustness(
+    scenes: Annotated[int, typer.Option(min=1, help="Random scenes, of seeds from --seed on.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first scene.")] = 0,
+    kind: Annotated[str, typer.Option(help="Kind of all scenes (default: each as its seed says).")] = "",
+    perturbation: Annotated[float, typer.Option(min=0, help="Move each body by so many metres.")] = 0.0,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: reference).")] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/robustness-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
+    from reports.studies.robustness import PROFILES, run, tasks
+    from reports.studies.robustness_table import show
+    from scenarios.random_scenes import KINDS
+
+    columns = columns_for(engine or ["reference"], profile or [], PROFILES)
+    chosen = known("kind", kind, KINDS) if kind else None
+    asked = tasks(columns, scenes, seed, chosen, perturbation)
+    folder = out or folder_of_now("robustness-")
+    with measuring(len(asked), quiet) as progress:
+        frame = run(columns, asked, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+
+
 def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,

@@ -2,23 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import product
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """A documented failing of an engine. Strict: where the limit is met after all, the row fails."""
-
-    metric: str
-    engine: str
-    reason: str
-    scenario: str = ""
-    profile: str = ""
-    subject: str = ""
-    never: bool = False  # the failing is that an event never happens
-
+from reports.known_record import EVERY, Cause, Known
+from reports.known_stacks import STACKS, TIPS
 
 LANDING = "touchstone run ball_snip --engine {} --metric overlap.max"
 DISCRETE = (
@@ -63,25 +48,6 @@ GALLERY: tuple[Known, ...] = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Cause:
-    """Why an engine fails in some probes: metric -> scenes, each with `:subject` where not all are meant."""
-
-    engine: str
-    reason: str
-    seen: Mapping[str, str]
-    profiles: str = "recommended equal-step"
-
-    def known(self) -> Iterator[Known]:
-        """One entry per profile, metric and scene, each with the line that shows it."""
-        for profile, (metric, places) in product(self.profiles.split(), self.seen.items()):
-            for place in places.split():
-                scene, _, subject = place.partition(":")
-                shows = f"touchstone run {scene} --engine {self.engine} --profile {profile} --metric {metric}"
-                yield Known(metric, self.engine, f"{self.reason}: {shows}", scene, profile, subject)
-
-
-EVERY = "recommended equal-step tuned"
 DART_BOX = (
     "friction is bounded along two fixed directions, each by mu: sqrt 2 mu at 45 degrees, where a cube stops "
     "after 0.707 of the way, and a path that curves between"
@@ -370,6 +336,7 @@ CALIBRATION = tuple(
 KNOWN = (
     *GALLERY,
     FLUNG_OFF,
+    *TIPS,
     *CALIBRATION,
-    *(known for cause in (*PERSON, *PROBES) for known in cause.known()),
+    *(known for cause in (*PERSON, *PROBES, *STACKS) for known in cause.known()),
 )

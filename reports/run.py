@@ -199,7 +199,7 @@ def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list
         if metric.name not in asked:
             continue
         row = replace(base, metric=metric.name, unit=metric.unit)
-        if "heap" in scenario.tags and metric.name in PAIR_METRICS:
+        if {"heap", "collective"} & set(scenario.tags) and metric.name in PAIR_METRICS:
             rows.append(replace(row, verdict="skipped", reason="a heap has hundreds of pairs at a time"))
             continue
         try:

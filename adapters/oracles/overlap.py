@@ -28,6 +28,8 @@ MARGIN = 0.02
 """Distance within which pieces are looked at [m]: wider than any margin an engine keeps."""
 TOLERANCE = 1e-8
 """coal's GJK and EPA tolerance [m]: a hundredth of the 1e-6 m that is asked of a depth."""
+DOUBTFUL = 1e-4
+"""Depth from which both orders of a pair are asked for [m]: few exact engines overlap by as much."""
 ITERATIONS = 1000
 """coal's iteration caps: high enough that tolerance alone ends a query."""
 
@@ -154,7 +156,21 @@ class _Oracle:
 def signed_distance(
     shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose
 ) -> tuple[float, Array, Array]:
-    """Signed distance [m], normal A to B and midpoint of the witnesses of two posed coal shapes."""
+    """Signed distance [m], normal A to B and midpoint of the witnesses of two posed coal shapes.
+
+    coal's EPA may end at a face of the difference that is not the nearest. Each face bounds the depth from
+    above, so that deep overlaps are asked for both ways round: the shallower answer is the better one.
+    """
+    value, normal, middle = _asked(shape_a, pose_a, shape_b, pose_b)
+    if value < -DOUBTFUL:
+        other, reverse, place = _asked(shape_b, pose_b, shape_a, pose_a)
+        if other > value:
+            return other, -reverse, place
+    return value, normal, middle
+
+
+def _asked(shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose) -> tuple[float, Array, Array]:
+    """The same, asked one way round."""
     result = coal.DistanceResult()
     value = coal.distance(
         shape_a, coal.Transform3s(*pose_a), shape_b, coal.Transform3s(*pose_b), _request(), result

@@ -15,6 +15,7 @@ from reports.metrics import (
     rest,
     sliding,
     solver,
+    symmetry,
     timing,
     truth,
 )
@@ -39,6 +40,8 @@ _ALL = (
     Metric("events.land.place", "m", "none", events.event_place("land")),
     Metric("rest.speed", "m/s", "lower", rest.rest_speed),
     Metric("rest.lost", "1", "lower", rest.rest_lost),
+    Metric("rest.moved", "m", "lower", rest.rest_moved, _MM),
+    Metric("symmetry.mirror", "m/s", "lower", symmetry.symmetry_mirror),
     Metric("overlap.max", "m", "lower", overlap.overlap_max, _MM),
     Metric("overlap.p95", "m", "lower", overlap.overlap_p95, _MM),
     Metric("overlap.time", "m s", "lower", overlap.overlap_time, ("mm s", 1e3)),

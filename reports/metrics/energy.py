@@ -18,6 +18,8 @@ STORING_ANGLE = 1e-3
 def energy_gain(evidence: Evidence) -> Values:
     """Largest E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1].
 
+    Where a scene has no closed form, over the kinetic energy at the start.
+
     Frames in which a soft contact stores energy are left out, as in `energy.injected`.
     """
     return {"": float(_change(evidence).max())}
@@ -31,9 +33,14 @@ def energy_loss(evidence: Evidence) -> Values:
 def _change(evidence: Evidence) -> Array:
     if "conservative" not in evidence.scenario.tags:
         raise NotMeasured("not tagged conservative: friction, impacts or a drive do work")
-    energy = _mechanical(evidence, evidence.simulated)
+    energy = mechanical_energy(evidence, evidence.simulated)
     energy[_stores(evidence, evidence.simulated)] = np.nan
     kinetic = np.zeros(len(energy))
+    r = evidence.recording
+    for k in () if evidence.truths else evidence.simulated:
+        kinetic += _kinetic(
+            evidence, k, r.linear_velocity[:1, k], r.orientation[:1, k], r.angular_velocity[:1, k]
+        )
     for k, truth in evidence.truths.items():
         kinetic += _kinetic(evidence, k, truth.velocity, truth.orientation, truth.angular_velocity)
     free = energy[np.isfinite(energy)]
@@ -66,9 +73,9 @@ def energy_rise(evidence: Evidence) -> dict[str, Array]:
     if evidence.scenario.trackers and not np.isnan(work).any():
         moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
         stores = _stores(evidence, moving) | (limit_excess(evidence).max(axis=1, initial=0.0) > STORING_ANGLE)
-        found["all"] = _rise(_mechanical(evidence, moving) - work, stores)
+        found["all"] = _rise(mechanical_energy(evidence, moving) - work, stores)
     if evidence.simulated:
-        simulated = _mechanical(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
+        simulated = mechanical_energy(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
         found["simulated"] = _rise(simulated, _stores(evidence, evidence.simulated))
     return found
 
@@ -90,7 +97,7 @@ def energy_ledger(evidence: Evidence) -> Values:
     friction = np.einsum("ij,ij->i", tangential, mean)[free].sum()
     restitution = (normal * np.einsum("ij,ij->i", rows["normal"], mean))[free].sum()
     drive = _work_of_driven_contacts(evidence)[-1]
-    energy = _mechanical(evidence, evidence.simulated)
+    energy = mechanical_energy(evidence, evidence.simulated)
     correction = energy[-1] - energy[0] - friction - restitution - drive
     told = {"friction": friction, "restitution": restitution, "drive": drive, "correction": correction}
     return {name: float(value) for name, value in told.items()}
@@ -110,7 +117,7 @@ def _rise(s: Array, stores: Array) -> Array:
     return np.asarray(np.where(stores, 0.0, s - lowest))
 
 
-def _mechanical(evidence: Evidence, bodies: list[int]) -> Array:
+def mechanical_energy(evidence: Evidence, bodies: list[int]) -> Array:
     """Kinetic and potential energy per frame (f,) [J]; driven bodies feel no gravity."""
     r = evidence.recording
     energy = np.zeros(len(r.time))

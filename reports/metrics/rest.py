@@ -31,6 +31,19 @@ def rest_lost(evidence: Evidence) -> Values:
     return {"": float((~inside.all(axis=1)).sum())}
 
 
+def rest_moved(evidence: Evidence) -> Values:
+    """Largest distance of the centre of mass of a body that must rest from where it must be [m]; truth 0."""
+    found = {}
+    for truth in evidence.scenario.truths:
+        if truth.arcs and not any(any((*arc.velocity, *arc.acceleration)) for arc in truth.arcs):
+            body = evidence.scenario.body_index(truth.body)
+            error = evidence.mass_centers[:, body] - evidence.truths[body].position
+            found[truth.body] = float(np.linalg.norm(error, axis=1).max())
+    if not found:
+        raise NotMeasured("by the scene's truth no body rests all the time")
+    return worst(found)
+
+
 def _require(evidence: Evidence) -> None:
     if "settles" not in evidence.scenario.tags:
         raise NotMeasured("nothing has to come to rest")

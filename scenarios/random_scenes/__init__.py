@@ -50,10 +50,10 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
         `isolated` where nothing outside pushes, `conservative` where no energy may be lost either.
     """
     rng = np.random.default_rng(seed)
-    chosen = str(rng.choice(list(KINDS)))
+    drawn = _drawn_kind(rng)
+    kind = kind or drawn
     duration = int(rng.integers(*FRAMES)) / FRAME_RATE
     e, mu = _coefficient(rng), _coefficient(rng)
-    kind = kind or chosen
     setup = KINDS[kind](rng)
     hand = setup.hand
     tags = ["random", kind, *setup.tags]
@@ -75,6 +75,15 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
         effects=(*(("gravity",) if setup.gravity else ()), "restitution", "friction"),
         seed=seed,
     )
+
+
+def kind_of(seed: int, kind: str | None = None) -> str:
+    """The kind of `random_scene(seed, kind)`."""
+    return kind or _drawn_kind(np.random.default_rng(seed))
+
+
+def _drawn_kind(rng: Generator) -> str:
+    return str(rng.choice(list(KINDS)))
 
 
 def _coefficient(rng: Generator) -> float:

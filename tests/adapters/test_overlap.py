@@ -250,3 +250,33 @@ def test_overlap_is_of_the_deepest_pair(lab, recordings):
     )
     found = measure(recordings.recording(scenario, position=positions), scenario)
     assert found.overlap() == pytest.approx([0.0, 0.02, 0.03, 0.0], abs=TIGHT)
+
+
+def test_a_face_that_is_not_the_nearest_is_not_taken():
+    """Two cubes of a pyramid, nearly flat on each other: one way round coal tells 45 mm for 0.0127 mm."""
+    half = Box((0.05, 0.05, 0.05))
+    first = np.array(
+        [
+            [0.9999999957939156, -7.998186804897579e-05, -4.488952756769937e-05],
+            [7.997883451562644e-05, 0.9999999945184704, -6.757547892512672e-05],
+            [4.489493213467483e-05, 6.757188842880174e-05, 0.9999999967092426],
+        ]
+    )
+    second = np.array(
+        [
+            [0.9999999980840111, -4.333168340412091e-05, -4.4207952227124346e-05],
+            [4.332988089403316e-05, 0.9999999982300184, -4.0773578513120943e-05],
+            [4.4209718936672466e-05, 4.077166290969465e-05, 0.9999999981915861],
+        ]
+    )
+    below = (first, np.array([1.772690992097354e-05, -2.6052715478117825e-06, 0.5499169827392052]))
+    above = (second, np.array([0.05501541041303344, -4.505619300687475e-06, 0.6499081217511099]))
+    signs = np.array(list(product((-1, 1), repeat=3))) * 0.05
+    true, _ = minkowski.signed_distance(*(signs @ turn.T + place for turn, place in (below, above)))
+    found, normal, middle = signed_distance(coal_shape(half), below, coal_shape(half), above)
+    assert found == pytest.approx(true, abs=ASKED)
+    # from the lower to the upper cube, between both
+    assert normal[2] == pytest.approx(1.0, abs=1e-6)
+    assert middle[2] == pytest.approx(0.6, abs=1e-4)
+    back, reverse, _ = signed_distance(coal_shape(half), above, coal_shape(half), below)
+    assert (back, -reverse[2]) == (pytest.approx(true, abs=ASKED), pytest.approx(1.0, abs=1e-6))

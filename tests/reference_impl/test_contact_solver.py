@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.conventions import RESIDUAL_ACCEPTED, IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER
+from reference_impl.conventions import IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER, RESIDUAL_ACCEPTED
 
 HALF = 0.05
 

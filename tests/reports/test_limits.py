@@ -17,7 +17,7 @@ from reports.bench.poses import FAMILIES
 from reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
 from reports.metrics import METRICS
 from reports.results import VERDICTS, Row
-from reports.studies import effects
+from reports.studies import effects, robustness
 from reports.studies.calibration_rows import ALL, LARGEST
 from reports.studies.calibration_scenes import SHAPES
 from reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
@@ -54,6 +54,10 @@ def test_every_entry_names_what_exists(entry):
         assert entry.engine in ("", *DETECTORS)
         assert entry.subject in ("", *DETECTORS)
         assert entry.scenario in (*FAMILIES, MOTION, BALLS, BROAD_PHASE, VERTICES)
+        return
+    if entry.metric in robustness.METRICS:
+        assert (entry.engine, entry.scenario) == ("reference", robustness.ALL)
+        assert entry.profile in ENGINES["reference"].profiles
         return
     if entry.metric in effects.JUDGED:
         assert entry.engine == effects.REFERENCE

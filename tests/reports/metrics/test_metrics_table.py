@@ -14,7 +14,10 @@ from reports.metrics.evidence import Evidence, NotMeasured, Value
 from scenarios.catalogue import catalogue, tagged
 
 UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad", "rad/s"}
-OF_PROBES = ("truth.", "bounce.", "rotation.", "rolling.", "rest.", "momentum.", "energy.gain", "energy.loss")
+OF_PROBES = (
+    *("truth.", "bounce.", "rotation.", "rolling.", "rest.", "symmetry.", "momentum."),
+    *("energy.gain", "energy.loss"),
+)
 """Metrics that need a closed form or a tag that scenes of the gallery do not have."""
 ELSEWHERE = ("events.meet", "events.part", "joint.cone", "posture.deviation", "posture.over_best")
 """Metrics of other scenes of the gallery than `ball_snip`."""

@@ -1,0 +1,62 @@
+"""Towers of equal cubes, in line or not, and a light cube under a heavy one: all stay where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarios.catalogue import scene
+from scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector
+from scenarios.solids import block, slab
+
+HALF = 0.05
+"""Half an edge of a cube [m]."""
+HEIGHTS = (10, 20, 40)
+"""Cubes of the towers."""
+JITTER = 2e-3
+"""Largest offset of a cube from the axis along x and y [m]: the weight above stays within each face."""
+LOADS = {"load_1e4": 1e4, "load_1e6": 1e6}
+"""Mass of the upper of two cubes, the lower has 1 kg [kg]."""
+
+
+@scene
+def towers() -> tuple[Scenario, ...]:
+    """Cubes in exact contact above each other, one second: nothing moves."""
+    return tuple(
+        _resting(f"tower_{count}", f"a tower of {count} cubes stands", [1.0] * count, np.zeros((count, 2)))
+        for count in HEIGHTS
+    )
+
+
+@scene
+def jittered_tower() -> Scenario:
+    """Twenty cubes off the axis by seeded offsets."""
+    offsets = np.random.default_rng(0).uniform(-JITTER, JITTER, (20, 2))
+    return _resting("tower_20_jittered", "a tower of 20 cubes out of line stands", [1.0] * 20, offsets)
+
+
+@scene
+def loads() -> tuple[Scenario, ...]:
+    """A cube on one of 1 kg."""
+    return tuple(
+        _resting(name, f"a cube of {mass:g} kg rests on one of 1 kg", [1.0, mass], np.zeros((2, 2)))
+        for name, mass in LOADS.items()
+    )
+
+
+def _resting(name: str, summary: str, masses: list[float], offsets: np.ndarray) -> Scenario:
+    """Cubes above each other, from below, with their masses [kg] and offsets (n, 2) [m]."""
+    places: dict[str, Vector] = {
+        f"box_{k + 1}": (float(x), float(y), (2 * k + 1) * HALF) for k, (x, y) in enumerate(offsets)
+    }
+    return Scenario(
+        name=name,
+        summary=summary,
+        tags=("probe",),
+        bodies=(
+            slab("floor", "wood"),
+            *(block(box, "wood", (HALF,) * 3, m, at) for (box, at), m in zip(places.items(), masses)),
+        ),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, 0.5),),
+        duration=1.0,
+        truths=tuple(Truth(box, "arcs", (Arc(0.0, at),)) for box, at in places.items()),
+    )

@@ -1,0 +1,119 @@
+"""Random scenes on the reference: energy created, overlap or a broken-off run shows without any truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adapters.engine import Engine, Settings
+from reports.limits import judged
+from reports.studies.robustness import Run, line, rows_of_runs
+from reports.studies.robustness_play import EXACT, Task, assess
+from scenarios.random_scenes.bodies import masses, random_orientation, random_shape, scattered, solid, support
+from scenarios.random_scenes.setup import DOWN
+from scenarios.scenario import Body, PairCoefficients, Scenario, vector
+from scenarios.solids import slab
+
+FRAME = 1 / 60
+PROFILES = ("balanced", "accurate")
+FEW, MANY, PART = 100, 5000, 500
+"""Scenes per profile: in every run of the tests, and in the slow ones, which play them in parts."""
+BEING_MENDED = pytest.mark.xfail(reason="the contact solver is being rewritten", strict=False)
+
+pytestmark = pytest.mark.timeout(3600)  # five hundred scenes take minutes
+
+
+@cache
+def reference() -> Engine:
+    """The reference, loaded once."""
+    from adapters.registry import load
+
+    return load("reference")
+
+
+def played(profile: str, seeds: range) -> list[Run]:
+    """The assessed scenes of some seeds."""
+    pytest.importorskip("coal", reason="not installed (pip install 'touchstone[pin]')")
+    pytest.importorskip("fcl", reason="not installed (pip install 'touchstone[fcl]')")
+    asked = [Task("reference", Settings(profile, FRAME), seed) for seed in seeds]
+    return [(task, assess(reference(), task.scenario, task.settings, EXACT)) for task in asked]
+
+
+def broken(runs: list[Run]) -> list[str]:
+    """The limits that runs break, and what to type to see the worst."""
+    rows = [judged(row, ()) for row in rows_of_runs(runs)]
+    failed = [f"{row.metric} = {row.value:.3g} > {row.limit:g}" for row in rows if row.verdict == "fail"]
+    worst = [f"{row.subject} {row.value:.3g}: {row.reason}" for row in rows if row.metric == "run"]
+    return failed and [*failed, *worst]
+
+
+@BEING_MENDED
+@pytest.mark.parametrize("profile", PROFILES)
+def test_random_scenes_break_no_limit(profile: str) -> None:
+    """A hundred scenes explode in no case, gain no energy, overlap nowhere, are solved and end in time."""
+    assert broken(played(profile, range(FEW))) == []
+
+
+@BEING_MENDED
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("first", range(0, MANY, PART))
+def test_5000_random_scenes_break_no_limit(profile: str, first: int) -> None:
+    """The same for five thousand scenes."""
+    assert broken(played(profile, range(first, first + PART))) == []
+
+
+@BEING_MENDED
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_rounding_apart_ends_alike(profile: str) -> None:
+    """Scenes that start 1e-16 m apart end in the same class."""
+    own = played(profile, range(FEW))
+    asked = [Task("reference", Settings(profile, FRAME), seed, perturbation=1e-16) for seed in range(FEW)]
+    there = [assess(reference(), task.scenario, task.settings, EXACT).outcome for task in asked]
+    differ = [line(task) for (_, one), two, task in zip(own, there, asked) if one.outcome != two]
+    assert differ == []
+
+
+def small_scene(seed: int, count: int, kinds: tuple[str, ...], e: float, mu: float) -> Scenario:
+    """Boxes or balls close to each other that fall on a floor from up to 5 cm, or stand on it."""
+    rng = np.random.default_rng(seed)
+    reach = 0.05
+    places = scattered(rng, count, reach, int(rng.integers(1, 3)), float(rng.choice([0.0, 0.05])))
+    loads = masses(rng, count, float(rng.choice([1.0, 100.0])))
+    bodies: list[Body] = [slab("floor", "wood")]
+    for k, place in enumerate(places):
+        shape = random_shape(rng, reach, kinds)
+        turn = random_orientation(rng) if rng.random() < 0.5 else (1.0, 0.0, 0.0, 0.0)
+        if place[2] < 2 * reach:
+            place[2] = support(shape, turn, DOWN)
+        spin = vector(rng.normal(size=3) * rng.choice([0.0, 5.0]))
+        bodies.append(solid(f"body_{k}", shape, loads[k], vector(place), turn, spin=spin))
+    coefficients = (PairCoefficients("wood", "wood", e, mu),)
+    return Scenario("small", "a test", (), tuple(bodies), 0.5, coefficients, seed=seed)
+
+
+coefficient: Callable = st.sampled_from([0.0, 1.0]) | st.floats(0.0, 1.0)
+
+
+@BEING_MENDED
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(2, 4),
+    kinds=st.sampled_from([("box",), ("sphere",), ("box", "sphere")]),
+    e=coefficient,
+    mu=coefficient,
+    profile=st.sampled_from(PROFILES),
+)
+def test_few_boxes_and_balls(
+    seed: int, count: int, kinds: tuple[str, ...], e: float, mu: float, profile: str
+) -> None:
+    """Two to four boxes and balls do what they may, whatever their coefficients."""
+    found = assess(reference(), small_scene(seed, count, kinds, e, mu), Settings(profile, FRAME), EXACT)
+    assert (found.outcome, found.reason) == ("ok", "")

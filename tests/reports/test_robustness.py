@@ -1,0 +1,174 @@
+"""The study robustness: engines that misbehave in one way each fall into their class, whatever the scene."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from adapters.engine import Settings
+from adapters.registry import ENGINES
+from reports.studies import robustness as study
+from reports.studies.robustness import ALL, line, run, table_of_runs, tasks
+from reports.studies.robustness_picture import rise_over_residual
+from reports.studies.robustness_play import EXACT, Task, assess, available
+from reports.studies.robustness_table import short, show
+from scenarios.random_scenes import random_scene
+from scenarios.scenario import PairCoefficients, Scenario
+from scenarios.solids import ball, block, slab
+
+SETTINGS = Settings("balanced", 1 / 60)
+TOWER = next(seed for seed in range(100) if random_scene(seed).tags[1] == "tower")
+"""A seed of a tower, which stands in exact contact."""
+FREE = next(seed for seed in range(100) if random_scene(seed).tags[1] == "free")
+CLASSES = {
+    "rests": "ok",
+    "silent": "ok",
+    "unsupported": "skipped",
+    "reports": "error",
+    "not finite": "not finite",
+    "explodes": "exploded",
+    "falls through": "passed",
+    "sinks": "overlap",
+    "creeps": "rise",
+    "stalls": "residual",
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _importable():
+    """Let this process and its children, which inherit its path, import the fake engines."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parent))
+        yield
+    sys.modules.pop("fake_random_engines", None)
+
+
+@pytest.fixture
+def fakes():
+    """The loader of the fake engines."""
+    pytest.importorskip("coal")
+    from fake_random_engines import load
+
+    return load
+
+
+def test_energy_at_the_start_is_that_of_the_closed_form():
+    """Add m v^2 / 2, w.I w / 2 and m g times the height over the lowest point of all."""
+    spin, speed = (0.0, 0.0, 30.0), (0.0, 2.0, 0.0)
+    bodies = (
+        slab("floor", "wood"),
+        ball("ball", "wood", 0.05, 2.0, (0.0, 0.0, 0.25), speed, spin),
+        block("box", "wood", (0.1, 0.1, 0.03), 3.0, (1.0, 0.0, 0.04)),
+    )
+    scene = Scenario("s", "", (), bodies, 0.5, (PairCoefficients("wood", "wood", 0.0, 0.0),))
+    kinetic = 2.0 * 4 / 2 + 0.4 * 2.0 * 0.05**2 * 900 / 2
+    # the box's lower face is at 0.01 m
+    assert available(scene) == pytest.approx(kinetic + 9.81 * (2.0 * 0.24 + 3.0 * 0.03), rel=1e-14)
+    assert available(replace(scene, effects=())) == pytest.approx(kinetic, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_runs_fall_into_their_class(fakes, name):
+    """Tell runs apart that end early, gain energy, overlap, pass, stall or go well."""
+    scene = random_scene(TOWER)
+    found = assess(fakes(name), scene, SETTINGS, EXACT)
+    assert found.outcome == CLASSES[name]
+    if name == "rests":
+        assert (found.frames, found.rise, found.overlap < 1e-8) == (scene.frame_count, 0.0, True)
+        assert found.residual == 1e-12
+    if name == "creeps":
+        moving = sum(body.mass for body in scene.bodies if body.kind == "simulated")
+        assert found.rise == pytest.approx(1.5 * moving * 1e-4 / available(scene), rel=1e-12)
+    if name == "silent":
+        assert (found.residuals, np.isnan(found.residual)) == ((), True)
+    if name == "reports":
+        assert (found.reason.startswith("reports: lost its way"), found.frames) == (True, 2)
+
+
+def test_momentum_of_isolated_scenes_is_judged(fakes):
+    """Find the momentum that vanishes where bodies stop in the air, but not where none has to be kept."""
+    assert assess(fakes("stops"), random_scene(FREE), SETTINGS, EXACT).outcome == "momentum"
+    assert np.isnan(assess(fakes("rests"), random_scene(TOWER), SETTINGS, EXACT).momentum)
+
+
+def test_a_study_outlives_those_that_hang_or_die(fakes, tmp_path):
+    """Count a hang and a death, replace the process, and play the others."""
+    names = ("rests", "hangs", "dies", "rests", "unsupported", "explodes")
+    asked = [Task(name, SETTINGS, TOWER + k) for k, name in enumerate(names)]
+    told = []
+    frame = run([], asked, tmp_path / "out", lambda label, steps: told.append(steps), fakes, patience=15.0)
+    assert sum(told) == len(asked)
+    runs = pd.read_csv(tmp_path / "out" / "runs.csv")
+    assert runs.engine.tolist() == list(names)
+    assert runs.outcome.tolist()[1:3] == ["hang", "error"]
+    assert runs.outcome.tolist()[4] == "skipped"
+    counts = frame[(frame.scenario == ALL) & (frame.engine == "dies")].set_index("metric").value
+    assert counts["robustness.error"] == 1
+    assert (tmp_path / "out" / "robustness.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_limits_hold_for_the_reference_alone(fakes):
+    """Judge the counts and spreads over all kinds of the reference; list the worst with their lines."""
+    found = [
+        assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("explodes", "rests", "stalls")
+    ]
+    tasks_of = {e: [Task(e, SETTINGS, TOWER)] * 3 for e in ("reference", "dart")}
+    for engine, asked in tasks_of.items():
+        rows = [study.judged(row, ()) for row in study.rows_of_runs(list(zip(asked, found)))]
+        verdicts = {row.metric: row.verdict for row in rows if row.scenario == ALL}
+        broken = {metric for metric, verdict in verdicts.items() if verdict == "fail"}
+        expected = {"robustness.exploded", "robustness.rise.max", "robustness.rise.p99"}
+        assert broken == (expected | {"robustness.residual.p995"} if engine == "reference" else set())
+        assert {row.verdict for row in rows if row.scenario == "tower"} == {""}
+        worst = [row for row in rows if row.metric == "run"]
+        assert [row.subject for row in worst] == ["exploded", "residual"]
+        assert worst[0].reason.startswith(f"{line(asked[0])}: diverged")
+
+
+def test_a_line_names_all_that_a_run_was():
+    """Repeat engine, profile, seed, kind and perturbation."""
+    task = Task("dart", Settings("tuned", 1e-3), 7, "heap", 1e-16)
+    assert line(task) == (
+        "touchstone study robustness --scenes 1 --seed 7 --engine dart --profile tuned "
+        "--kind heap --perturbation 1e-16"
+    )
+    assert task.scenario.name == random_scene(7).name
+    moved = np.array([body.position for body in task.scenario.bodies])
+    there = np.array([body.position for body in random_scene(7, "heap").bodies])
+    assert 0 < np.abs(moved - there).max() < 1e-15
+
+
+def test_tasks_are_seeds_per_column():
+    """Ask for every seed on every column."""
+    found = tasks([("reference", "balanced"), ("reference", "accurate")], 3, 10)
+    assert [task.seed for task in found] == [10, 11, 12] * 2
+    assert {task.settings.dt for task in found} == {ENGINES["reference"].profiles["balanced"]}
+
+
+def test_what_is_shown(fakes, capsys):
+    """Print a table per column with the classes that occur, the limits that broke and the worst runs."""
+    asked = [Task("reference", SETTINGS, TOWER)] * 2
+    found = [assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("explodes", "rests")]
+    rows = [study.judged(row, ()) for row in study.rows_of_runs(list(zip(asked, found)))]
+    show(study.table(rows), Console(width=120, force_terminal=False))
+    text = capsys.readouterr().out
+    assert "robustness: reference, balanced" in text
+    assert "limit broken: reference balanced: robustness.exploded" in text
+    assert f"--seed {TOWER} --engine reference" in text
+    assert (short(3.26e-5), short(0.0), short(2e300)) == ("3e-5", "0", "2e300")
+
+
+def test_the_picture_is_drawn_of_few_or_none(fakes, tmp_path):
+    """Draw runs without residual, without rise, and no runs at all."""
+    asked = [Task("reference", SETTINGS, TOWER)] * 2
+    found = [assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("silent", "not finite")]
+    runs = table_of_runs(list(zip(asked, found)))
+    for k, part in enumerate((runs, runs[:0])):
+        rise_over_residual(part, tmp_path / f"{k}.png")
+        assert (tmp_path / f"{k}.png").read_bytes().startswith(b"\x89PNG")
