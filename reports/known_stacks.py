@@ -76,8 +76,8 @@ DART_TIP = (
 )
 DART_BOX = "friction is bounded along two fixed directions, each by mu: up to sqrt 2 mu between them"
 DART_SEIDEL = (
-    "the NSGS solver (tuned) stops after its rounds: tower_20 moves by 23 mm and load_1e4 by 0.1 m, less than "
-    "1 mm by the pivoting one (recommended)"
+    "the NSGS solver (tuned) stops after its rounds: tower_20 moves by 23 mm and load_1e4 by 0.1 m, less "
+    "than 1 mm by the pivoting one (recommended)"
 )
 TIPS = tuple(
     Known(

@@ -55,7 +55,6 @@ def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
             "What random scenes do to the energy, and how well contacts are solved\n",
             x=0.01, ha="left", color=INK, fontsize=13, fontweight="bold",
         )  # fmt: skip
-        figure.supxlabel("largest residual of a frame [m/s]", color=INK, fontsize=9.5)
         figure.supylabel(
             "largest rise of energy in a frame, over that at the start [1]", color=INK, fontsize=9.5
         )
@@ -72,6 +71,7 @@ def _panel(axes: Axes, runs: pd.DataFrame) -> None:
             )  # fmt: skip
     axes.axvline(UNSOLVED, color=PALE, linewidth=0.8, linestyle=":")
     axes.axhline(EXACT.rise, color=PALE, linewidth=0.8, linestyle=":")
+    axes.set_xlabel("largest residual of a frame [m/s]", color=INK, fontsize=9)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlim(FLOOR / 3, CEILING * 3)
