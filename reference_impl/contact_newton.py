@@ -47,20 +47,28 @@ from reference_impl.rotation import copy_vector, invert_symmetric
 
 
 @kernel
-def newton(solver, state):
-    """Improve the impulses of an island until they reach RESIDUAL_TARGET or improve no more; `keep_best`."""
+def newton(solver, sticking, state):
+    """Improve the impulses of an island until they reach RESIDUAL_TARGET or improve no more; `keep_best`.
+
+    Args:
+        sticking: begin with rows that all stick, or as the present impulses classify them.
+    """
     work = lay_out(solver)
     if work < 0:
         return
     rows, count = solver["rows"], solver["row_count"]
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
-    # the sweeps classify the rows; the answer nearest to the start is sought
+    # the answer nearest to the start is sought
     compliance, last, stalled = COMPLIANCE_FIRST, solver["best_residual"], 0
     for k in range(count):
         rows[k]["slides"] = 0
-    _classify(solver, last)
+    if not sticking:
+        _classify(solver, last)
     for k in range(count):
+        if sticking:
+            rows[k]["slides"] = 1 if rows[k]["friction"] == 0 else 0
+            rows[k]["radius"] = rows[k]["shift"] = 0.0
         copy_vector(rows[k]["start"], rows[k]["centre"])
     left = min(NEWTON_FACTORS, int(max(state["newton_work"], NEWTON_ALLOWANCE) / work))
     while left > 0:

@@ -128,10 +128,12 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        newton(solver, state)
-        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
-            return
-        take_best(solver)
+        # neither beginning solves all that the other does
+        for sticking in (False, True):
+            newton(solver, sticking, state)
+            take_best(solver)
+            if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+                return
     most = max(MOST_SWEEPS, MOST_VISITS // rows)
     _sweep(solver, state, DENSE_SWEEPS if state["crowded"] == 1 else most)
 

@@ -2,7 +2,7 @@
 
 from reference_impl.conventions import SIMULATED
 from reference_impl.free_rotation import free_omega, is_isotropic, refresh_inertia, rotate_freely
-from reference_impl.kernel import kernel
+from reference_impl.kernel import inlined_kernel, kernel
 from reference_impl.motion import flight_motion, flight_way, pose_along
 from reference_impl.rotation import copy_quaternion, copy_vector, invert_symmetric, matrix_of, rotate
 from reference_impl.skeleton import move_links
@@ -68,7 +68,7 @@ def begin_again(bodies, joints, drivers):
         move_links(bodies, joints, drivers[d])
 
 
-@kernel
+@inlined_kernel
 def set_ways(bodies, pairs, held, h, flight):
     """How simulated bodies move over a substep of length h, from their old velocities to their new ones.
 
