@@ -24,6 +24,7 @@ from reference_impl.conventions import (
     COMPLIANCE_FALL,
     COMPLIANCE_FIRST,
     COMPLIANCE_LEAST,
+    COMPLIANCE_SLIDING,
     COUNT_FACTORS,
     INNER_SHARE,
     LINE_SHARE,
@@ -93,9 +94,10 @@ def newton(solver, sticking, state):
             stalled += 1
             if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
-            compliance = max(COMPLIANCE_LEAST, COMPLIANCE_FALL * compliance)
+            compliance *= COMPLIANCE_FALL
         last = residual
-        _classify(solver, residual)
+        slides = _classify(solver, residual)
+        compliance = max(COMPLIANCE_SLIDING if slides else COMPLIANCE_LEAST, compliance)
 
 
 @kernel
@@ -104,7 +106,10 @@ def _classify(solver, residual):
 
     Args:
         residual: up to which sliding is the error of an unfinished answer [m/s].
+    Returns:
+        Whether any row slides.
     """
+    any_slides = False
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, n, f, mu = row["impulse"], row["normal"], row["free"], row["friction"]
@@ -123,6 +128,8 @@ def _classify(solver, residual):
         _set_radius(row, mu * j, sliding and slid)
         row["slides"] = 1 if sliding or mu == 0 else 0
         row["shift"] = 0.0 if j > 0 else mu * slip
+        any_slides = any_slides or sliding
+    return any_slides
 
 
 @kernel

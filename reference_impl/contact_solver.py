@@ -36,6 +36,7 @@ from reference_impl.conventions import (
     COUNT_SWEEPS,
     COUNT_UNCONVERGED,
     DENSE_SWEEPS,
+    DENSE_VISITS,
     FIRST_SWEEPS,
     FLIGHT_BALLISTIC,
     FRICTION_PAPER,
@@ -134,8 +135,10 @@ def _iterate(solver, state):
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
-    most = max(MOST_SWEEPS, MOST_VISITS // rows)
-    _sweep(solver, state, DENSE_SWEEPS if state["crowded"] == 1 else most)
+    if state["crowded"] == 1:
+        _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))
+    else:
+        _sweep(solver, state, max(MOST_SWEEPS, MOST_VISITS // rows))
 
 
 @kernel

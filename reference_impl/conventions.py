@@ -207,6 +207,8 @@ IMPULSE_CAP = 200
 """Impulses of one event."""
 LANDING_DEPTH = 1e-7
 """Sinking of a touching pair at which one more of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
+LANDING_EVENTS = 128
+"""Events of a frame after which touching pairs are left to sink until the end of their substep."""
 LANDING_MIN = 1e-9
 """Fraction of a substep within which no touching pair lands: it would land again and again [1]."""
 SINKING_SLACK = 2.5e-7
@@ -229,6 +231,8 @@ EVENT_CAP = 192
 """Substeps of one frame: CROWD_EVENTS, DENSE_PARTS, and as many again for impacts that dense parts find."""
 DENSE_PARTS = 32
 """Parts of a frame into which dense substeps divide it at most for what turns."""
+DENSE_SPEED = 0.01
+"""Speed of polyhedra that touch, from which half as many parts are the least [m/s]: their points move."""
 DENSE_SINKING = 2e-7
 """Sinking of a turning body over a dense substep that its length allows [m]: a fifth of OVERLAP_TOLERANCE."""
 HOLD_MEMORY = 4096
@@ -242,23 +246,24 @@ FIRST_SWEEPS = 8
 """Sweeps before Newton's method: they tell which contacts slide and which are open."""
 MOST_SWEEPS, MOST_VISITS = 200, 20_000
 """Sweeps where Newton's method is not used or failed, or visits to a row where those are more: about 2 ms."""
-DENSE_SWEEPS = 40
+DENSE_SWEEPS, DENSE_VISITS = 40, 4_000
 """The same in a dense substep: a frame has tens of them, and each starts from the forces of the last."""
 SLIDE_STEPS = 40
 """Steps for the friction of one row that slides; about 5 are usual."""
 SLIDE_ROUNDING = 1e-15
 """Deviation from the cone, over it, at which that friction is found [1]: some roundings."""
-COMPLIANCE_FIRST, COMPLIANCE_LEAST, COMPLIANCE_FALL = 1e-3, 1e-7, 0.1
-"""Compliance of the proximal problem over the row's own mobility [1]: first, least (rounding is 1e-16 of the
-velocity over it), and its factor where the residual falls slowly."""
+COMPLIANCE_FIRST, COMPLIANCE_SLIDING, COMPLIANCE_LEAST, COMPLIANCE_FALL = 1e-3, 1e-5, 1e-7, 0.1
+"""Compliance of the proximal problem over the row's own mobility [1]: first; least where rows slide, whose
+friction converges last; least of all (rounding is 1e-16 of the velocity over it); and its factor where the
+residual falls slowly."""
 RESIDUAL_FALL = 0.1
 """Share of the residual that an outer iteration may leave before the compliance falls [1]."""
 INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which a minimum is found [1]."""
-NEWTON_INNER, NEWTON_FACTORS = 25, 150
+NEWTON_INNER, NEWTON_FACTORS = 25, 80
 """Factorisations of one minimum, and of all of an island."""
-NEWTON_WORK, NEWTON_ALLOWANCE = 5e7, 4e5
-"""Multiplications of all factorisations of a frame, where they are fewer: some 50 ms; and of an island
+NEWTON_WORK, NEWTON_ALLOWANCE = 1e7, 1e5
+"""Multiplications of all factorisations of a frame, where they are fewer: some 10 ms; and of an island
 when these are used up. What is larger then goes by sweeps."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged answer is taken."""

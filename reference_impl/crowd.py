@@ -11,7 +11,7 @@ their gap along a normal (speculative contacts: Anitescu & Potra 1997; Catto 201
 from math import ceil, sqrt
 
 from reference_impl.contact import surface_velocity
-from reference_impl.contact_patch import expand_patches
+from reference_impl.contact_patch import expand_patches, is_polyhedral
 from reference_impl.conventions import (
     APPROACH_MIN,
     COUNT_CROWDED,
@@ -22,6 +22,7 @@ from reference_impl.conventions import (
     CROWD_SUBSTEPS,
     DENSE_PARTS,
     DENSE_SINKING,
+    DENSE_SPEED,
     IMPACT_SHARE,
     IMPACT_SLACK,
     IMPACT_TARGET,
@@ -100,20 +101,24 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
             _coast(bodies[b], g, left)
     found = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
     # substeps so short that no impact with restitution comes much too early
-    fastest, reach, bend = v_rest, v_rest * state["dt"], 0.0
+    fastest, reach, bend, shifting = v_rest, v_rest * state["dt"], 0.0, False
     for k in range(found):
         pair = pairs[k]
         _measure(bodies, pieces, vertices, pair, state)
         if pair["distance"] < pair["key"] * left:
             fastest = max(fastest, pair["key"])
         if pair["distance"] < max(TOUCH_DISTANCE, pair["key"] * left):
+            a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
             bend = max(bend, _centripetal(bodies[pair["body_a"]], pieces[pair["piece_a"]], vertices))
             bend = max(bend, _centripetal(bodies[pair["body_b"]], pieces[pair["piece_b"]], vertices))
+            shifting = shifting or (is_polyhedral(a, b) and _meeting_speed(state) > DENSE_SPEED)
     parts = CROWD_SUBSTEPS if fastest > 0 else 1
     if reach > 0 and fastest * left <= CROWD_SUBSTEPS * reach:
         parts = ceil(fastest * left / reach)
-    # and so short that the points of what turns stay where their contacts hold them
-    parts = max(parts, ceil(min(left * sqrt(bend / (2 * DENSE_SINKING)), DENSE_PARTS * left / state["dt"])))
+    # and so short that points stay where their contacts hold them: of what turns, and of faces that slide
+    most = DENSE_PARTS * left / state["dt"]
+    parts = max(parts, ceil(most / 2 if shifting else 0.0))
+    parts = max(parts, ceil(min(left * sqrt(bend / (2 * DENSE_SINKING)), most)))
     h, end = left / parts, 0
     for k in range(found):
         pair = pairs[k]
@@ -131,6 +136,13 @@ def _gather_near(bodies, pieces, vertices, pairs, state, left):
         end += 1
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, h
+
+
+@kernel
+def _meeting_speed(state):
+    """Speed of B's witness against A's, of the pair measured last [m/s]."""
+    a, b = state["velocity_a"], state["velocity_b"]
+    return sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
 
 
 @kernel

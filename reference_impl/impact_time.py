@@ -2,11 +2,13 @@
 
 from reference_impl.contact_patch import is_polyhedral
 from reference_impl.conventions import (
+    COUNT_EVENTS,
     COUNT_UNCONVERGED,
     DETECTION_SWEEP,
     IMPACT_SHARE,
     IMPACT_STEPS,
     LANDING_DEPTH,
+    LANDING_EVENTS,
     LANDING_MIN,
     OVERLAP_TOLERANCE,
     SINKING_SLACK,
@@ -61,8 +63,8 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
         late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
         if late == first:
             return first, start < -OVERLAP_TOLERANCE
-    # dense substeps are so short that little sinks
-    if state["crowded"] == 1:
+    # what sinks in a short substep is parted: what is round, and all once most events are used up
+    if state["counters"][COUNT_EVENTS] >= LANDING_EVENTS or (state["crowded"] == 1 and not polyhedral):
         return first, True
     if not polyhedral:
         if not sweeps:
