@@ -203,6 +203,8 @@ SLIP_MIN = 1e-9
 """Sliding speed without a direction [m/s]."""
 ENERGY_ROUNDING = 1e-13
 """Gain of energy over the work of the impulse against the approach that is rounding [1]: M's condition."""
+UNPAID_ROUNDING = 1e-12
+"""Rise of an island's energy that its motion cannot pay, over its energies, that is rounding [1]."""
 IMPULSE_CAP = 200
 """Impulses of one event."""
 LANDING_DEPTH = 1e-7

@@ -9,7 +9,7 @@ not. Islands that a driver pushes are left alone.
 
 from math import sqrt
 
-from reference_impl.conventions import ENERGY_ROUNDING, SIMULATED
+from reference_impl.conventions import ENERGY_ROUNDING, SIMULATED, UNPAID_ROUNDING
 from reference_impl.islands import mover_of
 from reference_impl.kernel import kernel
 from reference_impl.parting import kinetic_energy
@@ -50,7 +50,9 @@ def guard_energy(bodies, drivers, pairs, count, state):
                 if island["counted"] == 0:
                     island["counted"] = 1
                     state["guarded_energy"] += island["rise"]
-                    state["parted_energy"] += max(0.0, island["rise"] - _loose_motion(island))
+                    unpaid = island["rise"] - _loose_motion(island)
+                    if unpaid > UNPAID_ROUNDING * island["scale"]:
+                        state["parted_energy"] += unpaid
 
 
 @kernel

@@ -21,9 +21,11 @@ from scenarios.solids import slab
 
 FRAME = 1 / 60
 PROFILES = ("balanced", "accurate")
-FEW, MANY, PART = 100, 5000, 500
+FEW, MANY, PART = 30, 5000, 500
 """Scenes per profile: in every run of the tests, and in the slow ones, which play them in parts."""
-BEING_MENDED = pytest.mark.xfail(reason="the contact solver is being rewritten", strict=False)
+LAWS = ("error", "hang", "not_finite", "exploded", "passed", "rise")
+"""Metrics that no random scene may break: what the guarantee of the solver promises."""
+OPEN = pytest.mark.xfail(reason="heaps and wedges leave residuals over 1e-7 m/s, and sink", strict=False)
 
 pytestmark = pytest.mark.timeout(3600)  # five hundred scenes take minutes
 
@@ -44,36 +46,51 @@ def played(profile: str, seeds: range) -> list[Run]:
     return [(task, assess(reference(), task.scenario, task.settings, EXACT)) for task in asked]
 
 
-def broken(runs: list[Run]) -> list[str]:
-    """The limits that runs break, and what to type to see the worst."""
+def broken(runs: list[Run], laws: tuple[str, ...] = ()) -> list[str]:
+    """The limits that runs break, of some laws or all, and what to type to see the worst."""
     rows = [judged(row, ()) for row in rows_of_runs(runs)]
-    failed = [f"{row.metric} = {row.value:.3g} > {row.limit:g}" for row in rows if row.verdict == "fail"]
+    failed = [
+        f"{row.metric} = {row.value:.3g} > {row.limit:g}"
+        for row in rows
+        if row.verdict == "fail" and (not laws or row.metric.split(".")[1] in laws)
+    ]
     worst = [f"{row.subject} {row.value:.3g}: {row.reason}" for row in rows if row.metric == "run"]
     return failed and [*failed, *worst]
 
 
-@BEING_MENDED
+@cache
+def few(profile: str) -> list[Run]:
+    """The scenes of every run of the tests."""
+    return played(profile, range(FEW))
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_random_scenes_gain_no_energy(profile: str) -> None:
+    """Random scenes explode in no case, gain no energy, pass through nothing, and end in time."""
+    assert broken(few(profile), LAWS) == []
+
+
+@OPEN
 @pytest.mark.parametrize("profile", PROFILES)
 def test_random_scenes_break_no_limit(profile: str) -> None:
-    """A hundred scenes explode in no case, gain no energy, overlap nowhere, are solved and end in time."""
-    assert broken(played(profile, range(FEW))) == []
+    """They overlap nowhere, keep their momentum and are solved, too."""
+    assert broken(few(profile)) == []
 
 
-@BEING_MENDED
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("first", range(0, MANY, PART))
-def test_5000_random_scenes_break_no_limit(profile: str, first: int) -> None:
+def test_5000_random_scenes_gain_no_energy(profile: str, first: int) -> None:
     """The same for five thousand scenes."""
-    assert broken(played(profile, range(first, first + PART))) == []
+    assert broken(played(profile, range(first, first + PART)), LAWS) == []
 
 
-@BEING_MENDED
+@OPEN
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_rounding_apart_ends_alike(profile: str) -> None:
     """Scenes that start 1e-16 m apart end in the same class."""
-    own = played(profile, range(FEW))
+    own = few(profile)
     asked = [Task("reference", Settings(profile, FRAME), seed, perturbation=1e-16) for seed in range(FEW)]
     there = [assess(reference(), task.scenario, task.settings, EXACT).outcome for task in asked]
     differ = [line(task) for (_, one), two, task in zip(own, there, asked) if one.outcome != two]
@@ -101,7 +118,7 @@ def small_scene(seed: int, count: int, kinds: tuple[str, ...], e: float, mu: flo
 coefficient: Callable = st.sampled_from([0.0, 1.0]) | st.floats(0.0, 1.0)
 
 
-@BEING_MENDED
+@OPEN
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10**6),

@@ -156,6 +156,9 @@ def test_probes_and_seeded_scenes_are_told_apart() -> None:
         assert {body.kind for body in scenario.bodies} == {"simulated"}
         assert scenario.acting_gravity == (0.0, 0.0, 0.0)
     for scenario in tagged("conservative"):
+        # a break of many balls has no closed form
+        if "symmetric" in scenario.tags:
+            continue
         assert {truth.body for truth in scenario.truths} == {
             b.name for b in scenario.bodies if b.kind != "fixed"
         }

@@ -35,7 +35,8 @@ def test_a_sliding_box_loses_by_friction(lab: SimpleNamespace, registry: SimpleN
     """Lose all kinetic energy by friction."""
     box = lab.block("box", (0.1, 0.1, 0.1), (0.0, 0.0, 0.1), linear_velocity=(2.0, 0.0, 0.0))
     told = ledger(registry, lab.scene(lab.ground(), box, mu=0.5))
-    assert told["friction"] == pytest.approx(-2.0, abs=ROUNDING)
+    # every hold ends at a residual of 1e-12 m/s at most, which adds up over 0.4 s
+    assert told["friction"] == pytest.approx(-2.0, abs=1e-10)
     # the box stands 1e-6 m over the ground at most
     assert abs(told["restitution"]) < 1e-9
     assert abs(told["correction"]) < ROUNDING
