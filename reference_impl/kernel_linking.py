@@ -35,6 +35,7 @@ PARTS = (
     (compiler.CompileResult, "library"),
     (dispatcher.Dispatcher, "_cache"),
     (dispatcher.Dispatcher, "get_call_template"),
+    (dispatcher.Dispatcher, "get_overload"),
     (dispatcher.Dispatcher, "overloads"),
     (funcdesc.FunctionDescriptor, "abi_tags"),
     (funcdesc.FunctionDescriptor, "mangled_name"),
@@ -58,31 +59,44 @@ if missing_parts():
     raise ImportError(f"numba has no {', '.join(missing_parts())}")
 
 _kernels = {}
-"""Kernels by (module, qualified name)."""
+"""Kernels, as kernels call them, by (module, qualified name)."""
 _owners = {}
 """Who has a symbol: (module, qualified name, argument types, entry point)."""
 
 
-def link_by_name(compiled):
-    """Let callers of the kernel `compiled` call it at its address where it is large."""
-    _kernels[_identity(compiled)] = compiled
+def link_by_name(compiled, callee):
+    """Let kernels call a kernel at its address where it is large.
+
+    Args:
+        compiled: the kernel that Python calls.
+        callee: the same kernel compiled without the wrapper that Python needs, for calls from kernels: most
+            kernels are called by kernels only, and wrappers took a sixth of the compilation.
+    """
     if CACHE_FOLDER is not None:
-        compiled._cache = _Cache(compiled.py_func)
-    if compiled.targetoptions.get("forceinline") or "<locals>" in compiled.py_func.__qualname__:
-        return
-    template = compiled.get_call_template
+        compiled._cache, callee._cache = _Cache(compiled.py_func), _CalleeCache(compiled.py_func)
+    _kernels[_identity(callee)] = callee
+    if not callee.targetoptions.get("forceinline") and "<locals>" not in callee.py_func.__qualname__:
+        _name_when_called(callee)
+    # Numba asks the kernel in the caller's source for what to call
+    compiled.get_call_template = callee.get_call_template
+    compiled.get_overload = callee.get_overload
+
+
+def _name_when_called(callee):
+    """Name the code of a kernel when a caller has compiled it, and before the caller calls it."""
+    template = callee.get_call_template
     measured = set()
 
     def naming_template(args, kws):
         found = template(args, kws)
-        for signature, result in compiled.overloads.items():
+        for signature, result in callee.overloads.items():
             if signature not in measured:
                 measured.add(signature)
                 if _is_large(result):
-                    _name(compiled, signature)
+                    _name(callee, signature)
         return found
 
-    compiled.get_call_template = naming_template
+    callee.get_call_template = naming_template
 
 
 def _identity(compiled):
@@ -192,7 +206,16 @@ class _Entry(caching.CompileResultCacheImpl):
 
 
 class _Cache(caching.FunctionCache):
+    """The cache of a kernel as Python calls it; its entries begin with symbols, which Numba's own do not."""
+
     _impl_class = _Entry
+    _caller = "python"
 
     def _index_key(self, sig, codegen):
-        return "named", super()._index_key(sig, codegen)
+        return self._caller, super()._index_key(sig, codegen)
+
+
+class _CalleeCache(_Cache):
+    """The cache of a kernel as kernels call it."""
+
+    _caller = "kernel"
