@@ -25,6 +25,29 @@ MARK = "sources-"
 are unchanged, the key is known without parsing them (0.3 s)."""
 
 
+def note_import(module):
+    """Compare the sources with those of the key while `module` is imported, at its first kernel.
+
+    A module that is imported after an edit holds code of another key.
+    """
+    if module not in _imported:
+        _imported[module] = _stamps() == SOURCE_STAMPS
+
+
+def is_key_valid():
+    """Whether all kernels so far come from the sources that the key of the cache folder stands for."""
+    return all(_imported.values())
+
+
+def _stamps():
+    return {source.name: _stamp(source) for source in PACKAGE.glob("*.py")}
+
+
+def _stamp(source):
+    found = source.stat()
+    return found.st_mtime_ns, found.st_size
+
+
 def source_key(folder):
     """Hash of every source in `folder` without comments and docstrings, numba, numpy and the processor."""
     return _digest(folder, lambda source: ast.dump(_without_docstrings(ast.parse(source))).encode())
@@ -58,7 +81,8 @@ def _open_folder(root, mark):
     probe = folder / f".probe-{os.getpid()}"
     probe.touch()
     probe.unlink()
-    (folder / mark).touch()
+    if _stamps() == SOURCE_STAMPS:
+        (folder / mark).touch()
     return folder
 
 
@@ -99,6 +123,9 @@ def _is_constant(statement):
     return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
 
 
+_imported = {}
+"""By module: whether the sources were still those of the key when it was imported."""
+SOURCE_STAMPS = _stamps()
 CACHE_FOLDER = choose_cache_folder()
 if CACHE_FOLDER is not None:
     config.CACHE_DIR = str(CACHE_FOLDER)

@@ -15,7 +15,7 @@ from pathlib import Path
 import llvmlite.binding
 from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc, imputils
 
-from reference_impl.kernel_cache import CACHE_FOLDER, PACKAGE
+from reference_impl.kernel_cache import CACHE_FOLDER, PACKAGE, is_key_valid, note_import
 
 LINES_COPIED = 200
 """Lines of optimised LLVM text up to which a kernel is linked into its callers [-]: LLVM inlines no larger
@@ -72,10 +72,11 @@ def link_by_name(compiled, callee):
         callee: the same kernel compiled without the wrapper that Python needs, for calls from kernels: most
             kernels are called by kernels only, and wrappers took a sixth of the compilation.
     """
+    note_import(compiled.py_func.__module__)
     if CACHE_FOLDER is not None:
         compiled._cache, callee._cache = _Cache(compiled.py_func), _CalleeCache(compiled.py_func)
     _kernels[_identity(callee)] = callee
-    if not callee.targetoptions.get("forceinline") and "<locals>" not in callee.py_func.__qualname__:
+    if _is_keyed(callee.py_func) and not callee.targetoptions.get("forceinline"):
         _name_when_called(callee)
     # Numba asks the kernel in the caller's source for what to call
     compiled.get_call_template = callee.get_call_template
@@ -97,6 +98,15 @@ def _name_when_called(callee):
         return found
 
     callee.get_call_template = naming_template
+
+
+def _is_keyed(function):
+    """Whether the key of the cache folder stands for the source of a function.
+
+    Only such kernels are named: a caller's cache entry relies on what it calls being unchanged.
+    """
+    source = Path(function.__code__.co_filename).resolve()
+    return source.parent == PACKAGE and "<locals>" not in function.__qualname__
 
 
 def _identity(compiled):
@@ -176,8 +186,7 @@ class _Locator(caching._CacheLocator):
 
     @classmethod
     def from_function(cls, py_func, py_file):
-        mine = Path(py_file).resolve().parent == PACKAGE and "<locals>" not in py_func.__qualname__
-        return cls() if mine else None
+        return cls() if _is_keyed(py_func) else None
 
     def get_cache_path(self):
         return str(CACHE_FOLDER)
@@ -210,6 +219,13 @@ class _Cache(caching.FunctionCache):
 
     _impl_class = _Entry
     _caller = "python"
+
+    def load_overload(self, sig, target_context):
+        return super().load_overload(sig, target_context) if is_key_valid() else None
+
+    def save_overload(self, sig, data):
+        if is_key_valid():
+            super().save_overload(sig, data)
 
     def _index_key(self, sig, codegen):
         return self._caller, super()._index_key(sig, codegen)

@@ -120,6 +120,17 @@ def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> 
     assert run(CALL + COUNT, **package).split() == ["101.0", "0"]
 
 
+def test_an_edit_between_imports_stays_out_of_the_cache(package: dict[str, str]) -> None:
+    """Keep code that was imported after an edit out of the folder of the sources before it."""
+    inner = Path(package["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    edit = f"from reference_impl import kernel; import pathlib; file = pathlib.Path({str(inner)!r}); "
+    edit += "file.write_text(file.read_text().replace('1.0', '100.0')); "
+    for _ in range(2):
+        assert run(edit + CALL, **package).split() == ["101.0"]
+        inner.write_text(INNER)
+        assert run(CALL, **package).split() == ["2.0"]
+
+
 def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
     """Call a kernel by its symbol in the process that compiled it, and in one that loaded its caller."""
     first = run(CALL + COUNT + ";" + SYMBOLS, **named).split()
