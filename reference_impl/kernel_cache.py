@@ -19,7 +19,7 @@ from numba.core import config
 
 PACKAGE = Path(__file__).resolve().parent
 FOLDERS_KEPT = 8
-"""Cache folders that stay when a new one is made [-]: several checkouts and branches in use, 40 MB each."""
+"""Cache folders that stay when a new one is made [-]: several checkouts and branches in use, 30 MB each."""
 MARK = "sources-"
 """Start of the name of an empty file in a cache folder that records the bytes of its sources: where they
 are unchanged, the key is known without parsing them (0.3 s)."""
@@ -50,7 +50,7 @@ def _stamp(source):
 
 def source_key(folder):
     """Hash of every source in `folder` without comments and docstrings, numba, numpy and the processor."""
-    return _digest(folder, lambda source: ast.dump(_without_docstrings(ast.parse(source))).encode())
+    return _digest(folder, _code)
 
 
 def choose_cache_folder():
@@ -109,6 +109,14 @@ def _digest(folder, content):
     cpu = config.CPU_NAME or numba.core.codegen.ll.get_host_cpu_name()
     digest.update(f"{numba.__version__} {np.__version__} {cpu}".encode())
     return digest.hexdigest()[:16]
+
+
+def _code(source):
+    """What of a source is compiled; all of it where it cannot be parsed, while it is edited."""
+    try:
+        return ast.dump(_without_docstrings(ast.parse(source))).encode()
+    except SyntaxError:
+        return source
 
 
 def _without_docstrings(tree):

@@ -34,6 +34,7 @@ PARTS = (
     (compiler.CompileResult, "fndesc"),
     (compiler.CompileResult, "library"),
     (dispatcher.Dispatcher, "_cache"),
+    (dispatcher.Dispatcher, "_compiling_counter"),
     (dispatcher.Dispatcher, "get_call_template"),
     (dispatcher.Dispatcher, "get_overload"),
     (dispatcher.Dispatcher, "overloads"),
@@ -78,9 +79,10 @@ def link_by_name(compiled, callee):
     _kernels[_identity(callee)] = callee
     if _is_keyed(callee.py_func) and not callee.targetoptions.get("forceinline"):
         _name_when_called(callee)
-    # Numba asks the kernel in the caller's source for what to call
+    # Numba asks the kernel in the caller's source for what to call, and whether the call recurses
     compiled.get_call_template = callee.get_call_template
     compiled.get_overload = callee.get_overload
+    callee._compiling_counter = compiled._compiling_counter
 
 
 def _name_when_called(callee):

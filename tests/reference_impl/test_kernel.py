@@ -147,6 +147,14 @@ def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> No
     assert run(CALL, **named).split() == ["101.0"]
 
 
+def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
+    """Compile a kernel that calls itself, called by another kernel."""
+    inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner.write_text(INNER.replace("return x", "if x < 3.0:\n        return inner(x + 1.0)\n    return x"))
+    for _ in range(2):
+        assert run(CALL, **named).split() == ["4.0"]
+
+
 def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
     """Name a kernel apart for every signature, alike in every process."""
     middle = Path(named["PYTHONPATH"]) / "reference_impl" / "middle.py"
@@ -256,6 +264,12 @@ def test_comments_and_docstrings_are_no_part_of_the_key(tmp_path: Path) -> None:
         (tmp_path / "a.py").write_text(text)
         keys.append(source_key(tmp_path))
     assert keys[0] == keys[1] != keys[2]
+
+
+def test_a_source_with_a_syntax_error_has_a_key(tmp_path: Path) -> None:
+    """Find a key while a source that may not be imported is edited."""
+    (tmp_path / "a.py").write_text("def f(:\n")
+    assert source_key(tmp_path)
 
 
 def test_old_cache_folders_are_removed(tmp_path: Path) -> None:
