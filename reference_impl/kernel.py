@@ -15,7 +15,7 @@ from reference_impl.kernel_cache import CACHE_FOLDER
 
 JIT = not config.DISABLE_JIT
 LINK_BY_NAME = None
-"""Function that lets callers of a kernel call it at its address; None where callers copy its code."""
+"""Function that lets kernels call a kernel at its address; None where they copy its code."""
 if JIT:
     try:
         from reference_impl.kernel_linking import link_by_name as LINK_BY_NAME
@@ -31,7 +31,7 @@ OBJECTS_COLLECTED = 100_000, 50, 1000
 8 s of a cold compilation of 60 s and find little; without any, its memory doubles."""
 
 KERNELS = []
-"""Every kernel of the package, for the test that each was compiled for one signature alone."""
+"""Every kernel twice, as Python and as kernels call it: for `compile_count` and the test of signatures."""
 
 
 def kernel(function):
@@ -49,20 +49,19 @@ def inlined_kernel(function):
 
 
 def _compiled(function, **options):
-    # no C wrapper: a kernel is called by kernels and by Python alone
-    options |= {
-        "cache": CACHE_FOLDER is not None,
-        "error_model": "numpy",
-        "_nrt": False,
-        "no_cfunc_wrapper": True,
-    }
+    # no C wrapper: only kernels and Python call a kernel
+    options |= {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+    options["cache"] = CACHE_FOLDER is not None and LINK_BY_NAME is None
     compiled = numba.njit(**options)(function)
+    KERNELS.append(compiled)
     if JIT:
         _forget_literals(compiled)
         _collect_less(compiled)
-        if LINK_BY_NAME is not None:
-            LINK_BY_NAME(compiled)
-    KERNELS.append(compiled)
+    if LINK_BY_NAME is not None:
+        callee = numba.njit(no_cpython_wrapper=True, **options)(function)
+        KERNELS.append(callee)
+        _forget_literals(callee)
+        LINK_BY_NAME(compiled, callee)
     return compiled
 
 

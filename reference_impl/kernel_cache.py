@@ -19,15 +19,38 @@ from numba.core import config
 
 PACKAGE = Path(__file__).resolve().parent
 FOLDERS_KEPT = 8
-"""Cache folders that stay when a new one is made [-]: several checkouts and branches in use, 40 MB each."""
+"""Cache folders that stay when a new one is made [-]: several checkouts and branches in use, 30 MB each."""
 MARK = "sources-"
 """Start of the name of an empty file in a cache folder that records the bytes of its sources: where they
 are unchanged, the key is known without parsing them (0.3 s)."""
 
 
+def note_import(module):
+    """Compare the sources with those of the key while `module` is imported, at its first kernel.
+
+    A module that is imported after an edit holds code of another key.
+    """
+    if module not in _imported:
+        _imported[module] = _stamps() == SOURCE_STAMPS
+
+
+def is_key_valid():
+    """Whether all kernels so far come from the sources that the key of the cache folder stands for."""
+    return all(_imported.values())
+
+
+def _stamps():
+    return {source.name: _stamp(source) for source in PACKAGE.glob("*.py")}
+
+
+def _stamp(source):
+    found = source.stat()
+    return found.st_mtime_ns, found.st_size
+
+
 def source_key(folder):
     """Hash of every source in `folder` without comments and docstrings, numba, numpy and the processor."""
-    return _digest(folder, lambda source: ast.dump(_without_docstrings(ast.parse(source))).encode())
+    return _digest(folder, _code)
 
 
 def choose_cache_folder():
@@ -58,7 +81,8 @@ def _open_folder(root, mark):
     probe = folder / f".probe-{os.getpid()}"
     probe.touch()
     probe.unlink()
-    (folder / mark).touch()
+    if _stamps() == SOURCE_STAMPS:
+        (folder / mark).touch()
     return folder
 
 
@@ -87,6 +111,14 @@ def _digest(folder, content):
     return digest.hexdigest()[:16]
 
 
+def _code(source):
+    """What of a source is compiled; all of it where it cannot be parsed, while it is edited."""
+    try:
+        return ast.dump(_without_docstrings(ast.parse(source))).encode()
+    except SyntaxError:
+        return source
+
+
 def _without_docstrings(tree):
     """`tree` without docstrings and other statements that are a constant."""
     for node in ast.walk(tree):
@@ -99,6 +131,9 @@ def _is_constant(statement):
     return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
 
 
+_imported = {}
+"""By module: whether the sources were still those of the key when it was imported."""
+SOURCE_STAMPS = _stamps()
 CACHE_FOLDER = choose_cache_folder()
 if CACHE_FOLDER is not None:
     config.CACHE_DIR = str(CACHE_FOLDER)

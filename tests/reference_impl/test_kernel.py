@@ -54,7 +54,9 @@ rows(30, 0, lambda label, count: None)
 found = {}
 for one in kernel.KERNELS:
     # the cache's index knows every signature, also of kernels that were compiled into others
-    found[f"{one.py_func.__module__}.{one.py_func.__name__}"] = len(one._cache._cache_file._load_index())
+    index = one._cache._cache_file._load_index()
+    signatures = {signature for caller, (signature, *_) in index}
+    found[f"{one.py_func.__module__}.{one.py_func.__name__}"] = len(signatures)
 print(json.dumps(found))
 """
 
@@ -118,6 +120,17 @@ def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> 
     assert run(CALL + COUNT, **package).split() == ["101.0", "0"]
 
 
+def test_an_edit_between_imports_stays_out_of_the_cache(package: dict[str, str]) -> None:
+    """Keep code that was imported after an edit out of the folder of the sources before it."""
+    inner = Path(package["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    edit = f"from reference_impl import kernel; import pathlib; file = pathlib.Path({str(inner)!r}); "
+    edit += "file.write_text(file.read_text().replace('1.0', '100.0')); "
+    for _ in range(2):
+        assert run(edit + CALL, **package).split() == ["101.0"]
+        inner.write_text(INNER)
+        assert run(CALL, **package).split() == ["2.0"]
+
+
 def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
     """Call a kernel by its symbol in the process that compiled it, and in one that loaded its caller."""
     first = run(CALL + COUNT + ";" + SYMBOLS, **named).split()
@@ -132,6 +145,14 @@ def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> No
     inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("1.0", "100.0"))
     assert run(CALL, **named).split() == ["101.0"]
+
+
+def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
+    """Compile a kernel that calls itself, called by another kernel."""
+    inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner.write_text(INNER.replace("return x", "if x < 3.0:\n        return inner(x + 1.0)\n    return x"))
+    for _ in range(2):
+        assert run(CALL, **named).split() == ["4.0"]
 
 
 def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
@@ -203,8 +224,8 @@ def test_constants_and_numbers_share_a_signature(package: dict[str, str]) -> Non
     """Compile a kernel once for the constants that callers hand to it."""
     outer = Path(package["PYTHONPATH"]) / "reference_impl" / "outer.py"
     outer.write_text(OUTER.replace("return inner(x)", "return inner(1) + inner(2) + inner(int(x))"))
-    counted = "from reference_impl.inner import inner; print(len(inner.signatures))"
-    assert run(CALL + counted, **package).split() == ["7.0", "1"]
+    counted = "print(*(len(k.signatures) for k in kernel.KERNELS if k.py_func.__name__ == 'inner'))"
+    assert run(CALL + counted, **package).split() == ["7.0", "0", "1"]  # called by kernels only
 
 
 def test_an_unwritable_cache_falls_back(package: dict[str, str], tmp_path: Path) -> None:
@@ -243,6 +264,12 @@ def test_comments_and_docstrings_are_no_part_of_the_key(tmp_path: Path) -> None:
         (tmp_path / "a.py").write_text(text)
         keys.append(source_key(tmp_path))
     assert keys[0] == keys[1] != keys[2]
+
+
+def test_a_source_with_a_syntax_error_has_a_key(tmp_path: Path) -> None:
+    """Find a key while a source that may not be imported is edited."""
+    (tmp_path / "a.py").write_text("def f(:\n")
+    assert source_key(tmp_path)
 
 
 def test_old_cache_folders_are_removed(tmp_path: Path) -> None:
