@@ -15,7 +15,7 @@ TIPPING = (
 CREEPING = "solves of twenty and more boxes stall near a residual of 1e-9 m/s, which counts as converged"
 ROLLING = "a coin that turns sinks over a substep, by up to 1.5e-6 m at the displayed frame"
 HEAP = (
-    "an island holds more bodies than Newton's method takes, and 40 sweeps a dense substep leave wedged balls "
+    "islands hold more bodies than Newton's method takes, and 40 sweeps a dense substep leave wedged balls "
     "a residual; what sinks by it is parted"
 )
 

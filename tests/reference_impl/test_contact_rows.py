@@ -24,6 +24,18 @@ def symmetric(rng: np.random.Generator, scale: float) -> np.ndarray:
     return turn @ np.diag(scale * rng.uniform(0.5, 2.0, 3)) @ turn.T
 
 
+def prepare(solver: np.ndarray, row: np.ndarray) -> None:
+    """The mobility of a row, 1/m - [r] I^-1 [r] of both sides, and what follows from it."""
+    row["mobility"] = 0.0
+    for side in ("a", "b"):
+        if row[side] >= 0:
+            mover = solver["movers"][row[side]]
+            x, y, z = row[f"r_{side}"]
+            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            row["mobility"] += mover["inverse_mass"] * np.eye(3) - cross @ mover["inverse_inertia"] @ cross
+    prepare_row(row)
+
+
 def island(rng: np.random.Generator, movers: int, rows: int, mu: float, ratio: float = 1.0) -> np.ndarray:
     """A state whose solver holds a random island; some rows are against what does not move."""
     state = np.zeros(1, STATE)
@@ -42,15 +54,7 @@ def island(rng: np.random.Generator, movers: int, rows: int, mu: float, ratio: f
         row["normal"] = normal / np.linalg.norm(normal)
         row["friction"] = mu
         row["free"], row["before"] = rng.normal(size=(2, 3))
-        mobility = np.zeros((3, 3))
-        for side in ("a", "b"):
-            if row[side] >= 0:
-                mover = solver["movers"][row[side]]
-                x, y, z = row[f"r_{side}"]
-                cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-                mobility += mover["inverse_mass"] * np.eye(3) - cross @ mover["inverse_inertia"] @ cross
-        row["mobility"] = mobility
-        prepare_row(row)
+        prepare(solver, row)
     return state
 
 
@@ -126,15 +130,7 @@ def test_newton_solves_what_sticks(seed: int) -> None:
         row["normal"], row["friction"] = (0.0, 0.0, 1.0), 1.0
         row["free"] = (*rng.uniform(-0.05, 0.05, 2), -0.16 if k == 0 else 0.0)
         row["r_a"], row["r_b"] = (0.0, 0.0, 0.05), (0.0, 0.0, -0.05)
-        mobility = np.zeros((3, 3))
-        for side in ("a", "b"):
-            if row[side] >= 0:
-                mover = solver["movers"][row[side]]
-                x, y, z = row[f"r_{side}"]
-                cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-                mobility += mover["inverse_mass"] * np.eye(3) - cross @ mover["inverse_inertia"] @ cross
-        row["mobility"] = mobility
-        prepare_row(row)
+        prepare(solver, row)
     rebuild(solver)
     solver["best_residual"] = np.inf
     residual, _ = residual_of(solver)
