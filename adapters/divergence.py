@@ -28,7 +28,7 @@ TESTED = ("position", "orientation", "linear_velocity", "angular_velocity", "joi
 
 
 class Watch:
-    """What a run is checked for. A fault is told in words; when it happened is the caller's to add."""
+    """Checks of a run. A fault is one sentence; the caller adds when it happened."""
 
     def __init__(self, scenario: Scenario, plan: Plan | None = None) -> None:
         self._plan = plan

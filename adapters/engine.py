@@ -204,7 +204,7 @@ class World(Protocol):
     def work(self) -> Mapping[str, float]:
         """Work counters of the last step (pairs, impulses, iterations), and what it left unresolved:
         RESIDUAL_COUNTERS, `dropped_time` [s] that was not simulated, `parted_energy` [J] that parting
-        overlapping bodies added. Empty where none are told."""
+        overlapping bodies added. Empty where the engine reports none."""
 
     def close(self) -> None:
         """Free what the engine holds."""

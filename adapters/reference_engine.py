@@ -48,7 +48,7 @@ INEXACT = {
     "dropped_time": "dropped_time",
     "parted_energy": "parted_energy",
 }
-"""Counter -> field of the state that tells what a frame left unresolved: 0, or -1 for bodies, where nothing
+"""Counter -> field of the state that holds what a frame left unresolved: 0, or -1 for bodies, where nothing
 was."""
 COMPILE_NOTE = "compile_seconds.txt"
 """File of the kernel cache that tells what filling it cost."""

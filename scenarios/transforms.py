@@ -1,6 +1,6 @@
 """The same scene elsewhere: mirrored, translated, with its bodies in another order, or moved a little.
 
-An engine without a preferred place, side or order gives the same motion, transformed alike.
+An engine without a preferred place, side or order gives the same motion, transformed in the same way.
 
 Conventions: the mirror is x -> -x, M = diag(-1, 1, 1). Vectors become M v, rotations M R M, axes and angular
 velocities (pseudovectors) -M w. Angles of hinges stay as they are.

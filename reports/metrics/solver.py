@@ -43,7 +43,7 @@ def solver_parted_energy(evidence: Evidence) -> Values:
 
 
 def solver_caps(evidence: Evidence) -> Values:
-    """Caps reached: iterations that gave up or did not converge, contacts that found no room [1]."""
+    """Caps reached: iterations that gave up or did not converge, contacts without a buffer [1]."""
     return _told(evidence, *CAPS)
 
 
@@ -74,5 +74,5 @@ def _per_frame(evidence: Evidence, *counters: str) -> Array:
     r = evidence.recording
     names = r.work_names.tolist()
     if not set(counters) <= set(names):
-        raise NotMeasured("the engine does not tell what its solver leaves unresolved")
+        raise NotMeasured("the engine does not report what its solver leaves unresolved")
     return np.asarray(r.work[:, [names.index(name) for name in counters]].sum(axis=1))

@@ -36,9 +36,7 @@ class Case:
 SQUAT, TALL = (0.05, 0.05, 0.1), (0.02, 0.02, 0.2)
 CASES: dict[str, Case] = {
     # w / h = 0.5 is reached at 26.565 degrees
-    "tip_holds": Case(
-        "a box just holds on a slope, by its width and by friction alike", SQUAT, 26.0, 0.5, False
-    ),
+    "tip_holds": Case("a box just holds on a slope, by its width and by friction", SQUAT, 26.0, 0.5, False),
     "tip_falls": Case("a box on a slope just tips over its lower edge", SQUAT, 27.5, 0.6, True),
     # w / h = 0.1 is reached at 5.711 degrees
     "tall_holds": Case("a tall box just holds on a slope", TALL, 5.5, 0.5, False),

@@ -83,7 +83,7 @@ def test_tumbling_boxes_end_alike(registry, transform: str, count: int, profile:
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_break_does_not_know_the_order_of_its_balls(registry, profile: str) -> None:
-    """Break fifteen balls alike in three orders: they are within 1e-12 m half a second later."""
+    """Break fifteen balls in three orders: they end within 1e-12 m half a second later."""
     scene = catalogue()["break_15"]
     own = ends(registry, scene, profile)
     for seed in range(3):
@@ -94,7 +94,7 @@ def test_a_break_does_not_know_the_order_of_its_balls(registry, profile: str) ->
 @OPEN
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_heap_does_not_know_the_order_of_its_bodies(registry, profile: str) -> None:
-    """Let fourteen bodies fall on each other in ten orders: they come to lie alike, to 1e-9 m."""
+    """Let fourteen bodies fall on each other in ten orders: they rest at the same places, to 1e-9 m."""
     rng = np.random.default_rng(14)
     places = scattered(rng, 14, 0.05, 2, 0.02)
     bodies = [

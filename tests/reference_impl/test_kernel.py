@@ -156,7 +156,7 @@ def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
 
 
 def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
-    """Name a kernel apart for every signature, alike in every process."""
+    """Give a kernel a name of its own for every signature, the same in every process."""
     middle = Path(named["PYTHONPATH"]) / "reference_impl" / "middle.py"
     middle.write_text(middle.read_text().replace("inner(x)", "inner(x) + inner(int(x))"))
     first = run(CALL + SYMBOLS, **named).split()

@@ -137,7 +137,7 @@ def test_no_answer_without_friction() -> None:
 
 
 def test_symmetric_scenes_are_their_own_mirror_images() -> None:
-    """Find each body of a symmetric scene at the mirror image of another of its kind, which moves alike."""
+    """Find each body of a symmetric scene at the mirror image of one that moves in the same way."""
     from scenarios.transforms import mirrored
 
     scenes = list(tagged("symmetric"))

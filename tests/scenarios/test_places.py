@@ -27,7 +27,7 @@ ONE = ball("one", "wood", 0.05, 1.0, HERE)
     ids=("ball", "block", "fixed", "hull"),
 )
 def test_bodies_in_one_place_are_told(lab, other):
-    """Tell of two bodies with one centre, whatever their shapes, who they are and where, in one line."""
+    """Name two bodies with one centre, whatever their shapes, and their place, in one line."""
     expected = (
         "bodies[2].position: 'two' starts where 'one' does: pieces of both have their centre at "
         "(0.3, -0.2, 1) m; move one of them"
