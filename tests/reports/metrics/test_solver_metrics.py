@@ -104,7 +104,7 @@ def test_other_engines_do_not_tell(evidence):
     """Measure nothing where the engine counts nothing of it, and warn of nothing."""
     told = evidence(names=("contacts",))
     for name in SOLVER_METRICS:
-        with pytest.raises(NotMeasured, match="does not tell"):
+        with pytest.raises(NotMeasured, match="does not report"):
             METRICS[name].measure(told)
     rows = rows_of(told, engine="mujoco", profile="recommended")
     assert [row.verdict for row in rows] == ["skipped"] * 4
