@@ -1,4 +1,4 @@
-"""How MuJoCo is told e and mu: an explicit pair for every two pieces that may touch.
+"""How MuJoCo is told e and mu: by masks and priorities of geoms (`mujoco_masks.py`), else by explicit pairs.
 
 MuJoCo has springs instead of e: a contact is told its stiffness and damping per unit mass in the direct form
 solref = (-stiffness, -damping).
@@ -21,6 +21,8 @@ sliding body off the ground.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from itertools import combinations
 from math import acos, acosh, cos, cosh, exp, hypot, log, pi, sqrt, tan, tanh
 from typing import Any
 
@@ -28,6 +30,7 @@ from scipy.optimize import brentq
 
 from adapters.engine import Array, Settings
 from adapters.mixing import check_range, frictions, restitutions
+from adapters.mujoco_masks import GeomFilter, contact_filter
 from adapters.registry import TUNED
 from scenarios.scenario import Scenario
 
@@ -105,14 +108,41 @@ def _damping_ratio(solref: Array, dt: float) -> float:
     return -log(decay) / sqrt(log(decay) ** 2 + square)
 
 
-def add_pairs(spec: Any, scenario: Scenario, settings: Settings) -> None:
-    """An explicit pair for every two pieces that may touch."""
+def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, settings: Settings) -> None:
+    """Let MuJoCo find the contacts of all touching pairs, with their coefficients.
+
+    Args:
+        bodies: the spec's body per index in the scenario; their geoms have masks of zero.
+    """
     check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
+    if settings.profile == TUNED:
+        # a geom has no solreffriction
+        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=TUNED_RESTITUTION_MIN)
+        explicit = tuple(scenario.touching_pairs())
+        add_pairs(spec, scenario, settings, explicit)
+        return
+    found = contact_filter(scenario)
+    for k, told in found.geoms.items():
+        for geom in bodies[k].geoms:
+            _set_geom(geom, told, settings)
+    for a, b in found.excluded:
+        spec.add_exclude(bodyname1=bodies[a].name, bodyname2=bodies[b].name)
+    add_pairs(spec, scenario, settings, found.explicit)
+
+
+def _set_geom(geom: Any, told: GeomFilter, settings: Settings) -> None:
+    """Masks and contact parameters of a geom."""
+    e, mu = told.coefficients
+    geom.contype, geom.conaffinity, geom.priority = told.contype, told.conaffinity, told.priority
+    geom.condim, geom.friction, geom.solref = 3 if mu > 0 else 1, (mu, 0.0, 0.0), solref_of(e, settings)
+
+
+def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable[tuple[int, int]]) -> None:
+    """An explicit pair for every two geoms of pairs of bodies; MuJoCo takes it in place of masks."""
     tuned: dict[str, tuple[float, ...]] = {}
     if settings.profile == TUNED:
-        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=TUNED_RESTITUTION_MIN)
         tuned = {"solimp": TUNED_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
-    for a, b in scenario.touching_pairs():
+    for a, b in pairs:
         e, mu = scenario.pair_coefficients(a, b)
         for first in range(len(scenario.bodies[a].pieces)):
             for second in range(len(scenario.bodies[b].pieces)):
@@ -124,3 +154,21 @@ def add_pairs(spec: Any, scenario: Scenario, settings: Settings) -> None:
                     solref=solref_of(e, settings),
                     **tuned,
                 )
+
+
+def contact_parameters(model: Any) -> dict[tuple[int, int], tuple[int, Array, float]]:
+    """The condim, solref and sliding friction of each two of a compiled model's bodies (a < b) that may meet:
+    those of their explicit pairs, else of the geom that the masks and priorities choose."""
+    found = {}
+    geoms = [k for k in range(model.ngeom) if model.geom_contype[k] or model.geom_conaffinity[k]]
+    first = {int(model.geom_bodyid[k]): k for k in reversed(geoms)}
+    for (a, one), (b, two) in combinations(sorted(first.items()), 2):
+        masks = model.geom_contype[[one, two]] & model.geom_conaffinity[[two, one]]
+        if masks.any():
+            # at equal priority both geoms have the same parameters
+            k = one if model.geom_priority[one] >= model.geom_priority[two] else two
+            found[a, b] = int(model.geom_condim[k]), model.geom_solref[k], float(model.geom_friction[k, 0])
+    for k, geoms_of in enumerate(zip(model.pair_geom1, model.pair_geom2)):
+        a, b = sorted(int(model.geom_bodyid[geom]) for geom in geoms_of)
+        found[a, b] = int(model.pair_dim[k]), model.pair_solref[k], float(model.pair_friction[k, 0])
+    return found

@@ -30,7 +30,7 @@ from adapters.engine import (
     State,
     Unsupported,
 )
-from adapters.mujoco_contacts import add_pairs, restitution_of
+from adapters.mujoco_contacts import add_contacts, contact_parameters, restitution_of
 from adapters.mujoco_model import add_bodies, inverse, set_options, turned
 from adapters.registry import ENGINES, require_profile
 from scenarios.scenario import Scenario
@@ -45,8 +45,14 @@ FLAGS = (
     ("disableflags", mujoco.mjtDisableBit, "mjDSBL_", False),
     ("enableflags", mujoco.mjtEnableBit, "mjENBL_", True),
 )
-LARGEST = ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "pair_margin", "pair_gap")
-DISTINCT = ("pair_solref", "pair_solreffriction", "pair_solimp", "pair_dim")
+LARGEST = (
+    *("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness"),
+    *("pair_margin", "pair_gap", "geom_margin", "geom_gap"),
+)
+DISTINCT = (
+    *("pair_solref", "pair_solreffriction", "pair_solimp", "pair_dim"),
+    *("geom_solref", "geom_solimp", "geom_condim"),
+)
 KINDS = ("integrator", "solver", "cone", "jacobian")
 TIMER = mujoco.mjtTimer
 IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
@@ -74,7 +80,7 @@ class MujocoEngine:
         spec = mujoco.MjSpec()
         set_options(spec, scenario, settings)
         bodies = add_bodies(spec, scenario)
-        add_pairs(spec, scenario, settings)
+        add_contacts(spec, bodies, scenario, settings)
         try:
             model = spec.compile()
         except ValueError as error:
@@ -215,7 +221,8 @@ class World:
             "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
             "actuators": int(model.nu),
             "collision_shapes": int(model.ngeom),
-            "collision_pairs": int(model.npair),
+            "explicit_pairs": int(model.npair),
+            "excluded_body_pairs": int(model.nexclude),
             "shapes_that_pair_by_mask": int(np.count_nonzero(model.geom_contype | model.geom_conaffinity)),
             "hull_vertex_type": str(model.mesh_vert.dtype),
             "threads": "one" if self._data.threadpool == 0 else "pool",
@@ -230,15 +237,15 @@ class World:
         return BodyFacts(float(model.body_mass[body]), tuple(model.body_ipos[body].tolist()), rows)
 
     def _pair_facts(self) -> tuple[PairFacts, ...]:
-        """Per pair of bodies; all pairs of their geoms are alike by construction."""
-        model, names = self._model, [body.name for body in self._scenario.bodies]
-        geoms = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
-        bodies = np.sort(self._index[model.geom_bodyid[geoms]], axis=1).tolist()
-        facts = {}
-        for (a, b), size, solref, mu in zip(bodies, model.pair_dim, model.pair_solref, model.pair_friction):
-            friction = float(mu[0]) if size > 1 else 0.0
-            facts[a, b] = PairFacts(names[a], names[b], restitution_of(solref, self._settings), friction)
-        return tuple(facts[key] for key in sorted(facts))
+        """Per touching pair of bodies; all pairs of their geoms are alike by construction."""
+        told = contact_parameters(self._model)
+        facts = []
+        for a, b in self._scenario.touching_pairs():
+            bodies = int(self._body[a]), int(self._body[b])
+            size, solref, mu = told[min(bodies), max(bodies)]
+            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
+            facts.append(PairFacts(*names, restitution_of(solref, self._settings), mu if size > 1 else 0.0))
+        return tuple(facts)
 
     def cross(self) -> None:
         """The cheapest call into the library."""

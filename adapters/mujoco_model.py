@@ -49,17 +49,19 @@ def add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
     bodies: dict[int, Any] = {}
     for index, body in enumerate(scenario.bodies):
         if body.kind != "driven":
-            bodies[index] = spec.worldbody.add_body(pos=body.position, quat=body.orientation)
+            bodies[index] = spec.worldbody.add_body(name=f"{index}", pos=body.position, quat=body.orientation)
             if body.kind == "simulated":
                 _add_free_joint(bodies[index])
     hinges = {joint.name: joint for joint in scenario.joints}
     for tracker in scenario.trackers:
         root, *children = scenario.links(tracker)
-        bodies[root] = spec.worldbody.add_body(gravcomp=1.0)
+        bodies[root] = spec.worldbody.add_body(name=f"{root}", gravcomp=1.0)
         _add_free_joint(bodies[root])
         for child, joint in zip(children, (hinges[name] for name in tracker.joints)):
             parent = bodies[scenario.body_index(joint.parent)]
-            bodies[child] = parent.add_body(pos=joint.position, quat=joint.orientation, gravcomp=1.0)
+            bodies[child] = parent.add_body(
+                name=f"{child}", pos=joint.position, quat=joint.orientation, gravcomp=1.0
+            )
             bodies[child].add_joint(
                 name=joint.name,
                 type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -86,7 +88,7 @@ def _set_mass(target: Any, body: Body) -> None:
 
 
 def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
-    """A geom that touches nothing but what an explicit pair names (contype and conaffinity 0)."""
+    """A geom that touches nothing (contype and conaffinity 0) until contacts are added."""
     geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
     match piece.shape:
         case Sphere():
