@@ -1,4 +1,5 @@
-"""Bullet through pybullet, in reduced coordinates: every body is a multibody with a base of its own.
+"""Bullet through pybullet: every body is a multibody with a base of its own, in reduced coordinates; under the
+profile `maximal` free balls and boxes are rigid bodies.
 
 Conventions: quaternions are xyzw, ours wxyz. Bullet poses and moves the *inertial frame* of a link (origin at
 the centre of mass, axes along the principal moments), while `createMultiBody` takes link frames, hangs link
@@ -24,14 +25,39 @@ import pybullet
 from scipy.spatial.transform import Rotation
 
 from adapters import bullet_tables
-from adapters.bullet_tables import BASE, FRICTION_MAX, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
+from adapters.bullet_tables import (
+    BASE,
+    FRICTION_MAX,
+    LINK,
+    NO_SHAPE,
+    RIGID_BODY,
+    UNTURNED,
+    Links,
+    Multibody,
+    Part,
+)
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import check_range, frictions, product_factors, restitutions
-from adapters.registry import ENGINES, TUNED, require_profile
-from scenarios.scenario import ORIGIN, Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+from adapters.registry import ENGINES, MAXIMAL, TUNED, require_profile
+from scenarios.scenario import (
+    IDENTITY,
+    ORIGIN,
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Joint,
+    Piece,
+    Scenario,
+    Sphere,
+)
+from scenarios.solids import box_inertia, sphere_inertia
 
 Joints = tuple[Joint, ...]
+INERTIA_TOLERANCE = 1e-12
+"""Of a body's inertia over that of its shape, relative: rounding."""
 PRIMITIVES = {Sphere: pybullet.GEOM_SPHERE, Box: pybullet.GEOM_BOX, Capsule: pybullet.GEOM_CAPSULE}
 
 
@@ -81,6 +107,8 @@ class World:
         self._wrench, self._hinge_torque = np.zeros((len(scenario.trackers), 2, 3)), np.zeros(hinges)
         self._lift = [(-body.mass * np.array(scenario.acting_gravity)).tolist() for body in scenario.bodies]
         self._colliders: dict[int, list[tuple[int, int]]] = {}
+        maximal = settings.profile == MAXIMAL
+        self._rigid = {k for k, body in enumerate(scenario.bodies) if maximal and _is_plain(body)}
         self._free = [self._add_free(k) for k, group in enumerate(scenario.groups()) if group < 0]
         self._driven = [self._add_driven(k) for k in range(len(scenario.trackers))]
         for multibody in self._free:
@@ -94,7 +122,8 @@ class World:
     def _add_free(self, body: int) -> Multibody:
         """A fixed or simulated body."""
         given = self._scenario.bodies[body]
-        number = self._create((body,), (), given.position, given.orientation)
+        create = self._create_rigid if body in self._rigid else self._create
+        number = create((body,), (), given.position, given.orientation)
         pybullet.resetBaseVelocity(number, given.linear_velocity, given.angular_velocity, **self._on)
         return Multibody(number, (body,), slice(0))
 
@@ -149,19 +178,42 @@ class World:
             **dict(zip(Part._fields, zip(*parts))),
             **self._on,
         )
-        root = scenario.bodies[bodies[0]]
+        self._tell(number, (*bodies, *(bodies[k] for k, _ in further)), len(joints))
+        return int(number)
+
+    def _create_rigid(
+        self, bodies: Links, _: Joints, position: Sequence[float], wxyz: Sequence[float]
+    ) -> int:
+        """A body of one shape in maximal coordinates; its inertia is Bullet's own, of the shape."""
+        (body,) = bodies
+        given = self._scenario.bodies[body]
+        (shape,) = self._add_shapes(given)
+        number = pybullet.createMultiBody(
+            baseMass=self._part(body, shape).linkMasses,
+            baseCollisionShapeIndex=shape,
+            basePosition=position,
+            baseOrientation=_xyzw(wxyz),
+            useMaximalCoordinates=True,
+            **self._on,
+        )
+        self._tell(number, bodies, NO_SHAPE)
+        return int(number)
+
+    def _tell(self, number: int, bodies: Links, turned: int) -> None:
+        """Coefficients, damping and activation of a new base and its links, of which link k belongs to
+        bodies[k + 1]; moments of inertia of the base and of the first `turned` links."""
+        root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         told = self._told.base | (self._told.hull if has_hull else {})
         told |= {} if root.kind == "driven" else self._sleep
         pybullet.changeDynamics(number, BASE, **told, **self._on)
-        for link, body in enumerate((*bodies, *(bodies[k] for k, _ in further)), start=BASE):
+        for link, body in enumerate(bodies, start=BASE):
             restitution, friction = self._factors[body]
             own = {"restitution": restitution, "lateralFriction": friction, **LINK}
-            if link < len(joints):
+            if link < turned:
                 own["localInertiaDiagonal"] = self._moments[body]
             pybullet.changeDynamics(number, link, **own, **self._on)
             self._colliders.setdefault(body, []).append((number, link))
-        return int(number)
 
     def _part(self, body: int, shape: int) -> Part:
         """A body's mass and inertial frame."""
@@ -304,6 +356,9 @@ class World:
         return found
 
     def _piece_count(self, body: int) -> int:
+        """Shapes of a body, read back; of rigid bodies Bullet tells none."""
+        if body in self._rigid:
+            return len(self._scenario.bodies[body].pieces)
         return sum(len(pybullet.getCollisionShapeData(*link, **self._on)) for link in self._colliders[body])
 
     def _freedom(self) -> int:
@@ -347,11 +402,8 @@ class World:
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",
             "threads": 1,
-            "collision_shapes": sum(
-                len(pybullet.getCollisionShapeData(*collider, **self._on))
-                for k in range(len(self._scenario.bodies))
-                for collider in self._colliders[k]
-            ),
+            "bodies in maximal coordinates": sum(fact[10] == RIGID_BODY for fact in facts),
+            "collision_shapes": sum(self._piece_count(k) for k in range(len(self._scenario.bodies))),
         }
 
     def cross(self) -> None:
@@ -387,12 +439,36 @@ def _principal_axes(body: Body) -> tuple[list[float], Sequence[float]]:
     return moments.tolist(), Rotation.from_matrix(axes).as_quat().tolist()
 
 
+def _is_plain(body: Body) -> bool:
+    """Whether maximal coordinates can hold a body: a fixed one of one shape, or a simulated ball or box whose
+    inertia is that of its shape, for Bullet takes no other (`changeDynamics` of a rigid body's inertia gives
+    NaN)."""
+    if body.kind == "driven" or not body.pieces:
+        return False
+    hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
+    if body.kind == "fixed":
+        return hulls == 0 or len(body.pieces) == 1
+    piece = body.pieces[0]
+    centred = (piece.position, piece.orientation, body.center_of_mass) == (ORIGIN, IDENTITY, ORIGIN)
+    if len(body.pieces) > 1 or not centred:
+        return False
+    match piece.shape:
+        case Sphere(radius):
+            inertia = sphere_inertia(body.mass, radius)
+        case Box(half_extents):
+            inertia = box_inertia(body.mass, half_extents)
+        case _:
+            return False
+    return bool(np.allclose(inertia, body.inertia, rtol=INERTIA_TOLERANCE, atol=0.0))
+
+
 def _largest(rows: list[tuple], field: int) -> float:
     return max((row[field] for row in rows), default=0.0)
 
 
 def _body_facts(fact: tuple) -> BodyFacts:
     """Mass properties from Bullet's record of a link, turned to the body axes."""
-    axes = Rotation.from_quat(fact[4]).as_matrix()
+    # of a rigid body Bullet tells no axes: it is held in those of its shape
+    axes = np.eye(3) if fact[10] == RIGID_BODY else Rotation.from_quat(fact[4]).as_matrix()
     inertia = axes @ np.diag(fact[2]) @ axes.T
     return BodyFacts(fact[0], fact[3], tuple(tuple(row) for row in inertia.tolist()))

@@ -13,6 +13,8 @@ Links = tuple[int, ...]
 BASE = -1
 """Bullet's number of a multibody's base; its links count from 0."""
 NO_SHAPE = -1
+RIGID_BODY = 1
+"""What `getDynamicsInfo` calls a body in maximal coordinates (BT_RIGID_BODY)."""
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
 """The unit quaternion, xyzw."""
 FRICTION_MAX = 10.0

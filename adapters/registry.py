@@ -16,7 +16,8 @@ class Entry:
 
     `recommended` is the engine's default step, rounded to the next smaller divisor of a frame of 1/60 s;
     `equal-step` is the same for all; `tuned` is what its documentation offers to meet Newton's and Coulomb's
-    laws better, as `touchstone study calibration` measures.
+    laws better, as `touchstone study calibration` measures; `maximal` is Bullet with free balls and boxes in
+    maximal coordinates, which is faster and not the same.
     """
 
     implementation: str
@@ -24,7 +25,7 @@ class Entry:
     profiles: Mapping[str, float]
 
 
-EQUAL_STEP, TUNED = 1 / 240, "tuned"
+EQUAL_STEP, TUNED, MAXIMAL = 1 / 240, "tuned", "maximal"
 ENGINES: dict[str, Entry] = {
     "reference": Entry(
         "adapters.reference_engine:ReferenceEngine",
@@ -39,7 +40,7 @@ ENGINES: dict[str, Entry] = {
     "bullet": Entry(
         "adapters.bullet_engine:BulletEngine",
         "pybullet",
-        {"recommended": 1 / 240, "equal-step": EQUAL_STEP, TUNED: 1 / 960},
+        {"recommended": 1 / 240, "equal-step": EQUAL_STEP, TUNED: 1 / 960, MAXIMAL: 1 / 240},
     ),
     "mujoco": Entry(
         "adapters.mujoco_engine:MujocoEngine",
