@@ -1,5 +1,5 @@
-"""Bullet through pybullet: every body is a multibody with a base of its own, in reduced coordinates; under the
-profile `maximal` free balls and boxes are rigid bodies.
+"""Bullet through pybullet, in reduced coordinates: every body is a multibody with a base of its own. Under
+`maximal` free balls and boxes are rigid bodies.
 
 Conventions: quaternions are xyzw, ours wxyz. Bullet poses and moves the *inertial frame* of a link (origin at
 the centre of mass, axes along the principal moments), while `createMultiBody` takes link frames, hangs link
@@ -91,6 +91,7 @@ class World:
         self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._told = bullet_tables.TUNED if settings.profile == TUNED else bullet_tables.DEFAULT
+        self._native = settings.drive == "native"
         self._sleep = bullet_tables.SLEEPING if settings.sleeping else {}
         pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
@@ -270,29 +271,52 @@ class World:
                 array[links] = [state[field] for state in states]
             joints = pybullet.getJointStates(number, range(len(links)), **self._on)
             self._angle[hinges], self._rate[hinges] = np.array([joint[:2] for joint in joints]).T
+            if self._native:
+                self._hinge_torque[hinges] = [joint[3] for joint in joints]
 
     def drive(self, step: int) -> None:
         """Command roots and hinges, and hold the driven links against gravity."""
         for k, (multibody, drive) in enumerate(zip(self._driven, self._drives)):
             self._observe(multibody)
-            number, bodies, hinges = multibody
+            number, bodies, _ = multibody
             root, omega = bodies[0], self._omega[bodies[0]]
             turned = Rotation.from_quat(self._turn[root]) * self._to_body[root]
             arm = turned.apply(self._arm[root])
             position, velocity = self._center[root] - arm, self._velocity[root] - np.cross(omega, arm)
             wrench = drive.wrench(step, position, turned.as_quat(scalar_first=True), velocity, omega)
             self._wrench[k] = wrench
-            self._hinge_torque[hinges] = drive.hinge_torques(step, self._angle[hinges], self._rate[hinges])
             force, torque = self._wrench[k].tolist()
             self._push(number, BASE, force, position)
             pybullet.applyExternalTorque(number, BASE, torque, pybullet.WORLD_FRAME, **self._on)
             for link, body in enumerate(bodies, start=BASE):
                 self._push(number, link, self._lift[body], self._center[body])
             if len(bodies) > 1:
-                links, torques = range(len(bodies) - 1), self._hinge_torque[hinges].tolist()
-                pybullet.setJointMotorControlArray(
-                    number, links, pybullet.TORQUE_CONTROL, forces=torques, **self._on
-                )
+                self._turn_hinges(step, multibody, drive)
+
+    def _turn_hinges(self, step: int, multibody: Multibody, drive: Drive) -> None:
+        """Command hinges: motors that reach the rate to which the servo's law leads by the end of the step,
+        with no more torque than the law has; or torques."""
+        number, bodies, hinges = multibody
+        links, angle, rate = range(len(bodies) - 1), self._angle[hinges], self._rate[hinges]
+        if not self._native:
+            torques = self._hinge_torque[hinges] = drive.hinge_torques(step, angle, rate)
+            pybullet.setJointMotorControlArray(
+                number, links, pybullet.TORQUE_CONTROL, forces=torques.tolist(), **self._on
+            )
+            return
+        stiffness, damping = servo_gains(drive.hinge_frequency, self._settings.dt)
+        target, target_rate = drive.target.angle[step], drive.target.rate[step]
+        pybullet.setJointMotorControlArray(
+            number,
+            links,
+            pybullet.POSITION_CONTROL,
+            targetPositions=(target - self._settings.dt * target_rate).tolist(),
+            targetVelocities=target_rate.tolist(),
+            forces=drive.largest_torques(step, angle, rate).tolist(),
+            positionGains=[stiffness] * len(links),
+            velocityGains=[damping] * len(links),
+            **self._on,
+        )
 
     def _push(self, number: int, link: int, force: list[float], position: Array) -> None:
         """Force at a world point, for the next step."""
@@ -398,7 +422,7 @@ class World:
             "hull corners": "rounded by Bullet to about 1e-4 of the hull's size",
             "integrator": "semi-implicit Euler on reduced coordinates, gyroscopic term on",
             "sleep of driven bodies": "off: no force wakes a multibody",
-            "default joint motors": "off (force 0)",
+            "default joint motors": "position control" if self._native else "off (force 0)",
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",
             "threads": 1,
@@ -421,6 +445,18 @@ class World:
     def close(self) -> None:
         """Disconnect the client."""
         pybullet.disconnect(**self._on)
+
+
+def servo_gains(frequency: float, dt: float) -> tuple[float, float]:
+    """Position and velocity gain [1] of a motor that acts as a critically damped servo.
+
+    A motor sets the rate at the step's end, v' = v + kp (p - q) / dt + kd (v_t - v). The law of a servo of
+    `frequency` w [rad/s] taken there, v' = v + dt (w^2 (q_t - q - dt v') + 2 w (v_t - v')), is a motor's with
+    p = q_t - dt v_t.
+    """
+    turn = frequency * dt
+    share = 1 / (1 + turn) ** 2
+    return turn * turn * share, (2 + turn) * turn * share
 
 
 def _xyzw(quaternion: Sequence[float]) -> tuple[float, ...]:

@@ -23,6 +23,7 @@ from adapters.dart_model import (
     add_body,
     add_driven,
     add_piece,
+    add_servos,
     detector_of,
     fault_of_fcl,
     set_mass,
@@ -137,6 +138,11 @@ class World:
         self._force = np.full((len(self._drives), 3), np.nan)
         self._torque = np.full((len(self._drives), 3), np.nan)
         self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in scenario.trackers]
+        self._native = settings.drive == "native"
+        self._set_point = [(np.full_like(one, np.nan),) * 2 for one in self._hinge_torque]
+        if self._native:
+            for drive, hand in zip(self._drives, self._hands):
+                add_servos(hand, drive)
 
     def drive(self, step: int) -> None:
         """Force and torque at the root's origin in world axes, torques at the hinges."""
@@ -152,8 +158,17 @@ class World:
             root.addExtForce(self._force[k])
             root.addExtTorque(self._torque[k], False)
             angle, rate = hand.getPositions()[ROOT_DOFS:], hand.getVelocities()[ROOT_DOFS:]
-            self._hinge_torque[k] = drive.hinge_torques(step, angle, rate)
-            hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), self._hinge_torque[k]]))
+            if self._native:
+                self._set_point[k] = drive.target.angle[step], drive.target.rate[step]
+                for number, target in enumerate(drive.target.angle[step], start=1):
+                    # DART refuses a rest position beyond the limits
+                    joint = hand.getJoint(number)
+                    low, high = joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0)
+                    joint.setRestPosition(0, min(max(target, low), high))
+                torques = drive.servo_damping * drive.target.rate[step]
+            else:
+                torques = self._hinge_torque[k] = drive.hinge_torques(step, angle, rate)
+            hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), torques]))
 
     def step(self) -> None:
         """One World.step."""
@@ -170,7 +185,7 @@ class World:
         if self._hands:
             state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
             state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
-            state.hinge_torque[:] = np.concatenate(self._hinge_torque)
+            state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
             state.force[:], state.torque[:] = self._force, self._torque
         state.clear_contacts()
         for contact in self._world.getLastCollisionResult().getContacts():
@@ -180,6 +195,16 @@ class World:
             point = contact.point + self._to_midpoint * depth * normal
             impulse = -self._settings.dt * contact.force
             state.add_contact(first, second, point, -normal, -depth, impulse)
+
+    def _hinge_torques(self, tracker: int) -> Array:
+        """What drove the hinges of a tracker during the step just made (j,) [N m]: DART takes its springs and
+        dampers at the end of a step."""
+        if not self._native:
+            return self._hinge_torque[tracker]
+        hand, drive = self._hands[tracker], self._drives[tracker]
+        angle, rate = self._set_point[tracker]
+        error, error_rate = angle - hand.getPositions()[ROOT_DOFS:], rate - hand.getVelocities()[ROOT_DOFS:]
+        return drive.servo_stiffness * error + drive.servo_damping * error_rate
 
     def describe(self) -> Manifest:
         """The manifest, as DART tells it."""
@@ -268,6 +293,7 @@ class World:
             "joint_friction": max((joint.getCoulombFriction(k) for joint, k in dofs), default=0.0),
             "joint_stiffness": max((joint.getSpringStiffness(k) for joint, k in dofs), default=0.0),
             "hinges": len(hinges),
+            "hinge_drive": "implicit springs and dampers" if self._native else "explicit torques",
             "hinge_limits": sum(joint.areLimitsEnforced() for joint in hinges),
             "hull_vertex_type": "float32, triangle soup",
         }

@@ -115,6 +115,14 @@ def add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint]
     return nodes
 
 
+def add_servos(skeleton: Any, drive: Drive) -> None:
+    """A spring and a damper on every hinge, which DART integrates implicitly (Tan, Liu & Turk 2011, "Stable
+    proportional-derivative controllers", as in DART's tutorials); the rest position is the set point."""
+    for number, (stiffness, damping) in enumerate(zip(drive.servo_stiffness, drive.servo_damping), start=1):
+        skeleton.getJoint(number).setSpringStiffness(0, stiffness)
+        skeleton.getJoint(number).setDampingCoefficient(0, damping)
+
+
 def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: float) -> None:
     match piece.shape:
         case Sphere():

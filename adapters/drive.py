@@ -7,6 +7,10 @@ first posture, M what the hinges feel in that posture with the root *free*, cut 
 times what they feel in any posture of the tracker (a bent arm's twist has thirty times the inertia of a
 stretched one's). With the root held, or not cut, the gains would be too high, and an explicit servo diverges
 at 1/240 s. Both are published as gains.
+
+By default (`native`) hinges follow an engine's own position servo, one gain per hinge (`servo_stiffness`,
+`servo_damping`); which servo it is stands in each adapter. Explicit torques held over a step feed energy
+where a limb is pressed; they stay as `torque`.
 """
 
 from __future__ import annotations
@@ -50,6 +54,7 @@ class Drive:
             world.joints["angle"][hinges] = angles
             pose_links(world.bodies, world.joints, row)
             felt = cut(felt, _felt(joint_space_inertia(world.bodies, world.joints, row)))
+        self.hinge_frequency = tracker.hinge_frequency
         self.hinge_stiffness = tracker.hinge_frequency**2 * felt
         self.hinge_damping = 2 * tracker.hinge_frequency * felt
         links = list(self.links)
@@ -57,6 +62,22 @@ class Drive:
         pose_links(world.bodies, world.joints, row)
         self.start_position = world.bodies["position"][links]  # (n, 3) of the links, root first
         self.start_orientation = world.bodies["orientation"][links]  # (n, 4)
+
+    @property
+    def servo_stiffness(self) -> Array:
+        """Stiffness (j,) [N m/rad] of an engine's own servos, one per hinge."""
+        return self.hinge_stiffness.diagonal()
+
+    @property
+    def servo_damping(self) -> Array:
+        """Damping (j,) [N m s/rad] of an engine's own servos."""
+        return self.hinge_damping.diagonal()
+
+    def largest_torques(self, step: int, angle: Array, rate: Array) -> Array:
+        """Bounds (j,) [N m] on `hinge_torques`, whatever the signs of the errors at the step's start."""
+        error = np.abs(self.target.angle[step] - angle)
+        error_rate = np.abs(self.target.rate[step] - rate)
+        return np.abs(self.hinge_stiffness) @ error + np.abs(self.hinge_damping) @ error_rate
 
     def wrench(
         self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array

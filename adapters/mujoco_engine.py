@@ -31,7 +31,7 @@ from adapters.engine import (
     Unsupported,
 )
 from adapters.mujoco_contacts import add_contacts, contact_parameters, restitution_of
-from adapters.mujoco_model import add_bodies, inverse, set_options, turned
+from adapters.mujoco_model import add_bodies, add_servos, inverse, set_options, turned
 from adapters.registry import ENGINES, require_profile
 from scenarios.scenario import Scenario
 
@@ -81,11 +81,16 @@ class MujocoEngine:
         set_options(spec, scenario, settings)
         bodies = add_bodies(spec, scenario)
         add_contacts(spec, bodies, scenario, settings)
+        drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        if settings.drive == "native":
+            for drive, tracker in zip(drives, scenario.trackers):
+                add_servos(spec, tracker.joints, drive)
         try:
             model = spec.compile()
         except ValueError as error:
             raise Unsupported(f"mujoco: {error}") from error
-        return World(model, [bodies[k].id for k in range(len(scenario.bodies))], scenario, settings)
+        ids = [bodies[k].id for k in range(len(scenario.bodies))]
+        return World(model, ids, scenario, settings, drives)
 
     def version(self) -> str:
         """The version of the loaded library."""
@@ -95,16 +100,21 @@ class MujocoEngine:
 class World:
     """A compiled model and its data. `body` maps the scenario's index to MuJoCo's, `index` back."""
 
-    def __init__(self, model: Any, body: list[int], scenario: Scenario, settings: Settings) -> None:
+    def __init__(
+        self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
+    ) -> None:
         self._model, self._data = model, mujoco.MjData(model)
         self._scenario, self._settings = scenario, settings
         self._body = np.array(body)
         self._index = np.full(model.nbody, -1)
         self._index[self._body] = np.arange(len(body))
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        self._drives = drives
+        self._native = settings.drive == "native"
         hinges = [[model.joint(name).id for name in tracker.joints] for tracker in scenario.trackers]
         self._hinge_qpos = [model.jnt_qposadr[ids].astype(int) for ids in hinges]
         self._hinge_dof = [model.jnt_dofadr[ids].astype(int) for ids in hinges]
+        counts = [len(tracker.joints) for tracker in scenario.trackers]
+        self._servos = [slice(sum(counts[:k]), sum(counts[: k + 1])) for k in range(len(counts))]
         self._root = [int(self._body[drive.links[0]]) for drive in self._drives]
         self._force = np.zeros((len(self._drives), 3))
         self._torque = np.zeros((len(self._drives), 3))
@@ -134,7 +144,9 @@ class World:
             self._data.qpos[angles], self._data.qvel[dofs] = drive.start.angle[0], drive.start.rate[0]
 
     def drive(self, step: int) -> None:
-        """Generalised forces: on the root a force in world and a torque in body axes; hinge torques."""
+        """On the root a force in world and a torque in body axes; on hinges the servos' set points, moved
+        ahead by damping / stiffness times the rate (a position actuator has no set point of it); or torques.
+        """
         data = self._data
         for k, drive in enumerate(self._drives):
             qpos, qvel, root = self._free_joint(self._root[k])
@@ -143,8 +155,12 @@ class World:
             self._force[k], self._torque[k] = force, torque
             data.qfrc_applied[root] = *force, *turned(torque, inverse(qpos[3:]))
             dofs = self._hinge_dof[k]
-            angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
-            data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
+            if self._native:
+                lead = drive.servo_damping / drive.servo_stiffness
+                data.ctrl[self._servos[k]] = drive.target.angle[step] + lead * drive.target.rate[step]
+            else:
+                angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
+                data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
 
     def step(self) -> None:
         """One mj_step."""
@@ -165,8 +181,15 @@ class World:
         if self._drives:
             angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
             state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
-            state.hinge_torque[:] = data.qfrc_applied[dofs]
+            state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._drives))])
             state.force[:], state.torque[:] = self._force, self._torque
+
+    def _hinge_torques(self, tracker: int) -> Array:
+        """What drove the hinges of a tracker during the step just made (j,) [N m]: MuJoCo takes the damping
+        of joints at the end of a step."""
+        dofs = self._hinge_dof[tracker]
+        torque: Array = self._data.qfrc_applied[dofs] + self._data.qfrc_actuator[dofs]
+        return torque - self._model.dof_damping[dofs] * self._data.qvel[dofs]
 
     def _read_contacts(self, state: State) -> None:
         model, data = self._model, self._data
@@ -220,6 +243,7 @@ class World:
             "hinge_limit_solref": str(np.unique(model.jnt_solref[hinge], axis=0).tolist()),
             "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
             "actuators": int(model.nu),
+            "hinge_drive": "position actuators" if self._native else "explicit torques",
             "collision_shapes": int(model.ngeom),
             "explicit_pairs": int(model.npair),
             "excluded_body_pairs": int(model.nexclude),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from adapters.drive import Drive
 from adapters.engine import Array, Settings, Unsupported
 from adapters.registry import TUNED
 from scenarios.scenario import (
@@ -75,6 +77,16 @@ def add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
         for k, piece in enumerate(body.pieces):
             add_piece(spec, bodies[index], piece, f"{index}.{k}")
     return bodies
+
+
+def add_servos(spec: Any, joints: Sequence[str], drive: Drive) -> None:
+    """A position actuator and damping on every hinge: stiffness (set point - q) - damping q'. Integrators in
+    use take the damping of joints implicitly, Euler not that of actuators (MuJoCo's documentation,
+    "Numerical integration")."""
+    for name, stiffness, damping in zip(joints, drive.servo_stiffness, drive.servo_damping):
+        servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=stiffness)
+        spec.joint(name).damping = (damping, 0.0, 0.0)
 
 
 def _add_free_joint(body: Any) -> None:

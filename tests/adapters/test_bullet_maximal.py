@@ -62,7 +62,7 @@ def test_mass_properties_are_ours() -> None:
 
 
 def test_other_bodies_stay_multibodies() -> None:
-    """Keep hulls, compounds and inertias that are not the shape's in reduced coordinates, and driven links."""
+    """Keep hulls, driven links and inertias that are not the shape's in reduced coordinates."""
     scenario = catalogue()["stack"]
     floor, one, two, *_ = scenario.bodies
     odd = replace(one, inertia=tuple(tuple(2 * x for x in row) for row in one.inertia))
