@@ -39,7 +39,7 @@ from adapters.bullet_tables import (
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import check_range, frictions, product_factors, restitutions
-from adapters.registry import ENGINES, MAXIMAL, TUNED, require_profile
+from adapters.registry import ACCURATE, ENGINES, MAXIMAL, require_profile
 from scenarios.scenario import (
     IDENTITY,
     ORIGIN,
@@ -90,7 +90,7 @@ class World:
         self._scenario, self._settings, self._factors = scenario, settings, factors
         self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
-        self._told = bullet_tables.TUNED if settings.profile == TUNED else bullet_tables.DEFAULT
+        self._told = bullet_tables.ACCURATE if settings.profile == ACCURATE else bullet_tables.DEFAULT
         self._native = settings.drive == "native"
         self._sleep = bullet_tables.SLEEPING if settings.sleeping else {}
         pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)

@@ -25,13 +25,13 @@ from adapters.dart_model import (
     add_piece,
     add_servos,
     detector_of,
-    fault_of_fcl,
+    reason_for_bullet,
     set_mass,
 )
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
 from adapters.mixing import check_range, frictions, minimum_factors, product_factors, restitutions
-from adapters.registry import ENGINES, TUNED, require_profile
+from adapters.registry import ACCURATE, ENGINES, require_profile
 from scenarios.scenario import Scenario
 
 COEFFICIENT_MIN = 1e-3
@@ -54,8 +54,8 @@ UNREADABLE: dict[str, Scalar] = {
 
 
 class DartEngine:
-    """DART with its default solver at its own step (1/1020: DART's 1 ms, fitted) or another's; `tuned` with
-    the exact friction cone."""
+    """DART with its default solver at its own step (1/1020: DART's 1 ms, fitted) or another's; `accurate`
+    with the exact friction cone."""
 
     name: ClassVar[str] = "dart"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["dart"].profiles
@@ -78,10 +78,10 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     deactivation = world.getDeactivationOptions()
     deactivation.mEnabled = settings.sleeping
     world.setDeactivationOptions(deactivation)
-    world.setCollisionDetector(detector_of(scenario))
+    world.setCollisionDetector(detector_of(scenario, settings.profile))
     solver = world.getConstraintSolver()
     solver.setSplitImpulseEnabled(False)
-    if settings.profile == TUNED:
+    if settings.profile == ACCURATE:
         # one of two opt-in friction solvers (DART 6.20 release notes): Coulomb's circular cone by nonsmooth
         # Gauss-Seidel in place of two boxed directions
         solver.setBoxedLcpSolver(dartpy.constraint.NsgsFrictionSolver())
@@ -263,7 +263,7 @@ class World:
         ]
         facts: dict[str, Scalar] = {
             "detector": detector.getType(),
-            "detector_reason": fault_of_fcl(self._scenario) or "DART's default",
+            "detector_reason": reason_for_bullet(self._scenario, self._settings.profile) or "DART's default",
             "solver": type(solver).__name__,
             "lcp_solver": solver.getBoxedLcpSolver().getType(),
             "friction_cone": FRICTION_CONES[solver.getBoxedLcpSolver().getType()],

@@ -31,7 +31,7 @@ from scipy.optimize import brentq
 from adapters.engine import Array, Settings
 from adapters.mixing import check_range, frictions, restitutions
 from adapters.mujoco_masks import GeomFilter, contact_filter
-from adapters.registry import TUNED
+from adapters.registry import ACCURATE
 from scenarios.scenario import Scenario
 
 TIME_CONSTANT = 0.02
@@ -40,24 +40,24 @@ FLOOR_STEPS = 2.0
 """MuJoCo's floor of a contact's time constant [steps] (its flag refsafe)."""
 FRICTION_MIN = 1e-5
 """Least friction of a contact with condim > 1 (mjMINMU) [1]: smaller values are raised to it."""
-TUNED_STIFFNESS = 0.2
-"""Frequency of a tuned contact times the step [rad]: a bounce takes some 15 steps, and where within a step it
-begins changes e by at most 0.02."""
-TUNED_RESTITUTION_MIN = 0.02
-"""Least restitution of a tuned contact [1], and what it has for 0: that would need infinite damping."""
-TUNED_IMPEDANCE = (0.95, 0.95, 0.001, 0.5, 2.0)
+ACCURATE_STIFFNESS = 0.2
+"""Frequency of an accurate contact times the step [rad]: a bounce takes some 15 steps, and where within a
+step it begins changes e by at most 0.02."""
+ACCURATE_RESTITUTION_MIN = 0.02
+"""Least restitution of an accurate contact [1], and what it has for 0: that would need infinite damping."""
+ACCURATE_IMPEDANCE = (0.95, 0.95, 0.001, 0.5, 2.0)
 """MuJoCo's default solimp, its largest impedance at any depth."""
 ROUNDING = 1e-9
 """Of a restitution that goes through a solref and back, relative."""
 FRICTION_REFERENCE = (-1.0, -2 / TIME_CONSTANT)
-"""(-stiffness, -damping [1/s]) of friction in a tuned contact: MuJoCo's default; stiffness is unused."""
+"""(-stiffness, -damping [1/s]) of friction in an accurate contact: MuJoCo's default; stiffness is unused."""
 
 
 def solref_of(restitution: float, settings: Settings) -> tuple[float, float]:
     """(-stiffness, -damping) per unit mass of a contact with restitution e."""
-    if settings.profile == TUNED:
-        zeta = releasing_ratio(max(restitution, TUNED_RESTITUTION_MIN))
-        return _sampled(zeta, TUNED_STIFFNESS / settings.dt, settings.dt)
+    if settings.profile == ACCURATE:
+        zeta = releasing_ratio(max(restitution, ACCURATE_RESTITUTION_MIN))
+        return _sampled(zeta, ACCURATE_STIFFNESS / settings.dt, settings.dt)
     zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
     w = 1 / max(TIME_CONSTANT * zeta, FLOOR_STEPS * settings.dt)
     return -w * w, -2 * zeta * w
@@ -65,9 +65,9 @@ def solref_of(restitution: float, settings: Settings) -> tuple[float, float]:
 
 def restitution_of(solref: Array, settings: Settings) -> float:
     """Restitution e of a contact with (-stiffness, -damping), the inverse of `solref_of`."""
-    if settings.profile == TUNED:
+    if settings.profile == ACCURATE:
         e = releasing_restitution(_damping_ratio(solref, settings.dt))
-        return e if e > TUNED_RESTITUTION_MIN * (1 + ROUNDING) else 0.0
+        return e if e > ACCURATE_RESTITUTION_MIN * (1 + ROUNDING) else 0.0
     zeta = -solref[1] / (2 * sqrt(-solref[0]))
     return exp(-pi * zeta / sqrt(1 - zeta * zeta)) if zeta < 1 else 0.0
 
@@ -115,9 +115,9 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
         bodies: the spec's body per index in the scenario; their geoms have masks of zero.
     """
     check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
-    if settings.profile == TUNED:
+    if settings.profile == ACCURATE:
         # a geom has no solreffriction
-        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=TUNED_RESTITUTION_MIN)
+        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=ACCURATE_RESTITUTION_MIN)
         explicit = tuple(scenario.touching_pairs())
         add_pairs(spec, scenario, settings, explicit)
         return
@@ -139,9 +139,9 @@ def _set_geom(geom: Any, told: GeomFilter, settings: Settings) -> None:
 
 def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable[tuple[int, int]]) -> None:
     """An explicit pair for every two geoms of pairs of bodies; MuJoCo takes it in place of masks."""
-    tuned: dict[str, tuple[float, ...]] = {}
-    if settings.profile == TUNED:
-        tuned = {"solimp": TUNED_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
+    told: dict[str, tuple[float, ...]] = {}
+    if settings.profile == ACCURATE:
+        told = {"solimp": ACCURATE_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
     for a, b in pairs:
         e, mu = scenario.pair_coefficients(a, b)
         for first in range(len(scenario.bodies[a].pieces)):
@@ -152,7 +152,7 @@ def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable
                     condim=3 if mu > 0 else 1,
                     friction=(mu, mu, 0.0, 0.0, 0.0),
                     solref=solref_of(e, settings),
-                    **tuned,
+                    **told,
                 )
 
 

@@ -68,7 +68,8 @@ def _write_no_log_file() -> None:
 
 
 class MujocoEngine:
-    """MuJoCo with its default integrator and solver; `tuned` with the elliptic cone and stiffer contacts."""
+    """MuJoCo with the integrator and the cone that its documentation recommends; `default` with those that it
+    comes with; `accurate` with stiffer contacts."""
 
     name: ClassVar[str] = "mujoco"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles

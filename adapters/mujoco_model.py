@@ -10,7 +10,7 @@ import numpy as np
 
 from adapters.drive import Drive
 from adapters.engine import Array, Settings, Unsupported
-from adapters.registry import TUNED
+from adapters.registry import ACCURATE, DEFAULT
 from scenarios.scenario import (
     Body,
     Box,
@@ -24,9 +24,11 @@ from scenarios.scenario import (
     Vector,
 )
 
+SOLVER_TOLERANCE = 1e-10
+"""Where MuJoCo's Newton solver stops, accurate [1]."""
 IMPEDANCE_RATIO = 10.0
-"""Impedance of friction over that of the normal force, tuned [1]: a body that sticks creeps a tenth as fast
-(MuJoCo's modeling guide, on preventing slip)."""
+"""Impedance of friction over that of the normal force, accurate [1]: a body that sticks creeps a tenth as
+fast (MuJoCo's modeling guide, on preventing slip)."""
 
 
 def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
@@ -40,9 +42,19 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
     spec.option.density = spec.option.viscosity = 0.0
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.option.enableflags = int(mujoco.mjtEnableBit.mjENBL_SLEEP) if settings.sleeping else 0
-    if settings.profile == TUNED:
-        # circular where the pyramid has .707 mu at 45 degrees
+    if settings.profile == DEFAULT:
+        return
+    # "the recommended integrator" (MuJoCo's documentation, "Numerical integration" and "Performance tuning")
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    if "friction" in scenario.effects:
+        # "elliptic cones correspond more closely to physical reality ... we recommend trying the elliptic
+        # cones" ("Modeling: Solver settings")
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    if settings.profile == ACCURATE:
+        # friction's own damping needs it, whatever mu
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        # "used with aggressive tolerance values, say 1e-10" (same place)
+        spec.option.tolerance = SOLVER_TOLERANCE
         spec.option.impratio = IMPEDANCE_RATIO
 
 

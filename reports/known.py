@@ -37,7 +37,7 @@ GALLERY: tuple[Known, ...] = (
     Known("contact.gap", "dart", SINKS, scenario="ball_snip", profile="equal-step"),
     *(
         known
-        # the tuned profiles mend these
+        # the accurate profiles mend these
         for profile in ("recommended", "equal-step")
         for known in (
             Known("overlap.max", "mujoco", COMPLIANT.format("mujoco"), "ball_snip", profile),
@@ -161,7 +161,7 @@ PROBES: tuple[Cause, ...] = (
         BULLET_DEPTH,
         {"energy.gain": "bounce_e1", "energy.injected": "bounce_e1", "restitution.error": "bounce_e1"},
     ),
-    Cause("bullet", BULLET_DEPTH, {"energy.gain": "bounce_e1", "energy.injected": "bounce_e1"}, "tuned"),
+    Cause("bullet", BULLET_DEPTH, {"energy.gain": "bounce_e1", "energy.injected": "bounce_e1"}, "accurate"),
     Cause("bullet", BULLET_AHEAD, {"contact.at_distance": "bounce_e08", "restitution.error": "bounce_e08"}),
     Cause("bullet", BULLET_CORNERS, {"overlap.max": "slide slide_seed1 slide_seed2"}),
     Cause("bullet", BULLET_YAW, {"friction.stop": "slide:box_45"}),
@@ -179,7 +179,7 @@ PROBES: tuple[Cause, ...] = (
         MUJOCO_LIFT,
         {"friction.lift": "slide", "friction.tilt": "slide", "overlap.max": "slide"},
     ),
-    Cause("mujoco", MUJOCO_LIFT, {"friction.lift": "slide"}, "tuned"),
+    Cause("mujoco", MUJOCO_LIFT, {"friction.lift": "slide"}, "accurate"),
     Cause("mujoco", MUJOCO_CREEP, dict.fromkeys(("friction.creep", "rest.moved"), "incline_holds")),
     Cause("mujoco", MUJOCO_SOFT, {"overlap.max": "bounce_e0 balls_box"}),
     Cause(
@@ -197,9 +197,9 @@ PROBES: tuple[Cause, ...] = (
     Cause("mujoco", MUJOCO_DAMPED, {"truth.velocity": "collide_oblique collide_slips collide_sticks"}),
     Cause("mujoco", MUJOCO_SAMPLED, {"energy.gain": "bounce_e1", "energy.injected": "bounce_e1 rod_e1"}),
     Cause("mujoco", MUJOCO_SAMPLED, {"energy.loss": "bounce_e1"}, "equal-step"),
-    Cause("mujoco", MUJOCO_SAMPLED, {"energy.injected": "rod_e1"}, "tuned"),
-    Cause("mujoco", MUJOCO_DAMPED, {"truth.velocity": "collide_sticks"}, "tuned"),
-    Cause("mujoco", MUJOCO_ROW, dict.fromkeys(CRADLE, "cradle"), "tuned"),
+    Cause("mujoco", MUJOCO_SAMPLED, {"energy.injected": "rod_e1"}, "accurate"),
+    Cause("mujoco", MUJOCO_DAMPED, {"truth.velocity": "collide_sticks"}, "accurate"),
+    Cause("mujoco", MUJOCO_ROW, dict.fromkeys(CRADLE, "cradle"), "accurate"),
     Cause(
         "mujoco",
         MUJOCO_ROW,
@@ -244,7 +244,7 @@ PROBES: tuple[Cause, ...] = (
 )
 PRESSED_BOXED = (
     "the boxed LCP bounds friction by normal impulses found without it: points of a pressed hull that "
-    "friction unloads keep their bound; with the NSGS solver (tuned) none leaves the cone"
+    "friction unloads keep their bound; with the NSGS solver (accurate) none leaves the cone"
 )
 PRESSED_DISCRETE = (
     "contact is found only once it overlaps: hands that meet or reach a wall move 4 to 5 mm in a step, and "

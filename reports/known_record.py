@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
-EVERY = "recommended equal-step tuned"
+EVERY = "recommended equal-step accurate"
 """All profiles of DART, Bullet and MuJoCo."""
 
 

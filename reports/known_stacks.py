@@ -56,7 +56,7 @@ DART_BOUNDS = (
 )
 DART_ARCH = (
     "the boxed LCP bounds friction by normal impulses found without it, and joints slip: arch_stands "
-    "moves by 0.19 m at 1/1020 s, 0.46 m at 1/240 s, 45 mm with the NSGS solver (tuned)"
+    "moves by 0.19 m at 1/1020 s, 0.46 m at 1/240 s, 45 mm with the NSGS solver (accurate)"
 )
 DART_LOAD = (
     "no solution beyond some mass ratio: load_1e4 moves by less than 1 mm at 1/1020 s and by 6.7 mm "
@@ -76,7 +76,7 @@ DART_TIP = (
 )
 DART_BOX = "friction is bounded along two fixed directions, each by mu: up to sqrt 2 mu between them"
 DART_SEIDEL = (
-    "the NSGS solver (tuned) stops after its rounds: tower_20 moves by 23 mm and load_1e4 by 0.1 m, less "
+    "the NSGS solver (accurate) stops after its rounds: tower_20 moves by 23 mm and load_1e4 by 0.1 m, less "
     "than 1 mm by the pivoting one (recommended)"
 )
 TIPS = tuple(
@@ -188,7 +188,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "energy.injected": "arch_stands",
         },
-        "recommended tuned",
+        "recommended accurate",
     ),
     Cause(
         "dart",
@@ -220,7 +220,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "friction.cone": "arch_slides arch_stands arch_thin load_1e4 load_1e6 tower_40",
         },
-        "tuned",
+        "accurate",
     ),
     Cause(
         "dart",
@@ -256,7 +256,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "energy.gain": "break_15",
         },
-        "recommended tuned",
+        "recommended accurate",
     ),
     Cause(
         "dart",
@@ -270,7 +270,7 @@ STACKS: tuple[Cause, ...] = (
             "rest.moved": "load_1e4 load_1e6 tower_10 tower_20 tower_20_jittered tower_40",
             "symmetry.mirror": "dominoes",
         },
-        "tuned",
+        "accurate",
     ),
     Cause(
         "dart",
@@ -320,7 +320,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "friction.creep": "load_1e4",
         },
-        "equal-step tuned",
+        "equal-step accurate",
     ),
     Cause(
         "mujoco",

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from adapters.registry import TUNED
+from adapters.registry import ACCURATE
 from reports.results import rows_of
 from reports.run import step_text
 from reports.studies.calibration_rows import ALL, subject_of
@@ -57,8 +57,8 @@ class Values:
         return next((profile for name, profile in self.columns if name == engine), "")
 
     def both(self, engine: str) -> tuple[tuple[str, str], tuple[str, str]]:
-        """The columns of an engine's first profile and of its tuned one."""
-        return (engine, self.first(engine)), (engine, TUNED)
+        """The columns of an engine's first profile and of its accurate one."""
+        return (engine, self.first(engine)), (engine, ACCURATE)
 
     def step(self, engine: str) -> float:
         """Native step of an engine's first profile [s]."""
