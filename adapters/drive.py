@@ -19,10 +19,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
-from adapters.translation import translate
-from reference_impl.skeleton import joint_space_inertia, pose_links
+from scenarios.kinematics import joint_space_inertia, link_poses
 from scenarios.scenario import Scenario, Tracker
-from scenarios.tracking import sample
+from scenarios.tracking import TrackerMotion, sample
 
 INERTIA_RATIO = 2.0
 """Of a servo's inertia over that of the hinges, in any direction and posture [1]: at 70 rad/s and 1/240 s the
@@ -39,29 +38,30 @@ class Drive:
         self.target = sample(tracker, np.minimum(np.arange(1, steps + 1) * dt, scenario.duration))
         self.start = sample(tracker, np.zeros(1))
         self.links = scenario.links(tracker)
-        world = translate(scenario)
-        row = world.drivers[scenario.trackers.index(tracker)]
-        pose_links(world.bodies, world.joints, row)
-        inertia = joint_space_inertia(world.bodies, world.joints, row)
-        axes = world.bodies[row["root"]]["rotation"]
+        mass = sum(scenario.bodies[link].mass for link in self.links)
+        place, turn = self._poses(scenario, tracker, self.start)
+        inertia = joint_space_inertia(scenario, tracker, place[:, 0], turn[:, 0])
+        axes = turn[0, 0]
         self.inertia = axes.T @ inertia[3:6, 3:6] @ axes
         self.stiffness, self.damping = tracker.stiffness, tracker.damping
-        self.frequency = float(np.sqrt(tracker.stiffness / row["mass"]))
+        self.frequency = float(np.sqrt(tracker.stiffness / mass))
         felt = _felt(inertia)
         times = np.linspace(0.0, scenario.duration, 1 + round(POSTURES_PER_SECOND * scenario.duration))
-        hinges = slice(row["first_joint"], row["first_joint"] + row["joint_count"])
-        for angles in sample(tracker, times).angle if tracker.joints else ():
-            world.joints["angle"][hinges] = angles
-            pose_links(world.bodies, world.joints, row)
-            felt = cut(felt, _felt(joint_space_inertia(world.bodies, world.joints, row)))
+        if tracker.joints:
+            places, turns = self._poses(scenario, tracker, sample(tracker, times))
+            for k in range(len(times)):
+                own = joint_space_inertia(scenario, tracker, places[:, k], turns[:, k])
+                felt = cut(felt, _felt(own))
         self.hinge_frequency = tracker.hinge_frequency
         self.hinge_stiffness = tracker.hinge_frequency**2 * felt
         self.hinge_damping = 2 * tracker.hinge_frequency * felt
-        links = list(self.links)
-        world.joints["angle"][hinges] = self.start.angle[0]
-        pose_links(world.bodies, world.joints, row)
-        self.start_position = world.bodies["position"][links]  # (n, 3) of the links, root first
-        self.start_orientation = world.bodies["orientation"][links]  # (n, 4)
+        self.start_position = place[:, 0]  # (n, 3) of the links, root first
+        self.start_orientation = Rotation.from_matrix(turn[:, 0]).as_quat(scalar_first=True)  # (n, 4)
+
+    @staticmethod
+    def _poses(scenario: Scenario, tracker: Tracker, motion: TrackerMotion) -> tuple[Array, Array]:
+        """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as a tracker shows them."""
+        return link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
 
     @property
     def servo_stiffness(self) -> Array:
