@@ -198,12 +198,14 @@ class World:
 
     def _hinge_torques(self, tracker: int) -> Array:
         """What drove the hinges of a tracker during the step just made (j,) [N m]: DART takes its springs and
-        dampers at the end of a step."""
+        dampers at the end of the step as it would be without the impulses of contacts and limits."""
         if not self._native:
             return self._hinge_torque[tracker]
-        hand, drive = self._hands[tracker], self._drives[tracker]
+        hand, drive, dt = self._hands[tracker], self._drives[tracker], self._settings.dt
         angle, rate = self._set_point[tracker]
-        error, error_rate = angle - hand.getPositions()[ROOT_DOFS:], rate - hand.getVelocities()[ROOT_DOFS:]
+        changed = np.array(hand.getVelocityChanges())[ROOT_DOFS:]
+        error = angle - hand.getPositions()[ROOT_DOFS:] + dt * changed
+        error_rate = rate - hand.getVelocities()[ROOT_DOFS:] + changed
         return drive.servo_stiffness * error + drive.servo_damping * error_rate
 
     def describe(self) -> Manifest:

@@ -7,6 +7,8 @@ import pytest
 
 from adapters.engine import Settings, State
 from adapters.record import record
+from reports.metrics import METRICS
+from reports.metrics.evidence import Evidence
 from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
@@ -92,6 +94,24 @@ def test_hinge_torques_account_for_the_energy(registry: SimpleNamespace, name: s
     # the palm takes a hundredth
     assert run.driver_work[half] == pytest.approx(energy, rel=0.03)
     assert run.joint_angle[-1, 0] == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_contact_takes_energy_from_a_driven_hand(registry: SimpleNamespace, name: str) -> None:
+    """Gain no energy beyond what the servos put in, through a slap at 1 m/s that bends the fingers back."""
+    scenario, settings = slap(1.0), Settings("equal-step", EQUAL)
+    run = record(registry.engine(name), scenario, settings)
+    evidence = Evidence(run, scenario)
+    assert len(run.contacts) > 20
+    worst = max(evidence_row(evidence))
+    # the hand meets the table with 0.2 J
+    assert worst < 0.02
+
+
+def evidence_row(evidence: Evidence) -> list[float]:
+    """Energy injected over any window [J], by body."""
+    found = METRICS["energy.injected"].measure(evidence)
+    return [getattr(value, "value", value) for value in found.values()]
 
 
 def test_results_name_another_drive() -> None:
