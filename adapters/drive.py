@@ -66,12 +66,12 @@ class Drive:
     @property
     def servo_stiffness(self) -> Array:
         """Stiffness (j,) [N m/rad] of an engine's own servos, one per hinge."""
-        return self.hinge_stiffness.diagonal()
+        return _per_hinge(self.hinge_stiffness)
 
     @property
     def servo_damping(self) -> Array:
         """Damping (j,) [N m s/rad] of an engine's own servos."""
-        return self.hinge_damping.diagonal()
+        return _per_hinge(self.hinge_damping)
 
     def largest_torques(self, step: int, angle: Array, rate: Array) -> Array:
         """Bounds (j,) [N m] on `hinge_torques`, whatever the signs of the errors at the step's start."""
@@ -115,6 +115,13 @@ class Drive:
             "hinge stiffness [N m/rad]": self.hinge_stiffness.tolist(),
             "hinge damping [N m s/rad]": self.hinge_damping.tolist(),
         }
+
+
+def _per_hinge(gains: Array) -> Array:
+    """One gain for each hinge (j,) of a matrix (j, j): the geometric mean of what it has where it turns alone
+    and where all turn with it."""
+    found: Array = np.sqrt(gains.diagonal() * np.abs(gains).sum(axis=1))
+    return found
 
 
 def _felt(inertia: Array) -> Array:
