@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
-EVERY = "recommended equal-step accurate"
+EVERY = "recommended equal-step default accurate"
 """All profiles of DART, Bullet and MuJoCo."""
 
 
@@ -30,7 +30,7 @@ class Cause:
     engine: str
     reason: str
     seen: Mapping[str, str]
-    profiles: str = "recommended equal-step"
+    profiles: str = "recommended equal-step default"
 
     def known(self) -> Iterator[Known]:
         """One entry per profile, metric and scene, each with the line that shows it."""

@@ -188,7 +188,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "energy.injected": "arch_stands",
         },
-        "recommended accurate",
+        "recommended default accurate",
     ),
     Cause(
         "dart",
@@ -204,7 +204,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "friction.cone": "tower_10",
         },
-        "recommended",
+        "recommended default",
     ),
     Cause(
         "dart",
@@ -239,7 +239,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "friction.creep": "load_1e6",
         },
-        "recommended",
+        "recommended default",
     ),
     Cause(
         "dart",
@@ -256,7 +256,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "energy.gain": "break_15",
         },
-        "recommended accurate",
+        "recommended default accurate",
     ),
     Cause(
         "dart",
@@ -289,7 +289,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "energy.injected": "tower_40",
         },
-        "recommended",
+        "recommended default",
     ),
     Cause(
         "dart",
@@ -304,7 +304,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "overlap.tunnelled": "coin_falls",
         },
-        "recommended",
+        "recommended default",
     ),
     Cause(
         "mujoco",
@@ -320,7 +320,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "friction.creep": "load_1e4",
         },
-        "equal-step accurate",
+        "accurate",
     ),
     Cause(
         "mujoco",
@@ -328,7 +328,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "contact.impulse_balance": "load_1e6:box_1",
         },
-        "recommended",
+        "default",
     ),
     Cause(
         "mujoco",
@@ -384,14 +384,6 @@ STACKS: tuple[Cause, ...] = (
         MUJOCO_SOFT,
         {
             "overlap.max": "break_15",
-        },
-        "equal-step",
-    ),
-    Cause(
-        "mujoco",
-        MUJOCO_YIELDS,
-        {
-            "symmetry.mirror": "arch_stands",
         },
         "equal-step",
     ),
