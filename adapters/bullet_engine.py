@@ -39,6 +39,7 @@ from adapters.bullet_tables import (
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import check_range, frictions, product_factors, restitutions
+from adapters.posed import posed_of
 from adapters.registry import ACCURATE, ENGINES, MAXIMAL, require_profile
 from scenarios.scenario import (
     IDENTITY,
@@ -58,6 +59,11 @@ from scenarios.solids import box_inertia, sphere_inertia
 Joints = tuple[Joint, ...]
 INERTIA_TOLERANCE = 1e-12
 """Of a body's inertia over that of its shape, relative: rounding."""
+HINGE_DRIVES = {
+    "native": "position control",
+    "torque": "off (force 0)",
+    "posed": "none: links are bodies without mass",
+}
 PRIMITIVES = {Sphere: pybullet.GEOM_SPHERE, Box: pybullet.GEOM_BOX, Capsule: pybullet.GEOM_CAPSULE}
 
 
@@ -88,7 +94,11 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings, factors: list[tuple[float, float]]) -> None:
         self._scenario, self._settings, self._factors = scenario, settings, factors
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._told = bullet_tables.ACCURATE if settings.profile == ACCURATE else bullet_tables.DEFAULT
         self._native = settings.drive == "native"
@@ -101,7 +111,7 @@ class World:
         self._axes, self._arm = np.array(axes), np.array([body.center_of_mass for body in scenario.bodies])
         self._to_body = Rotation.from_quat(self._axes).inv()
         # what Bullet says of the inertial frames and of the hinges
-        self._center, self._turn = np.zeros((n, 3)), np.zeros((n, 4))
+        self._center, self._turn = np.zeros((n, 3)), np.tile(UNTURNED, (n, 1))
         self._velocity, self._omega = np.zeros((n, 3)), np.zeros((n, 3))
         self._angle, self._rate = np.zeros(hinges), np.zeros(hinges)
         # what was commanded: force and torque per tracker, torque per hinge, and against gravity per body
@@ -111,7 +121,10 @@ class World:
         maximal = settings.profile == MAXIMAL
         self._rigid = {k for k, body in enumerate(scenario.bodies) if maximal and _is_plain(body)}
         self._free = [self._add_free(k) for k, group in enumerate(scenario.groups()) if group < 0]
-        self._driven = [self._add_driven(k) for k in range(len(scenario.trackers))]
+        self._driven = [self._add_driven(k) for k in range(len(self._drives))]
+        shown = [link for one, _ in self._posed for link in one.links]
+        self._kinematic = {link: self._create((link,), (), ORIGIN, IDENTITY) for link in shown}
+        self._place_posed()
         for multibody in self._free:
             self._observe(multibody)  # fixed ones once and for all
         simulated = [one for one in self._free if scenario.bodies[one.bodies[0]].kind != "fixed"]
@@ -219,7 +232,8 @@ class World:
     def _part(self, body: int, shape: int) -> Part:
         """A body's mass and inertial frame."""
         given = self._scenario.bodies[body]
-        mass = 0.0 if given.kind == "fixed" else given.mass
+        weightless = given.kind == "fixed" or (given.kind == "driven" and self._posed)
+        mass = 0.0 if weightless else given.mass
         return Part(mass, shape, given.center_of_mass, tuple(self._axes[body]))
 
     def _add_shapes(self, body: Body) -> list[int]:
@@ -275,7 +289,9 @@ class World:
                 self._hinge_torque[hinges] = [joint[3] for joint in joints]
 
     def drive(self, step: int) -> None:
-        """Command roots and hinges, and hold the driven links against gravity."""
+        """Command roots and hinges, and hold the driven links against gravity; or pose the links."""
+        self._moment = step + 1
+        self._place_posed()
         for k, (multibody, drive) in enumerate(zip(self._driven, self._drives)):
             self._observe(multibody)
             number, bodies, _ = multibody
@@ -292,6 +308,15 @@ class World:
                 self._push(number, link, self._lift[body], self._center[body])
             if len(bodies) > 1:
                 self._turn_hinges(step, multibody, drive)
+
+    def _place_posed(self) -> None:
+        """Put kinematic links where they are shown at the present moment."""
+        for posed, _ in self._posed:
+            turned = Rotation.from_quat(posed.orientation[:, self._moment], scalar_first=True)
+            frames = (turned * Rotation.from_quat(self._axes[list(posed.links)])).as_quat()
+            for link, center, frame in zip(posed.links, posed.center[:, self._moment], frames):
+                number = self._kinematic[link]
+                pybullet.resetBasePositionAndOrientation(number, center.tolist(), frame.tolist(), **self._on)
 
     def _turn_hinges(self, step: int, multibody: Multibody, drive: Drive) -> None:
         """Command hinges: motors that reach the rate to which the servo's law leads by the end of the step,
@@ -335,8 +360,11 @@ class World:
         state.orientation[:] = turned.as_quat(scalar_first=True)
         state.linear_velocity[:], state.angular_velocity[:] = self._velocity, self._omega
         state.joint_angle[:], state.joint_rate[:] = self._angle, self._rate
-        state.force[:], state.torque[:] = self._wrench[:, 0], self._wrench[:, 1]
-        state.hinge_torque[:] = self._hinge_torque
+        if not self._posed:
+            state.force[:], state.torque[:] = self._wrench[:, 0], self._wrench[:, 1]
+            state.hinge_torque[:] = self._hinge_torque
+        for posed, hinges in self._posed:
+            posed.show(self._moment, state, hinges)
         # a point the solver left out keeps the force of an earlier step
         farthest = self._told.base.get("contactProcessingThreshold", inf)
         for point in pybullet.getContactPoints(**self._on):
@@ -422,7 +450,7 @@ class World:
             "hull corners": "rounded by Bullet to about 1e-4 of the hull's size",
             "integrator": "semi-implicit Euler on reduced coordinates, gyroscopic term on",
             "sleep of driven bodies": "off: no force wakes a multibody",
-            "default joint motors": "position control" if self._native else "off (force 0)",
+            "default joint motors": HINGE_DRIVES[self._settings.drive],
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",
             "threads": 1,

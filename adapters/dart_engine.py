@@ -22,15 +22,18 @@ from adapters.dart_model import (
     ROOT_DOFS,
     add_body,
     add_driven,
+    add_kinematic,
     add_piece,
     add_servos,
     detector_of,
+    isometry,
     reason_for_bullet,
     set_mass,
 )
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
 from adapters.mixing import check_range, frictions, minimum_factors, product_factors, restitutions
+from adapters.posed import posed_of
 from adapters.registry import ACCURATE, ENGINES, require_profile
 from scenarios.scenario import Scenario
 
@@ -41,6 +44,11 @@ FRICTION_CONES = {
     "NsgsFrictionSolver": "circular",
 }
 """The cone of a contact under each solver."""
+HINGE_DRIVES = {
+    "native": "implicit springs and dampers",
+    "torque": "explicit torques",
+    "posed": "none: links have prescribed velocities",
+}
 UNREADABLE: dict[str, Scalar] = {
     # compiled in, no getter or setter in dartpy; from DART's ContactConstraint.cpp
     "contact_error_reduction": 0.01,
@@ -110,9 +118,15 @@ class World:
             check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
         restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
         friction = minimum_factors("dart", "friction", scenario, asked["friction"])
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
         by_name = {joint.name: joint for joint in scenario.joints}
         nodes: dict[int, Any] = {}
+        for one, _ in self._posed:
+            nodes |= {link: add_kinematic(self._world, scenario.bodies[link]) for link in one.links}
         for drive, tracker in zip(self._drives, scenario.trackers):
             nodes |= add_driven(self._world, scenario, drive, [by_name[name] for name in tracker.joints])
         for k, body in enumerate(scenario.bodies):
@@ -145,7 +159,10 @@ class World:
                 add_servos(hand, drive)
 
     def drive(self, step: int) -> None:
-        """Force and torque at the root's origin in world axes, torques at the hinges."""
+        """Force and torque at the root's origin in world axes, and the hinges' servos or torques; or the
+        links' poses and velocities."""
+        self._moment = step + 1
+        self._move_posed()
         for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
             pose = root.getWorldTransform()
             self._force[k], self._torque[k] = drive.wrench(
@@ -170,6 +187,17 @@ class World:
                 torques = self._hinge_torque[k] = drive.hinge_torques(step, angle, rate)
             hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), torques]))
 
+    def _move_posed(self) -> None:
+        """Let kinematic links move from where they are shown at the step's start to where at its end."""
+        step = self._moment - 1
+        for posed, _ in self._posed:
+            for k, link in enumerate(posed.links):
+                joint = self._nodes[link].getParentJoint()
+                joint.setTransform(isometry(posed.place[k, step], posed.orientation[k, step]))
+                joint.setAngularVelocity(posed.omega[k, step])
+                joint.setLinearVelocity((posed.place[k, step + 1] - posed.place[k, step]) / self._settings.dt)
+                joint.setCommands(joint.getVelocities())
+
     def step(self) -> None:
         """One World.step."""
         self._world.step()
@@ -182,6 +210,8 @@ class World:
             state.position[k], state.orientation[k] = pose.translation(), pose.quaternion().wxyz()
             state.linear_velocity[k] = node.getCOMLinearVelocity()
             state.angular_velocity[k] = node.getAngularVelocity()
+        for one, hinges in self._posed:
+            one.show(self._moment, state, hinges)
         if self._hands:
             state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
             state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
@@ -295,7 +325,7 @@ class World:
             "joint_friction": max((joint.getCoulombFriction(k) for joint, k in dofs), default=0.0),
             "joint_stiffness": max((joint.getSpringStiffness(k) for joint, k in dofs), default=0.0),
             "hinges": len(hinges),
-            "hinge_drive": "implicit springs and dampers" if self._native else "explicit torques",
+            "hinge_drive": HINGE_DRIVES[self._settings.drive],
             "hinge_limits": sum(joint.areLimitsEnforced() for joint in hinges),
             "hull_vertex_type": "float32, triangle soup",
         }

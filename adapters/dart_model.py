@@ -97,6 +97,16 @@ def add_body(world: Any, body: Body) -> Any:
     return node
 
 
+def add_kinematic(world: Any, body: Body) -> Any:
+    """A driven link as a skeleton of its own, whose velocity is prescribed."""
+    skeleton = dartpy.dynamics.Skeleton(body.name)
+    joint, node = skeleton.createFreeJointAndBodyNodePair()
+    joint.setActuatorType(dartpy.dynamics.ActuatorType.VELOCITY)
+    node.setGravityMode(False)
+    world.addSkeleton(skeleton)
+    return node
+
+
 def add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint]) -> dict[int, Any]:
     """A driven body as one skeleton: its nodes per index in the scenario, weightless, posed at time 0."""
     skeleton = dartpy.dynamics.Skeleton(scenario.bodies[drive.links[0]].name)

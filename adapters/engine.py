@@ -25,9 +25,9 @@ Scalar = str | int | float | bool
 CONTACT_CAPACITY = 32_768
 """Contact points a step may report; more is an error, never a silent loss."""
 
-DRIVES = ("native", "torque")
-"""How an engine's hinges follow their tracker: by its own position servo, or by explicit torques that we work
-out at the start of a step and hold over it. The first is the default."""
+DRIVES = ("native", "torque", "posed")
+"""How an engine's hinges follow their tracker: by its own position servo (the default), by explicit torques
+that we hold over a step, or not at all, for links are kinematic (`posed.py`)."""
 
 RESIDUAL_COUNTERS = ("residual", "residual.body_a", "residual.body_b")
 """Counters that belong together: the largest speed by which a contact misses its law after it was solved

@@ -32,6 +32,7 @@ from adapters.engine import (
 )
 from adapters.mujoco_contacts import add_contacts, contact_parameters, restitution_of
 from adapters.mujoco_model import add_bodies, add_servos, inverse, set_options, turned
+from adapters.posed import posed_of
 from adapters.registry import ENGINES, require_profile
 from scenarios.scenario import Scenario
 
@@ -54,6 +55,11 @@ DISTINCT = (
     *("geom_solref", "geom_solimp", "geom_condim"),
 )
 KINDS = ("integrator", "solver", "cone", "jacobian")
+HINGE_DRIVES = {
+    "native": "position actuators",
+    "torque": "explicit torques",
+    "posed": "none: links are mocap bodies",
+}
 TIMER = mujoco.mjtTimer
 IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
 LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWARN_CNSTRFULL))
@@ -80,9 +86,11 @@ class MujocoEngine:
         _write_no_log_file()
         spec = mujoco.MjSpec()
         set_options(spec, scenario, settings)
-        bodies = add_bodies(spec, scenario)
+        posed = settings.drive == "posed"
+        bodies = add_bodies(spec, scenario, posed)
         add_contacts(spec, bodies, scenario, settings)
-        drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        driven = () if posed else scenario.trackers
+        drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
         if settings.drive == "native":
             for drive, tracker in zip(drives, scenario.trackers):
                 add_servos(spec, tracker.joints, drive)
@@ -111,7 +119,11 @@ class World:
         self._index[self._body] = np.arange(len(body))
         self._drives = drives
         self._native = settings.drive == "native"
-        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in scenario.trackers]
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in driven]
         self._hinge_qpos = [model.jnt_qposadr[ids].astype(int) for ids in hinges]
         self._hinge_dof = [model.jnt_dofadr[ids].astype(int) for ids in hinges]
         counts = [len(tracker.joints) for tracker in scenario.trackers]
@@ -143,12 +155,15 @@ class World:
             qvel[:3] = drive.start.linear_velocity[0]
             qvel[3:] = turned(drive.start.angular_velocity[0], inverse(qpos[3:]))
             self._data.qpos[angles], self._data.qvel[dofs] = drive.start.angle[0], drive.start.rate[0]
+        self._place_posed()
 
     def drive(self, step: int) -> None:
         """On the root a force in world and a torque in body axes; on hinges the servos' set points, moved
         ahead by damping / stiffness times the rate (a position actuator has no set point of it); or torques.
         """
         data = self._data
+        self._moment = step + 1
+        self._place_posed()
         for k, drive in enumerate(self._drives):
             qpos, qvel, root = self._free_joint(self._root[k])
             omega = turned(qvel[3:], qpos[3:])
@@ -162,6 +177,13 @@ class World:
             else:
                 angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
                 data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
+
+    def _place_posed(self) -> None:
+        """Put kinematic links where they are shown at the present moment."""
+        for posed, _ in self._posed:
+            mocap = self._model.body_mocapid[self._body[list(posed.links)]]
+            self._data.mocap_pos[mocap] = posed.place[:, self._moment]
+            self._data.mocap_quat[mocap] = posed.orientation[:, self._moment]
 
     def step(self) -> None:
         """One mj_step."""
@@ -179,6 +201,8 @@ class World:
         arm = data.xipos[body] - data.subtree_com[model.body_rootid[body]]
         state.linear_velocity[:] = data.cvel[body, 3:] + np.cross(omega, arm)
         state.angular_velocity[:] = omega
+        for posed, hinges in self._posed:
+            posed.show(self._moment, state, hinges)
         if self._drives:
             angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
             state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
@@ -217,7 +241,10 @@ class World:
             bodies={source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
             pairs=self._pair_facts(),
             drives={tracker.root: d.gains() for tracker, d in zip(scenario.trackers, self._drives)},
-            limits={j.name: tuple(self._model.joint(j.name).range.tolist()) for j in scenario.joints},
+            limits={
+                j.name: tuple(self._model.joint(j.name).range.tolist())
+                for j in (scenario.joints if not self._posed else ())
+            },
             pieces={b.name: int(self._model.body_geomnum[k]) for k, b in zip(self._body, scenario.bodies)},
             freedom=int(self._model.nv),
         )
@@ -244,7 +271,7 @@ class World:
             "hinge_limit_solref": str(np.unique(model.jnt_solref[hinge], axis=0).tolist()),
             "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
             "actuators": int(model.nu),
-            "hinge_drive": "position actuators" if self._native else "explicit torques",
+            "hinge_drive": HINGE_DRIVES[self._settings.drive],
             "collision_shapes": int(model.ngeom),
             "explicit_pairs": int(model.npair),
             "excluded_body_pairs": int(model.nexclude),

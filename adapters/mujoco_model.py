@@ -58,8 +58,9 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
         spec.option.impratio = IMPEDANCE_RATIO
 
 
-def add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
-    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree."""
+def add_bodies(spec: Any, scenario: Scenario, posed: bool = False) -> dict[int, Any]:
+    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree, or its
+    links as mocap bodies."""
     bodies: dict[int, Any] = {}
     for index, body in enumerate(scenario.bodies):
         if body.kind != "driven":
@@ -67,7 +68,9 @@ def add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
             if body.kind == "simulated":
                 _add_free_joint(bodies[index])
     hinges = {joint.name: joint for joint in scenario.joints}
-    for tracker in scenario.trackers:
+    for link in (k for tracker in scenario.trackers if posed for k in scenario.links(tracker)):
+        bodies[link] = spec.worldbody.add_body(name=f"{link}", mocap=True)
+    for tracker in scenario.trackers if not posed else ():
         root, *children = scenario.links(tracker)
         bodies[root] = spec.worldbody.add_body(name=f"{root}", gravcomp=1.0)
         _add_free_joint(bodies[root])

@@ -101,7 +101,7 @@ def run(
         str, typer.Option(help="auto: those that a scene calls for; all (without sleeping); or names.")
     ] = "auto",
     drive: Annotated[
-        str, typer.Option(help="Of hinges in engines: native (their own position servo) or torque.")
+        str, typer.Option(help="Of engines' hinges: native (their own position servo), torque or posed.")
     ] = "native",
     hold_last: Annotated[
         bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")
