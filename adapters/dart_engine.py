@@ -153,6 +153,7 @@ class World:
         self._torque = np.full((len(self._drives), 3), np.nan)
         self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in scenario.trackers]
         self._native = settings.drive == "native"
+        self._changed = [np.zeros(ROOT_DOFS + len(one)) for one in self._hinge_torque]
         self._set_point = [(np.full_like(one, np.nan),) * 2 for one in self._hinge_torque]
         if self._native:
             for drive, hand in zip(self._drives, self._hands):
@@ -176,6 +177,7 @@ class World:
             root.addExtTorque(self._torque[k], False)
             angle, rate = hand.getPositions()[ROOT_DOFS:], hand.getVelocities()[ROOT_DOFS:]
             if self._native:
+                self._changed[k] = np.array(hand.getVelocityChanges())
                 self._set_point[k] = drive.target.angle[step], drive.target.rate[step]
                 for number, target in enumerate(drive.target.angle[step], start=1):
                     # DART refuses a rest position beyond the limits
@@ -233,7 +235,9 @@ class World:
             return self._hinge_torque[tracker]
         hand, drive, dt = self._hands[tracker], self._drives[tracker], self._settings.dt
         angle, rate = self._set_point[tracker]
-        changed = np.array(hand.getVelocityChanges())[ROOT_DOFS:]
+        changed = np.array(hand.getVelocityChanges())
+        # a step without impulses leaves those of an earlier step
+        changed = np.where(np.array_equal(changed, self._changed[tracker]), 0.0, changed)[ROOT_DOFS:]
         error = angle - hand.getPositions()[ROOT_DOFS:] + dt * changed
         error_rate = rate - hand.getVelocities()[ROOT_DOFS:] + changed
         return drive.servo_stiffness * error + drive.servo_damping * error_rate

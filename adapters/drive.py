@@ -53,6 +53,7 @@ class Drive:
                 own = joint_space_inertia(scenario, tracker, places[:, k], turns[:, k])
                 felt = cut(felt, _felt(own))
         self.hinge_frequency = tracker.hinge_frequency
+        self._person = any(name in tracker.joints for chain in scenario.chains for name in chain.joints)
         self.hinge_stiffness = tracker.hinge_frequency**2 * felt
         self.hinge_damping = 2 * tracker.hinge_frequency * felt
         self.start_position = place[:, 0]  # (n, 3) of the links, root first
@@ -66,12 +67,22 @@ class Drive:
     @property
     def servo_stiffness(self) -> Array:
         """Stiffness (j,) [N m/rad] of an engine's own servos, one per hinge."""
-        return _per_hinge(self.hinge_stiffness)
+        return self._per_hinge(self.hinge_stiffness)
 
     @property
     def servo_damping(self) -> Array:
         """Damping (j,) [N m s/rad] of an engine's own servos."""
-        return _per_hinge(self.hinge_damping)
+        return self._per_hinge(self.hinge_damping)
+
+    def _per_hinge(self, gains: Array) -> Array:
+        """One gain for each hinge (j,) of a matrix (j, j): what it has where it turns alone; of a hand the
+        geometric mean of that and of what it has where all turn with it. A person's limbs, of which many hang
+        on one hinge, gain energy with the mean where they are pressed."""
+        alone = gains.diagonal()
+        if self._person:
+            return alone
+        found: Array = np.sqrt(alone * np.abs(gains).sum(axis=1))
+        return found
 
     def largest_torques(self, step: int, angle: Array, rate: Array) -> Array:
         """Bounds (j,) [N m] on `hinge_torques`, whatever the signs of the errors at the step's start."""
@@ -115,13 +126,6 @@ class Drive:
             "hinge stiffness [N m/rad]": self.hinge_stiffness.tolist(),
             "hinge damping [N m s/rad]": self.hinge_damping.tolist(),
         }
-
-
-def _per_hinge(gains: Array) -> Array:
-    """One gain for each hinge (j,) of a matrix (j, j): the geometric mean of what it has where it turns alone
-    and where all turn with it."""
-    found: Array = np.sqrt(gains.diagonal() * np.abs(gains).sum(axis=1))
-    return found
 
 
 def _felt(inertia: Array) -> Array:

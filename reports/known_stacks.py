@@ -196,7 +196,7 @@ STACKS: tuple[Cause, ...] = (
         {
             "friction.cone": "tower_20_jittered",
         },
-        "equal-step",
+        "recommended equal-step",
     ),
     Cause(
         "dart",
@@ -204,7 +204,6 @@ STACKS: tuple[Cause, ...] = (
         {
             "friction.cone": "tower_10",
         },
-        "recommended default",
     ),
     Cause(
         "dart",
@@ -276,7 +275,7 @@ STACKS: tuple[Cause, ...] = (
         "dart",
         DART_TOWER,
         {
-            "friction.creep": "brick_wall pyramid tower_10 tower_20 tower_20_jittered tower_40",
+            "friction.creep": "pyramid tower_20 tower_20_jittered tower_40",
             "overlap.max": "tower_20 tower_20_jittered tower_40",
             "rest.moved": "pyramid tower_10 tower_20 tower_20_jittered",
             "symmetry.mirror": "pyramid",
