@@ -44,7 +44,8 @@ def restitutions(engine, settings: Settings, e: float, *speeds: float) -> list[f
     [
         ("dart", "recommended", 2**0.5, 1e-3),  # each of two directions may have all of mu
         ("dart", ACCURATE, 1.0, 1e-3),
-        ("mujoco", "recommended", 0.5**0.5, 0.01),  # a pyramid with its edges over the axes
+        ("mujoco", "default", 0.5**0.5, 0.01),  # a pyramid with its edges over the axes
+        ("mujoco", "recommended", 1.0, 0.01),
         ("mujoco", ACCURATE, 1.0, 0.01),
         ("bullet", "recommended", 0.917, 0.01),  # points of a face slide in directions of their own
         ("bullet", ACCURATE, 0.917, 0.01),
