@@ -390,7 +390,7 @@ PERSON: tuple[Cause, ...] = (
     Cause("mujoco", PYRAMID, {"friction.direction": "table_slide:table-ball"}, "default"),
     Cause("mujoco", LETS_GO_SLOWLY, {"restitution.error": "table_slide"}, "recommended equal-step"),
     Cause("mujoco", COARSE_SERVO, {"energy.injected": "wall_push corner_slide"}, "equal-step"),
-    Cause("mujoco", COMPLIANT.format("mujoco"), {"overlap.max": "ball_snip"}, "accurate"),
+    Cause("mujoco", STIFFEST, {"overlap.max": "ball_snip"}, "accurate"),
 )
 CALIBRATION = tuple(
     Known(
