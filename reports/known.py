@@ -362,6 +362,7 @@ LETS_GO_SLOWLY = "a damped spring that may not pull lets go while compressed (Sc
 BULLET_BOX = (
     "in maximal coordinates Bullet's friction is a box of two directions, each within mu of the normal force"
 )
+STIFFEST = "contact is a damped spring as stiff as the step allows (w h = 0.2), into which 3.8 m/s sink"
 PERSON: tuple[Cause, ...] = (
     # the gallery's scenes beside ball_snip
     Cause("dart", PRESSED_BOXED, {"friction.cone": "table_slide wall_push corner_slide two_arms arms_cross"}),
