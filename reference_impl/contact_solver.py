@@ -33,6 +33,7 @@ from reference_impl.contact_rows import (
     take_best,
 )
 from reference_impl.conventions import (
+    COMPLIANCE_FIRST,
     COUNT_SWEEPS,
     COUNT_UNCONVERGED,
     DENSE_SWEEPS,
@@ -129,12 +130,10 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        # neither beginning solves all that the other does
-        for sticking in (False, True):
-            newton(solver, sticking, state)
-            take_best(solver)
-            if solver["best_residual"] <= RESIDUAL_ACCEPTED:
-                return
+        newton(solver, COMPLIANCE_FIRST, state)
+        take_best(solver)
+        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            return
     if state["crowded"] == 1:
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))
     else:
