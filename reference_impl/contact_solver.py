@@ -69,7 +69,7 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
     Returns:
         Whether every island converged.
     """
-    join_islands(bodies, drivers, pairs, count)
+    join_islands(bodies, drivers, pairs, count, False)
     converged = True
     for k in range(count):
         if pairs[k]["island"] < 0:

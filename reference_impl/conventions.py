@@ -159,6 +159,8 @@ LONGEST_SHIFT = 100.0
 STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
+PARTED_DEPTH = 0.75 * OVERLAP_TOLERANCE
+"""Depth to which simulated bodies that sank are lifted [m]: what lifts little adds little energy."""
 PART_SWEEPS = 100
 """Sweeps over the pairs of simulated bodies in one round of parting them; a heap takes tens."""
 WAY_BACK_STEPS = 24

@@ -5,10 +5,12 @@ from reference_impl.conventions import (
     COUNT_ROUNDS,
     OVERLAP_TOLERANCE,
     PART_SWEEPS,
+    PARTED_DEPTH,
     REMOVAL_ROUNDS,
     SIMULATED,
 )
 from reference_impl.detection import detect, is_free, place_listed
+from reference_impl.free_rotation import is_isotropic
 from reference_impl.kernel import kernel
 from reference_impl.skeleton import place
 
@@ -35,8 +37,9 @@ def part_simulated(bodies, pieces, vertices, pairs, first, state):
 
 @kernel
 def _push_apart(bodies, pairs, first, end):
-    """Move simulated bodies until no depth is left along the normals found: one pair after the other, by
-    all of its depth against fixed and driven bodies, by inverse mass against their like (Gauss-Seidel)."""
+    """Move simulated bodies until no depth over PARTED_DEPTH is left along the normals found: one pair after
+    the other, all of it against what is fixed or driven, by inverse mass against their like (Gauss-Seidel).
+    """
     for b in range(len(bodies)):
         bodies[b]["scratch"][0, :] = 0.0
     for _ in range(PART_SWEEPS):
@@ -44,7 +47,7 @@ def _push_apart(bodies, pairs, first, end):
         for k in range(first, end):
             a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
             p, q = a["scratch"][0], b["scratch"][0]
-            depth = -pairs[k]["distance"]
+            depth = -pairs[k]["distance"] - PARTED_DEPTH
             depth -= n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])
             if depth <= 0:
                 continue
@@ -53,7 +56,7 @@ def _push_apart(bodies, pairs, first, end):
             for i in range(3):
                 p[i] -= a["inverse_mass"] / total * depth * n[i]
                 q[i] += b["inverse_mass"] / total * depth * n[i]
-        if deepest <= OVERLAP_TOLERANCE / 2:
+        if deepest <= (OVERLAP_TOLERANCE - PARTED_DEPTH) / 2:
             break
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
@@ -67,6 +70,8 @@ def kinetic_energy(body):
     """Kinetic energy of a simulated body [J]."""
     v, w, rotation, inertia = body["velocity"], body["omega"], body["rotation"], body["inertia"]
     total = body["mass"] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if is_isotropic(inertia):
+        return (total + inertia[0, 0] * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2])) / 2
     for i in range(3):
         for j in range(3):
             along_i = rotation[0, i] * w[0] + rotation[1, i] * w[1] + rotation[2, i] * w[2]
