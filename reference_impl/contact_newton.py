@@ -22,8 +22,10 @@ from reference_impl.contact_rows import (
 )
 from reference_impl.conventions import (
     COMPLIANCE_FALL,
+    COMPLIANCE_LAST,
     COMPLIANCE_LEAST,
     COMPLIANCE_RISE,
+    COMPLIANCE_ROUNDING,
     COUNT_FACTORS,
     INNER_SHARE,
     LINE_HALVES,
@@ -86,7 +88,8 @@ def newton(solver, compliance, state):
             if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
             if not _stretch(solver, residual):
-                compliance = max(COMPLIANCE_LEAST, compliance * COMPLIANCE_FALL)
+                least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
+                compliance = max(least, compliance * COMPLIANCE_FALL)
         last = residual
 
 

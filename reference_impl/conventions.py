@@ -256,9 +256,11 @@ SLIDE_STEPS = 40
 """Steps for the friction of one row that slides; about 5 are usual."""
 SLIDE_ROUNDING = 1e-15
 """Deviation from the cone, over it, at which that friction is found [1]: some roundings."""
-COMPLIANCE_FIRST, COMPLIANCE_LEAST = 0.1, 1e-5
-"""Compliance of the proximal problem over the row's own mobility [1]: first, with which it has one answer,
-and least (rounding is 1e-16 of the velocity over it)."""
+COMPLIANCE_FIRST, COMPLIANCE_LAST, COMPLIANCE_LEAST = 0.1, 1e-5, 1e-10
+"""Compliance of the proximal problem over the row's own mobility [1]: first, with which it has one answer;
+last, with which rounding leaves 1e-11 of a velocity; and least, for contacts that jam."""
+COMPLIANCE_ROUNDING = 1e-16
+"""Compliance times the residual that its rounding may leave [m/s]."""
 COMPLIANCE_FALL, COMPLIANCE_RISE = 0.3, 5.0
 """Its factors where the residual falls slowly, and where Newton's method fails [1]."""
 RESIDUAL_FALL = 0.3
