@@ -143,3 +143,14 @@ def test_few_boxes_and_balls(
     """Two to four boxes and balls do what they may, whatever their coefficients."""
     found = assess(reference(), small_scene(seed, count, kinds, e, mu), Settings(profile, FRAME), EXACT)
     assert (found.outcome, found.reason) == ("ok", "")
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_friction_whose_square_underflows_is_none(profile: str) -> None:
+    """Solve four balls with mu = 6e-229 as without friction; their frames took 17 s, unsolved."""
+    without, least = (
+        assess(reference(), small_scene(319, 4, ("sphere",), 0.547, mu), Settings(profile, FRAME), EXACT)
+        for mu in (0.0, 6e-229)
+    )
+    assert (without.outcome, least.outcome) == ("ok", "ok")
+    assert least.residual == without.residual
