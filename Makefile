@@ -2,8 +2,8 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 READY := .venv/.ready
-# two workers: tests of a scene share one, and all share what was played
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadgroup
+# two workers: the tests of a scene run on one of them, and both share what was played
+PYTEST := $(BIN)/python -m pytest -n 2
 
 .PHONY: run test test-all check clean
 

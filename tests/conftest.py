@@ -68,15 +68,18 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         play(build(scene(ground(), ball())), 1)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
     """Let one worker run all tests of a scene of the catalogue, and of other tests those of a file."""
-    scenes = catalogue()
-    for item in items:
-        values = item.callspec.params.values() if hasattr(item, "callspec") else ()
-        played_scenes = [value for value in values if isinstance(value, str) and value in scenes]
-        group = played_scenes[0] if played_scenes else item.path.stem
-        item.add_marker(pytest.mark.xdist_group(group))
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByScene(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            path, _, name = nodeid.partition("::")
+            values = name.partition("[")[2].removesuffix("]").split("-")
+            return next((value for value in values if value in catalogue()), path)
+
+    return ByScene(config, log)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
