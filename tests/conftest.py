@@ -63,8 +63,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the reference before workers start, where no run did: each would compile it by itself."""
-    option, compiled = session.config.option, CACHE_FOLDER and any(CACHE_FOLDER.glob("**/*.nbi"))
-    if getattr(option, "numprocesses", None) and not compiled and not hasattr(session.config, "workerinput"):
+    config = session.config
+    parallel = getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput")
+    if parallel and CACHE_FOLDER is not None and not any(CACHE_FOLDER.glob("**/*.nbi")):
         play(build(scene(ground(), ball())), 1)
 
 
