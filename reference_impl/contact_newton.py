@@ -22,6 +22,7 @@ from reference_impl.contact_rows import (
 )
 from reference_impl.conventions import (
     COMPLIANCE_FALL,
+    COMPLIANCE_FIRST,
     COMPLIANCE_LAST,
     COMPLIANCE_LEAST,
     COMPLIANCE_RISE,
@@ -36,6 +37,7 @@ from reference_impl.conventions import (
     NEWTON_STALLS,
     RESIDUAL_ACCEPTED,
     RESIDUAL_FALL,
+    RESIDUAL_GOOD,
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
     STRETCH_MOST,
@@ -47,12 +49,8 @@ from reference_impl.rotation import copy_vector, invert_symmetric
 
 
 @kernel
-def newton(solver, compliance, state):
-    """Improve the impulses of an island until they reach RESIDUAL_TARGET or improve no more; `keep_best`.
-
-    Args:
-        compliance: of the first outer iteration, over 1 / mass [1].
-    """
+def newton(solver, state):
+    """Improve the impulses of an island until they reach RESIDUAL_TARGET or improve no more; `keep_best`."""
     work = lay_out(solver)
     if work < 0:
         return
@@ -60,6 +58,7 @@ def newton(solver, compliance, state):
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
     last, stalled = solver["best_residual"], 0
+    compliance = min(COMPLIANCE_FIRST, sqrt(last))
     left = min(NEWTON_FACTORS, int(max(state["newton_work"], NEWTON_ALLOWANCE) / work))
     while left > 0:
         for k in range(count):
@@ -85,7 +84,8 @@ def newton(solver, compliance, state):
             return
         if residual > RESIDUAL_FALL * last:
             stalled += 1
-            if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            wanted = RESIDUAL_GOOD if stalled < 3 * NEWTON_STALLS else RESIDUAL_ACCEPTED
+            if stalled >= NEWTON_STALLS and solver["best_residual"] <= wanted:
                 return
             if not _stretch(solver, residual):
                 least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))

@@ -33,7 +33,6 @@ from reference_impl.contact_rows import (
     take_best,
 )
 from reference_impl.conventions import (
-    COMPLIANCE_FIRST,
     COUNT_SWEEPS,
     COUNT_UNCONVERGED,
     DENSE_SWEEPS,
@@ -44,6 +43,7 @@ from reference_impl.conventions import (
     MOST_SWEEPS,
     MOST_VISITS,
     RESIDUAL_ACCEPTED,
+    RESIDUAL_GOOD,
     RESIDUAL_TARGET,
 )
 from reference_impl.islands import is_head, join_islands, load_island, store_island
@@ -128,9 +128,9 @@ def _iterate(solver, state):
     """Sweeps, Newton's method, and sweeps again, as far as they are needed."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
-        if _sweep(solver, state, FIRST_SWEEPS):
+        if _sweep(solver, state, FIRST_SWEEPS) or solver["best_residual"] <= RESIDUAL_GOOD:
             return
-        newton(solver, COMPLIANCE_FIRST, state)
+        newton(solver, state)
         take_best(solver)
         if solver["best_residual"] <= RESIDUAL_ACCEPTED:
             return

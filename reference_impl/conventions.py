@@ -241,9 +241,9 @@ DENSE_SINKING = 2e-7
 """Sinking of a turning body over a dense substep that its length allows [m]: a fifth of OVERLAP_TOLERANCE."""
 HOLD_MEMORY = 4096
 """Contact points whose forces the next hold starts from."""
-RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 1e-12, 1e-9
-"""Residual at which a contact solve ends, and at which it has converged [m/s]: bodies sink by that times a
-frame."""
+RESIDUAL_TARGET, RESIDUAL_GOOD, RESIDUAL_ACCEPTED = 1e-12, 1e-11, 1e-9
+"""Residual at which a contact solve ends, at which Newton's method is not worth its time, and at which it has
+converged [m/s]: bodies sink by that times a frame."""
 RESIDUAL_ROUNDING = 1e-14
 """Change of velocity below which a minimum is found, however small the residual is to be [m/s]."""
 FIRST_SWEEPS = 8
@@ -256,14 +256,14 @@ SLIDE_STEPS = 40
 """Steps for the friction of one row that slides; about 5 are usual."""
 SLIDE_ROUNDING = 1e-15
 """Deviation from the cone, over it, at which that friction is found [1]: some roundings."""
-COMPLIANCE_FIRST, COMPLIANCE_LAST, COMPLIANCE_LEAST = 0.1, 1e-5, 1e-10
-"""Compliance of the proximal problem over the row's own mobility [1]: first, with which it has one answer;
-last, with which rounding leaves 1e-11 of a velocity; and least, for contacts that jam."""
-COMPLIANCE_ROUNDING = 1e-16
-"""Compliance times the residual that its rounding may leave [m/s]."""
+COMPLIANCE_FIRST, COMPLIANCE_LAST, COMPLIANCE_LEAST = 0.03, 1e-5, 1e-10
+"""Compliance of the proximal problem over the row's own mobility [1]: first, with which its answer is unique,
+or the square root of the residual [m/s] if that is less; last; and least, for towers and what jams."""
+COMPLIANCE_ROUNDING = 1e-17
+"""Compliance times the residual [m/s] below which rounding is more than what is left."""
 COMPLIANCE_FALL, COMPLIANCE_RISE = 0.3, 5.0
 """Its factors where the residual falls slowly, and where Newton's method fails [1]."""
-RESIDUAL_FALL = 0.3
+RESIDUAL_FALL = 0.1
 """Share of the residual that an outer iteration may leave before the compliance falls [1]."""
 INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which an outer iteration ends [1]."""
@@ -273,7 +273,8 @@ NEWTON_WORK, NEWTON_ALLOWANCE = 1e7, 3e6
 """Multiplications of all factorisations of a frame, where they are fewer: some 10 ms; and of an island
 when these are used up. What is larger then goes by sweeps."""
 NEWTON_STALLS = 4
-"""Outer iterations with little progress after which a converged answer is taken."""
+"""Outer iterations with little progress after which a good answer is taken; a converged one after three times
+as many."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
 """Share of a Newton step's promise that it must keep [1], and how often it is halved until it does."""
 STRETCH_MOST, STRETCH_RISE = 1e6, 1.1

@@ -187,7 +187,8 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
             state["counters"][COUNT_GAVE_UP] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
         begin_substep(bodies, drivers)
-        note_energy(bodies, state)
+        if touching > 0:
+            note_energy(bodies, state)
         first_held = state["contact_count"]
         h, fraction = _substep(
             bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h
