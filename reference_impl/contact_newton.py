@@ -37,7 +37,6 @@ from reference_impl.conventions import (
     NEWTON_STALLS,
     RESIDUAL_ACCEPTED,
     RESIDUAL_FALL,
-    RESIDUAL_GOOD,
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
     STRETCH_MOST,
@@ -84,8 +83,7 @@ def newton(solver, state):
             return
         if residual > RESIDUAL_FALL * last:
             stalled += 1
-            wanted = RESIDUAL_GOOD if stalled < 3 * NEWTON_STALLS else RESIDUAL_ACCEPTED
-            if stalled >= NEWTON_STALLS and solver["best_residual"] <= wanted:
+            if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
             if not _stretch(solver, residual):
                 least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))

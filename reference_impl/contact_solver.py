@@ -43,7 +43,6 @@ from reference_impl.conventions import (
     MOST_SWEEPS,
     MOST_VISITS,
     RESIDUAL_ACCEPTED,
-    RESIDUAL_GOOD,
     RESIDUAL_TARGET,
 )
 from reference_impl.islands import is_head, join_islands, load_island, store_island
@@ -128,7 +127,7 @@ def _iterate(solver, state):
     """Sweeps, Newton's method, and sweeps again, as far as they are needed."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
-        if _sweep(solver, state, FIRST_SWEEPS) or solver["best_residual"] <= RESIDUAL_GOOD:
+        if _sweep(solver, state, FIRST_SWEEPS):
             return
         newton(solver, state)
         take_best(solver)

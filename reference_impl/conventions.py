@@ -160,7 +160,7 @@ STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
 PARTED_DEPTH = 0.75 * OVERLAP_TOLERANCE
-"""Depth to which simulated bodies that sank are lifted [m]: what lifts little adds little energy."""
+"""Depth to which sunk bodies are lifted where the energy is guarded [m]: what lifts little adds little."""
 PART_SWEEPS = 100
 """Sweeps over the pairs of simulated bodies in one round of parting them; a heap takes tens."""
 WAY_BACK_STEPS = 24
@@ -241,9 +241,9 @@ DENSE_SINKING = 2e-7
 """Sinking of a turning body over a dense substep that its length allows [m]: a fifth of OVERLAP_TOLERANCE."""
 HOLD_MEMORY = 4096
 """Contact points whose forces the next hold starts from."""
-RESIDUAL_TARGET, RESIDUAL_GOOD, RESIDUAL_ACCEPTED = 1e-12, 1e-11, 1e-9
-"""Residual at which a contact solve ends, at which Newton's method is not worth its time, and at which it has
-converged [m/s]: bodies sink by that times a frame."""
+RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 4e-13, 1e-9
+"""Residual at which a contact solve ends, and at which it has converged [m/s]: bodies sink by that times a
+frame."""
 RESIDUAL_ROUNDING = 1e-14
 """Change of velocity below which a minimum is found, however small the residual is to be [m/s]."""
 FIRST_SWEEPS = 8
@@ -273,8 +273,7 @@ NEWTON_WORK, NEWTON_ALLOWANCE = 1e7, 3e6
 """Multiplications of all factorisations of a frame, where they are fewer: some 10 ms; and of an island
 when these are used up. What is larger then goes by sweeps."""
 NEWTON_STALLS = 4
-"""Outer iterations with little progress after which a good answer is taken; a converged one after three times
-as many."""
+"""Outer iterations with little progress after which a converged answer is taken."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
 """Share of a Newton step's promise that it must keep [1], and how often it is halved until it does."""
 STRETCH_MOST, STRETCH_RISE = 1e6, 1.1
