@@ -40,7 +40,7 @@ faster."""
 GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
     Limit("overlap.max", 1e-6, "method, section 3: removal ends at 1e-6 m", engine="reference"),
-    Limit("overlap.tunnelled", 0, "nothing passes through a fixed body"),
+    Limit("overlap.tunnelled", 0, "nothing passes through a body"),
     Limit("contact.gap", 1e-4, "a body at rest neither hovers nor sinks visibly"),
     Limit("contact.gap", 1e-6, "contacts are found within 1e-6 m", engine="reference"),
     Limit("contact.impulse_balance", 0.01, "above 1 % the engine's impulses are not believed"),
@@ -170,7 +170,7 @@ ROBUSTNESS: tuple[Limit, ...] = tuple(
         ("hang", 0, "every frame ends"),
         ("not_finite", 0, "contacts do no positive work: velocities are bounded"),
         ("exploded", 0, "contacts do no positive work: energy cannot double"),
-        ("passed", 0, "nothing passes through a fixed body"),
+        ("passed", 0, "nothing passes through a body"),
         ("overlap.max", 1.02e-6, "method, section 3: 1e-6 m, by an oracle good to 1e-8 m"),
         ("momentum.max", 1e-9, "impulses act on both sides, to rounding"),
         ("rise.max", 1e-6, "contacts do no positive work, corrections hardly any"),

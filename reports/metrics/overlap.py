@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
-from reports.metrics.evidence import Evidence, NotMeasured, Values
-from scenarios.scenario import Box, Hull, Piece
+from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
+from reports.metrics.passages import passages
 
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""
@@ -57,43 +55,12 @@ def contact_gap(evidence: Evidence) -> Values:
 
 
 def overlap_tunnelled(evidence: Evidence) -> Values:
-    """Number of passages of a simulated body's centre of mass through a fixed piece within one frame [1]."""
-    passages = 0
-    for body in evidence.simulated:
-        path = evidence.mass_centers[:, body]
-        for other, fixed in enumerate(evidence.scenario.bodies):
-            if fixed.kind != "fixed":
-                continue
-            turned = Rotation.from_quat(np.array(fixed.orientation), scalar_first=True)
-            local = turned.inv().apply(path - np.array(fixed.position))
-            passages += sum(_passages(piece, local) for piece in evidence.scenario.bodies[other].pieces)
-    return {"": float(passages)}
-
-
-def _passages(piece: Piece, path: Array) -> int:
-    """Segments of a path (f, 3) that enter and leave a piece, or end inside it after starting outside."""
-    turned = Rotation.from_quat(np.array(piece.orientation), scalar_first=True)
-    local = turned.inv().apply(path - np.array(piece.position))
-    planes = _planes(piece)
-    if planes is None:
-        return 0
-    heights = local @ planes[:, :3].T + planes[:, 3]
-    start, end = heights[:-1], heights[1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = start / (start - end)
-    enter = np.where((start > 0) & (end <= 0), crossing, -np.inf).max(axis=1)
-    leave = np.where((start <= 0) & (end > 0), crossing, np.inf).min(axis=1)
-    outside = ((start > 0) & (end > 0)).any(axis=1)
-    return int((~outside & (enter > 0) & (enter < leave)).sum())
-
-
-def _planes(piece: Piece) -> Array | None:
-    """Outward planes (k, 4) of a box or a hull; None for round pieces: not looked at."""
-    match piece.shape:
-        case Box(half_extents):
-            normals = np.vstack([np.eye(3), -np.eye(3)])
-            return np.column_stack([normals, -np.tile(half_extents, 2)])
-        case Hull(vertices):
-            return np.asarray(ConvexHull(np.array(vertices)).equations)
-        case _:
-            return None
+    """Number of times a body passed through another, fixed or moving, and was apart on its other side [1]."""
+    if not any(True for _ in evidence.scenario.touching_pairs()):
+        raise NotMeasured("no two bodies may touch")
+    found = passages(evidence)
+    if not found:
+        return {"": 0.0}
+    first = found[0]
+    names = [evidence.scenario.bodies[k].name for k in (first.a, first.b)]
+    return {"": Value(float(len(found)), f"first {' through '.join(names)} at {first.time:.3f} s")}

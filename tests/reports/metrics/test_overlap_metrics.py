@@ -1,4 +1,4 @@
-"""Overlap, hovering and tunnelling of known size."""
+"""Overlap and hovering of known size; passages have a file of their own."""
 
 from __future__ import annotations
 
@@ -64,42 +64,3 @@ def test_what_never_rests_has_no_gap(lab, recordings, known):
         columns = known.path(scenario, 1, scenario.bodies[1].position, (speed, 0.0, 0.0))
         with pytest.raises(NotMeasured, match="no body rests"):
             known.value("contact.gap", recordings.recording(scenario, **columns), scenario)
-
-
-FAST = 30.0
-"""Half a metre a frame [m/s]."""
-
-
-@pytest.mark.parametrize(
-    ("start", "way", "passages"),
-    [
-        ((0.0, 0.0, 0.75), (0.0, 0.0, -0.5), 1),  # straight through, within one frame
-        ((0.9, 0.0, 0.75), (0.15, 0.0, -0.5), 1),  # slanted, through the rim
-        ((1.0, 0.0, 0.75), (0.15, 0.0, -0.5), 0),  # slanted, past the rim
-        ((1.2, 0.0, 0.75), (0.0, 0.0, -0.5), 0),  # beside it
-        ((0.0, 0.0, 0.75), (0.0, 0.0, -0.01), 1),  # slowly, its centre goes in and out once
-        ((0.0, 0.0, 0.51), (0.3, 0.0, 0.0), 0),  # along the surface, half sunk
-        ((0.0, 0.0, 0.25), (0.0, 0.0, 0.5), 1),  # from below
-    ],
-)
-def test_tunnelling_through_a_thin_plate(lab, recordings, known, start, way, passages):
-    """A centre that passes through a plate of 1 cm is counted, however fast; one that passes by is not."""
-    plate = lab.block("plate", (1.0, 1.0, 0.005), (0.0, 0.0, 0.5), kind="fixed")
-    duration = 1.0 if way[2] == -0.01 else 2 / 60
-    scenario = lab.scene(plate, lab.ball(position=start), effects=(), duration=duration)
-    frames = np.arange(scenario.frame_count + 1)
-    position = np.array(start) + np.outer(frames, way)
-    columns = known.path(scenario, 1, position, np.zeros(3))
-    found = known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)
-    assert found[""] == passages
-
-
-def test_tunnelling_is_seen_in_the_pieces_frame(lab, recordings, known):
-    """A turned and shifted piece of a turned and shifted body is where it is, there and back."""
-    turn = (0.5**0.5, 0.5**0.5, 0.0, 0.0)
-    plate = lab.block("plate", (1.0, 1.0, 0.005), (0.0, 0.0, 0.5), kind="fixed", orientation=turn)
-    # the plate stands upright in the plane y = 0
-    scenario = lab.scene(plate, lab.ball(position=(0.0, 0.2, 0.5)), effects=(), duration=2 / 60)
-    position = np.array([[0.0, 0.2, 0.5], [0.0, -0.2, 0.5], [0.0, 0.2, 0.5]])
-    columns = known.path(scenario, 1, position, np.zeros(3))
-    assert known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)[""] == 2
