@@ -1,8 +1,8 @@
 """Passages: a piece that was apart from another, or touched it, is so again on its other side.
 
 Judged by the frames, not by the engine's contacts. To end inside is not a passage; neither is a bounce within
-a frame, a graze, or a way round an edge. Where the deep part lies between two frames, the way is not known, and
-it counts as a passage only if
+a frame, a graze, or a way round an edge. Where the deep part lies between two frames, the way is not known,
+and it counts as a passage only if
 
 - the bodies are too slow to have gone round, or
 - the velocities before lead in on one side and the velocities after lead back in on the other, or
