@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from reports.metrics import METRICS
-from reports.results import Row, rows_of
+from reports.results import NOT_RUN, UNJUDGED, Row, rows_of
 from reports.tables import HIDDEN, MARKS, Cell, Column, cell_of, columns_of, number, unit_of
 
 BAD = ("known", "fail", "error")
@@ -113,19 +113,19 @@ def _outcome(rows: list[Row], column: Column) -> Cell:
 def _total(rows: list[Row], column: Column) -> list[int]:
     counts = _counts(rows, column)
     skipped = [row for row in rows if (row.engine, row.profile) == column and row.metric == "run"]
-    return [counts[verdict] for verdict in COUNTED] + [sum(row.verdict == "skipped" for row in skipped)]
+    return [counts[verdict] for verdict in COUNTED] + [sum(row.verdict in NOT_RUN for row in skipped)]
 
 
 def _remarks(rows: list[Row]) -> list[str]:
     """What was broken, skipped or is known: each reason once per engine, with the figures it explains."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        if row.verdict in BAD or (row.verdict == "skipped" and row.metric == "run"):
+        if row.verdict in BAD or row.verdict == UNJUDGED or (row.verdict in NOT_RUN and row.metric == "run"):
             reason = BODY.sub("", row.reason).partition(": touchstone run ")[0]
             figure = row.scenario if row.metric == "run" else f"{row.scenario} {_figure(row)}"
             figure += f" (limit {row.limit:.2g})" if row.verdict == "fail" else ""
             found.setdefault((f"{row.verdict}: {row.engine} {row.profile}", reason), []).append(figure)
-    order = (*reversed(BAD), "skipped")
+    order = (*reversed(BAD), UNJUDGED, *NOT_RUN)
     lines = [f"{who}: {reason}: {', '.join(figures)}" for (who, reason), figures in found.items()]
     return sorted(lines, key=lambda line: order.index(line.partition(":")[0])) + _ratios(rows)
 

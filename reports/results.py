@@ -11,8 +11,14 @@ from pathlib import Path
 
 import pandas as pd
 
-VERDICTS = ("", "pass", "fail", "known", "skipped", "error")
-"""Blank: reported without a limit. `known`: a documented failing. `error`: the engine threw, hung or died."""
+from adapters.engine import MISSING, UNIMPORTABLE
+
+UNJUDGED = "unjudged"
+NOT_RUN = ("skipped", MISSING, UNIMPORTABLE)
+"""Verdicts of runs that did not take place, and of metrics that do not apply."""
+VERDICTS = ("", "pass", "fail", "known", "error", UNJUDGED, *NOT_RUN)
+"""Blank: reported without a limit. `known`: a documented failing. `error`: the engine threw, hung or died.
+`unjudged`: what judges is missing, or a number to compare. `missing`, `unimportable`: the engine is."""
 
 
 @dataclass(frozen=True, slots=True)

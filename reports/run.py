@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from math import inf, isnan
+from math import inf, isfinite, isnan
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from adapters.children import Children, Job, Outcome
-from adapters.engine import Settings
+from adapters.engine import MISSING, Settings
 from adapters.recording import Recording, load
 from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
@@ -21,11 +21,11 @@ from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
 from reports.metrics.contact import AUDIT_LIMIT
 from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
-from reports.metrics.evidence import ROUNDING, Evidence, NotMeasured, Value
+from reports.metrics.evidence import ROUNDING, Evidence, JudgeMissing, NotMeasured, Value
 from reports.output import OutputError, output_folder
 from reports.progress import Progress
 from reports.ratios import time_ratio
-from reports.results import Row, save, save_manifest, table, write_beside
+from reports.results import UNJUDGED, Row, save, save_manifest, table, write_beside
 from reports.unresolved import warning
 from scenarios.scenario import Scenario
 
@@ -130,7 +130,7 @@ def _play(
     for engine, profile in request.columns:
         if not installed(engine):
             row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
-            missing.append(replace(row, verdict="skipped", reason=missing_reason(engine)))
+            missing.append(replace(row, verdict=MISSING, reason=missing_reason(engine)))
             continue
         settings = request.settings(engine, profile)
         name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
@@ -205,7 +205,8 @@ def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list
         try:
             values = metric.measure(evidence)
         except NotMeasured as reason:
-            rows.append(replace(row, verdict="skipped", reason=str(reason)))
+            verdict = UNJUDGED if isinstance(reason, JudgeMissing) else "skipped"
+            rows.append(replace(row, verdict=verdict, reason=str(reason)))
             continue
         except Exception as error:  # one metric that fails must not take the run with it
             rows.append(replace(row, verdict="error", reason=f"{type(error).__name__}: {error}"))
@@ -240,8 +241,9 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
 
 
 def _audited(rows: list[Row]) -> list[Row]:
-    """Impulse metrics rejected where the impulses do not balance the motion."""
-    worst = max((row.value for row in rows if row.metric == "contact.impulse_balance"), default=0.0)
+    """Impulse metrics rejected where the impulses do not balance the motion, or where nobody can tell."""
+    audits = [r for r in rows if r.metric == "contact.impulse_balance" and r.verdict != "skipped"]
+    worst = max((inf if isnan(row.value) else row.value for row in audits), default=0.0)
     if not worst > AUDIT_LIMIT:
         return rows
     reason = f"the engine's impulses miss the motion by {worst:.2g}"
@@ -257,7 +259,7 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
     """`ratio.time` of the reference against every engine; a verdict against the fastest at its own step, and
     at equal steps where `ratio_limits` asks for one."""
     found = []
-    overlap = {(r.engine, r.profile): r.value for r in rows if r.metric == "overlap.max"}
+    overlap = {(r.engine, r.profile): r for r in rows if r.metric == "overlap.max"}
     ours = {profile: r for (engine, profile), r in played.items() if engine == REFERENCE}
     others = {column: r for column, r in played.items() if column[0] != REFERENCE}
     for profile, mine in ours.items():
@@ -267,7 +269,7 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
         fastest = {column[1]: column for column in largest_last}
         limits = ratio_limits(scenario, mine) if profile == "balanced" else {}
         for column, ratio in ratios.items():
-            deeper = overlap[(REFERENCE, profile)] > max(overlap[column], SAME_DEPTH)
+            said, no_deeper = _compared(overlap.get((REFERENCE, profile)), overlap.get(column))
             row = Row(
                 STUDY,
                 scenario.name,
@@ -280,16 +282,28 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
                 f"{column[0]} {column[1]}",
                 low=ratio.low,
                 high=ratio.high,
-                reason=f"overlap {'larger' if deeper else 'no larger'}",
+                reason=said,
             )
             if column == fastest[column[1]] and column[1] in limits:
                 largest = limits[column[1]]
-                verdict = "pass" if ratio.value <= largest and not deeper else "fail"
-                row = replace(
-                    row, limit=largest, verdict=verdict, reason=f"against the fastest; {row.reason}"
-                )
+                verdict = "pass" if ratio.value <= largest and no_deeper is not False else "fail"
+                if no_deeper is None and verdict == "pass":
+                    verdict = UNJUDGED
+                row = replace(row, limit=largest, verdict=verdict, reason=f"against the fastest; {said}")
             found.append(row)
     return found
+
+
+def _compared(ours: Row | None, theirs: Row | None) -> tuple[str, bool | None]:
+    """What is said of both overlaps, and whether ours is no larger; None where a number is missing that there
+    should be. Where no two bodies may touch there is nothing to compare."""
+    for row in (ours, theirs):
+        if row is None:
+            return "overlap not measured", None
+        if not isfinite(row.value):
+            return f"no overlap: {row.reason}", True if row.verdict == "skipped" else None
+    deeper = ours.value > max(theirs.value, SAME_DEPTH)  # type: ignore[union-attr]
+    return f"overlap {'larger' if deeper else 'no larger'}", not deeper
 
 
 def ratio_limits(scenario: Scenario, ours: Recording) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from reports.metrics import METRICS
-from reports.results import Row, rows_of
+from reports.results import NOT_RUN, Row, rows_of
 from reports.run import step_text
 
 HIDDEN = ("work", "time.share")
@@ -64,7 +64,7 @@ def grid(frame: pd.DataFrame, scenario: str, shown: Collection[Column] = ()) -> 
     subjects: dict[str, dict[str, None]] = {}
     for column, metric, subject in found:
         row = found[column, metric, subject]
-        if column in steps and (row.verdict != "skipped" or subject):
+        if column in steps and (row.verdict not in NOT_RUN or subject):
             subjects.setdefault(metric, {})[subject] = None
     rows = []
     for metric in (name for name in METRICS if name not in HIDDEN):

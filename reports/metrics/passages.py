@@ -18,13 +18,13 @@ from math import ceil, floor, hypot
 
 import numpy as np
 
-from reports.metrics.evidence import Evidence
+from reports.metrics.evidence import Evidence, judging
 from reports.metrics.swept_motion import Motions, Pair, Sample, Step
 from reports.metrics.swept_pairs import SweptPairs
 
 THROUGH = 0.5
-"""Depth of a passage over the sum of both pieces' inner radii, at least [1]: less is a graze. One of two balls
-passes the other's centre within half the sum of their radii."""
+"""Depth of a passage over the sum of both pieces' inner radii, at least [1]: less is a graze. A ball passes
+another's centre within half the sum of their radii."""
 ENTERED = 0.25
 """Depth over the same sum at which the sides are told on which a piece goes in and comes out [1]."""
 TOUCHING = 1 / 64
@@ -45,7 +45,12 @@ class Passage:
 
 
 def passages(evidence: Evidence) -> list[Passage]:
-    """All passages of a recording in order of time; pieces of two bodies that pass together are one."""
+    """All passages of a recording in order of time; pieces of two bodies that pass together are one.
+
+    Raises JudgeMissing where the overlap oracle cannot be imported.
+    """
+    with judging():
+        import adapters.oracles.overlap  # noqa: F401
     motions = Motions(evidence)
     found: list[tuple[float, float, Passage]] = []
     for pair, steps in SweptPairs(evidence, motions).pairs(THROUGH):

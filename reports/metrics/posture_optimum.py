@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
 from reports.metrics.arcs import TOUCH_GAP
-from reports.metrics.evidence import Evidence, NotMeasured, Values
+from reports.metrics.evidence import Evidence, NotMeasured, Values, judging
 from scenarios.scenario import Tracker
 from scenarios.tracking import sample
 
@@ -32,10 +32,8 @@ def posture_over_best(evidence: Evidence) -> Values:
     tracker, frames = _person(evidence)
     if evidence.recording.facts["engine"] != "reference":
         raise NotMeasured("searched for the reference alone")
-    try:
+    with judging():
         from adapters.oracles.nearest_posture import NearestPosture
-    except ModuleNotFoundError as error:
-        raise NotMeasured("not installed (pip install 'touchstone[fcl,pin]')") from error
     scenario, recording = evidence.scenario, evidence.recording
     search, root = NearestPosture(scenario, tracker), scenario.body_index(tracker.root)
     chosen = frames[np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).round().astype(int)]
