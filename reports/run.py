@@ -18,14 +18,14 @@ from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
-from reports.metrics.contact import AUDIT_LIMIT
+from reports.metrics.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
 from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
 from reports.metrics.evidence import ROUNDING, Evidence, JudgeMissing, NotMeasured, Value
 from reports.output import OutputError, output_folder
 from reports.progress import Progress
 from reports.ratios import time_ratio
-from reports.results import UNJUDGED, Row, save, save_manifest, table, write_beside
+from reports.results import UNAUDITED, UNJUDGED, Row, save, save_manifest, table, write_beside
 from reports.unresolved import warning
 from scenarios.scenario import Scenario
 
@@ -39,7 +39,7 @@ MANY_CONTACTS = 10
 SAME_DEPTH = 1e-8
 """Overlap below which none is larger [m]: the oracle's tolerance."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
-NEEDED = ("overlap.max", "contact.impulse_balance")
+NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
 """Metrics that others are judged by."""
 DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
@@ -215,7 +215,7 @@ def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list
             number, remark = (value.value, value.reason) if isinstance(value, Value) else (value, "")
             verdict = "skipped" if isnan(number) and remark else ""
             rows.append(replace(row, subject=subject, value=number, reason=remark, verdict=verdict))
-    return _audited(_expected(rows, scenario))
+    return _audited(_expected(rows, scenario), evidence)
 
 
 def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
@@ -240,11 +240,33 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
     return found
 
 
-def _audited(rows: list[Row]) -> list[Row]:
-    """Impulse metrics rejected where the impulses do not balance the motion, or where nobody can tell."""
-    audits = [r for r in rows if r.metric == "contact.impulse_balance" and r.verdict != "skipped"]
-    worst = max((inf if isnan(row.value) else row.value for row in audits), default=0.0)
-    if not worst > AUDIT_LIMIT:
+def _audited(rows: list[Row], evidence: Evidence) -> list[Row]:
+    """Impulse metrics rejected where the impulses do not balance the motion, or where nobody can tell; marked
+    where they rest on impulses of driven bodies that nothing balances."""
+    rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
+    rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
+    audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}
+    doubtful = set()
+    for pair in driven_pairs(evidence):
+        one, _, two = pair.partition("-")
+        # what a body's own links do to each other changes no sum over them
+        if one == two or not {one, two} & audited:
+            doubtful.add(pair)
+    if not doubtful:
+        return rows
+    remark = f"rests on impulses that nothing balances: {', '.join(sorted(doubtful))}"
+    return [
+        replace(row, basis=UNAUDITED, reason=f"{row.reason}; {remark}".removeprefix("; "))
+        if row.metric in IMPULSE_METRICS and row.subject in ("", *doubtful) and isfinite(row.value)
+        else row
+        for row in rows
+    ]
+
+
+def _rejected(rows: list[Row], audit: str, limit: float) -> list[Row]:
+    audits = [row.value for row in rows if row.metric == audit and row.verdict != "skipped"]
+    worst = max((inf if isnan(value) else value for value in audits), default=0.0)
+    if not worst > limit:
         return rows
     reason = f"the engine's impulses miss the motion by {worst:.2g}"
     return [

@@ -7,11 +7,14 @@ import numpy as np
 from adapters.engine import Array
 from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
 from reports.metrics.passages import passages
+from reports.metrics.tracked import Mask, pressed
 
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""
 SUPPORT_REACH = 5e-3
-"""Gap within which a fixed body counts as the support of one at rest [m]: five of the widest margins."""
+"""Gap within which a body supports one at rest, or holds a pressed one [m]: five of the widest margins."""
+FEWEST = 5
+"""Frames from which on there is a median to tell [1]."""
 
 
 def overlap_max(evidence: Evidence) -> Values:
@@ -38,7 +41,18 @@ def overlap_time(evidence: Evidence) -> Values:
 
 
 def contact_gap(evidence: Evidence) -> Values:
-    """Median signed distance of a body at rest to the fixed body under it [m]; truth 0."""
+    """Median signed distance of a body at rest, or pressed by its tracker, to what carries it [m]; truth 0.
+
+    A simulated body that rests on a fixed one; and a driven body, by its nearest link, in the frames in which
+    its tracker has a link inside a fixed or driven body.
+    """
+    found = {**_resting_gaps(evidence), **_pressed_gaps(evidence)}
+    if not found:
+        raise NotMeasured("no body rests on a fixed one, and none is pressed")
+    return found
+
+
+def _resting_gaps(evidence: Evidence) -> dict[str, float]:
     found = {}
     for body in evidence.simulated:
         speed = np.linalg.norm(evidence.recording.linear_velocity[:, body], axis=1)
@@ -47,10 +61,27 @@ def contact_gap(evidence: Evidence) -> Values:
             if body not in (a, b) or evidence.kind[other] != "fixed":
                 continue
             resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
-            if resting.sum() >= 5:
+            if resting.sum() >= FEWEST:
                 found[evidence.pair_name(a, b)] = float(np.median(distance[resting]))
-    if not found:
-        raise NotMeasured("no body rests on a fixed one")
+    return found
+
+
+def _pressed_gaps(evidence: Evidence) -> dict[str, float]:
+    """Of each driven body to each other that it is pressed into: links by their root's name."""
+    gaps: dict[str, list[tuple[Array, Mask]]] = {}
+    for tracker in evidence.scenario.trackers:
+        links = evidence.scenario.links(tracker)
+        for other, deep in pressed(evidence, tracker).items():
+            pairs = [(min(link, other), max(link, other)) for link in links if link != other]
+            near = [evidence.distances.distance[p] for p in pairs if p in evidence.distances.distance]
+            name = evidence.owner_pair(*sorted((links[0], other)))
+            gaps.setdefault(name, []).append((np.min(near, axis=0), deep))
+    found = {}
+    for name, sides in gaps.items():
+        nearest = np.min([np.where(deep, gap, np.inf) for gap, deep in sides], axis=0)
+        held = np.abs(nearest) < SUPPORT_REACH
+        if held.sum() >= FEWEST:
+            found[name] = float(np.median(nearest[held]))
     return found
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import nan
 
+import numpy as np
 import pytest
 
 from adapters.children import Job, Outcome
@@ -148,3 +149,52 @@ def test_a_limit_of_a_metric_that_throws_is_an_error(resting, judged, monkeypatc
     found = judged(scenario, ours=sound, theirs=sound)
     assert found["mujoco", "overlap.max", ""].verdict == "error"
     assert found["reference", "ratio.time", "mujoco recommended"].verdict != "pass"
+
+
+@pytest.fixture
+def pressed(lab, recordings):
+    """A driven box of 1 kg that meets the ground at 1 m/s and is stopped in a frame, pushed by its drive with
+    3 N: scenario and recording."""
+    box = lab.block("box", (0.05, 0.05, 0.05), (0.0, 0.0, 0.0), kind="driven")
+    tracker = lab.still("box", (0.0, 0.0, 0.05))
+    scenario = lab.scene(lab.ground(), box, mu=0.5, trackers=(tracker,), duration=0.5)
+    frames = scenario.frame_count
+    velocity = np.zeros((frames + 1, 2, 3))
+    velocity[:10, 1, 2] = -1.0
+    drive = np.zeros((frames + 1, 1, 3))
+    drive[:, 0, 2] = -3.0 / 60 * np.arange(frames + 1)
+    impulse = np.full(frames, 3.0 / 60)
+    impulse[9] += 1.0
+    rows = [
+        {"time": k / 60, "body_b": 1, "normal": (0.0, 0.0, 1.0), "impulse": (0.0, 0.0, impulse[k])}
+        for k in range(frames)
+    ]
+    columns = {"linear_velocity": velocity, "driver_impulse": drive}
+    return scenario, recordings.recording(scenario, contacts=recordings.contacts(*rows), **columns)
+
+
+def test_impulses_of_a_driven_body_are_audited(pressed, judged):
+    """What the ground gives a driven body is the change of its momentum less what its drive gave."""
+    scenario, sound = pressed
+    found = judged(scenario, ours=sound, theirs=sound)
+    audit = found["mujoco", "contact.impulse_balance.driven", "box"]
+    assert (audit.verdict, audit.value) == ("pass", pytest.approx(0.0, abs=1e-12))
+    assert found["mujoco", "friction.cone", ""].basis == ""
+    short = sound.contacts.copy()
+    short["impulse"] *= 0.8
+    found = judged(scenario, ours=sound, theirs=replace(sound, contacts=short))
+    audit = found["mujoco", "contact.impulse_balance.driven", "box"]
+    assert (audit.verdict, audit.value) == ("fail", pytest.approx(0.2, rel=1e-9))
+    assert found["mujoco", "friction.cone", ""].verdict == "skipped"
+
+
+def test_rows_on_unaudited_impulses_are_marked(pressed, judged):
+    """Where an engine poses its driven bodies nothing balances their impulses: rows on them say so."""
+    scenario, sound = pressed
+    posed = replace(sound, driver_impulse=np.full_like(sound.driver_impulse, np.nan))
+    found = judged(scenario, ours=sound, theirs=posed)
+    assert found["mujoco", "contact.impulse_balance.driven", ""].verdict == "skipped"
+    row = found["mujoco", "friction.cone", ""]
+    assert row.basis == "unaudited"
+    assert "rests on impulses that nothing balances: ground-box" in row.reason
+    assert found["reference", "friction.cone", ""].basis == ""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from reports.metrics.evidence import NotMeasured
+from scenarios.scenario import Tracker
 
 EXACT = 1e-7
 """Ten times the oracle's tolerance [m]."""
@@ -64,3 +67,39 @@ def test_what_never_rests_has_no_gap(lab, recordings, known):
         columns = known.path(scenario, 1, scenario.bodies[1].position, (speed, 0.0, 0.0))
         with pytest.raises(NotMeasured, match="no body rests"):
             known.value("contact.gap", recordings.recording(scenario, **columns), scenario)
+
+
+@pytest.fixture
+def pressed(lab):
+    """A driven box whose tracker stands 1 cm inside the ground from the third frame on: scenario."""
+    box = lab.block("box", (0.05, 0.05, 0.05), (0.0, 0.0, 0.0), kind="driven")
+    tracker = Tracker(
+        "box",
+        (),
+        (0.0, 0.03, 1.0),
+        ((0.0, 0.0, 0.2), (0.0, 0.0, 0.04), (0.0, 0.0, 0.04)),
+        ((1.0, 0.0, 0.0, 0.0),) * 3,
+        ((), (), ()),
+    )
+    return lab.scene(lab.ground(), box, trackers=(tracker,), duration=0.5)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 0.0, -2e-3])
+def test_the_gap_of_a_pressed_body_is_signed(recordings, known, pressed, gap):
+    """What a tracker presses down hovers, touches or sinks; where it comes from does not count."""
+    height = np.full(pressed.frame_count + 1, 0.05 + gap)
+    height[:8] = 0.3
+    path = np.column_stack((np.zeros((len(height), 2)), height))
+    recording = recordings.recording(pressed, **known.path(pressed, 1, path, 0.0))
+    found = known.value("contact.gap", recording, pressed)
+    assert found == {"ground-box": pytest.approx(gap, abs=EXACT)}
+
+
+def test_what_is_pressed_into_nothing_has_no_gap(lab, recordings, known, pressed):
+    """A body that hovers with its tracker is not pressed; nor is one far from what it is pressed at."""
+    free = replace(pressed, trackers=(lab.still("box", (0.0, 0.0, 0.051)),))
+    for scenario, height in ((free, 0.051), (pressed, 0.5)):
+        path = np.tile((0.0, 0.0, height), (scenario.frame_count + 1, 1))
+        recording = recordings.recording(scenario, **known.path(scenario, 1, path, 0.0))
+        with pytest.raises(NotMeasured, match="none is pressed"):
+            known.value("contact.gap", recording, scenario)
