@@ -1,4 +1,4 @@
-"""A fast hand on the gallery's table: a real run in which the judge must see what it does."""
+"""A fast hand on the gallery's table and fast balls on plates: real runs that the judge must see through."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from reports.metrics.passages import passages
 from scenarios.gallery import TABLE_TOP, gallery
 from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
-from scenarios.scenario import Scenario, Tracker
+from scenarios.scenario import Body, Box, Piece, Scenario, Tracker
+from scenarios.solids import ball
 
 DISCRETE = "{} tests for overlap at the end of a frame only: what moves farther than both are thick passes"
 
@@ -76,3 +77,40 @@ def test_the_judge_sees_where_the_hand_is(speed):
         under = recording.position[-1, links, 2].min() < TABLE_TOP - 0.04
         found = passages(Evidence(recording, slap(speed)))
         assert bool(found) == bool(under)
+
+
+@cache
+def shot(speed: float, half: float, profile: str) -> tuple[int, float]:
+    """Passages of a ball of 10 cm that is shot straight down at a plate, and where it ends [m]."""
+    plate = Body("plate", "fixed", "wood", (Piece("plate", Box((0.4, 0.4, half))),))
+    above = half + 0.05 + 0.35 * speed / 60
+    thrown = ball("ball", "wood", 0.05, 1.0, (0.0, 0.0, above), (0.0, 0.0, -speed))
+    fields = {"coefficients": TABLE_1, "duration": 0.1, "gravity": (0.0, 0.0, 0.0)}
+    scenario = Scenario(name="shot", summary="a shot", tags=(), bodies=(plate, thrown), **fields)
+    settings = Settings(profile, ENGINES["reference"].profiles[profile])
+    recording = record(load("reference"), scenario, settings)
+    return len(passages(Evidence(recording, scenario))), float(recording.position[-1, 1, 2])
+
+
+SHOTS = [(speed, half) for speed in (6.0, 30.0, 300.0, 3000.0) for half in (5e-4, 0.02)]
+
+
+@pytest.mark.parametrize(("speed", "half"), SHOTS)
+def test_a_fast_ball_comes_back_from_a_plate(speed, half):
+    """`accurate` lets no ball through a plate, and the judge sees none pass."""
+    count, end = shot(speed, half, "accurate")
+    assert (count, end > 0) == (0, True)
+
+
+@pytest.mark.xfail(strict=True, reason=DISCRETE.format("balanced"))
+def test_balanced_lets_no_ball_through():
+    """No ball passes a plate in `balanced`."""
+    assert [case for case in SHOTS if shot(*case, "balanced")[0]] == []
+
+
+@pytest.mark.parametrize(("speed", "half"), SHOTS)
+@pytest.mark.parametrize("profile", ["balanced", "paper"])
+def test_the_judge_sees_where_the_ball_is(profile, speed, half):
+    """A passage is counted if, and only if, the ball ends under the plate."""
+    count, end = shot(speed, half, profile)
+    assert bool(count) == (end < 0)
