@@ -96,9 +96,8 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step": {
                 "friction.cone": (
                     "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall coin_falls"
-                    " coin_rolls coin_spins corner_slide dominoes incline_holds incline_slides "
-                    "pyramid slide table_slide tall_holds tip_falls tip_holds tower_20 tower_40 "
-                    "two_arms wall_push"
+                    " coin_rolls coin_spins corner_slide dominoes pyramid slide table_slide "
+                    "tower_20 tower_40 two_arms wall_push"
                 ),
                 "friction.deficit": "ball_snip:table-ball table_slide:table-ball",
             },
@@ -106,7 +105,9 @@ CAUSES: tuple[Cause, ...] = (
                 "friction.cone": "tower_20_jittered",
             },
             "recommended": {
-                "friction.cone": "stack tower_10",
+                "friction.cone": (
+                    "incline_holds incline_slides stack tall_holds tip_falls tip_holds tower_10"
+                ),
             },
         },
     ),
@@ -146,6 +147,7 @@ CAUSES: tuple[Cause, ...] = (
         DISCRETE,
         {
             "equal-step": {
+                "contact.gap": "arms_cross:torso-torso two_arms:east_wall-torso",
                 "overlap.max": "arms_cross ball_snip table_slide two_arms",
             },
         },
@@ -163,6 +165,9 @@ CAUSES: tuple[Cause, ...] = (
         "dart",
         LATE_MESH,
         {
+            "equal-step": {
+                "contact.gap": "table_slide:table-palm",
+            },
             "recommended": {
                 "overlap.max": "table_slide",
             },
@@ -226,6 +231,9 @@ CAUSES: tuple[Cause, ...] = (
         PRESSED_BACK,
         {
             "equal-step": {
+                "contact.gap": (
+                    "corner_slide:east_wall-torso corner_slide:north_wall-torso wall_push:east_wall-torso"
+                ),
                 "overlap.max": "wall_push",
             },
         },

@@ -17,7 +17,7 @@ from adapters.recording import Recording, load
 from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
-from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
+from reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
 from reports.metrics.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
 from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
@@ -257,7 +257,7 @@ def _audited(rows: list[Row], evidence: Evidence) -> list[Row]:
     remark = f"rests on impulses that nothing balances: {', '.join(sorted(doubtful))}"
     return [
         replace(row, basis=UNAUDITED, reason=f"{row.reason}; {remark}".removeprefix("; "))
-        if row.metric in IMPULSE_METRICS and row.subject in ("", *doubtful) and isfinite(row.value)
+        if row.metric in DRIVEN_METRICS and row.subject in ("", *doubtful) and isfinite(row.value)
         else row
         for row in rows
     ]

@@ -104,3 +104,5 @@ IMPULSE_METRICS = (
     *("friction.cone", "friction.cone.point", "friction.deficit", "friction.direction", "energy.injected"),
 )
 """Metrics that trust the engine's impulses: rejected where `contact.impulse_balance` fails its audit."""
+DRIVEN_METRICS = tuple(name for name in IMPULSE_METRICS if name != "contact.at_distance")
+"""Those that trust impulses on driven bodies too."""
