@@ -333,6 +333,7 @@ def recording(scenario: Scenario, dt: float = FRAME, **columns: object) -> Recor
         joint_angle=np.zeros((frames, len(scenario.joints))),
         joint_rate=np.zeros((frames, len(scenario.joints))),
         driver_work=np.zeros(frames),
+        driver_impulse=np.zeros((frames, len(scenario.trackers), 3)),
         contacts=np.zeros(0, CONTACT_FIELDS),
         time_frame=np.full(frames - 1, 1e-4),
         time_drive=np.full(frames - 1, 1e-5),
