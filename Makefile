@@ -2,6 +2,8 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 READY := .venv/.ready
+# two workers: the tests of a scene run on one of them, and both share what was played
+PYTEST := $(BIN)/python -m pytest -n 2
 
 .PHONY: run test test-all check clean
 
@@ -9,10 +11,10 @@ run: $(READY)
 	$(BIN)/touchstone run $(ARGS)
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 test-all: $(READY)
-	$(BIN)/python -m pytest -m "slow or not slow"
+	$(PYTEST) -m "slow or not slow"
 
 check: $(READY)
 	$(BIN)/ruff check .

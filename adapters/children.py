@@ -47,8 +47,9 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a job ended: `done`, `skipped` (unsupported) or `error`, with the reason of the last two. One that
-    failed while it played leaves the recording of what it played before, unless its process died."""
+    """How a job ended: `done`, `skipped` (unsupported), `missing`, `unimportable` or `error`, and why it did
+    not end well. One that failed while it played leaves the recording of what it played before, unless its
+    process died."""
 
     job: Job
     status: str

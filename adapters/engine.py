@@ -50,6 +50,10 @@ CONTACT_FIELDS = np.dtype(
 )
 
 
+MISSING, UNIMPORTABLE = "missing", "unimportable"
+"""How a run ends whose engine is not installed, and whose engine is installed but cannot be imported."""
+
+
 class AdapterError(Exception):
     """Base of what adapters raise on purpose; `status` is how a run that raises it ends."""
 
@@ -64,6 +68,8 @@ class Unsupported(AdapterError):
 
 class NotInstalled(AdapterError):
     """The engine's package is missing; the message names the extra that brings it."""
+
+    status = MISSING
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from adapters.children import Children, Job
-from adapters.engine import Settings
+from adapters.engine import MISSING, Settings
 from adapters.recording import Recording, load
 from adapters.registry import ENGINES, installed, missing_reason, profiles_of
 from scenarios.scenario import Scenario
@@ -27,9 +27,9 @@ class Run:
     """How an engine played a scene.
 
     Attributes:
-        status: `done`; `skipped`: not installed, or it cannot represent the scene; `error`: it diverged, left
-            its plan, raised, hung or died.
-        reason: of the last two, one line.
+        status: `done`; `skipped`: it cannot represent the scene; `missing`: not installed; `unimportable`:
+            installed, but its import fails; `error`: it diverged, left its plan, raised, hung or died.
+        reason: one line, but for `done`.
         recording: what it did, until it failed if it did; None where nothing was played or its process died.
     """
 
@@ -60,7 +60,7 @@ def play(
     """
     columns = [(one, next(iter(profiles_of(one)))) if isinstance(one, str) else one for one in engines]
     steps = {(name, profile): dt or profiles_of(name, profile)[profile] for name, profile in columns}
-    runs = {column: Run("skipped", missing_reason(column[0])) for column in steps if not installed(column[0])}
+    runs = {column: Run(MISSING, missing_reason(column[0])) for column in steps if not installed(column[0])}
     with TemporaryDirectory() as folder:
         jobs = {
             (name, profile): Job(

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
 
-from adapters.engine import AdapterError
+from adapters.engine import UNIMPORTABLE, AdapterError
 
 PATIENCE = 300.0
 """Seconds a child may take for one command before it counts as hung: a cold compilation takes about 40."""
@@ -150,7 +150,7 @@ def failure_of(error: Exception) -> tuple[str, str]:
     if isinstance(error, AdapterError):
         return error.status, str(error)
     if isinstance(error, ImportError):
-        return "skipped", f"cannot be imported: {error}".splitlines()[0]
+        return UNIMPORTABLE, f"cannot be imported: {error}".splitlines()[0]
     return "error", f"{type(error).__name__}: {error}".splitlines()[0]
 
 

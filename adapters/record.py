@@ -139,6 +139,7 @@ class Player:
         self._before, self._state = State(scenario), State(scenario)
         world.read(self._state)
         self._work = 0.0
+        self._impulse = np.zeros((len(scenario.trackers), 3))
         self._frames: list[dict[str, Array | float]] = []
         self._timings: list[tuple[float, float, float]] = []
         self._stages: list[Mapping[str, float]] = []
@@ -198,6 +199,7 @@ class Player:
             raise AdapterError(f"{fault}, {self._moment(number + 1)}")
         self._keep_contacts(number * self._settings.dt)
         self._work += self._driver_work()
+        self._impulse += self._state.force * self._settings.dt
         return stepped - driven, driven - start, done - stepped
 
     def _moment(self, steps: int) -> str:
@@ -217,6 +219,7 @@ class Player:
         )
         frame: dict[str, Array | float] = {name: getattr(state, name).copy() for name in names}
         frame["driver_work"] = self._work
+        frame["driver_impulse"] = self._impulse.copy()
         self._frames.append(frame)
         self._whole = len(self._contacts)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from adapters.engine import AdapterError, Array
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 DAMAGED = (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 """What numpy and zipfile raise on files that are no archive of arrays, or no longer."""
 
@@ -49,6 +49,7 @@ class Recording:
     joint_angle: Array  # (f, j)
     joint_rate: Array  # (f, j)
     driver_work: Array  # (f,) [J] done by the drives since the start; NaN where they are kinematic
+    driver_impulse: Array  # (f, t, 3) [N s] on each root by its drive since the start; NaN likewise
     contacts: NDArray[np.void]  # CONTACT_FIELDS, every contact point of every native step, in time order
     time_frame: Array  # (s,) [s] native step calls of a displayed frame
     time_drive: Array  # (s,) commands set from Python

@@ -26,6 +26,9 @@ substep and again at its end."""
 PAIRS_AT_LEAST = 4096
 PATCH_POINTS = 4
 """Rows a touching pair may take."""
+FRICTION_LEAST = 1e-100
+"""Coefficient of friction below which there is none [1]: the square of the cone's radius, mu times the normal
+impulse, would underflow, and the solver would not converge."""
 
 
 @lru_cache(maxsize=4096)
@@ -227,4 +230,4 @@ def _set_coefficients(scenario: Scenario, world: World) -> None:
         restitution, friction = scenario.pair_coefficients(a, b)
         for i, j in ((row, column), (column, row)):
             world.state[0]["restitution"][i, j] = restitution
-            world.state[0]["friction_coefficient"][i, j] = friction
+            world.state[0]["friction_coefficient"][i, j] = friction if friction >= FRICTION_LEAST else 0.0

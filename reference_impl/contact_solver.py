@@ -68,7 +68,7 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
     Returns:
         Whether every island converged.
     """
-    join_islands(bodies, drivers, pairs, count)
+    join_islands(bodies, drivers, pairs, count, False)
     converged = True
     for k in range(count):
         if pairs[k]["island"] < 0:
@@ -129,12 +129,10 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        # neither beginning solves all that the other does
-        for sticking in (False, True):
-            newton(solver, sticking, state)
-            take_best(solver)
-            if solver["best_residual"] <= RESIDUAL_ACCEPTED:
-                return
+        newton(solver, state)
+        take_best(solver)
+        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            return
     if state["crowded"] == 1:
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))
     else:

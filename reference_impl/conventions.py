@@ -159,6 +159,8 @@ LONGEST_SHIFT = 100.0
 STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
+PARTED_DEPTH = 0.75 * OVERLAP_TOLERANCE
+"""Depth to which sunk bodies are lifted where the energy is guarded [m]: what lifts little adds little."""
 PART_SWEEPS = 100
 """Sweeps over the pairs of simulated bodies in one round of parting them; a heap takes tens."""
 WAY_BACK_STEPS = 24
@@ -239,7 +241,7 @@ DENSE_SINKING = 2e-7
 """Sinking of a turning body over a dense substep that its length allows [m]: a fifth of OVERLAP_TOLERANCE."""
 HOLD_MEMORY = 4096
 """Contact points whose forces the next hold starts from."""
-RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 1e-12, 1e-9
+RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 4e-13, 1e-9
 """Residual at which a contact solve ends, and at which it has converged [m/s]: bodies sink by that times a
 frame."""
 RESIDUAL_ROUNDING = 1e-14
@@ -254,29 +256,29 @@ SLIDE_STEPS = 40
 """Steps for the friction of one row that slides; about 5 are usual."""
 SLIDE_ROUNDING = 1e-15
 """Deviation from the cone, over it, at which that friction is found [1]: some roundings."""
-COMPLIANCE_FIRST, COMPLIANCE_SLIDING, COMPLIANCE_LEAST, COMPLIANCE_FALL = 1e-3, 1e-5, 1e-7, 0.1
-"""Compliance of the proximal problem over the row's own mobility [1]: first; least where rows slide, whose
-friction converges last; least of all (rounding is 1e-16 of the velocity over it); and its factor where the
-residual falls slowly."""
+COMPLIANCE_FIRST, COMPLIANCE_LAST, COMPLIANCE_LEAST = 0.03, 1e-5, 1e-10
+"""Compliance of the proximal problem over the row's own mobility [1]: first, with which its answer is unique,
+or the square root of the residual [m/s] if that is less; last; and least, for towers and what jams."""
+COMPLIANCE_ROUNDING = 1e-17
+"""Compliance times the residual [m/s] below which rounding is more than what is left."""
+COMPLIANCE_FALL, COMPLIANCE_RISE = 0.3, 5.0
+"""Its factors where the residual falls slowly, and where Newton's method fails [1]."""
 RESIDUAL_FALL = 0.1
 """Share of the residual that an outer iteration may leave before the compliance falls [1]."""
 INNER_SHARE = 1e-2
-"""Change of velocity over the residual, times the compliance, at which a minimum is found [1]."""
-NEWTON_INNER, NEWTON_FACTORS = 25, 80
-"""Factorisations of one minimum, and of all of an island."""
-NEWTON_WORK, NEWTON_ALLOWANCE = 1e7, 1e5
+"""Change of velocity over the residual, times the compliance, at which an outer iteration ends [1]."""
+NEWTON_INNER, NEWTON_FACTORS = 15, 300
+"""Factorisations of one outer iteration, and of all of an island."""
+NEWTON_WORK, NEWTON_ALLOWANCE = 1e7, 3e6
 """Multiplications of all factorisations of a frame, where they are fewer: some 10 ms; and of an island
 when these are used up. What is larger then goes by sweeps."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged answer is taken."""
-SLIP_SHARE = 1e-3
-"""Sliding over the residual up to which it is the error of an unfinished answer [1]."""
-SECANT_MOST = 0.7
-"""Largest slope of the secant for the bound of friction [1]: an extrapolation by three."""
-LINE_SHARE, LINE_STEPS = 0.3, 12
-"""Share of the slope that a line search may leave [1], and its steps."""
-SLIDING = 1 - 1e-6
-"""Share of the friction bound from which a row that moves slides [1]."""
+LINE_SHARE, LINE_HALVES = 0.1, 10
+"""Share of a Newton step's promise that it must keep [1], and how often it is halved until it does."""
+STRETCH_MOST, STRETCH_RISE = 1e6, 1.1
+"""Longest step, over the last one, along which the impulses go on, and the rise of the residual that ends
+it [1]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 

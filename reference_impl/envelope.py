@@ -1,6 +1,7 @@
-"""Symmetric matrix of six unknowns a mover, in the envelope of its rows: order, L D L^T, and solution.
+"""Matrix of six unknowns a mover, in an envelope that is symmetric: order, L U, and solution.
 
-Row i holds its entries from column `begin[i]` to the diagonal; factors fill nothing outside (Jennings 1966).
+Row i of the lower half and column i of the upper one hold their entries from `begin[i]` to the diagonal;
+factors fill nothing outside (Jennings 1966).
 Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969), which keeps rows short.
 """
 
@@ -35,7 +36,7 @@ def lay_out(solver):
                 return -1.0
             solver["begin"][i], solver["offset"][i] = begin, used - begin
             used += length
-            work += length * length / 2
+            work += length * length
     return work
 
 
@@ -58,16 +59,16 @@ def _order_from(solver, first):
 
 
 @kernel
-def add_block(solver, p, q, r_p, r_q, sign):
-    """Add sign J_p^T K J_q of one row, K being `kernel`, to the block of places p >= q."""
-    kernel_matrix, block, entries, offset = (
-        solver["kernel"],
-        solver["block"],
-        solver["entries"],
-        solver["offset"],
-    )
+def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
+    """Add sign J_p^T K J_q of one row, K being `kernel`, to the block of places p >= q; with K transposed to
+    the upper half, which is stored by columns."""
+    matrix, block, offset = solver["kernel"], solver["block"], solver["offset"]
     for j in range(3):
-        x, y, z = sign * kernel_matrix[0, j], sign * kernel_matrix[1, j], sign * kernel_matrix[2, j]
+        if transposed:
+            x, y, z = matrix[j, 0], matrix[j, 1], matrix[j, 2]
+        else:
+            x, y, z = matrix[0, j], matrix[1, j], matrix[2, j]
+        x, y, z = sign * x, sign * y, sign * z
         block[0, j], block[1, j], block[2, j] = x, y, z
         block[3, j] = r_p[1] * z - r_p[2] * y
         block[4, j] = r_p[2] * x - r_p[0] * z
@@ -75,7 +76,7 @@ def add_block(solver, p, q, r_p, r_q, sign):
     for i in range(6):
         x, y, z = block[i, 0], block[i, 1], block[i, 2]
         start = offset[6 * p + i] + 6 * q
-        # of a diagonal block the lower half
+        # of a diagonal block one half
         stop = i + 1 if p == q else 6
         for j in range(stop):
             if j == 0:
@@ -94,52 +95,51 @@ def add_block(solver, p, q, r_p, r_q, sign):
 
 
 @inlined_kernel
-def _dot(entries, p, q, count):
-    """Sum of entries[p + k] entries[q + k]; four sums that do not wait for each other."""
+def _dot(one, p, two, q, count):
+    """Sum of one[p + k] two[q + k]; four sums that do not wait for each other."""
     a = b = c = d = 0.0
     k = 0
     while k + 4 <= count:
-        a += entries[p + k] * entries[q + k]
-        b += entries[p + k + 1] * entries[q + k + 1]
-        c += entries[p + k + 2] * entries[q + k + 2]
-        d += entries[p + k + 3] * entries[q + k + 3]
+        a += one[p + k] * two[q + k]
+        b += one[p + k + 1] * two[q + k + 1]
+        c += one[p + k + 2] * two[q + k + 2]
+        d += one[p + k + 3] * two[q + k + 3]
         k += 4
     while k < count:
-        a += entries[p + k] * entries[q + k]
+        a += one[p + k] * two[q + k]
         k += 1
     return (a + b) + (c + d)
 
 
 @kernel
 def factorise(solver):
-    """L D L^T in place: D on the diagonal, L below it."""
-    entries, offset, begin = solver["entries"], solver["offset"], solver["begin"]
+    """L U in place, without pivots: L has ones on its diagonal."""
+    lower, upper, offset, begin = solver["lower"], solver["upper"], solver["offset"], solver["begin"]
     for i in range(6 * solver["mover_count"]):
         row, first = offset[i], begin[i]
         for j in range(first, i):
-            low = max(first, begin[j])
-            entries[row + j] -= _dot(entries, row + low, offset[j] + low, j - low)
-        diagonal = entries[row + i]
-        for k in range(first, i):
-            scaled = entries[row + k] / entries[offset[k] + k]
-            diagonal -= scaled * entries[row + k]
-            entries[row + k] = scaled
-        # the matrix is no less than the masses: what rounding takes below that is put back
-        entries[row + i] = max(diagonal, 1e-16 * entries[row + i])
+            low, other = max(first, begin[j]), offset[j]
+            upper[row + j] -= _dot(lower, other + low, upper, row + low, j - low)
+            value = lower[row + j] - _dot(lower, row + low, upper, other + low, j - low)
+            lower[row + j] = value / lower[other + j]
+        whole = lower[row + i]
+        pivot = whole - _dot(lower, row + first, upper, row + first, i - first)
+        # what rounding takes below the masses is put back
+        lower[row + i] = pivot if abs(pivot) > 1e-16 * whole else 1e-16 * whole
 
 
 @kernel
 def solve_factors(solver):
     """The step: minus the inverse times the gradient."""
-    entries, offset, begin, x = solver["entries"], solver["offset"], solver["begin"], solver["step"]
+    lower, upper, offset = solver["lower"], solver["upper"], solver["offset"]
+    begin, x = solver["begin"], solver["step"]
     size = 6 * solver["mover_count"]
     for i in range(size):
         total = -solver["gradient"][i]
         for k in range(begin[i], i):
-            total -= entries[offset[i] + k] * x[k]
+            total -= lower[offset[i] + k] * x[k]
         x[i] = total
-    for i in range(size):
-        x[i] /= entries[offset[i] + i]
     for i in range(size - 1, -1, -1):
+        x[i] /= lower[offset[i] + i]
         for k in range(begin[i], i):
-            x[k] -= entries[offset[i] + k] * x[i]
+            x[k] -= upper[offset[i] + k] * x[i]

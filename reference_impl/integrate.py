@@ -53,7 +53,7 @@ def fly_straight(bodies, gravity, h, flight):
 
 @kernel
 def begin_again(bodies, joints, drivers):
-    """Take back what forces and held contacts did since `begin_substep`."""
+    """Take back what forces, held contacts and motion did since `begin_substep`."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
@@ -62,6 +62,10 @@ def begin_again(bodies, joints, drivers):
             copy_quaternion(body["old_orientation"], body["orientation"])
             matrix_of(body["orientation"], body["rotation"])
             refresh_inertia(body)
+            rotate(body["rotation"], body["center_of_mass"], body["position"])
+            for i in range(3):
+                body["center"][i] = body["old_center"][i]
+                body["position"][i] = body["center"][i] - body["position"][i]
     for d in range(len(drivers)):
         copy_vector(drivers[d]["old_velocity"], drivers[d]["velocity"])
         copy_vector(drivers[d]["old_omega"], drivers[d]["omega"])

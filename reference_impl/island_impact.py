@@ -23,7 +23,7 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
     projection of v- on the velocities that do not approach, and without friction the energy never rises. With
     friction, or different e, the guard of `impulse.py` applies to all impulses of the island together.
     """
-    join_islands(bodies, drivers, pairs, count)
+    join_islands(bodies, drivers, pairs, count, False)
     for k in range(count):
         if not is_head(bodies, pairs, k):
             continue

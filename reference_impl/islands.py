@@ -23,10 +23,13 @@ def mover_of(bodies, drivers, b):
 
 
 @kernel
-def join_islands(bodies, drivers, pairs, count):
+def join_islands(bodies, drivers, pairs, count, flying):
     """Chain the rows `pairs[:count]` of each island, by `next_row` from the row for which `is_head` holds.
 
-    Rows whose floor is NO_FLOOR, and those between bodies that nothing moves, are in no island.
+    Rows between bodies that nothing moves are in no island.
+
+    Args:
+        flying: take rows whose floor is NO_FLOOR in, too.
     """
     for k in range(count):
         pair = pairs[k]
@@ -37,17 +40,17 @@ def join_islands(bodies, drivers, pairs, count):
                 bodies[m]["island"], bodies[m]["first_row"] = m, -1
     for k in range(count):
         pair = pairs[k]
-        if pair["floor"] == NO_FLOOR:
+        if pair["floor"] == NO_FLOOR and not flying:
             continue
         a, b = mover_of(bodies, drivers, pair["body_a"]), mover_of(bodies, drivers, pair["body_b"])
         pair["island"] = b if a < 0 else a
         if a >= 0 and b >= 0:
-            bodies[_root(bodies, a)]["island"] = _root(bodies, b)
+            bodies[island_of(bodies, a)]["island"] = island_of(bodies, b)
     # backwards, so that rows keep their order
     for k in range(count - 1, -1, -1):
         pair = pairs[k]
         if pair["island"] >= 0:
-            pair["island"] = _root(bodies, pair["island"])
+            pair["island"] = island_of(bodies, pair["island"])
             root = bodies[pair["island"]]
             pair["next_row"], root["first_row"] = root["first_row"], k
 
@@ -59,7 +62,7 @@ def is_head(bodies, pairs, k):
 
 
 @kernel
-def _root(bodies, m):
+def island_of(bodies, m):
     """Mover that stands for the island of mover m (union-find with path halving)."""
     while bodies[m]["island"] != m:
         bodies[m]["island"] = bodies[bodies[m]["island"]]["island"]

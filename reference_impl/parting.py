@@ -3,12 +3,15 @@
 from reference_impl.conventions import (
     COUNT_GAVE_UP,
     COUNT_ROUNDS,
+    IMPULSES_TOGETHER,
     OVERLAP_TOLERANCE,
     PART_SWEEPS,
+    PARTED_DEPTH,
     REMOVAL_ROUNDS,
     SIMULATED,
 )
 from reference_impl.detection import detect, is_free, place_listed
+from reference_impl.free_rotation import is_isotropic
 from reference_impl.kernel import kernel
 from reference_impl.skeleton import place
 
@@ -22,21 +25,22 @@ def part_simulated(bodies, pieces, vertices, pairs, first, state):
     Returns:
         Whether they came free; giving up is counted.
     """
+    left = PARTED_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
     for _ in range(REMOVAL_ROUNDS):
         end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, first)
         if is_free(deepest):
             return True
         state["counters"][COUNT_ROUNDS] += 1
-        _push_apart(bodies, pairs, first, end)
+        _push_apart(bodies, pairs, first, end, left)
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 
 
 @kernel
-def _push_apart(bodies, pairs, first, end):
-    """Move simulated bodies until no depth is left along the normals found: one pair after the other, by
-    all of its depth against fixed and driven bodies, by inverse mass against their like (Gauss-Seidel)."""
+def _push_apart(bodies, pairs, first, end, left):
+    """Move simulated bodies until no depth over `left` remains along the normals found: one pair after the
+    other, all of it against what is fixed or driven, by inverse mass against their like (Gauss-Seidel)."""
     for b in range(len(bodies)):
         bodies[b]["scratch"][0, :] = 0.0
     for _ in range(PART_SWEEPS):
@@ -44,7 +48,7 @@ def _push_apart(bodies, pairs, first, end):
         for k in range(first, end):
             a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
             p, q = a["scratch"][0], b["scratch"][0]
-            depth = -pairs[k]["distance"]
+            depth = -pairs[k]["distance"] - left
             depth -= n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])
             if depth <= 0:
                 continue
@@ -53,7 +57,7 @@ def _push_apart(bodies, pairs, first, end):
             for i in range(3):
                 p[i] -= a["inverse_mass"] / total * depth * n[i]
                 q[i] += b["inverse_mass"] / total * depth * n[i]
-        if deepest <= OVERLAP_TOLERANCE / 2:
+        if deepest <= (OVERLAP_TOLERANCE - left) / 2:
             break
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
@@ -67,6 +71,8 @@ def kinetic_energy(body):
     """Kinetic energy of a simulated body [J]."""
     v, w, rotation, inertia = body["velocity"], body["omega"], body["rotation"], body["inertia"]
     total = body["mass"] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if is_isotropic(inertia):
+        return (total + inertia[0, 0] * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2])) / 2
     for i in range(3):
         for j in range(3):
             along_i = rotation[0, i] * w[0] + rotation[1, i] * w[1] + rotation[2, i] * w[2]

@@ -32,6 +32,7 @@ from reference_impl.impact import resolve_impacts
 from reference_impl.impact_time import earliest_impact
 from reference_impl.integrate import (
     apply_forces,
+    begin_again,
     begin_substep,
     end_substep,
     fly_straight,
@@ -184,23 +185,32 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         start = clock(state["clock"])
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
             state["counters"][COUNT_GAVE_UP] += 1
-        begin_substep(bodies, drivers)
-        note_energy(bodies, state)
-        first_held = state["contact_count"]
-        h, converged = hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
-        if not converged:
-            state["counters"][COUNT_UNCONVERGED] += 1
-        returned = first_return(bodies, pairs, touching, state)
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
-        set_ways(bodies, pairs, touching, h, state["flight"])
-        fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, returned, state)
-        end_substep(bodies, joints, drivers, fraction)
-        cut_holds(contacts, first_held, state["contact_count"], fraction)
-        # detection for parting writes behind the rows that hold
-        if drifted:
-            part_simulated(bodies, pieces, vertices, pairs, touching, state)
-        if state["impulses"] == IMPULSES_TOGETHER:
-            guard_energy(bodies, drivers, pairs, touching, state)
+        begin_substep(bodies, drivers)
+        if touching > 0:
+            note_energy(bodies, state)
+        first_held = state["contact_count"]
+        h, fraction = _substep(
+            bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h
+        )
+        # a slow contact that has not come back yet left its body too high: once more, for the shorter time
+        if state["unpaid_energy"] > 0 and fraction < 1:
+            begin_again(bodies, joints, drivers)
+            state["contact_count"] = first_held
+            h, fraction = _substep(
+                bodies,
+                pieces,
+                joints,
+                drivers,
+                vertices,
+                pairs,
+                touching,
+                contacts,
+                state,
+                time,
+                fraction * h,
+            )
+        state["parted_energy"] += state["unpaid_energy"]
         left -= fraction * h
         if left <= TIME_MIN:
             break
@@ -209,6 +219,32 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
+
+
+@kernel
+def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h):
+    """Hold the contacts `pairs[:touching]` over a time h at most, and move until the next event.
+
+    Returns:
+        (h, fraction): the length for which they hold, and how much of it has passed.
+    """
+    start, first_held = clock(state["clock"]), state["contact_count"]
+    h, converged = hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
+    if not converged:
+        state["counters"][COUNT_UNCONVERGED] += 1
+    returned = first_return(bodies, pairs, touching, state)
+    state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
+    set_ways(bodies, pairs, touching, h, state["flight"])
+    fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, returned, state)
+    end_substep(bodies, joints, drivers, fraction)
+    cut_holds(contacts, first_held, state["contact_count"], fraction)
+    # detection for parting writes behind the rows that hold
+    if drifted:
+        part_simulated(bodies, pieces, vertices, pairs, touching, state)
+    state["unpaid_energy"] = 0.0
+    if state["impulses"] == IMPULSES_TOGETHER:
+        guard_energy(bodies, drivers, pairs, touching, drifted, state)
+    return h, fraction
 
 
 @kernel

@@ -36,16 +36,11 @@ ROW = record(
     # sweeps: the impulse before the sweep, and the conjugate direction
     swept=VECTOR,
     direction=VECTOR,
-    # Newton's method: proximal centre, velocity, its change along a step, and what an outer iteration freezes
+    # Newton's method: proximal centre, velocity, and its change along a step
     centre=VECTOR,
     velocity=VECTOR,
     rate=VECTOR,
     stiffness="f8",  # [kg]
-    slides="i8",  # 1: the friction is bounded by `radius`; 0: the impulse by the cone
-    radius="f8",  # [N s]
-    last_radius="f8",  # of the iteration before, and mu times the pressure that it led to
-    last_wanted="f8",
-    shift="f8",  # of the normal velocity [m/s]
 )
 MOVER = record(
     body="i8",  # its row of `bodies`: a simulated body, or the root of a driver
@@ -65,9 +60,10 @@ SOLVER = record(
     rows=(ROW, (ROW_CAPACITY,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
     order=("i8", (NEWTON_MOVERS,)),  # mover at each place
-    offset=("i8", (6 * NEWTON_MOVERS,)),  # entry (i, j) of the envelope is entries[offset[i] + j]
+    offset=("i8", (6 * NEWTON_MOVERS,)),  # entries (i, j) and (j, i), i >= j: lower and upper[offset[i] + j]
     begin=("i8", (6 * NEWTON_MOVERS,)),  # first column of row i
-    entries=("f8", (NEWTON_ENTRIES,)),
+    lower=("f8", (NEWTON_ENTRIES,)),
+    upper=("f8", (NEWTON_ENTRIES,)),
     gradient=("f8", (6 * NEWTON_MOVERS,)),
     step=("f8", (6 * NEWTON_MOVERS,)),
     block=("f8", (6, 3)),

@@ -23,6 +23,14 @@ GUARD = record(
     grounded="i8",  # 1: it touches what does not move by impulses
     driven="i8",  # 1: a driver takes part
     counted="i8",  # 1: what is taken out of it is counted
+    # of one that touches nothing but itself (`island_motion`), before the substep and after
+    old_center=VECTOR,
+    old_spin=VECTOR,  # angular momentum about its centre of mass
+    center=VECTOR,
+    spin=VECTOR,
+    inertia=MATRIX,
+    turning=VECTOR,  # angular velocity as one rigid body [rad/s]
+    turn=VECTOR,  # what it lacks of that
 )
 BODY = record(
     # first, and in few cache lines, what sweeps over contacts read

@@ -112,6 +112,7 @@ def run(
 ) -> None:
     """Play scenes on engines and show where they differ."""
     from adapters.engine import DRIVES
+    from reports.judge import judge_faults
     from reports.output import OutputError
     from reports.run import run as run_study
 
@@ -131,7 +132,7 @@ def run(
             results = run_study(request, progress)
     except OutputError as error:
         stop(str(error), BAD_INPUT)
-    for line in [] if quiet else results.warnings:
+    for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
         from reports.terminal import console, show, show_budget
@@ -141,7 +142,7 @@ def run(
         show(results.frame, console(), shown)
         show_budget(results.recordings, console())
         print(f"results: {request.out}")
-    exit_for(results.frame.verdict, results.frame.reason, bool(engine))
+    exit_for(results.frame.verdict, bool(engine))
 
 
 def _request(
@@ -304,15 +305,18 @@ def show(
 
 @app.command()
 def doctor() -> None:
-    """Engines, versions, missing wheels, processor and the compile cache."""
-    from reports.doctor import compile_facts, engines, libraries, machine
+    """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
+    from reports.doctor import compile_facts, imports, libraries, machine
 
     for key, value in machine().items():
         print(f"{key:14} {value}")
-    for name, found, how in engines():
-        print(f"{name:14} {how or found}")
+    verdicts = []
+    for name, status, text in imports():
+        print(f"{name:14} {text if status == 'done' else f'{status}: {text}'}")
+        verdicts.append(status)
     for name, found in libraries():
         print(f"{name:14} {found}")
     print("compiling the reference, once per version of its sources ...", file=sys.stderr)
     for key, value in compile_facts().items():
         print(f"{key:14} {value}")
+    exit_for(verdicts, by_name=False)

@@ -16,6 +16,7 @@ from reports.command import (
     folder_of_now,
     known,
     measuring,
+    require_judge,
 )
 
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
@@ -129,13 +130,14 @@ def predictability(
     quiet: QuietOption = False,
 ) -> None:
     """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
-    from reports.studies.predictability import SCENES, OracleMissing, run, steps
+    from reports.studies.predictability import SCENES, run, steps
     from reports.studies.predictability_table import show
     from scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(scenario or SCENES)]
     folder = out or folder_of_now("predictability-")
-    with measuring(steps(chosen), quiet, OracleMissing) as progress:
+    require_judge()
+    with measuring(steps(chosen), quiet) as progress:
         frame = run(chosen, seed, folder, progress)
     ended(frame, show, folder, output, quiet)
 
@@ -161,6 +163,7 @@ def robustness(
     chosen = known("kind", kind, KINDS) if kind else None
     asked = tasks(columns, scenes, seed, chosen, perturbation)
     folder = out or folder_of_now("robustness-")
+    require_judge()
     with measuring(len(asked), quiet) as progress:
         frame = run(columns, asked, folder, progress)
     ended(frame, show, folder, output, quiet, by_name=bool(engine))

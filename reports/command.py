@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
     from reports.progress import Progress
 
-LIMIT_BROKEN, BAD_INPUT, NOT_INSTALLED, INTERRUPTED = 1, 2, 3, 130
+LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, INTERRUPTED = 1, 2, 3, 4, 130
+"""Exit codes. A broken limit and a failed run come before what could not be judged, and that before an engine
+that is missing: a 3 or a 4 says that nothing else went wrong."""
 
 
 class Format(StrEnum):
@@ -115,13 +117,21 @@ def folder_of_now(prefix: str = "") -> Path:
     return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}"
 
 
-def exit_for(verdicts: Iterable[str], reasons: Iterable[str], by_name: bool) -> None:
-    """End with the exit code that the verdicts call for; `by_name`: engines were asked for by name."""
-    pairs = list(zip(verdicts, reasons))
-    if by_name and any(v == "skipped" and r.startswith("not installed") for v, r in pairs):
-        raise typer.Exit(NOT_INSTALLED)
-    if any(v in ("fail", "error") for v, _ in pairs):
+def exit_for(verdicts: Iterable[str], by_name: bool) -> None:
+    """End with the exit code that the verdicts call for; `by_name`: engines were asked for by name.
+
+    An engine that is installed but cannot be imported counts as asked for: it was meant to play.
+    """
+    from adapters.engine import MISSING, UNIMPORTABLE
+    from reports.results import UNJUDGED
+
+    found = set(verdicts)
+    if found & {"fail", "error"}:
         raise typer.Exit(LIMIT_BROKEN)
+    if UNJUDGED in found:
+        raise typer.Exit(NOT_JUDGED)
+    if UNIMPORTABLE in found or (by_name and MISSING in found):
+        raise typer.Exit(ENGINE_MISSING)
 
 
 def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
@@ -131,6 +141,14 @@ def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
     if quiet:
         return silence()
     return bar(total) if sys.stderr.isatty() else lines(total)
+
+
+def require_judge() -> None:
+    """End with a line where the libraries are missing that judge what a study measures."""
+    from reports.judge import judge_faults
+
+    if faults := judge_faults():
+        stop("; ".join(faults), NOT_JUDGED)
 
 
 @contextmanager
@@ -160,4 +178,4 @@ def ended(
 
         show(frame, console())
         print(f"results: {folder}")
-    exit_for(frame.verdict, frame.reason, by_name)
+    exit_for(frame.verdict, by_name)

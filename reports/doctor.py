@@ -6,7 +6,10 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
+from adapters.import_check import try_imports
 from adapters.registry import ENGINES, installed, missing_reason
+from reports.judge import judge_faults
+from reports.results import UNJUDGED
 
 PACKAGES = {"reference": "touchstone", "dart": "dartpy", "bullet": "pybullet", "mujoco": "mujoco"}
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")
@@ -37,6 +40,14 @@ def _processor() -> str:
         return names[0] if names else platform.processor()
     except OSError:
         return platform.processor()
+
+
+def imports() -> list[tuple[str, str, str]]:
+    """(engine, status, what happened) of every engine, imported in a child process; the version where that
+    went well. Then the same of what judges."""
+    rows = [(name, one.status, one.text) for name, one in try_imports().items()]
+    faults = judge_faults()
+    return [*rows, *(("judge", UNJUDGED, fault) for fault in faults)]
 
 
 def engines() -> list[tuple[str, str, str]]:

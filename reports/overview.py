@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import pandas as pd
 
+from reports.limit_counts import WORST_LAST, Count, counted
 from reports.metrics import METRICS
-from reports.results import Row, rows_of
+from reports.results import NOT_RUN, UNJUDGED, Row, rows_of
 from reports.tables import HIDDEN, MARKS, Cell, Column, cell_of, columns_of, number, unit_of
 
 BAD = ("known", "fail", "error")
 """Verdicts that stand out, the worst last."""
-COUNTED = ("pass", "known", "fail", "error")
 RATIO = "ratio.time"
 NOTHING = 1e-12
 """Value below which a figure is 0 [1], as it is shown."""
@@ -33,8 +33,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """All scenes. `totals` tell per column how many limits were met, are known failings, were broken, and how
-    many runs failed or were skipped."""
+    """All scenes. `totals` are per column the numbers that TOTALS names; `remarks` the lines below."""
 
     heads: list[tuple[str, str, str]]
     sections: list[Section]
@@ -42,7 +41,11 @@ class Overview:
     remarks: list[str]
 
 
-TOTALS = ("limits met", "known", "broken", "errors", "skipped")
+TOTALS = (
+    *("limits", "met", "by construction", "known", "causes", "unjudged", "broken", "errors"),
+    *("not applicable", "not run"),
+)
+"""Limits are metrics per scene; causes are those of the known failings; errors hold runs that failed."""
 
 
 def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> Overview:
@@ -53,15 +56,17 @@ def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> Overview:
     scenes: dict[str, list[Row]] = {}
     for row in rows:
         scenes.setdefault(row.scenario, []).append(row)
+    counts = {name: counted(part, list(columns)) for name, part in scenes.items()}
+    totals = [(" ".join(c), _total(scenes.values(), counts.values(), c)) for c in columns]
     return Overview(
         [(*column, step) for column, step in columns.items()],
-        [_section(name, part, list(columns)) for name, part in scenes.items()],
-        [(" ".join(column), _total(rows, column)) for column in columns],
-        _remarks(rows),
+        [_section(name, part, list(columns), counts[name]) for name, part in scenes.items()],
+        totals,
+        _remarks(rows) + _not_applicable(counts.values()),
     )
 
 
-def _section(name: str, rows: list[Row], columns: list[Column]) -> Section:
+def _section(name: str, rows: list[Row], columns: list[Column], counts: Mapping[Column, Count]) -> Section:
     found: dict[str, dict[Column, Row]] = {}
     for row in rows:
         best = found.setdefault(row.metric, {})
@@ -80,7 +85,7 @@ def _section(name: str, rows: list[Row], columns: list[Column]) -> Section:
     lines = [
         (metric, unit_of(metric), [_cell(found[metric].get(column)) for column in columns]) for metric in told
     ]
-    return Section(name, [_outcome(rows, column) for column in columns], lines)
+    return Section(name, [_outcome(rows, column, counts) for column in columns], lines)
 
 
 def _weight(row: Row) -> tuple[int, float]:
@@ -95,37 +100,67 @@ def _cell(row: Row | None) -> Cell:
     return Cell("-") if row is None else cell_of(row)
 
 
-def _counts(rows: list[Row], column: Column) -> dict[str, int]:
-    verdicts = [row.verdict for row in rows if (row.engine, row.profile) == column]
-    return {verdict: verdicts.count(verdict) for verdict in COUNTED}
-
-
-def _outcome(rows: list[Row], column: Column) -> Cell:
-    """Limits met of those that apply, or why there are none."""
+def _outcome(rows: list[Row], column: Column, counts: Mapping[Column, Count]) -> Cell:
+    """Limits met of those of the scene, or why there are none."""
     run = [row for row in rows if (row.engine, row.profile) == column and row.metric == "run"]
     if run:
         return Cell(run[0].verdict, run[0].verdict)
-    counts = _counts(rows, column)
-    worst = next((verdict for verdict in reversed(BAD) if counts[verdict]), "")
-    return Cell(f"{counts['pass']} of {sum(counts.values())}", worst)
+    if column not in counts:
+        return Cell("-")
+    return Cell(counts[column].text, counts[column].worst)
 
 
-def _total(rows: list[Row], column: Column) -> list[int]:
-    counts = _counts(rows, column)
-    skipped = [row for row in rows if (row.engine, row.profile) == column and row.metric == "run"]
-    return [counts[verdict] for verdict in COUNTED] + [sum(row.verdict == "skipped" for row in skipped)]
+def _total(
+    scenes: Iterable[list[Row]], counts: Iterable[Mapping[Column, Count]], column: Column
+) -> list[int]:
+    mine = [count[column] for count in counts if column in count]
+    rows = [row for scene in scenes for row in scene if (row.engine, row.profile) == column]
+    causes = {_cause(row) for row in rows if row.verdict == "known"}
+    verdicts = {verdict: sum(count.verdicts[verdict] for count in mine) for verdict in WORST_LAST}
+    runs = [row.verdict for row in rows if row.metric == "run"]
+    return [
+        sum(count.limits for count in mine),
+        verdicts["pass"],
+        sum(count.by_construction for count in mine),
+        verdicts["known"],
+        len(causes),
+        verdicts[UNJUDGED],
+        verdicts["fail"],
+        verdicts["error"] + runs.count("error"),
+        sum(len(count.not_applicable) for count in mine),
+        sum(verdict in NOT_RUN for verdict in runs),
+    ]
+
+
+def _cause(row: Row) -> str:
+    """A reason without the worst body and the command that shows it."""
+    return BODY.sub("", row.reason).partition(": touchstone run ")[0]
+
+
+def _not_applicable(counts: Iterable[Mapping[Column, Count]]) -> list[str]:
+    """Why limits do not apply, each reason once, with the metrics and how often."""
+    found: dict[str, dict[str, int]] = {}
+    for scene in counts:
+        for count in scene.values():
+            for metric, reason in count.not_applicable.items():
+                metrics = found.setdefault(reason, {})
+                metrics[metric] = metrics.get(metric, 0) + 1
+    return [
+        f"does not apply, {sum(metrics.values())} times: {reason}: {', '.join(metrics)}"
+        for reason, metrics in sorted(found.items(), key=lambda item: -sum(item[1].values()))
+    ]
 
 
 def _remarks(rows: list[Row]) -> list[str]:
     """What was broken, skipped or is known: each reason once per engine, with the figures it explains."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        if row.verdict in BAD or (row.verdict == "skipped" and row.metric == "run"):
-            reason = BODY.sub("", row.reason).partition(": touchstone run ")[0]
+        if row.verdict in BAD or row.verdict == UNJUDGED or (row.verdict in NOT_RUN and row.metric == "run"):
+            reason = _cause(row)
             figure = row.scenario if row.metric == "run" else f"{row.scenario} {_figure(row)}"
             figure += f" (limit {row.limit:.2g})" if row.verdict == "fail" else ""
             found.setdefault((f"{row.verdict}: {row.engine} {row.profile}", reason), []).append(figure)
-    order = (*reversed(BAD), "skipped")
+    order = (*reversed(BAD), UNJUDGED, *NOT_RUN)
     lines = [f"{who}: {reason}: {', '.join(figures)}" for (who, reason), figures in found.items()]
     return sorted(lines, key=lambda line: order.index(line.partition(":")[0])) + _ratios(rows)
 
@@ -147,6 +182,7 @@ def _figure(row: Row) -> str:
 
 
 LEGEND = (
-    f"n of m: limits met;{MARKS['fail']} one is broken;{MARKS['known']} the rest are known failings;"
-    "   below: the first figure of the scene, and every one that misses a limit, of the worst body"
+    f"n of m (k): limits met of all that the scene has, k do not apply;{MARKS['fail']} one is broken;"
+    f"{MARKS['known']} the rest are known failings\n"
+    "below: the first figure of the scene, and every one that misses a limit, of the worst body"
 )

@@ -11,14 +11,25 @@ from pathlib import Path
 
 import pandas as pd
 
-VERDICTS = ("", "pass", "fail", "known", "skipped", "error")
-"""Blank: reported without a limit. `known`: a documented failing. `error`: the engine threw, hung or died."""
+from adapters.engine import MISSING, UNIMPORTABLE
+
+UNJUDGED = "unjudged"
+NOT_RUN = ("skipped", MISSING, UNIMPORTABLE)
+"""Verdicts of runs that did not take place, and of metrics that do not apply."""
+VERDICTS = ("", "pass", "fail", "known", "error", UNJUDGED, *NOT_RUN)
+"""Blank: reported without a limit. `known`: a documented failing. `error`: the engine threw, hung or died.
+`unjudged`: what judges is missing, or a number to compare. `missing`, `unimportable`: the engine is."""
+
+
+CONSTRUCTION, UNAUDITED = "construction", "unaudited"
+"""What a verdict rests on, where not on a measurement alone: a limit that the method meets by construction
+(angles are clamped, overlap is removed last); impulses that the engine reports and nothing balances."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One value. `subject` names a pair, body, stage or the other side of a ratio; `low` and `high` bound an
-    interval; `limit` is what `verdict` was judged by; `dt` [s]. Values are in SI units."""
+    """One value [SI]. `subject` names a pair, body, stage or the other side of a ratio; `low`, `high` bound
+    an interval; `limit` is what `verdict` was judged by, `basis` what it rests on; `dt` [s]."""
 
     study: str
     scenario: str
@@ -35,6 +46,7 @@ class Row:
     high: float = nan
     limit: float = nan
     verdict: str = ""
+    basis: str = ""
     reason: str = ""
 
 
@@ -54,6 +66,7 @@ COLUMNS = (
     "high",
     "limit",
     "verdict",
+    "basis",
     "reason",
 )
 assert set(COLUMNS) == {field.name for field in fields(Row)}

@@ -5,27 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from math import inf, isnan
+from math import inf, isfinite, isnan
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from adapters.children import Children, Job, Outcome
-from adapters.engine import DRIVES, Settings
+from adapters.engine import DRIVES, MISSING, Settings
 from adapters.recording import Recording, load
 from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
-from reports.metrics import IMPULSE_METRICS, METRICS, PAIR_METRICS
-from reports.metrics.contact import AUDIT_LIMIT
+from reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
+from reports.metrics.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
 from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
-from reports.metrics.evidence import ROUNDING, Evidence, NotMeasured, Value
+from reports.metrics.evidence import ROUNDING, Evidence, JudgeMissing, NotMeasured, Value
 from reports.output import OutputError, output_folder
 from reports.progress import Progress
 from reports.ratios import time_ratio
-from reports.results import Row, save, save_manifest, table, write_beside
+from reports.results import UNAUDITED, UNJUDGED, Row, save, save_manifest, table, write_beside
 from reports.unresolved import warning
 from scenarios.scenario import Scenario
 
@@ -39,7 +39,7 @@ MANY_CONTACTS = 10
 SAME_DEPTH = 1e-8
 """Overlap below which none is larger [m]: the oracle's tolerance."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
-NEEDED = ("overlap.max", "contact.impulse_balance")
+NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
 """Metrics that others are judged by."""
 DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
@@ -134,7 +134,7 @@ def _play(
     for engine, profile in request.columns:
         if not installed(engine):
             row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
-            missing.append(replace(row, verdict="skipped", reason=missing_reason(engine)))
+            missing.append(replace(row, verdict=MISSING, reason=missing_reason(engine)))
             continue
         settings = request.settings(engine, profile)
         name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
@@ -209,7 +209,8 @@ def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list
         try:
             values = metric.measure(evidence)
         except NotMeasured as reason:
-            rows.append(replace(row, verdict="skipped", reason=str(reason)))
+            verdict = UNJUDGED if isinstance(reason, JudgeMissing) else "skipped"
+            rows.append(replace(row, verdict=verdict, reason=str(reason)))
             continue
         except Exception as error:  # one metric that fails must not take the run with it
             rows.append(replace(row, verdict="error", reason=f"{type(error).__name__}: {error}"))
@@ -218,7 +219,7 @@ def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list
             number, remark = (value.value, value.reason) if isinstance(value, Value) else (value, "")
             verdict = "skipped" if isnan(number) and remark else ""
             rows.append(replace(row, subject=subject, value=number, reason=remark, verdict=verdict))
-    return _audited(_expected(rows, scenario))
+    return _audited(_expected(rows, scenario), evidence)
 
 
 def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
@@ -243,10 +244,33 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
     return found
 
 
-def _audited(rows: list[Row]) -> list[Row]:
-    """Impulse metrics rejected where the impulses do not balance the motion."""
-    worst = max((row.value for row in rows if row.metric == "contact.impulse_balance"), default=0.0)
-    if not worst > AUDIT_LIMIT:
+def _audited(rows: list[Row], evidence: Evidence) -> list[Row]:
+    """Impulse metrics rejected where the impulses do not balance the motion, or where nobody can tell; marked
+    where they rest on impulses of driven bodies that nothing balances."""
+    rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
+    rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
+    audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}
+    doubtful = set()
+    for pair in driven_pairs(evidence):
+        one, _, two = pair.partition("-")
+        # what a body's own links do to each other changes no sum over them
+        if one == two or not {one, two} & audited:
+            doubtful.add(pair)
+    if not doubtful:
+        return rows
+    remark = f"rests on impulses that nothing balances: {', '.join(sorted(doubtful))}"
+    return [
+        replace(row, basis=UNAUDITED, reason=f"{row.reason}; {remark}".removeprefix("; "))
+        if row.metric in DRIVEN_METRICS and row.subject in ("", *doubtful) and isfinite(row.value)
+        else row
+        for row in rows
+    ]
+
+
+def _rejected(rows: list[Row], audit: str, limit: float) -> list[Row]:
+    audits = [row.value for row in rows if row.metric == audit and row.verdict != "skipped"]
+    worst = max((inf if isnan(value) else value for value in audits), default=0.0)
+    if not worst > limit:
         return rows
     reason = f"the engine's impulses miss the motion by {worst:.2g}"
     return [
@@ -261,7 +285,7 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
     """`ratio.time` of the reference against every engine; a verdict against the fastest at its own step, and
     at equal steps where `ratio_limits` asks for one."""
     found = []
-    overlap = {(r.engine, r.profile): r.value for r in rows if r.metric == "overlap.max"}
+    overlap = {(r.engine, r.profile): r for r in rows if r.metric == "overlap.max"}
     ours = {profile: r for (engine, profile), r in played.items() if engine == REFERENCE}
     others = {column: r for column, r in played.items() if column[0] != REFERENCE}
     for profile, mine in ours.items():
@@ -271,7 +295,7 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
         fastest = {column[1]: column for column in largest_last}
         limits = ratio_limits(scenario, mine) if profile == "balanced" else {}
         for column, ratio in ratios.items():
-            deeper = overlap[(REFERENCE, profile)] > max(overlap[column], SAME_DEPTH)
+            said, no_deeper = _compared(overlap.get((REFERENCE, profile)), overlap.get(column))
             row = Row(
                 STUDY,
                 scenario.name,
@@ -284,16 +308,28 @@ def _ratios(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: 
                 f"{column[0]} {column[1]}",
                 low=ratio.low,
                 high=ratio.high,
-                reason=f"overlap {'larger' if deeper else 'no larger'}",
+                reason=said,
             )
             if column == fastest[column[1]] and column[1] in limits:
                 largest = limits[column[1]]
-                verdict = "pass" if ratio.value <= largest and not deeper else "fail"
-                row = replace(
-                    row, limit=largest, verdict=verdict, reason=f"against the fastest; {row.reason}"
-                )
+                verdict = "pass" if ratio.value <= largest and no_deeper is not False else "fail"
+                if no_deeper is None and verdict == "pass":
+                    verdict = UNJUDGED
+                row = replace(row, limit=largest, verdict=verdict, reason=f"against the fastest; {said}")
             found.append(row)
     return found
+
+
+def _compared(ours: Row | None, theirs: Row | None) -> tuple[str, bool | None]:
+    """What is said of both overlaps, and whether ours is no larger; None where a number is missing that there
+    should be. Where no two bodies may touch there is nothing to compare."""
+    for row in (ours, theirs):
+        if row is None:
+            return "overlap not measured", None
+        if not isfinite(row.value):
+            return f"no overlap: {row.reason}", True if row.verdict == "skipped" else None
+    deeper = ours.value > max(theirs.value, SAME_DEPTH)  # type: ignore[union-attr]
+    return f"overlap {'larger' if deeper else 'no larger'}", not deeper
 
 
 def ratio_limits(scenario: Scenario, ours: Recording) -> dict[str, float]:

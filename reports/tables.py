@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan, nan
 
 import numpy as np
 import pandas as pd
 
 from reports.metrics import METRICS
-from reports.results import Row, rows_of
+from reports.results import CONSTRUCTION, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
 from reports.run import step_text
 
 HIDDEN = ("work", "time.share")
@@ -19,8 +19,12 @@ OUTLIER_FACTOR = 3.0
 """A value is an outlier when it lies this many median deviations of the others from their median ..."""
 OUTLIER_SHARE = 0.1
 """... and by more than this share of it."""
-MARKS = {"fail": " ✗", "known": " †", "error": " ✗"}
-LEGEND = "✗ limit broken   † known failing   * outlier of its row   - not measured"
+MARKS = {"fail": " ✗", "known": " †", "error": " ✗", UNJUDGED: " ?"}
+BASIS_MARKS = {CONSTRUCTION: " =", UNAUDITED: " ~"}
+LEGEND = (
+    "✗ limit broken   † known failing   ? not judged   * outlier of its row   - not measured\n"
+    "= met by construction   ~ rests on impulses that nothing balances"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +34,15 @@ class Cell:
     text: str
     verdict: str = ""
     outlier: bool = False
+    basis: str = ""
 
     @property
     def marked(self) -> str:
         """The text with its marks, as in LEGEND."""
-        return self.text + ("*" if self.outlier else "") + MARKS.get(self.verdict, "")
+        basis = (
+            "" if self.verdict in MARKS and self.basis == CONSTRUCTION else BASIS_MARKS.get(self.basis, "")
+        )
+        return self.text + ("*" if self.outlier else "") + basis + MARKS.get(self.verdict, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +72,7 @@ def grid(frame: pd.DataFrame, scenario: str, shown: Collection[Column] = ()) -> 
     subjects: dict[str, dict[str, None]] = {}
     for column, metric, subject in found:
         row = found[column, metric, subject]
-        if column in steps and (row.verdict != "skipped" or subject):
+        if column in steps and (row.verdict not in NOT_RUN or subject):
             subjects.setdefault(metric, {})[subject] = None
     rows = []
     for metric in (name for name in METRICS if name not in HIDDEN):
@@ -106,7 +114,7 @@ def cell_of(row: Row) -> Cell:
     if isnan(row.value):
         return Cell("never" if row.verdict == "fail" else "-", row.verdict)
     shown = METRICS[row.metric].shown
-    return Cell(number(row.value * (shown[1] if shown else 1.0)), row.verdict)
+    return Cell(number(row.value * (shown[1] if shown else 1.0)), row.verdict, basis=row.basis)
 
 
 def number(value: float) -> str:
@@ -138,5 +146,5 @@ def _with_outlier(cells: list[Cell], values: Sequence[float]) -> list[Cell]:
     rest = np.delete(away, k)
     if away[k] > max(OUTLIER_FACTOR * float(np.nanmedian(rest)), OUTLIER_SHARE * abs(middle), 1e-12):
         cells = list(cells)
-        cells[k] = Cell(cells[k].text, cells[k].verdict, outlier=True)
+        cells[k] = replace(cells[k], outlier=True)
     return cells

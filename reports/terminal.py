@@ -14,10 +14,16 @@ from adapters.recording import Recording
 from reports.frame_budget import HEADS, NOTE, budget_rows, budgets
 from reports.overview import LEGEND as OVERVIEW_LEGEND
 from reports.overview import TOTALS, Overview, overview
-from reports.results import rows_of
+from reports.results import NOT_RUN, UNJUDGED, rows_of
 from reports.tables import LEGEND, Cell, Grid, grid, number
 
-STYLES = {"fail": "bold red", "known": "yellow", "error": "bold red", "skipped": "dim", "pass": ""}
+STYLES = {
+    "fail": "bold red",
+    "known": "yellow",
+    "error": "bold red",
+    **dict.fromkeys((UNJUDGED, *NOT_RUN), "dim"),
+    "pass": "",
+}
 IN_FULL = 8
 """Scenes up to which each has its whole table; more are shown at a glance."""
 Padding = tuple[int, int] | tuple[int, int, int, int]
@@ -166,9 +172,8 @@ def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -
             else f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}"
         )
         lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value}: {row.reason}")
-    for row in rows_of(scene[(scene.verdict == "skipped") & (scene.metric == "run")]):
-        lines.append(f"skipped: {row.engine} {row.profile}: {row.reason}")
-    unjudged = scene[(scene.metric != "run") & scene.reason.str.startswith("not installed")]
-    for reason, part in unjudged.groupby("reason", sort=False):
-        lines.append(f"skipped: {', '.join(dict.fromkeys(part.metric))}: {reason}")
+    for row in rows_of(scene[scene.verdict.isin(NOT_RUN) & (scene.metric == "run")]):
+        lines.append(f"{row.verdict}: {row.engine} {row.profile}: {row.reason}")
+    for reason, part in scene[scene.verdict == UNJUDGED].groupby("reason", sort=False):
+        lines.append(f"{UNJUDGED}: {', '.join(dict.fromkeys(part.metric))}: {reason}")
     return lines

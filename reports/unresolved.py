@@ -7,7 +7,7 @@ from dataclasses import replace
 from reports.limits import judged
 from reports.metrics import METRICS
 from reports.metrics.evidence import Evidence, NotMeasured, Value
-from reports.metrics.solver import CAPS, RESIDUAL, worst_place
+from reports.metrics.solver import CAPS, RESIDUAL, cap_counters, worst_place
 from reports.results import Row
 
 KINDS = {
@@ -35,6 +35,7 @@ def warning(base: Row, evidence: Evidence) -> str | None:
             return None
         row = judged(replace(base, metric=metric, value=value), evidence.scenario.tags)
         if row.verdict in ("fail", "known"):
+            counters = cap_counters(evidence) if counters is CAPS else counters
             told.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))
     return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(told)}" if told else None
 

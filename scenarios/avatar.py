@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from math import atan2, cos, hypot, pi, radians, sin
 from typing import NamedTuple
 
@@ -113,6 +114,7 @@ Parts = tuple[tuple[Body, ...], tuple[Joint, ...], tuple[Chain, ...]]
 """Bodies, hinges from root to tips, chains."""
 
 
+@cache
 def avatar_parts() -> Parts:
     """The person, torso first: neck, then arms and legs, the left before the right."""
     torso = _link("torso", "torso", UP, _torso_pieces())
@@ -126,6 +128,7 @@ def avatar_parts() -> Parts:
     return (torso, *bodies), joints, chains
 
 
+@cache
 def arm_with_hand_parts() -> Parts:
     """The right arm with the hand of fifteen parts, its fingers in no chain. The root is the shoulder: one
     more share of the ball of tissue round it, without a shape."""

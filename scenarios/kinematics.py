@@ -1,6 +1,7 @@
 """Forward kinematics of a driven body in NumPy, its joint-space inertia, and boxes round pieces.
 
-Servos, bounds and postures of every engine come from here, so that no engine's process needs the reference.
+Servos, bounds and postures of every engine come from here, and so do the tracked postures by which the judge
+measures what is pressed: neither needs the reference.
 Conventions as in `scenario.py`: at angle q the child frame sits at the hinge's position of the parent frame,
 turned by rotation(axis, q) after the hinge's orientation.
 """
@@ -25,6 +26,7 @@ from scenarios.scenario import (
     Sphere,
     Tracker,
 )
+from scenarios.tracking import sample
 
 Array = NDArray[np.float64]
 
@@ -65,6 +67,21 @@ def link_poses(
         place[child] = place[parent] + turn[parent] @ np.array(joint.position)
         turn[child] = turn[parent] @ (hinge @ matrix(joint.orientation))
     return place, turn
+
+
+def tracked_poses(scenario: Scenario, tracker: Tracker, times: Array) -> tuple[Array, Array]:
+    """Poses of all links when root and hinges are where the tracker has them.
+
+    Args:
+        times: (f,) [s].
+    Returns:
+        Positions (f, l, 3) [m] of the links' origins and orientations (f, l, 4) wxyz, world, in the order of
+        `scenario.links(tracker)`.
+    """
+    motion = sample(tracker, times)
+    place, turn = link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+    turned = Rotation.from_matrix(turn.reshape(-1, 3, 3)).as_quat(scalar_first=True)
+    return place.swapaxes(0, 1), turned.reshape(*turn.shape[:2], 4).swapaxes(0, 1)
 
 
 def joint_space_inertia(scenario: Scenario, tracker: Tracker, place: Array, turn: Array) -> Array:

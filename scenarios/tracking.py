@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from scenarios.scenario import Tracker
@@ -36,6 +35,8 @@ def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
     Positions and angles are at rest at both ends; orientations follow scipy's RotationSpline (continuous
     angular acceleration), which starts and ends as fast as its keyframes turn.
     """
+    from scipy.interpolate import CubicSpline  # a quarter of what this module's importers spend on importing
+
     positions = CubicSpline(tracker.times, tracker.positions, bc_type="clamped")
     count = len(tracker.joints)
     angles = CubicSpline(

@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import replace as changed
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from session_cache import SessionCache
 
-from adapters.engine import CONTACT_FIELDS, Engine, Settings
+from adapters.engine import CONTACT_FIELDS, Engine, Settings, Unsupported
 from adapters.record import record, scenario_json
-from adapters.recording import Recording
+from adapters.recording import Recording, RunEnded
 from adapters.reference_settings import configure
 from adapters.registry import ENGINES, installed, load, missing_reason
 from adapters.translation import piece_arrays, translate
 from reference_impl import conventions
 from reference_impl.convex_depth import convex_depth
+from reference_impl.kernel_cache import CACHE_FOLDER
 from reference_impl.pipeline import prepare, step
 from reference_impl.shapes import place_piece
 from reference_impl.state_record import STATE
 from reference_impl.world import BODY, PAIR, World
+from reports.limits import judged
+from reports.results import Row
+from reports.run import measured
 from scenarios.avatar import Parts, avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.materials import TABLE_1
@@ -42,6 +51,42 @@ from scenarios.scenario import (
 from scenarios.solids import box_inertia, sphere_inertia
 
 FRAME = 1 / 60
+FOLDER = "TOUCHSTONE_TEST_SESSION"
+"""Environment variable with the folder that the workers of a test session share."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the folder of the session, before workers start and inherit its name."""
+    if not hasattr(config, "workerinput"):
+        os.environ[FOLDER] = tempfile.mkdtemp(prefix="touchstone-tests-")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the reference before workers start, where no run did: each would compile it by itself."""
+    config = session.config
+    parallel = getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput")
+    if parallel and CACHE_FOLDER is not None and not any(CACHE_FOLDER.glob("**/*.nbi")):
+        play(build(scene(ground(), ball())), 1)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """Let one worker run all tests of a scene of the catalogue, and of other tests those of a file."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByScene(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            path, _, name = nodeid.partition("::")
+            values = name.partition("[")[2].removesuffix("]").split("-")
+            return next((value for value in values if value in catalogue()), path)
+
+    return ByScene(config, log)
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove the folder of the session."""
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -212,6 +257,12 @@ def lab() -> SimpleNamespace:
     )
 
 
+@cache
+def shared() -> SessionCache:
+    """What the workers of this session share."""
+    return SessionCache(Path(os.environ[FOLDER]))
+
+
 def engine(name: str) -> Engine:
     """The engine called `name`; skips where it is not installed."""
     if not installed(name):
@@ -225,16 +276,47 @@ def settings(name: str, profile: str = "") -> Settings:
     return Settings(chosen, ENGINES[name].profiles[chosen])
 
 
-@cache
+def played_as(name: str, scenario: Scenario, settings: Settings) -> Recording:
+    """A scene as an engine plays it, once a session; raises Unsupported or RunEnded as `record` does."""
+    key = f"recording {name} {settings!r} {scenario_json(scenario)}"
+    kind, reason, kept = shared().get(key, lambda: _outcome(engine(name), scenario, settings))
+    if kind == "unsupported":
+        raise Unsupported(reason)
+    if kind == "ended":
+        raise RunEnded(reason, kept)
+    return kept
+
+
+def _outcome(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[str, str, Recording | None]:
+    """How a run ended, why, and its recording; exceptions that hold recordings cannot be pickled."""
+    try:
+        return "done", "", record(engine, scenario, settings)
+    except RunEnded as error:
+        return "ended", str(error), error.recording
+    except Unsupported as error:
+        return "unsupported", str(error), None
+
+
 def played(scenario: str, name: str, profile: str = "") -> Recording:
     """A scene of the catalogue as an engine plays it under a profile, or its first, once a session."""
-    return record(engine(name), catalogue()[scenario], settings(name, profile))
+    return played_as(name, catalogue()[scenario], settings(name, profile))
+
+
+def judged_rows(scenario: str, name: str, profile: str = "") -> tuple[Row, ...]:
+    """The judged rows of all metrics of the same, measured once a session."""
+    scene, chosen = catalogue()[scenario], settings(name, profile)
+
+    def measure_all() -> tuple[Row, ...]:
+        base = Row("run", scenario, name, chosen.profile, chosen.dt, "run")
+        return tuple(judged(row, scene.tags) for row in measured(base, scene, played_as(name, scene, chosen)))
+
+    return shared().get(f"rows {name} {chosen!r} {scenario_json(scene)}", measure_all)
 
 
 @pytest.fixture(scope="session")
 def registry() -> SimpleNamespace:
-    """Engines that skip when missing, their settings, and their recordings of the catalogue's scenes."""
-    return SimpleNamespace(engine=engine, settings=settings, played=played)
+    """Engines that skip when missing, their settings, and what they make of the catalogue's scenes."""
+    return SimpleNamespace(engine=engine, settings=settings, played=played, judged_rows=judged_rows)
 
 
 def recording(scenario: Scenario, dt: float = FRAME, **columns: object) -> Recording:
@@ -251,6 +333,7 @@ def recording(scenario: Scenario, dt: float = FRAME, **columns: object) -> Recor
         joint_angle=np.zeros((frames, len(scenario.joints))),
         joint_rate=np.zeros((frames, len(scenario.joints))),
         driver_work=np.zeros(frames),
+        driver_impulse=np.zeros((frames, len(scenario.trackers), 3)),
         contacts=np.zeros(0, CONTACT_FIELDS),
         time_frame=np.full(frames - 1, 1e-4),
         time_drive=np.full(frames - 1, 1e-5),

@@ -154,7 +154,7 @@ def unit(vector: Array) -> Array:
 @dataclass(frozen=True, slots=True)
 class Entry:
     """A detector's "module:Class", the arguments of the class, the package it needs and the extra that
-    brings it; `profile` is "exact", "default" or "tight"."""
+    brings it ("": the project itself does); `profile` is "exact", "default" or "tight"."""
 
     implementation: str
     package: str
@@ -167,10 +167,10 @@ REFERENCE = "reference.exact"
 DETECTORS: dict[str, Entry] = {
     REFERENCE: Entry("adapters.detectors.reference:ReferenceDetector", "numba", profile="exact"),
     "reference.walk": Entry("adapters.detectors.reference:WalkDetector", "numba", profile="exact"),
-    "python-fcl": Entry("adapters.detectors.fcl:FclCollide", "fcl", "fcl"),
-    "python-fcl.distance": Entry("adapters.detectors.fcl:FclDistance", "fcl", "fcl"),
-    "coal": Entry("adapters.detectors.coal:CoalDetector", "coal", "pin"),
-    "coal.tight": Entry("adapters.detectors.coal:CoalDetector", "coal", "pin", "tight", (True,)),
+    "python-fcl": Entry("adapters.detectors.fcl:FclCollide", "fcl"),
+    "python-fcl.distance": Entry("adapters.detectors.fcl:FclDistance", "fcl"),
+    "coal": Entry("adapters.detectors.coal:CoalDetector", "coal"),
+    "coal.tight": Entry("adapters.detectors.coal:CoalDetector", "coal", "", "tight", (True,)),
     "mujoco": Entry("adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco"),
     "mujoco.tight": Entry("adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco", "tight", (True,)),
     "bullet": Entry("adapters.detectors.bullet:BulletDetector", "pybullet", "bullet"),
@@ -186,7 +186,8 @@ def missing_reason(name: str) -> str:
     entry = DETECTORS[name]
     if importlib.util.find_spec(entry.package) is not None:
         return ""
-    return f"not installed (pip install 'touchstone[{entry.extra}]')"
+    wanted = f"'touchstone[{entry.extra}]'" if entry.extra else "touchstone"
+    return f"not installed (pip install {wanted})"
 
 
 def load(name: str) -> Detector:

@@ -13,7 +13,7 @@ from adapters.cloud import Cloud
 from adapters.detectors import DETECTORS, UNCONVERGED, Pair
 from adapters.detectors import load as load_detector
 from adapters.detectors.children import Loader as DetectorLoader
-from adapters.engine import Array, Settings
+from adapters.engine import MISSING, Array, Settings
 from adapters.record import undisturbed
 from adapters.registry import ENGINES, installed, load, missing_reason
 from adapters.stepping import Loader, Stepper
@@ -104,7 +104,7 @@ def balls_at_rest(
         if installed(engine):
             children.append((curve, Stepper(engine, output / f"{engine}.txt", loader)))
         else:
-            curve.ended = ("skipped", missing_reason(engine))
+            curve.ended = (MISSING, missing_reason(engine))
         curves.append(curve)
     scenes = {size: resting_balls(size) for size in (*sizes, *further)}
     try:

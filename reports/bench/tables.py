@@ -6,7 +6,7 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
-from reports.results import Row, rows_of
+from reports.results import NOT_RUN, Row, rows_of
 from reports.tables import exact_number
 from reports.terminal import STYLES, print_notes
 
@@ -43,7 +43,7 @@ def limit_text(row: Row | None) -> Text:
 def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> None:
     """Notes, then every row that broke a limit, failed or was skipped, with its reason."""
     print_notes(notes, out)
-    told = frame[frame.verdict.isin(["fail", "error", "known", "skipped"])]
+    told = frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]
     for row in rows_of(told):
         name = " ".join(filter(None, (row.scenario, row.metric, row.subject))) if row.metric != "run" else ""
         value = (

@@ -48,11 +48,13 @@ _ALL = (
     Metric("overlap.tunnelled", "1", "lower", overlap.overlap_tunnelled),
     Metric("contact.gap", "m", "lower", overlap.contact_gap, _MM),
     Metric("contact.impulse_balance", "1", "lower", contact.impulse_balance),
+    Metric("contact.impulse_balance.driven", "1", "lower", contact.impulse_balance_driven),
     Metric("contact.complementarity", "1", "lower", contact.complementarity),
     Metric("contact.at_distance", "m", "lower", contact.at_distance, _MM),
     Metric("restitution.achieved", "1", "none", contact.restitution_achieved),
     Metric("restitution.error", "1", "lower", contact.restitution_error),
     Metric("friction.cone", "1", "lower", friction.friction_cone),
+    Metric("friction.cone.point", "1", "lower", friction.friction_cone_point),
     Metric("friction.deficit", "1", "lower", friction.friction_deficit),
     Metric("friction.direction", "rad", "lower", friction.friction_direction),
     Metric("friction.stop", "1", "lower", sliding.friction_stop),
@@ -99,6 +101,8 @@ SOLVER_METRICS = ("solver.residual", "solver.dropped_time", "solver.parted_energ
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
 IMPULSE_METRICS = (
     *("contact.complementarity", "contact.at_distance"),
-    *("friction.cone", "friction.deficit", "friction.direction", "energy.injected"),
+    *("friction.cone", "friction.cone.point", "friction.deficit", "friction.direction", "energy.injected"),
 )
 """Metrics that trust the engine's impulses: rejected where `contact.impulse_balance` fails its audit."""
+DRIVEN_METRICS = tuple(name for name in IMPULSE_METRICS if name != "contact.at_distance")
+"""Those that trust impulses on driven bodies too."""

@@ -14,6 +14,10 @@ Mask = NDArray[np.bool_]
 
 AUDIT_LIMIT = 0.01
 """Impulse balance above which a recording's impulse metrics are rejected [relative]."""
+DRIVEN_AUDIT_LIMIT = 0.1
+"""The same of a driven body [relative]: short touches of a hand that turns are good to 0.07 in steps of first
+order (`ball_snip`), half the impulse would be 0.5."""
+UNDRIVEN = "the engine poses its driven bodies itself: no drive to balance"
 UNTOUCHED = 1e-9
 """Change of velocity over |v| + g T, both at their largest, below which only rounding changed it [1]."""
 BOUNCE_SPEED = 1.0
@@ -45,6 +49,43 @@ def impulse_balance(evidence: Evidence) -> Values:
     if not found:
         raise NotMeasured("no simulated body is touched")
     return worst(found) if "heap" in evidence.scenario.tags else found
+
+
+def impulse_balance_driven(evidence: Evidence) -> Values:
+    """Sum over frames of |sum J - (d sum m v - drive)| over the sum of |d sum m v - drive|, per driven body.
+
+    The sums are over its links; the drive is the impulse on its root. Hinges and their servos act within the
+    body, and driven bodies feel no gravity.
+    """
+    rows, r = evidence.recording.contacts, evidence.recording
+    found = {}
+    for k, tracker in enumerate(evidence.scenario.trackers):
+        links = np.array(evidence.scenario.links(tracker))
+        in_a, in_b = np.isin(rows["body_a"], links), np.isin(rows["body_b"], links)
+        if not (in_a ^ in_b).any():
+            continue
+        felt = np.zeros((len(r.time) - 1, 3))
+        for mine, sign in ((in_a & ~in_b, -1.0), (in_b & ~in_a, 1.0)):
+            np.add.at(felt, evidence.contact_frame[mine], sign * rows["impulse"][mine])
+        momentum = np.einsum("l,flk->fk", evidence.mass[links], r.linear_velocity[:, links])
+        change = np.diff(momentum - r.driver_impulse[:, k], axis=0)
+        if np.isnan(change).any():
+            raise NotMeasured(UNDRIVEN)
+        total = np.linalg.norm(change, axis=1).sum()
+        found[tracker.root] = float(np.linalg.norm(felt - change, axis=1).sum() / total)
+    if not found:
+        raise NotMeasured("no driven body is touched")
+    return found
+
+
+def driven_pairs(evidence: Evidence) -> set[str]:
+    """Pairs with a driven body, or of two of its links, whose contacts press; links by their root's name."""
+    rows = evidence.recording.contacts
+    driven = np.array([kind == "driven" for kind in evidence.kind])
+    pressing = evidence.impulses[0] > 0
+    mine = rows[(driven[rows["body_a"]] | driven[rows["body_b"]]) & pressing]
+    met = set(zip(mine["body_a"].tolist(), mine["body_b"].tolist()))
+    return {evidence.owner_pair(*pair) for pair in met}
 
 
 def _pace(evidence: Evidence, body: int) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
 from adapters.recording import Recording
+from reports.judge import fault_text
 from scenarios.scenario import Scenario
 from scenarios.truths import Motion, motion
 
@@ -26,6 +28,10 @@ ROUNDING = 1e-9
 
 class NotMeasured(Exception):
     """A metric that does not apply to this recording; the message is the row's reason."""
+
+
+class JudgeMissing(NotMeasured):
+    """The library that judges this cannot be imported: not the same as a metric that does not apply."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,15 @@ def worst(found: Mapping[str, float]) -> Values:
     """The largest of several bodies' values for the whole scene, with the name of the body as a remark."""
     name = max(found, key=lambda body: abs(found[body]))
     return {"": Value(found[name], f"of {name}" if len(found) > 1 else "")}
+
+
+@contextmanager
+def judging() -> Iterator[None]:
+    """Import an oracle; raises JudgeMissing with the reason where that fails."""
+    try:
+        yield
+    except ImportError as error:
+        raise JudgeMissing(fault_text(error)) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +106,9 @@ class Evidence:
 
     @cached_property
     def distances(self) -> Distances:
-        """Signed distances by the overlap oracle; raises NotMeasured where its packages are missing."""
-        try:
+        """Signed distances by the overlap oracle; raises JudgeMissing where it cannot be imported."""
+        with judging():
             from adapters.oracles.overlap import measure
-        except ModuleNotFoundError as error:
-            raise NotMeasured("not installed (pip install 'touchstone[fcl,pin]')") from error
         asked = {pair for pairs in self.expected_pairs.values() for pair in pairs}
         rows = self.recording.contacts
         met = set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from adapters.engine import Array
-from reports.metrics.evidence import Evidence, NotMeasured, Values
+from reports.metrics.evidence import ROUNDING as STARTS
+from reports.metrics.evidence import Evidence, NotMeasured, Values, worst
 
 SLIDING_SPEED = 0.05
 """Slip above which a contact slides [m/s]."""
@@ -15,15 +16,44 @@ ROUNDING = 1e-15
 
 
 def friction_cone(evidence: Evidence) -> Values:
-    """Largest max(0, |j_t| - mu j_n) / (mu j_n + j_0) of any contact [relative]; truth 0."""
+    """Largest max(0, sum |j_t| - mu sum j_n) / (mu sum j_n + j_0) of a pair in a native step [1]; truth 0.
+
+    The sums are over the pair's points, whose shares of the load are not determined. The excess of a step in
+    which the pair does not press (sum j_n <= j_0) is divided by the pair's median load: no ratio to nothing.
+    """
+    rows = evidence.recording.contacts
+    if not len(rows):
+        raise NotMeasured("no contact")
+    limit, tangential = _bounds(evidence)
+    normal = np.maximum(evidence.impulses[0], 0.0)
+    step = np.floor(rows["time"] / float(evidence.recording.facts["dt"]) + STARTS).astype(np.int64)
+    found = {}
+    for pair in sorted(set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))):
+        mine = (rows["body_a"] == pair[0]) & (rows["body_b"] == pair[1])
+        _, group = np.unique(step[mine], return_inverse=True)
+        load, bound, friction = (np.bincount(group, x[mine]) for x in (normal, limit, tangential))
+        least = evidence.least_impulse[mine][0]
+        usual = float(np.median(bound[load > least])) if (load > least).any() else 0.0
+        excess = np.maximum(0.0, friction - bound) / (np.where(load > least, bound, usual) + least)
+        found[evidence.pair_name(*pair)] = float(excess.max())
+    return worst(found)
+
+
+def friction_cone_point(evidence: Evidence) -> Values:
+    """Largest max(0, |j_t| - mu j_n) / (mu j_n + j_0) of any contact point [relative]; truth 0."""
     if not len(evidence.recording.contacts):
         raise NotMeasured("no contact")
+    limit, tangential = _bounds(evidence)
+    excess = np.maximum(0.0, tangential - limit)
+    return {"": float(np.max(excess / (limit + evidence.least_impulse)))}
+
+
+def _bounds(evidence: Evidence) -> tuple[Array, Array]:
+    """Per contact row mu j_n, and |j_t| without what rounding leaves across a frictionless impulse [N s]."""
     normal, tangential = evidence.impulses
     limit = evidence.friction * np.maximum(normal, 0.0)
-    # what is left across the normal of a frictionless impulse by rounding is no friction
     rounding = ROUNDING * np.linalg.norm(evidence.recording.contacts["impulse"], axis=1)
-    excess = np.maximum(0.0, np.linalg.norm(tangential, axis=1) - limit - rounding)
-    return {"": float(np.max(excess / (limit + evidence.least_impulse)))}
+    return limit, np.asarray(np.maximum(0.0, np.linalg.norm(tangential, axis=1) - rounding))
 
 
 def friction_deficit(evidence: Evidence) -> Values:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
-from reports.metrics.evidence import Evidence, NotMeasured, Values
-from scenarios.scenario import Box, Hull, Piece
+from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
+from reports.metrics.passages import passages
+from reports.metrics.tracked import Mask, pressed
 
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""
 SUPPORT_REACH = 5e-3
-"""Gap within which a fixed body counts as the support of one at rest [m]: five of the widest margins."""
+"""Gap within which a body supports one at rest, or holds a pressed one [m]: five of the widest margins."""
+FEWEST = 5
+"""Frames from which on there is a median to tell [1]."""
 
 
 def overlap_max(evidence: Evidence) -> Values:
@@ -40,7 +41,18 @@ def overlap_time(evidence: Evidence) -> Values:
 
 
 def contact_gap(evidence: Evidence) -> Values:
-    """Median signed distance of a body at rest to the fixed body under it [m]; truth 0."""
+    """Median signed distance of a body at rest, or pressed by its tracker, to what carries it [m]; truth 0.
+
+    A simulated body that rests on a fixed one; and a driven body, by its nearest link, in the frames in which
+    its tracker has a link inside a fixed or driven body.
+    """
+    found = {**_resting_gaps(evidence), **_pressed_gaps(evidence)}
+    if not found:
+        raise NotMeasured("no body rests on a fixed one, and none is pressed")
+    return found
+
+
+def _resting_gaps(evidence: Evidence) -> dict[str, float]:
     found = {}
     for body in evidence.simulated:
         speed = np.linalg.norm(evidence.recording.linear_velocity[:, body], axis=1)
@@ -49,51 +61,37 @@ def contact_gap(evidence: Evidence) -> Values:
             if body not in (a, b) or evidence.kind[other] != "fixed":
                 continue
             resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
-            if resting.sum() >= 5:
+            if resting.sum() >= FEWEST:
                 found[evidence.pair_name(a, b)] = float(np.median(distance[resting]))
-    if not found:
-        raise NotMeasured("no body rests on a fixed one")
+    return found
+
+
+def _pressed_gaps(evidence: Evidence) -> dict[str, float]:
+    """Of each driven body to each other that it is pressed into: links by their root's name."""
+    gaps: dict[str, list[tuple[Array, Mask]]] = {}
+    for tracker in evidence.scenario.trackers:
+        links = evidence.scenario.links(tracker)
+        for other, deep in pressed(evidence, tracker).items():
+            pairs = [(min(link, other), max(link, other)) for link in links if link != other]
+            near = [evidence.distances.distance[p] for p in pairs if p in evidence.distances.distance]
+            name = evidence.owner_pair(*sorted((links[0], other)))
+            gaps.setdefault(name, []).append((np.min(near, axis=0), deep))
+    found = {}
+    for name, sides in gaps.items():
+        nearest = np.min([np.where(deep, gap, np.inf) for gap, deep in sides], axis=0)
+        held = np.abs(nearest) < SUPPORT_REACH
+        if held.sum() >= FEWEST:
+            found[name] = float(np.median(nearest[held]))
     return found
 
 
 def overlap_tunnelled(evidence: Evidence) -> Values:
-    """Number of passages of a simulated body's centre of mass through a fixed piece within one frame [1]."""
-    passages = 0
-    for body in evidence.simulated:
-        path = evidence.mass_centers[:, body]
-        for other, fixed in enumerate(evidence.scenario.bodies):
-            if fixed.kind != "fixed":
-                continue
-            turned = Rotation.from_quat(np.array(fixed.orientation), scalar_first=True)
-            local = turned.inv().apply(path - np.array(fixed.position))
-            passages += sum(_passages(piece, local) for piece in evidence.scenario.bodies[other].pieces)
-    return {"": float(passages)}
-
-
-def _passages(piece: Piece, path: Array) -> int:
-    """Segments of a path (f, 3) that enter and leave a piece, or end inside it after starting outside."""
-    turned = Rotation.from_quat(np.array(piece.orientation), scalar_first=True)
-    local = turned.inv().apply(path - np.array(piece.position))
-    planes = _planes(piece)
-    if planes is None:
-        return 0
-    heights = local @ planes[:, :3].T + planes[:, 3]
-    start, end = heights[:-1], heights[1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = start / (start - end)
-    enter = np.where((start > 0) & (end <= 0), crossing, -np.inf).max(axis=1)
-    leave = np.where((start <= 0) & (end > 0), crossing, np.inf).min(axis=1)
-    outside = ((start > 0) & (end > 0)).any(axis=1)
-    return int((~outside & (enter > 0) & (enter < leave)).sum())
-
-
-def _planes(piece: Piece) -> Array | None:
-    """Outward planes (k, 4) of a box or a hull; None for round pieces: not looked at."""
-    match piece.shape:
-        case Box(half_extents):
-            normals = np.vstack([np.eye(3), -np.eye(3)])
-            return np.column_stack([normals, -np.tile(half_extents, 2)])
-        case Hull(vertices):
-            return np.asarray(ConvexHull(np.array(vertices)).equations)
-        case _:
-            return None
+    """Number of times a body passed through another, fixed or moving, and was apart on its other side [1]."""
+    if not any(True for _ in evidence.scenario.touching_pairs()):
+        raise NotMeasured("no two bodies may touch")
+    found = passages(evidence)
+    if not found:
+        return {"": 0.0}
+    first = found[0]
+    names = [evidence.scenario.bodies[k].name for k in (first.a, first.b)]
+    return {"": Value(float(len(found)), f"first {' through '.join(names)} at {first.time:.3f} s")}

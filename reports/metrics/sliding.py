@@ -15,6 +15,8 @@ SUPPORTED = 1e-4
 """Gap at the start within which a body lies on a fixed one [m]."""
 ALONG = 1e-9
 """Part of a motion across the support's face up to which it is along it [1]: rounding."""
+STOPPED = 0.05
+"""Speed below which a body that slid has stopped [m/s]: what creeps is slower."""
 SLIDING = 0.1
 """Share of its first slip down to which a ball surely slides [1]: the line of slip over time ends there."""
 
@@ -51,15 +53,27 @@ def friction_tilt(evidence: Evidence) -> Values:
 
 
 def friction_creep(evidence: Evidence) -> Values:
-    """Mean speed over the second half of the time in which a body should stick [m/s]; truth 0."""
-    found = {}
+    """Mean speed over the second half of the time since a body that should stick has stopped [m/s]; truth 0.
+
+    A body that should slide first has stopped once it is slower than STOPPED for good; how far it slid until
+    then is `friction.stop`. One that should stick from the start counts however fast it goes.
+    """
+    found, slides = {}, []
     time = evidence.recording.time
     for name, body, arcs in _paths(evidence):
-        first = int(np.searchsorted(time, (arcs[-1].start + time[-1]) / 2))
-        if _rests(arcs[-1]) and first < len(time) - 1 and "impact" not in evidence.scenario.tags:
-            c = evidence.mass_centers[:, body]
-            found[name] = float(np.linalg.norm(c[-1] - c[first]) / (time[-1] - time[first]))
-    return worst(_measured(found, "no body should stick"))
+        if not _rests(arcs[-1]) or "impact" in evidence.scenario.tags:
+            continue
+        start, c = arcs[-1].start, evidence.mass_centers[:, body]
+        if start > 0:
+            fast = np.linalg.norm(np.diff(c, axis=0), axis=1) > STOPPED * evidence.frame
+            start = max([start, *time[1:][fast]])
+        first = int(np.searchsorted(time, (start + time[-1]) / 2))
+        if first >= len(time) - 1:
+            slides.append(name)
+            continue
+        found[name] = float(np.linalg.norm(c[-1] - c[first]) / (time[-1] - time[first]))
+    reason = f"{', '.join(slides)} still slides at the end" if slides else "no body should stick"
+    return worst(_measured(found, reason))
 
 
 def friction_heading(evidence: Evidence) -> Values:

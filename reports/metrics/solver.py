@@ -12,6 +12,8 @@ from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
 RESIDUAL, BODY_A, BODY_B = RESIDUAL_COUNTERS
 CAPS = ("gave_up", "unconverged", "lost")
 """Counters of iterations and buffers that reached their cap."""
+CAP_PREFIX = "cap."
+"""How counters of single caps begin: an engine that adds one has it counted and shown."""
 UNRESOLVED = (*RESIDUAL_COUNTERS, "dropped_time", "parted_energy")
 """Counters that are sizes and bodies, no counts: they have metrics of their own."""
 
@@ -44,7 +46,19 @@ def solver_parted_energy(evidence: Evidence) -> Values:
 
 def solver_caps(evidence: Evidence) -> Values:
     """Caps reached: iterations that gave up or did not converge, contacts without a buffer [1]."""
-    return _told(evidence, *CAPS)
+    names = cap_counters(evidence)
+    (found,) = _told(evidence, *names).values()
+    if not isinstance(found, Value):
+        return {"": found}
+    counts = {name: float(_per_frame(evidence, name).sum()) for name in names}
+    told = ", ".join(f"{name} {count:g}" for name, count in counts.items() if count)
+    return {"": Value(found.value, f"{told}; {found.reason}")}
+
+
+def cap_counters(evidence: Evidence) -> tuple[str, ...]:
+    """The counters of caps that a recording has, CAPS first."""
+    names = evidence.recording.work_names.tolist()
+    return (*CAPS, *(name for name in names if name.startswith(CAP_PREFIX)))
 
 
 def worst_place(evidence: Evidence, *counters: str) -> Place:

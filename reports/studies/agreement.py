@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import linregress, t
 
 from adapters.children import Children, Job, Outcome
-from adapters.engine import Array, Settings
+from adapters.engine import MISSING, Array, Settings
 from adapters.recording import load
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
@@ -126,7 +126,7 @@ def rows_of_scene(scenario: Scenario, folder: Path, children: Children, progress
         if installed(engine):
             engines.append(engine)
         else:
-            rows.append(replace(_base(scenario, engine), verdict="skipped", reason=missing_reason(engine)))
+            rows.append(replace(_base(scenario, engine), verdict=MISSING, reason=missing_reason(engine)))
     truth: Course | None = None
     played: dict[str, dict[float, Course]] = {engine: {} for engine in engines}
     for rung in (None, *LADDER):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapters.engine import Settings
+from adapters.engine import MISSING, Settings
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
 from reports.output import output_folder
@@ -111,7 +111,7 @@ def _measure(
         jobs, mine = jobs_of(engine, profiles, grid), Measured(profiles)
         measured[engine] = mine
         if not installed(engine):
-            mine.ended = ("skipped", missing_reason(engine))
+            mine.ended = (MISSING, missing_reason(engine))
             progress(engine, len(jobs))
             continue
         file = output / f"{engine}.txt"

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.engine import Array, Settings
+from adapters.engine import MISSING, Array, Settings
 from adapters.registry import ENGINES, installed, load, missing_reason
 from adapters.stepping import Loader
 from adapters.variants import Pace, Variant, VariantPlayer
@@ -75,7 +75,7 @@ def run(
                 rows += rows_of_engine(engine, scenarios, folder / "output", progress, loader)
             else:
                 base = Row(STUDY, ALL, engine, _profile(engine), _step(engine), "run")
-                rows.append(replace(base, verdict="skipped", reason=missing_reason(engine)))
+                rows.append(replace(base, verdict=MISSING, reason=missing_reason(engine)))
         rows += means(rows, tags)
         frame = table(judged(row, tags.get(row.scenario, ())) for row in rows)
         save(frame, folder)

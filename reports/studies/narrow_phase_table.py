@@ -9,7 +9,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from reports.results import rows_of
+from reports.results import NOT_RUN, rows_of
 from reports.studies.poses import FAMILIES
 from reports.tables import exact_number
 from reports.terminal import print_notes, table_of
@@ -98,8 +98,8 @@ def remarks(frame: pd.DataFrame) -> list[str]:
         value = "" if row.metric == "run" else f" {row.scenario} {row.metric} {exact_number(row.value)}"
         limit = "" if row.metric == "run" else f", limit {exact_number(row.limit)}"
         lines.append(f"{row.verdict}: {row.engine}:{value}{limit}: {row.reason}")
-    for row in rows_of(frame[(frame.verdict == "skipped") & (frame.metric == "run")]):
-        lines.append(f"skipped: {row.engine}: {row.reason}")
+    for row in rows_of(frame[frame.verdict.isin(NOT_RUN) & (frame.metric == "run")]):
+        lines.append(f"{row.verdict}: {row.engine}: {row.reason}")
     failed = frame[(frame.metric == "exception") & (frame.scenario == "all") & (frame.value > 0)]
     for row in rows_of(failed):
         lines.append(f"{row.subject}: {row.engine}, {row.value:.0f} pairs: {row.reason}")

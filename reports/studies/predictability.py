@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from adapters.children import Children, Job
-from adapters.engine import Array, Settings
+from adapters.engine import MISSING, Array, Settings
 from adapters.recording import Recording, load
 from adapters.registry import ENGINES, installed, missing_reason
 from reports.limits import judged
@@ -37,10 +37,6 @@ NEAR = 2 * SIZES[-1]
 """Gap within which bodies touch at the start [m]: these are not pressed together or lifted."""
 SCENES = ("fall", "bounce_e05", "collide_oblique", "cradle", "ball_snip")
 """What is played unless scenes are named."""
-
-
-class OracleMissing(Exception):
-    """What measures gaps is not installed; the message says how to get it."""
 
 
 def steps(scenarios: Sequence[Scenario]) -> int:
@@ -70,7 +66,7 @@ def rows_of_scene(
     scenario: Scenario, seed: int, folder: Path, children: Children, progress: Progress
 ) -> list[Row]:
     """Amplification per engine and size, and the closed form's."""
-    rows = [_ended(scenario, e, "skipped", missing_reason(e)) for e in ENGINES if not installed(e)]
+    rows = [_ended(scenario, e, MISSING, missing_reason(e)) for e in ENGINES if not installed(e)]
     ends: dict[str, list[Array]] = {engine: [] for engine in ENGINES if installed(engine)}
     bodies = _outcome_bodies(scenario)
     first: Recording | None = None
@@ -114,10 +110,8 @@ def directions(scenario: Scenario, normals: Array, seed: int) -> list[Array]:
 
 def touching(recording: Recording, scenario: Scenario) -> Array:
     """Per pair that touches in the first frame a row (3 n,): how its gap changes as simulated bodies move."""
-    try:
-        from adapters.oracles.overlap import measure
-    except ModuleNotFoundError as error:
-        raise OracleMissing("gaps at the start: not installed (pip install 'touchstone[fcl,pin]')") from error
+    from adapters.oracles.overlap import measure
+
     start = {name: getattr(recording, name)[:1] for name in ("time", "position", "orientation")}
     distances = measure(replace(recording, **start), scenario)
     simulated, rows = _simulated(scenario), []

@@ -17,7 +17,7 @@ from queue import SimpleQueue
 import numpy as np
 import pandas as pd
 
-from adapters.engine import Settings
+from adapters.engine import MISSING, Settings
 from adapters.registry import ENGINES, installed, load, missing_reason
 from reports.limits import judged
 from reports.output import output_folder
@@ -84,7 +84,7 @@ def run(
     with output_folder(out) as folder:
         runs = played(asked, folder, progress, loader, patience)
         rows = [
-            Row(STUDY, ALL, engine, profile, np.nan, "run", verdict="skipped", reason=missing_reason(engine))
+            Row(STUDY, ALL, engine, profile, np.nan, "run", verdict=MISSING, reason=missing_reason(engine))
             for engine, profile in columns
             if not installed(engine)
         ]
@@ -114,7 +114,7 @@ def played(
         if child.failure is not None:
             status, reason = child.failure
             hung = reason.startswith("hung")
-            found = Assessment("skipped" if status == "skipped" else "hang" if hung else "error", reason)
+            found = Assessment(status if status == "skipped" else "hang" if hung else "error", reason)
             child = Child(folder / "output-more.txt", loader, patience)
         idle.put(child)
         return task, found

@@ -15,7 +15,7 @@ import numpy as np
 from adapters.detectors import Failure, Pair, missing_reason
 from adapters.detectors import load as load_detector
 from adapters.detectors.children import Child, Loader, Times
-from adapters.engine import Array
+from adapters.engine import MISSING, Array
 from reports.progress import Progress
 
 
@@ -85,7 +85,7 @@ def measure(
     children = []
     for name, mine in measured.items():
         if reason := missing_reason(name):
-            mine.ended = ("skipped", reason)
+            mine.ended = (MISSING, reason)
             progress(name, n)
         else:
             children.append(Child(name, output / f"{name}.txt", loader))

@@ -18,6 +18,12 @@ def load(folder: str, name: str) -> Engine:
     Path(folder, f"{name}.pid").write_text(str(os.getpid()))
     if name == "throws on load":
         raise RuntimeError("no such\nlibrary")
+    if name == "cannot be imported":
+        raise ImportError("libfake.so.3: no such file\nand more")
+    if name == "dies on load":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if name == "hangs on load":
+        time.sleep(600)
     return Engine(folder, name)
 
 
@@ -27,6 +33,9 @@ class Engine:
     def __init__(self, folder, name):
         self.folder, self.name = folder, name
         self.builds = 0
+
+    def version(self):
+        return "1.2.3"
 
     def build(self, scenario, settings):
         self.builds += 1

@@ -241,7 +241,7 @@ def test_impulses_balance_momentum():
     assert np.linalg.norm(slip) < 1e-3
 
 
-def test_tuned_contacts_tell_no_force_of_an_earlier_step():
+def test_accurate_contacts_tell_no_force_of_an_earlier_step():
     """Bounces account for the change of momentum, to the last step: points left out have no force."""
     settings = Settings("accurate", BulletEngine.profiles["accurate"])
     ball = mover(s.Sphere(0.05), position=(0.0, 0.0, 0.1), linear_velocity=(0.5, 0.0, -1.0))
@@ -291,7 +291,7 @@ def test_only_touching_pairs_collide(collide):
 
 
 @pytest.mark.parametrize(("profile", "height"), [("recommended", MARGIN), ("accurate", 0.0)])
-def test_a_tuned_hull_rests_on_its_surface(profile, height):
+def test_an_accurate_hull_rests_on_its_surface(profile, height):
     """A hull hovers by the margin by default and by nothing when accurate."""
     scenario = scene(FLOOR, mover(CUBE, position=(0.0, 0.0, 0.05 + height)))
     dt = BulletEngine.profiles[profile]

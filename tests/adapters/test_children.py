@@ -26,6 +26,7 @@ PATIENCE = 3.0
 SETTINGS = Settings("only", 1 / 60, effects=PLANNED)  # bodies sink through the ground
 REASONS = {
     "throws on load": ("error", "RuntimeError: no such"),
+    "cannot be imported": ("unimportable", "cannot be imported: libfake.so.3: no such file"),
     "throws": ("error", "ZeroDivisionError: one"),
     "reports": ("error", "reports: lost its way, in frame 40 at 0.6667 s"),
     "diverges": ("error", "diverged: the position of 'ball' is not finite, in frame 40 at 0.6667 s"),

@@ -186,7 +186,7 @@ def test_the_ends_of_the_closed_form() -> None:
 
 
 @pytest.mark.parametrize("e", [0.05, 0.3, 1.0])
-def test_tuned_steps_are_the_springs(e: float) -> None:
+def test_accurate_steps_are_the_springs(e: float) -> None:
     """Step semi-implicitly through the samples of a damped spring of the wanted frequency."""
     dt, zeta = ACCURATE.dt, releasing_ratio(e)
     stiffness, damping = np.negative(solref_of(e, ACCURATE))
@@ -202,7 +202,7 @@ def test_tuned_steps_are_the_springs(e: float) -> None:
 
 
 @pytest.mark.parametrize("dt", [ACCURATE.dt, 1 / 240, 1 / 60])
-def test_tuned_restitutions_read_back(dt: float) -> None:
+def test_accurate_restitutions_read_back(dt: float) -> None:
     """Find the restitution again in the stiffness and damping, on both sides of critical damping."""
     settings = Settings("accurate", dt)
     for e in (0.0, 0.05, 0.1, np.exp(-2), 0.2, 0.5, 0.9, 1.0):
@@ -210,7 +210,7 @@ def test_tuned_restitutions_read_back(dt: float) -> None:
         assert told == pytest.approx(e, abs=1e-9)  # a root found to 1e-12
 
 
-def test_tuned_contacts_are_told_as_meant() -> None:
+def test_accurate_contacts_are_told_as_meant() -> None:
     """Read the elliptic cone, friction's own damping and a constant impedance off the compiled model."""
     scenario = scene(FLOOR, free("ball", SHAPES["sphere"], 1.0), e=0.4, mu=0.2)
     manifest = ENGINE.build(scenario, ACCURATE).describe()

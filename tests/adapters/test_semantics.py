@@ -106,7 +106,7 @@ def test_bullets_lowest_bounce(registry):
 
 
 @pytest.mark.parametrize(("name", "largest"), [("dart", 0.011), ("bullet", 0.022), ("mujoco", 0.025)])
-def test_tuned_restitution(registry, name, largest):
+def test_accurate_restitution(registry, name, largest):
     """The accurate profiles return what is asked at 2 m/s to within what they are known for."""
     settings = registry.settings(name, ACCURATE)
     for e in (0.3, 0.5, 0.8, 1.0):

@@ -10,11 +10,8 @@ import pytest
 from adapters.record import record
 from adapters.recording import Recording
 from adapters.registry import ENGINES
-from reports.limits import judged
 from reports.metrics import METRICS
 from reports.metrics.events import subjects
-from reports.results import Row
-from reports.run import measured
 from scenarios.catalogue import catalogue, tagged
 
 GALLERY = [scenario.name for scenario in tagged("gallery")]
@@ -38,18 +35,7 @@ OF_THE_CLOCK = ("manifest", "time_frame", "time_drive", "time_read", "time_cross
 @pytest.fixture(scope="module")
 def rows(registry):
     """The judged rows of an engine on a scene."""
-    kept = {}
-
-    def build(engine, scene):
-        if (engine, scene) not in kept:
-            recording, scenario = registry.played(scene, engine), catalogue()[scene]
-            settings = registry.settings(engine)
-            base = Row("run", scene, engine, settings.profile, settings.dt, "run")
-            measured_rows = measured(base, scenario, recording)
-            kept[engine, scene] = [judged(row, scenario.tags) for row in measured_rows]
-        return kept[engine, scene]
-
-    return build
+    return lambda engine, scene: registry.judged_rows(scene, engine)
 
 
 @pytest.mark.parametrize(("engine", "scene"), PLAYED)

@@ -80,7 +80,8 @@ def test_the_kept_orientation_is_the_nearest(lab: SimpleNamespace) -> None:
 
         keep_orientation(parent, joint, child)
         allowed = np.linspace(joint["lower"], joint["upper"], 400)
-        coarse = min(allowed, key=apart)
+        turned = wanted.inv() * frame * Rotation.from_rotvec(allowed[:, None] * axis)
+        coarse = allowed[turned.magnitude().argmin()]
         found = minimize_scalar(
             apart,
             bounds=(max(coarse - 0.02, joint["lower"]), min(coarse + 0.02, joint["upper"])),

@@ -16,7 +16,7 @@ from reference_impl.conventions import NEAR
 from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull
 
-PAIRS = 1000
+PAIRS = 250
 """Random pairs of a seed: ten seeds, nine of them slow, make 10,000."""
 EXACT = 1e-11
 """Allowed error over max(depth, a thousandth of the size): the oracle's own rounding is about 1e-13."""
@@ -58,7 +58,7 @@ def assert_consistent(depth, size: float) -> None:
     assert np.linalg.norm(gap) <= 1e-11 * size
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 10))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 40))])
 def test_random_pairs_equal_the_explicit_minkowski_difference(lab: SimpleNamespace, seed: int) -> None:
     """Agree with the oracle on pairs of hulls and boxes of 8 to 320 triangles, overlapping and apart."""
     rng = np.random.default_rng((20041, seed))

@@ -9,7 +9,7 @@ import pytest
 
 from adapters.engine import Settings
 from adapters.reference_engine import ReferenceEngine
-from reference_impl.conventions import OVERLAP_TOLERANCE, SIMULATED
+from reference_impl.conventions import OVERLAP_TOLERANCE, PARTED_DEPTH, SIMULATED
 from reference_impl.detection import place_pieces
 from reference_impl.overlap_removal import remove_overlap
 from reference_impl.parting import part_simulated
@@ -243,13 +243,15 @@ def test_a_driven_body_that_gave_up_pushes_a_simulated_one(lab: SimpleNamespace)
 
 
 def test_simulated_bodies_part_by_halves(lab: SimpleNamespace) -> None:
-    """Part two sunken balls by half each, and lift one out of the ground in full."""
+    """Part two sunken balls by half each, and lift one out of the ground, to the depth left to all."""
     one, two = lab.ball("one", (0.0, 0.0, 1.0)), lab.ball("two", (0.08, 0.0, 1.0))
     low = lab.ball("low", (1.0, 0.0, 0.04))
     world = lab.build(lab.scene(one, two, low, lab.ground()))
     assert part_simulated(world.bodies, world.pieces, world.vertices, world.pairs, 0, world.state[0])
-    np.testing.assert_allclose(world.bodies["position"][:2, 0], (-0.01, 0.09), atol=1e-12)
-    assert world.bodies["position"][2, 2] == pytest.approx(RADIUS, abs=1e-12)
+    np.testing.assert_allclose(
+        world.bodies["position"][:2, 0], (-0.01 + PARTED_DEPTH / 2, 0.09 - PARTED_DEPTH / 2), atol=1e-12
+    )
+    assert world.bodies["position"][2, 2] == pytest.approx(RADIUS - PARTED_DEPTH, abs=1e-12)
 
 
 @pytest.mark.parametrize("profile", TRANSLATIONS)

@@ -80,16 +80,17 @@ def test_inside_is_told_by_edges_crossed(ball) -> None:
     row = ball[0]
     center = row["cone_center"]
     edge = row["cone"][: row["cone_count"]]
+    after = np.roll(edge, -1, axis=0)
+    normals = np.cross(edge, after)
     for bone in directions(500, 1):
         crossings = 0
         plane = np.cross(center, bone)
-        for a, b in zip(edge, np.roll(edge, -1, axis=0)):
-            normal = np.cross(a, b)
-            between = np.cross(plane, normal)
-            for point in (between, -between):
-                on_edge = np.cross(a, point) @ normal > 0 and np.cross(point, b) @ normal > 0
-                on_way = np.cross(center, point) @ plane > 0 and np.cross(point, bone) @ plane > 0
-                crossings += on_edge and on_way
+        between = np.cross(plane, normals)
+        for points in (between, -between):
+            on_edge = (np.cross(edge, points) * normals).sum(axis=1) > 0
+            on_edge &= (np.cross(points, after) * normals).sum(axis=1) > 0
+            on_way = (np.cross(center, points) @ plane > 0) & (np.cross(points, bone) @ plane > 0)
+            crossings += int((on_edge & on_way).sum())
         assert is_inside(row, bone) == (crossings % 2 == 0)
 
 

@@ -65,7 +65,7 @@ class World:
                 case "sinks":
                     state.position[moving, 2] -= 1e-3
                 case "falls through":
-                    state.position[moving, 2] -= 0.7
+                    state.position[moving, 2] -= 3.0
                 case "not finite":
                     state.linear_velocity[moving] = np.nan
 

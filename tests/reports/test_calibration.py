@@ -225,7 +225,7 @@ def test_a_missing_engine_is_a_skipped_row(results) -> None:
     """Skip with the reason, once per profile."""
     rows = results[0][results[0].engine == "absent"]
     assert rows[["metric", "verdict", "reason"]].to_numpy().tolist() == [
-        ["run", "skipped", "not installed (pip install 'touchstone[absent]')"]
+        ["run", "missing", "not installed (pip install 'touchstone[absent]')"]
     ]
 
 
@@ -282,7 +282,7 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     text = console.export_text()
     assert "reference balanced 1/60 s" in text
     assert "asked" in text
-    assert "skipped: absent recommended: not installed" in text
+    assert "missing: absent recommended: not installed" in text
     assert "…" not in text
     for note in NOTES:
         assert note in text

@@ -10,10 +10,13 @@ import pytest
 
 from adapters.detectors import DETECTORS
 from adapters.registry import ENGINES
+from reports import known_bounds
 from reports import limits as module
 from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
 from reports.bench.geometry import MOTION
 from reports.bench.poses import FAMILIES
+from reports.known import CAUSES
+from reports.known_bounds import UNMEASURED
 from reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
 from reports.metrics import METRICS
 from reports.results import VERDICTS, Row
@@ -34,9 +37,11 @@ ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2
 def limits(monkeypatch):
     """Put limits and known failings in the place of the real ones."""
 
-    def put(limits=(), known=()):
+    def put(limits=(), known=(), bound=inf):
         monkeypatch.setattr(module, "LIMITS", tuple(limits))
         monkeypatch.setattr(module, "KNOWN", tuple(known))
+        monkeypatch.setattr(module, "bound_of", lambda row: bound)
+        monkeypatch.setattr(module, "is_measured", lambda row: True)
 
     return put
 
@@ -176,6 +181,67 @@ def test_known_failings_are_strict(limits):
     mended = judged(replace(ROW, value=0.5), ("gallery",))
     assert mended.verdict == "fail"
     assert "a known failing is gone: take it out of known.py (soft)" in mended.reason
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "verdict"),
+    [(2.0, 2.5, "known"), (-2.5, 2.5, "known"), (2.6, 2.5, "fail"), (inf, 2.5, "fail"), (2.0, None, "fail")],
+)
+def test_a_known_failing_may_not_grow(limits, value, bound, verdict):
+    """A failing that grows past its bound fails, and so does one whose size nobody measured."""
+    limits([Limit("overlap.max", 1.0, "why")], [Known("overlap.max", "mujoco", "soft")], bound)
+    row = judged(replace(ROW, value=value), ())
+    assert row.verdict == verdict
+    assert "soft" in row.reason
+
+
+def test_every_known_failing_has_a_bound():
+    """Each documented failing has an upper bound above its limit for every subject; no bound is left over."""
+    bounds = known_bounds.read(known_bounds.FILE)
+    for key, largest in bounds.items():
+        engine, profile, scenario, metric, subject = key
+        row = Row("run", scenario, engine, profile, 0.0, metric, subject=subject)
+        tags_of = catalogue()[scenario].tags if scenario in catalogue() else ()
+        assert module.known_of(row, tags_of) is not None, key
+        limit = module.limit_of(row, tags_of)
+        assert limit is not None, key
+        assert largest > limit.largest, key
+    bounded = {key[:4] for key in bounds}
+    sized = [k for k in KNOWN if not k.metric.startswith("events.")]
+    missing = [k for k in sized if (k.engine, k.profile, k.scenario, k.metric) not in bounded]
+    found = {(k.engine, place) for k in missing for place in (k.profile, k.scenario)}
+    assert [k for k in missing if not {(k.engine, k.profile), (k.engine, k.scenario)} & UNMEASURED] == []
+    # what is measured by now is strict again
+    assert set(UNMEASURED) <= found
+
+
+def test_bounds_are_a_quarter_over_what_was_measured(tmp_path):
+    """Bounds follow from results, rounded up to two digits; what is no longer documented goes."""
+    row = replace(ROW, value=-0.0431)
+    key = known_bounds.key_of(row)
+    assert known_bounds.bounded(row.value) == 0.054
+    assert known_bounds.bounded(0.1) == 0.13
+    old = {key: 9.0, ("gone", *key[1:]): 1.0, ("kept", *key[1:]): 2.0}
+    now = known_bounds.updated(old, [row], [key, ("kept", *key[1:])])
+    assert now == {key: 0.054, ("kept", *key[1:]): 2.0}
+    known_bounds.write(now, tmp_path / "bounds.csv")
+    assert known_bounds.read(tmp_path / "bounds.csv") == now
+
+
+def test_one_cause_is_one_entry():
+    """No engine has the same reason twice."""
+    told = [(cause.engine, cause.reason) for cause in CAUSES]
+    assert len(set(told)) == len(told)
+    shown = [(k.engine, k.profile, k.scenario, k.metric, k.subject) for k in KNOWN]
+    assert len(set(shown)) == len(shown)
+
+
+def test_limits_by_construction_are_marked(limits):
+    """A limit that the method meets whatever it simulates leaves its mark on the row."""
+    limits([Limit("overlap.max", 3.0, "removed last", by_construction=True)])
+    assert judged(ROW, ()).basis == "construction"
+    limits([Limit("overlap.max", 3.0, "removed last")])
+    assert judged(replace(ROW, basis="unaudited"), ()).basis == "unaudited"
 
 
 def test_a_known_failing_has_to_be_measured(limits):

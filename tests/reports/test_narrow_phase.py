@@ -71,7 +71,7 @@ def test_a_missing_engine_is_a_skipped_row(results) -> None:
     """Skip with the reason, once."""
     rows = results[0][results[0].engine == ABSENT]
     assert rows[["metric", "verdict", "reason"]].to_numpy().tolist() == [
-        ["run", "skipped", "not installed (pip install 'touchstone[extra]')"]
+        ["run", "missing", "not installed (pip install 'touchstone[extra]')"]
     ]
 
 
@@ -106,7 +106,7 @@ def test_the_terminal_shows_every_detector(results) -> None:
     text = console.export_text()
     for name in (REFERENCE, OTHER, *FAMILIES):
         assert f"{name} " in text
-    assert "skipped: absent: not installed" in text
+    assert "missing: absent: not installed" in text
     assert "…" not in text
 
 

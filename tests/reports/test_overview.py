@@ -7,7 +7,7 @@ from math import nan
 
 from rich.console import Console
 
-from reports.overview import overview
+from reports.overview import TOTALS, overview
 from reports.results import Row, table
 from reports.tables import MARKS
 from reports.terminal import IN_FULL, show
@@ -42,7 +42,43 @@ def test_limits_are_counted_per_scene_and_column():
     assert (fall.scenario, roll.scenario) == ("fall", "roll")
     assert [cell.marked for cell in fall.outcome] == ["2 of 2", f"1 of 2{MARKS['known']}"]
     assert [cell.marked for cell in roll.outcome] == [f"0 of 2{MARKS['fail']}", f"error{MARKS['error']}"]
-    assert found.totals == [("reference balanced", [2, 1, 1, 0, 0]), ("dart recommended", [1, 1, 0, 1, 0])]
+    assert [dict(zip(TOTALS, counts)) for _, counts in found.totals] == [
+        dict.fromkeys(TOTALS, 0) | {"limits": 4, "met": 2, "known": 1, "causes": 1, "broken": 1},
+        dict.fromkeys(TOTALS, 0) | {"limits": 2, "met": 1, "known": 1, "causes": 1, "errors": 1},
+    ]
+
+
+def test_every_column_has_the_same_limits():
+    """A metric counts once, by its worst subject; what does not apply is told apart, with why."""
+    found = seen(
+        row("fall", 0, "truth.position", 0.0, verdict="pass"),
+        row("fall", 0, "restitution.error", 0.0, subject="#1", verdict="pass"),
+        row("fall", 0, "restitution.error", 9.0, subject="#2", verdict="fail", reason="far", limit=0.5),
+        row("fall", 0, "joint.limit", 0.0, verdict="pass", basis="construction"),
+        row("fall", 0, "solver.caps", 0.0, verdict="pass"),
+        row("fall", 1, "truth.position", 1e-3),
+        row("fall", 1, "restitution.error", 0.0, subject="#1", verdict="pass"),
+        row("fall", 1, "joint.limit", verdict="skipped", reason="the scene has no joints"),
+        row("fall", 1, "overlap.max", verdict="unjudged", reason="no coal"),
+    )
+    assert [cell.text for cell in found.sections[0].outcome] == ["3 of 5 (1)", "1 of 5 (3)"]
+    ours, theirs = (dict(zip(TOTALS, counts)) for _, counts in found.totals)
+    assert (ours["limits"], ours["met"], ours["by construction"], ours["broken"]) == (5, 3, 1, 1)
+    assert (theirs["limits"], theirs["met"], theirs["unjudged"], theirs["not applicable"]) == (5, 1, 1, 3)
+    assert found.remarks[-3:] == [
+        "does not apply, 2 times: not among the rows of this run: overlap.max, solver.caps",
+        "does not apply, 1 times: no limit for this column: truth.position",
+        "does not apply, 1 times: the scene has no joints: joint.limit",
+    ]
+
+
+def test_one_cause_counts_once():
+    """A cause that shows in six metrics is one, however often it is listed."""
+    why = "it is soft: touchstone run {} --engine dart"
+    names = ("overlap.max", "contact.gap", "energy.gain", "friction.creep", "rest.moved", "joint.limit")
+    rows = [row("a", 1, name, 1.0, verdict="known", reason=f"of x; {why.format(name)}") for name in names]
+    counts = dict(zip(TOTALS, dict(seen(*rows).totals)["dart recommended"]))
+    assert (counts["known"], counts["causes"]) == (6, 1)
 
 
 def test_only_what_stands_out_has_a_row():
@@ -78,8 +114,10 @@ def test_each_reason_is_told_once():
         "fail: reference balanced: deep: b overlap.max 0.100 m (limit 0.01)",
         "known: dart recommended: it is soft: a energy.gain 0.200, b energy.gain 0.300",
         "skipped: dart recommended: dart: no such shape: c",
+        "does not apply, 2 times: not among the rows of this run: overlap.max, energy.gain",
     ]
-    assert dict(found.totals)["dart recommended"] == [0, 2, 0, 0, 1]
+    counts = dict(zip(TOTALS, dict(found.totals)["dart recommended"]))
+    assert (counts["known"], counts["causes"], counts["not run"]) == (2, 1, 1)
 
 
 def test_ratios_are_told_in_one_line():

@@ -63,8 +63,8 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
     rows = measured[0]
     absent = rows[rows.engine == ABSENT]
     reason = "not installed (pip install 'touchstone[extra]')"
-    assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "skipped", reason]]
-    assert f"skipped: absent: {reason}" in shown(geometry, rows)
+    assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "missing", reason]]
+    assert f"missing: absent: {reason}" in shown(geometry, rows)
 
 
 def test_geometry_judges_where_a_figure_is_asked(measured) -> None:

@@ -59,11 +59,11 @@ def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> 
         assert found[name].ended is None
         assert [len(times) for times in found[name].times] == [6] * len(found[name].sizes)
     assert found["dart"].ended == ("error", "died during 'build': exit code 7")
-    assert found["mujoco"].ended[0] == "skipped"
+    assert found["mujoco"].ended[0] == "missing"
     rows = rows_of_curves(curves)
     assert {(r.engine, r.verdict) for r in rows if r.metric == "run"} == {
         ("dart", "error"),
-        ("mujoco", "skipped"),
+        ("mujoco", "missing"),
     }
     # a fake's step sleeps a millisecond per ball at least
     for size, times in zip(found["reference"].sizes, found["reference"].times):

@@ -6,15 +6,18 @@ import csv
 import io
 import json
 import re
+import sys
 from dataclasses import replace
 from math import nan
 
 import pytest
+import typer
 
 from adapters.children import Outcome
 from adapters.registry import missing_reason
 from reports import limits
 from reports import run as study
+from reports.command import exit_for
 from reports.limits import Limit
 from scenarios.catalogue import catalogue
 
@@ -100,8 +103,74 @@ def test_a_missing_engine_is_skipped_with_a_hint(touchstone, quick, monkeypatch,
     code, out, err = touchstone("run", "ball_snip", *chosen, *options)
     assert code == wanted
     for name in ("mujoco",) if named else ("dart", "bullet", "mujoco"):
-        assert f"skipped: {name} recommended: {missing_reason(name)}" in out
+        assert f"missing: {name} recommended: {missing_reason(name)}" in out
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "named", "wanted"),
+    [
+        ([], True, 0),
+        (["pass", "known", "skipped", ""], True, 0),
+        (["missing", "pass"], False, 0),
+        (["missing", "pass"], True, 3),
+        (["unimportable"], False, 3),
+        (["missing", "unimportable", "fail"], True, 1),
+        (["missing", "error"], True, 1),
+        (["missing", "unjudged", "pass"], True, 4),
+        (["unjudged", "fail"], False, 1),
+    ],
+)
+def test_verdicts_decide_the_exit_code(verdicts, named, wanted):
+    """What is broken or failed is 1, before what is not judged, 4, before an engine that is missing, 3."""
+    try:
+        exit_for(verdicts, named)
+        code = 0
+    except typer.Exit as end:
+        code = end.exit_code
+    assert code == wanted
+
+
+def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, monkeypatch, registry):
+    """An engine that is installed but fails to import is a row with its reason; the others finish."""
+    said = "cannot be imported: libGL.so.1: no such file"
+
+    def play(self, jobs, progress):
+        outcomes = []
+        for job in jobs:
+            if job.engine == "mujoco":
+                outcomes.append(Outcome(job, "unimportable", said))
+                continue
+            registry.played(job.scenario.name, "reference").save(job.recording)
+            outcomes.append(Outcome(job, "done"))
+        return outcomes
+
+    monkeypatch.setattr(study.Children, "play", play)
+    monkeypatch.setattr(study, "installed", lambda name: name in ("reference", "mujoco"))
+    options = ("--profile", "balanced", "--profile", "recommended", "--metric", "overlap.max")
+    code, out, _ = touchstone("run", "ball_snip", *options, "--out", "r")
+    assert code == 3
+    assert f"unimportable: mujoco recommended: {said}" in " ".join(out.split())
+    assert "overlap.max" in out
+
+
+def test_a_run_without_its_judge_says_so(touchstone, quick, monkeypatch):
+    """Without the libraries that measure overlap nothing of it passes: a line on standard error, exit 4."""
+    for name in [name for name in sys.modules if name.startswith("adapters.oracles")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "coal", None)
+    code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")
+    rows = json.loads(out)
+    assert code == 4
+    assert "overlap, gaps and passages cannot be judged: " in err
+    assert {r["metric"] for r in rows if r["verdict"] == "unjudged"} >= {"overlap.max", "overlap.tunnelled"}
+    for row in rows:
+        assert not (row["metric"].startswith(("overlap.", "contact.gap")) and row["verdict"] == "pass")
+    shown = " ".join(touchstone(*RUN, "--out", "s")[1].split())
+    assert re.search(r"unjudged: \S.*overlap\.max, .*: import of coal halted", shown)
+    for name in ("robustness", "predictability"):
+        code, _, err = touchstone("study", name)
+        assert (code, "cannot be judged" in err) == (4, True)
 
 
 def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):

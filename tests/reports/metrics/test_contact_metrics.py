@@ -116,4 +116,5 @@ def test_rounding_of_a_normal_is_no_friction(recordings, known):
     for across, fine in ((1e-16, True), (1e-14, False)):
         impulse = 2.0 * normal + 2.0 * across * np.array([0.8, 0.0, -0.6])
         recording = struck(recordings, known, scenario, 0.2, normal=normal, impulse=impulse)
-        assert (known.value("friction.cone", recording, scenario)[""] < 1e-12) == fine
+        assert (known.value("friction.cone", recording, scenario)[""].value < 1e-12) == fine
+        assert (known.value("friction.cone.point", recording, scenario)[""] < 1e-12) == fine

@@ -144,7 +144,7 @@ def test_a_push_of_the_hand_is_no_gift(lab, recordings, known, ball_first):
     assert gift == pytest.approx(0.1 * 0.5 * MASS * v * v, rel=ROUNDING)
 
 
-def test_the_cone_in_closed_form(recordings, known, resting):
+def test_the_cone_of_a_point_in_closed_form(recordings, known, resting):
     """The excess over mu j_n is relative to it, plus the noise; a pull has no cone at all."""
     for normal, tangential, excess in (
         (2.0, 1.0, 0.0),
@@ -157,7 +157,36 @@ def test_the_cone_in_closed_form(recordings, known, resting):
             {"body_b": 1, "normal": UP, "impulse": impulse}, {"body_b": 1, "normal": UP}
         )
         recording = recordings.recording(resting, DT, contacts=rows)
-        found = known.value("friction.cone", recording, resting)[""]
+        found = known.value("friction.cone.point", recording, resting)[""]
+        assert found == pytest.approx(excess, rel=1e-9, abs=1e-12)
+
+
+def points(recordings, resting, *steps):
+    """A recording in which the pair has points of (normal, tangential) impulse [N s] per native step."""
+    rows = [
+        {"time": k * DT, "body_b": 1, "normal": UP, "impulse": (tangential, 0.0, normal)}
+        for k, impulses in enumerate(steps)
+        for normal, tangential in impulses
+    ]
+    return recordings.recording(resting, DT, contacts=recordings.contacts(*rows))
+
+
+def test_the_cone_of_a_pair_in_closed_form(recordings, known, resting):
+    """Points of a pair share their load in a step; a step without load counts against the usual one."""
+    for steps, excess in (
+        # mu is 0.5: a point without load beside one that bears all
+        ([[(2.0, 0.0), (0.0, 0.9)]], 0.0),
+        ([[(2.0, 0.0), (0.0, 1.5)]], 0.5 / (1.0 + NOISE)),
+        # friction to either side does not cancel
+        ([[(2.0, 0.75), (0.0, -0.75)]], 0.5 / (1.0 + NOISE)),
+        # another step's load does not help, and the median step is what an unloaded one is measured by
+        ([[(2.0, 1.0)], [(2.0, 1.25)], [(6.0, 0.0)]], 0.25 / (1.0 + NOISE)),
+        ([[(2.0, 0.0)], [(2.0, 0.0)], [(0.0, 0.25)]], 0.25 / (1.0 + NOISE)),
+        # a pair that never presses has friction from nothing
+        ([[(0.0, 0.25)]], 0.25 / NOISE),
+        ([[(-1.0, 0.25)]], 0.25 / NOISE),
+    ):
+        found = known.value("friction.cone", points(recordings, resting, *steps), resting)[""].value
         assert found == pytest.approx(excess, rel=1e-9, abs=1e-12)
 
 

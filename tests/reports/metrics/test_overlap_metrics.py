@@ -1,11 +1,14 @@
-"""Overlap, hovering and tunnelling of known size."""
+"""Overlap and hovering of known size; passages have a file of their own."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from reports.metrics.evidence import NotMeasured
+from scenarios.scenario import Tracker
 
 EXACT = 1e-7
 """Ten times the oracle's tolerance [m]."""
@@ -66,40 +69,37 @@ def test_what_never_rests_has_no_gap(lab, recordings, known):
             known.value("contact.gap", recordings.recording(scenario, **columns), scenario)
 
 
-FAST = 30.0
-"""Half a metre a frame [m/s]."""
+@pytest.fixture
+def pressed(lab):
+    """A driven box whose tracker stands 1 cm inside the ground from the third frame on: scenario."""
+    box = lab.block("box", (0.05, 0.05, 0.05), (0.0, 0.0, 0.0), kind="driven")
+    tracker = Tracker(
+        "box",
+        (),
+        (0.0, 0.03, 1.0),
+        ((0.0, 0.0, 0.2), (0.0, 0.0, 0.04), (0.0, 0.0, 0.04)),
+        ((1.0, 0.0, 0.0, 0.0),) * 3,
+        ((), (), ()),
+    )
+    return lab.scene(lab.ground(), box, trackers=(tracker,), duration=0.5)
 
 
-@pytest.mark.parametrize(
-    ("start", "way", "passages"),
-    [
-        ((0.0, 0.0, 0.75), (0.0, 0.0, -0.5), 1),  # straight through, within one frame
-        ((0.9, 0.0, 0.75), (0.15, 0.0, -0.5), 1),  # slanted, through the rim
-        ((1.0, 0.0, 0.75), (0.15, 0.0, -0.5), 0),  # slanted, past the rim
-        ((1.2, 0.0, 0.75), (0.0, 0.0, -0.5), 0),  # beside it
-        ((0.0, 0.0, 0.75), (0.0, 0.0, -0.01), 1),  # slowly, its centre goes in and out once
-        ((0.0, 0.0, 0.51), (0.3, 0.0, 0.0), 0),  # along the surface, half sunk
-        ((0.0, 0.0, 0.25), (0.0, 0.0, 0.5), 1),  # from below
-    ],
-)
-def test_tunnelling_through_a_thin_plate(lab, recordings, known, start, way, passages):
-    """A centre that passes through a plate of 1 cm is counted, however fast; one that passes by is not."""
-    plate = lab.block("plate", (1.0, 1.0, 0.005), (0.0, 0.0, 0.5), kind="fixed")
-    duration = 1.0 if way[2] == -0.01 else 2 / 60
-    scenario = lab.scene(plate, lab.ball(position=start), effects=(), duration=duration)
-    frames = np.arange(scenario.frame_count + 1)
-    position = np.array(start) + np.outer(frames, way)
-    columns = known.path(scenario, 1, position, np.zeros(3))
-    found = known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)
-    assert found[""] == passages
+@pytest.mark.parametrize("gap", [1e-3, 0.0, -2e-3])
+def test_the_gap_of_a_pressed_body_is_signed(recordings, known, pressed, gap):
+    """What a tracker presses down hovers, touches or sinks; where it comes from does not count."""
+    height = np.full(pressed.frame_count + 1, 0.05 + gap)
+    height[:8] = 0.3
+    path = np.column_stack((np.zeros((len(height), 2)), height))
+    recording = recordings.recording(pressed, **known.path(pressed, 1, path, 0.0))
+    found = known.value("contact.gap", recording, pressed)
+    assert found == {"ground-box": pytest.approx(gap, abs=EXACT)}
 
 
-def test_tunnelling_is_seen_in_the_pieces_frame(lab, recordings, known):
-    """A turned and shifted piece of a turned and shifted body is where it is, there and back."""
-    turn = (0.5**0.5, 0.5**0.5, 0.0, 0.0)
-    plate = lab.block("plate", (1.0, 1.0, 0.005), (0.0, 0.0, 0.5), kind="fixed", orientation=turn)
-    # the plate stands upright in the plane y = 0
-    scenario = lab.scene(plate, lab.ball(position=(0.0, 0.2, 0.5)), effects=(), duration=2 / 60)
-    position = np.array([[0.0, 0.2, 0.5], [0.0, -0.2, 0.5], [0.0, 0.2, 0.5]])
-    columns = known.path(scenario, 1, position, np.zeros(3))
-    assert known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)[""] == 2
+def test_what_is_pressed_into_nothing_has_no_gap(lab, recordings, known, pressed):
+    """A body that hovers with its tracker is not pressed; nor is one far from what it is pressed at."""
+    free = replace(pressed, trackers=(lab.still("box", (0.0, 0.0, 0.051)),))
+    for scenario, height in ((free, 0.051), (pressed, 0.5)):
+        path = np.tile((0.0, 0.0, height), (scenario.frame_count + 1, 1))
+        recording = recordings.recording(scenario, **known.path(scenario, 1, path, 0.0))
+        with pytest.raises(NotMeasured, match="none is pressed"):
+            known.value("contact.gap", recording, scenario)

@@ -81,8 +81,16 @@ def test_sizes_add_up_and_residuals_do_not(evidence):
         "solver.dropped_time": "most in frame 4 (ground, one)",
         # the deepest contact of the frame is what was parted
         "solver.parted_energy": "most in frame 6 (ground, two)",
-        "solver.caps": "most in frame 2 (one, two)",
+        "solver.caps": "gave_up 1, unconverged 2; most in frame 2 (one, two)",
     }
+
+
+def test_a_new_cap_is_counted_and_shown(evidence):
+    """A counter of a single cap is part of the sum and of the remark, whichever engine adds it."""
+    told = evidence({3: {"cap.posture_qp": 4, "lost": 1}}, names=(*NAMES, "cap.posture_qp"))
+    (found,) = METRICS["solver.caps"].measure(told).values()
+    assert (found.value, found.reason) == (5, "lost 1, cap.posture_qp 4; most in frame 3")
+    assert "caps reached: 5, most in frame 3" in warned(told)
 
 
 def test_a_resolved_run_is_zero_and_says_nothing(evidence):
@@ -129,6 +137,7 @@ def test_known_failings_are_warned_of(evidence, monkeypatch):
     """Warn of what is known to fail as well: the numbers of the run are no better for it."""
     known = Known("solver.dropped_time", "reference", "it drops")
     monkeypatch.setattr(limits, "KNOWN", (known,))
+    monkeypatch.setattr(limits, "bound_of", lambda row: 0.02)
     told = evidence({2: {"dropped_time": 0.01}})
     assert [row.verdict for row in rows_of(told)] == ["pass", "known", "pass", "pass"]
     assert "0.01 s were not simulated, most of it in frame 2" in str(warned(told))

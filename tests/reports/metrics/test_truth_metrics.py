@@ -152,6 +152,33 @@ def test_a_cube_that_lifts_tilts_and_creeps(recordings, known):
     assert creep.value == pytest.approx(0.004, rel=1e-9)
 
 
+def test_what_still_slides_does_not_creep(recordings, known):
+    """Creep begins where a body that slid too far has stopped; one that never stops has none."""
+    scenario = catalogue()["slide"]
+    right = known.ideal(recordings, scenario)
+    time, position = right.time, right.position.copy()
+    stop = 6.0 / (0.5 * 9.81)
+    late = stop + (time[-1] - stop) / 2
+    position[:, 1, 1] += 0.3 * np.clip(time - stop, 0.0, late - stop) + 0.002 * np.maximum(0.0, time - late)
+    creep = known.value("friction.creep", replace(right, position=position), scenario)[""]
+    assert (creep.value, creep.reason) == (pytest.approx(0.002, rel=1e-9), "of box_0")
+    for k in (1, 2, 3):
+        position[:, k, 1] += 0.3 * np.maximum(0.0, time - stop)
+    with pytest.raises(NotMeasured, match=r"box_0, .*, box_45 still slides at the end"):
+        known.value("friction.creep", replace(right, position=position), scenario)
+
+
+def test_what_should_never_slide_creeps_however_fast(recordings, known):
+    """A body that should stick from the start is not excused by sliding away."""
+    scenario = catalogue()["incline_holds"]
+    right = known.ideal(recordings, scenario)
+    body = scenario.body_index(scenario.truths[0].body)
+    position = right.position.copy()
+    position[:, body, 0] += 0.5 * right.time
+    found = known.value("friction.creep", replace(right, position=position), scenario)[""]
+    assert found.value == pytest.approx(0.5, rel=1e-9)
+
+
 def test_yaw_is_no_tilt(recordings, known):
     """A cube that turns about the support's normal does not tilt."""
     scenario = catalogue()["incline_holds"]

@@ -1,0 +1,231 @@
+"""Documented failings of Bullet: one entry per cause.
+
+Figures are those of the scene that a reason names, with what was varied and nothing else.
+"""
+
+from __future__ import annotations
+
+from reports.known_record import Cause
+from reports.known_shared import NEWTON, TOGETHER
+
+AHEAD = (
+    "a contact found d apart, up to 0.02 sqrt 3 r = 1.7 mm, bounces with e v - d / h: ever less "
+    "with h, until none is left"
+)
+APART = "friction acts on each ball at its own witness, d = v h apart: a torque d j_t from nowhere"
+BULLET_BOX = (
+    "in maximal coordinates Bullet's friction is a box of two directions, each within mu of the normal force"
+)
+CORNERS = "the rear corners of a sliding cube are missed until they sink: 1.2 mm, 0.3 mm at half the step"
+DEPTH = (
+    "a contact found d deep bounces with e v + 0.08 d / h (contactERP): up to 0.08 too much, at "
+    "any step, ball after ball"
+)
+DISCRETE = (
+    "contact is found only once it overlaps: a ball meets the floor at 3.8 m/s, 16 mm a native "
+    "step, stones fall at 3 m/s, 12 mm a step; stones are within the limit at 1/960 s"
+)
+LATE_LIMITS = (
+    "a joint limit is found only once it is exceeded: by up to 0.035 rad, what the hinge turns in"
+    " a step, and a fifth is undone in the next"
+)
+LOAD = (
+    "sequential impulses need thousands of rounds for a mass ratio of 1e4: load_1e4 moves by 370 "
+    "mm with 50 rounds, by 4 mm with 5,000"
+)
+MARGIN = (
+    "hulls carry a margin of 1 mm, by which what touches is held or pushed apart: arch_stands "
+    "moves by 14 mm, by 1.6 mm with a margin of 0.1 mm; links keep theirs whatever is asked for, "
+    "a hand hovers by 0.9 mm and two arms by 2.0 mm"
+)
+PRESSED_BACK = (
+    "a pressed limb that was lifted out is pushed back in by its servo until contact is found "
+    "again, F h^2 / m in a step: 2.5, 0.6 and 0.1 mm at 1/240, 1/480 and 1/960 s"
+)
+ROUNDS = (
+    "50 rounds of sequential impulses a step leave the lowest contacts of a stack unsolved: "
+    "tower_20 moves by 78 mm, by 24 and 8 mm with 200 and 1,000 rounds"
+)
+ROW = (
+    "contacts are solved one after the other: dominoes leave their mirror plane, by 0.015 m/s at "
+    "1/240 s and by 0.065 m/s at 1/960 s"
+)
+YAW = "friction at the corners, one after the other, turns a cube that slides along no axis"
+
+CAUSES: tuple[Cause, ...] = (
+    Cause(
+        "bullet",
+        AHEAD,
+        {
+            "recommended equal-step default": {
+                "contact.at_distance": "bounce_e08",
+                "restitution.error": "bounce_e08",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        APART,
+        {
+            "recommended equal-step default accurate": {
+                "momentum.angular": "collide_slips collide_sticks",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        BULLET_BOX,
+        {
+            "maximal": {
+                "friction.cone": "ball_snip table_slide",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        CORNERS,
+        {
+            "recommended equal-step default": {
+                "overlap.max": "slide slide_seed1 slide_seed2",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        DEPTH,
+        {
+            "recommended equal-step default accurate": {
+                "energy.gain": "bounce_e1",
+                "energy.injected": "bounce_e1",
+            },
+            "recommended equal-step default": {
+                "energy.gain": "break_15",
+                "restitution.error": "bounce_e1",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        DISCRETE,
+        {
+            "recommended equal-step default maximal": {
+                "overlap.max": "table_slide",
+            },
+            "recommended equal-step default": {
+                "overlap.max": "arch_slides arch_thin",
+            },
+            "maximal": {
+                "overlap.max": "ball_snip",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        LATE_LIMITS,
+        {
+            "recommended equal-step default": {
+                "joint.limit": "two_arms wall_push",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        LOAD,
+        {
+            "recommended equal-step default accurate": {
+                "energy.injected": "load_1e6",
+                "friction.creep": "load_1e4 load_1e6",
+                "friction.tilt": "load_1e4 load_1e6",
+                "overlap.max": "load_1e4 load_1e6",
+                "rest.moved": "load_1e4 load_1e6",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        MARGIN,
+        {
+            "recommended equal-step default accurate": {
+                "contact.gap": (
+                    "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
+                    "table_slide:table-palm two_arms:east_wall-torso"
+                ),
+            },
+            "recommended equal-step default": {
+                "contact.at_distance": ("arch_slides arch_stands arch_thin coin_falls coin_rolls coin_spins"),
+                "contact.gap": "arch_stands:floor-stone_1 arch_stands:floor-stone_11",
+                "energy.injected": "arch_stands",
+                "friction.creep": "arch_stands",
+                "friction.lift": "arch_stands",
+                "friction.tilt": "arch_stands",
+                "overlap.max": "arch_stands",
+                "rest.moved": "arch_stands",
+                "symmetry.mirror": "arch_stands",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        NEWTON,
+        {
+            "recommended equal-step default accurate": {
+                "energy.injected": "rod_e1",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        PRESSED_BACK,
+        {
+            "recommended equal-step default": {
+                "contact.gap": "wall_push:east_wall-torso",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        ROUNDS,
+        {
+            "recommended equal-step default accurate": {
+                "contact.gap": "tower_20:floor-box_1 tower_20_jittered:floor-box_1",
+                "friction.creep": "tower_20 tower_20_jittered tower_40",
+                "overlap.max": "tower_40",
+                "rest.moved": "tower_10 tower_20 tower_20_jittered tower_40",
+            },
+            "recommended equal-step default": {
+                "contact.gap": "tower_40:floor-box_1",
+                "friction.creep": "tower_10",
+                "overlap.max": "tower_20 tower_20_jittered",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        ROW,
+        {
+            "recommended equal-step default accurate": {
+                "symmetry.mirror": "dominoes",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        TOGETHER,
+        {
+            "recommended equal-step default accurate": {
+                "momentum.withheld": "cradle",
+                "rest.moved": "cradle",
+                "truth.velocity": "cradle",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        YAW,
+        {
+            "recommended equal-step default": {
+                "friction.stop": "slide:box_45",
+            },
+        },
+    ),
+)

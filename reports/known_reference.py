@@ -1,0 +1,188 @@
+"""Documented failings of the reference: one entry per cause.
+
+Figures are those of the scene that a reason names, with what was varied and nothing else.
+"""
+
+from __future__ import annotations
+
+from reports.known_record import Cause
+
+ALWAYS_MU = (
+    "Eq. 10 as printed applies mu j to any sliding, however slow, and reverses it: a rolling ball every frame"
+)
+CREEPING = "solves of twenty and more boxes stall near a residual of 1e-9 m/s, which counts as converged"
+EULER = "semi-implicit Euler in steps of 1/60 s meets the floor up to v h deep"
+FADES = "restitution fades from 0.65 m/s on and is gone at 0.33 m/s (2 g h of a frame): method, section 5"
+HEAP = (
+    "islands hold more bodies than Newton's method takes, and 40 sweeps a dense substep leave "
+    "wedged balls a residual; what sinks by it is parted"
+)
+LIFTED = (
+    "in crowded substeps balls sink by some 1e-5 J a frame, and what overlaps by over 1e-6 m is "
+    "lifted: 5e-5 J in one frame, the only one whose energy rises, of the 300 J of the fall "
+    "(correction in energy.ledger)"
+)
+LOADED = "1e6 kg come to rest on 1 kg: what parting adds, 1e-12 of the energy, finds no motion to pay it"
+ROLLING = "a coin that turns sinks over a substep, by up to 1.5e-6 m at the displayed frame"
+SLIDING = (
+    "several contacts slide at once between bodies that lean on each other: neither Newton's "
+    "method nor sweeps converge, impulses are scaled down until they do no work, and bodies sink "
+    "until they are parted"
+)
+TIPPING = (
+    "solves end at a residual of 1e-9 m/s: some 1e-8 of the friction of a face that slides while it tips"
+)
+TOP = (
+    "semi-implicit Euler in steps of 1/60 s keeps a top's momentum, but its energy falls by an "
+    "error of first order: it drifts towards the axis of its largest moment"
+)
+TURNS = (
+    "contacts hold one after the other, each down to an approach of 1e-4 m/s, and takes mu j of "
+    "its own: a patch creeps, and its points share their load anew in every frame"
+)
+
+CAUSES: tuple[Cause, ...] = (
+    Cause(
+        "reference",
+        ALWAYS_MU,
+        {
+            "paper": {
+                "energy.injected": (
+                    "ball_snip collide_sticks rod_e03 rod_e1 slip slip_seed0 slip_seed1 "
+                    "slip_seed2 table_slide"
+                ),
+                "truth.velocity": "collide_sticks",
+            },
+        },
+        never={
+            "paper": {"events.roll": "ball_snip"},
+        },
+    ),
+    Cause(
+        "reference",
+        CREEPING,
+        {
+            "accurate": {
+                "friction.creep": "tower_40",
+                "solver.caps": "tower_20",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        EULER,
+        {
+            "paper": {
+                "energy.loss": "bounce_e1",
+                "restitution.error": "bounce_e05 bounce_e08 bounce_e1",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        FADES,
+        {
+            "balanced": {
+                "bounce.height": "bounce_e05:#3",
+                "truth.position": "bounce_e03 bounce_e05",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        HEAP,
+        {
+            "balanced accurate": {
+                "solver.caps": "balls_box",
+                "solver.parted_energy": "balls_box",
+                "solver.residual": "balls_box",
+            },
+            "accurate": {
+                "overlap.max": "balls_box",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        LIFTED,
+        {
+            "balanced": {
+                "energy.injected": "balls_box",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        LOADED,
+        {
+            "accurate": {
+                "solver.parted_energy": "load_1e6",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        ROLLING,
+        {
+            "accurate": {
+                "overlap.max": "coin_spins",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        SLIDING,
+        {
+            "balanced accurate": {
+                "solver.caps": "arch_slides arch_thin dominoes",
+                "solver.parted_energy": "arch_slides",
+                "solver.residual": "arch_slides dominoes",
+                "symmetry.mirror": "dominoes",
+            },
+            "accurate": {
+                "overlap.max": "arch_slides arch_thin dominoes",
+                "solver.caps": "tip_falls",
+                "solver.parted_energy": "arch_thin",
+            },
+            "balanced": {
+                "solver.residual": "arch_thin",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        TIPPING,
+        {
+            "balanced accurate": {
+                "friction.deficit": "tip_falls:slope-box",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        TOP,
+        {
+            "paper": {
+                "energy.loss": "tumble_unstable",
+                "rotation.flip": "tumble_stable tumble_unstable",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        TURNS,
+        {
+            "paper": {
+                "energy.injected": (
+                    "incline_holds incline_slides slide slide_seed0 slide_seed1 slide_seed2 stack"
+                ),
+                "friction.creep": "incline_holds slide stack",
+                "friction.deficit": (
+                    "incline_holds incline_slides slide slide_seed0 slide_seed1 slide_seed2 "
+                    "stack:box_1-box_2 stack:box_2-box_3 stack:box_4-box_5 stack:floor-box_1"
+                ),
+                "rest.moved": "incline_holds stack",
+            },
+        },
+    ),
+)

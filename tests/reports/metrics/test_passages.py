@@ -1,0 +1,311 @@
+"""Passages on recordings made by hand: what is on the other side after having been apart counts, no more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+
+from adapters.postures import driven_pieces
+from reports.metrics.evidence import Evidence, Value
+from reports.metrics.passages import passages
+from scenarios.gallery import TABLE_HALF
+from scenarios.hand import hand_parts
+from scenarios.materials import TABLE_1
+from scenarios.scenario import Body, Box, Capsule, Piece, Scenario, Tracker
+from scenarios.solids import box_inertia
+
+FRAME = 1 / 60
+RADIUS = 0.05
+"""Of the ball [m]."""
+SPEEDS = (6.0, 30.0, 300.0, 3000.0)
+"""From a tenth of a metre to fifty metres a frame [m/s]."""
+PLATES = (5e-4, 0.02)
+"""Half thickness of plates of 1 mm and 4 cm [m]."""
+PHASES = (0.05, 0.35, 0.65, 0.95)
+"""Share of a frame after which the ball is at the plate [1]."""
+
+
+def plate(lab, half, **fields):
+    """A plate of 80 cm by 80 cm round the origin."""
+    return lab.block("plate", (0.4, 0.4, half), (0.0, 0.0, 0.0), **({"kind": "fixed"} | fields))
+
+
+def counted(recordings, scenario, **columns):
+    """The passages of a recording; where a body moves, its velocity may be given."""
+    return len(passages(Evidence(recordings.recording(scenario, **columns), scenario)))
+
+
+def moving(scenario, index, position, velocity=0.0, orientation=None, spin=0.0):
+    """Columns of a recording in which one body moves and the others stand."""
+    frames = scenario.frame_count + 1
+    columns = {
+        "position": np.tile([body.position for body in scenario.bodies], (frames, 1, 1)),
+        "orientation": np.tile([body.orientation for body in scenario.bodies], (frames, 1, 1)),
+    }
+    columns["linear_velocity"] = np.zeros_like(columns["position"])
+    columns["angular_velocity"] = np.zeros_like(columns["position"])
+    columns["position"][:, index] = position
+    columns["linear_velocity"][:, index] = velocity
+    columns["angular_velocity"][:, index] = spin
+    if orientation is not None:
+        columns["orientation"][:, index] = orientation
+    return columns
+
+
+def flight(frames, start, velocity, **bounce):
+    """Positions and velocities (f, 3) of a ball that flies straight; hit `at` so many frames it goes on with
+    the velocity `after` [m/s]."""
+    times = np.arange(frames) * FRAME
+    start, velocity = np.array(start, dtype=float), np.array(velocity, dtype=float)
+    if not bounce:
+        return start + np.outer(times, velocity), np.tile(velocity, (frames, 1))
+    hit, after = bounce["at"] * FRAME, np.array(bounce["after"], dtype=float)
+    before = times[:, None] <= hit
+    place = start + hit * velocity
+    position = np.where(
+        before, start + np.outer(times, velocity), place + np.outer(np.maximum(times - hit, 0.0), after)
+    )
+    return position, np.where(before, velocity, after)
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("half", PLATES)
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_a_ball_through_a_plate_is_one_passage(lab, recordings, speed, half, phase):
+    """A ball that goes straight through a plate passes it once, at any speed and phase of the frame."""
+    scenario = lab.scene(plate(lab, half), lab.ball(), effects=(), duration=0.2)
+    slanted = np.array((0.2, 0.1, -1.0)) * speed
+    start = -slanted * FRAME * (5 + phase)
+    position, velocity = flight(13, start, slanted)
+    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 1
+    # seen from below, and by an engine that slows the ball down in the plate
+    slow = np.where(np.arange(13)[:, None] <= 5 + phase, 1.0, 0.3)
+    columns = moving(scenario, 1, -np.where(slow == 1, position, 0.3 * position), -slow * velocity)
+    assert counted(recordings, scenario, **columns) == 1
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("half", PLATES)
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_a_bounce_is_no_passage(lab, recordings, speed, half, phase):
+    """A ball that comes back to the side it came from did not pass, however far it goes in a frame."""
+    scenario = lab.scene(plate(lab, half), lab.ball(), effects=(), duration=0.2)
+    down = np.array((0.1, 0.0, -1.0)) * speed
+    for restitution in (0.8, 0.01):
+        start = np.array((0.0, 0.0, half + RADIUS)) - down * FRAME * (5 + phase)
+        bounce = {"at": 5 + phase, "after": down * (1, 1, -restitution)}
+        position, velocity = flight(13, start, down, **bounce)
+        assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+
+
+@pytest.mark.parametrize("speed", [2.5, 3.0, 6.0])
+def test_a_hand_through_its_table(recordings, speed):
+    """A hand whose parts all go through a table of 4 cm is counted; one that stops on it is not."""
+    links, joints = hand_parts()
+    names = tuple(joint.name for joint in joints)
+    origin, upright = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    glove = Tracker("palm", names, (0.0, 1.0), (origin,) * 2, (upright,) * 2, ((0.1, 0.15, 0.1) * 5,) * 2)
+    fields = {"name": "t", "summary": "t", "tags": (), "coefficients": TABLE_1, "duration": 0.25}
+    pieces = driven_pieces(Scenario(bodies=links, joints=joints, trackers=(glove,), **fields))
+    inertia = box_inertia(0.4, (0.045, 0.04, 0.014))
+    hand = Body("hand", "driven", "human", tuple(pieces), mass=0.4, inertia=inertia)
+    table = Body("table", "fixed", "wood", (Piece("top", Box(TABLE_HALF)),))
+    still = Tracker("hand", (), (0.0, 1.0), (origin,) * 2, (upright,) * 2, ((), ()))
+    scenario = Scenario(bodies=(table, hand), trackers=(still,), **fields)
+    frames = np.arange(16)
+    height = 0.3 - speed * FRAME * frames
+    path = np.column_stack((np.zeros((16, 2)), height))
+    down = np.tile((0.0, 0.0, -speed), (16, 1))
+    assert counted(recordings, scenario, **moving(scenario, 1, path, down)) == 1
+    stopped = np.maximum(path, (-1.0, -1.0, 0.04))
+    assert counted(recordings, scenario, **moving(scenario, 1, stopped, down)) == 0
+
+
+def rod(position=(0.0, 0.0, 0.0), **fields):
+    """A rod of a metre along x, 2 cm thick."""
+    turn = (0.5**0.5, 0.0, 0.5**0.5, 0.0)
+    piece = Piece("rod", Capsule(0.01, 0.49), (0.0, 0.0, 0.0), turn)
+    inertia = box_inertia(1.0, (0.5, 0.01, 0.01))
+    return Body("rod", "simulated", "wood", (piece,), mass=1.0, inertia=inertia, position=position, **fields)
+
+
+def spun(frames, rate, start=0.0):
+    """Orientations (f, 4) of a body that turns about z at a rate [rad/s]."""
+    angle = start + rate * FRAME * np.arange(frames)
+    return np.column_stack((np.cos(angle / 2), np.zeros((frames, 2)), np.sin(angle / 2)))
+
+
+@pytest.mark.parametrize("rate", [2.0, 30.0, 100.0, 200.0])
+def test_a_spinning_rod_that_sweeps_through_a_ball(lab, recordings, rate):
+    """Both ends of a rod that turns go through a ball in its reach, none through one beyond or above it."""
+    frames = round(60 * 1.2 * pi / rate) + 2
+    rate, start = 1.2 * pi / ((frames - 1) * FRAME), -0.1 * pi  # 1.2 half turns in whole frames
+    for place, passed in (
+        ((0.4, 0.0, 0.0), 2),
+        ((0.3, 0.0, 0.01), 2),
+        ((0.57, 0.0, 0.0), 0),
+        ((0.4, 0.0, 0.07), 0),
+    ):
+        scenario = lab.scene(rod(), lab.ball(position=place), effects=(), duration=(frames - 1) * FRAME)
+        turned, spin = spun(frames, rate, start), (0.0, 0.0, rate)
+        columns = moving(scenario, 0, (0.0, 0.0, 0.0), orientation=turned, spin=spin)
+        assert counted(recordings, scenario, **columns) == passed
+
+
+def two_balls(lab, recordings, ways, starts, bounce=None):
+    """Passages of two balls that fly, from starts with velocities; a bounce as in `flight` for each."""
+    balls = lab.ball("one", (0.0, 0.0, 1.0)), lab.ball("two", (0.0, 0.0, 2.0))
+    scenario = lab.scene(*balls, effects=(), duration=0.1)
+    columns = moving(scenario, 0, 0.0)
+    for k in (0, 1):
+        hit = {"at": bounce, "after": ways[1 - k]} if bounce else {}
+        columns["position"][:, k], columns["linear_velocity"][:, k] = flight(7, starts[k], ways[k], **hit)
+    return counted(recordings, scenario, **columns)
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("speed", [6.0, 100.0, 3000.0])
+def test_two_fast_balls(lab, recordings, speed, phase):
+    """Two balls that go through each other pass; that bounce, miss, or cross one after the other do not."""
+    east, west, north = np.eye(3)[0] * speed, -np.eye(3)[0] * speed, np.eye(3)[1] * speed
+    meet = (2 + phase) * FRAME
+    aside = np.array((0.0, 0.12, 0.0))
+    assert two_balls(lab, recordings, (east, west), (-east * meet, -west * meet)) == 1
+    assert two_balls(lab, recordings, (east, north), (-east * meet, -north * meet)) == 1
+    assert two_balls(lab, recordings, (east, west), (-east * meet, -west * meet + aside)) == 0
+    late = meet + 0.2 / speed
+    assert two_balls(lab, recordings, (east, north), (-east * meet, -north * late)) == 0
+    gap = np.array((-RADIUS, 0.0, 0.0))
+    starts = (gap - east * meet, -gap - west * meet)
+    assert two_balls(lab, recordings, (east, west), starts, bounce=2 + phase) == 0
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_a_graze_is_no_passage(lab, recordings, speed):
+    """Along a face, a few millimetres deep, and over a corner of it: no passage."""
+    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.2)
+    along = np.array((speed, 0.0, 0.0))
+    position, velocity = flight(13, (-5.3 * speed * FRAME, 0.0, 0.067), along)
+    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+    slanted = np.array((0.7, 0.0, -0.7)) * speed
+    position, velocity = flight(13, np.array((0.42, 0.0, 0.05)) - 5.3 * FRAME * slanted, slanted)
+    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+
+
+@pytest.mark.parametrize("seconds", [1 / 60, 2 / 60, 0.2])
+def test_round_an_edge_is_no_passage(lab, recordings, seconds):
+    """From over a plate to under it on a half circle round its edge, in one frame or in many."""
+    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.4)
+    frames = np.arange(scenario.frame_count + 1)
+    radius = 0.02 + RADIUS + 1e-4
+    for shift in (0.0, 0.3, 0.7):
+        angle = np.clip((frames - 8 + shift) * FRAME / seconds, 0.0, 1.0) * pi
+        rate = np.where((angle > 0) & (angle < pi), pi / seconds, 0.0)
+        position = np.array([(0.4 + radius * sin(t), 0.0, radius * cos(t)) for t in angle])
+        velocity = np.array([(radius * cos(t), 0.0, -radius * sin(t)) for t in angle]) * rate[:, None]
+        # in and out along the faces
+        before, after = np.minimum(frames - 8, 0), np.maximum(frames - 8 - round(seconds * 60) - 1, 0)
+        position[:, 0] -= 0.02 * (np.abs(before) + after)
+        speeds = np.where(rate > 0, 0.0, radius * pi / seconds)
+        velocity[:, 0] += speeds * np.where(angle > 0, -1.0, 1.0)
+        assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+
+
+def test_to_end_inside_is_no_passage(lab, recordings):
+    """A ball that sinks into a plate and stays, or that started there and leaves, is not through; nor is one
+    that sinks to the middle and comes back."""
+    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=10 * FRAME)
+    down = np.linspace(0.2, -0.06, 11)
+    back = np.concatenate((np.linspace(0.2, -0.005, 6), np.linspace(0.02, 0.2, 5)))
+    for height in (down, -down[::-1], np.maximum(down, 0.0), back):
+        position = np.column_stack((np.zeros((11, 2)), height))
+        velocity = np.gradient(position, FRAME, axis=0)
+        assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+    through = np.column_stack((np.zeros((11, 2)), np.linspace(0.2, -0.08, 11)))
+    assert counted(recordings, scenario, **moving(scenario, 1, through)) == 1
+
+
+def test_what_stands_on_a_plate_can_pass_it(lab, recordings):
+    """A ball that rests on a plate, a thousandth of it deep, and is under it in the next frame passed."""
+    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.1)
+    height = np.array([0.07, 0.07, 0.07, -0.09, -0.2, -0.3, -0.4]) - 7e-5
+    position = np.column_stack((np.zeros((7, 2)), height))
+    assert counted(recordings, scenario, **moving(scenario, 1, position)) == 1
+
+
+def test_no_contact_reported_convicts(lab, recordings):
+    """Hit under the plate so that nobody knows the way: a passage where no contact with the plate is told."""
+    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=2 * FRAME)
+    position = np.array([(0.0, 0.0, 25.0), (0.0, 0.0, -5.0), (0.0, 0.0, -4.0)])
+    velocity = np.array([(0.0, 0.0, -3000.0), (0.0, 0.0, 60.0), (0.0, 0.0, 60.0)])
+    columns = moving(scenario, 1, position, velocity)
+    assert counted(recordings, scenario, **columns) == 1
+    told = recordings.contacts({"time": 1e-3, "body_a": 0, "body_b": 1, "normal": (0.0, 0.0, 1.0)})
+    assert counted(recordings, scenario, **columns, contacts=told) == 0
+
+
+def test_pieces_of_a_body_pass_together(lab, recordings):
+    """A body of two balls that goes through a plate passes once; two bodies twice."""
+    dumbbell = lab.ball("dumbbell")
+    ends = [replace(dumbbell.pieces[0], name=f"{x}", position=(x, 0.0, 0.0)) for x in (-0.06, 0.06)]
+    scenario = lab.scene(plate(lab, 0.02), replace(dumbbell, pieces=tuple(ends)), effects=(), duration=0.1)
+    position, velocity = flight(7, (0.0, 0.0, 0.3), (0.0, 0.0, -6.0))
+    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 1
+    scenario = lab.scene(
+        plate(lab, 0.02), lab.ball("one"), lab.ball("two", (0.2, 0.0, 1.0)), effects=(), duration=0.1
+    )
+    columns = moving(scenario, 1, position, velocity)
+    columns["position"][:, 2] = position + (0.2, 0.0, 0.0)
+    assert counted(recordings, scenario, **columns) == 2
+
+
+@pytest.mark.parametrize(
+    ("start", "way", "expected"),
+    [
+        ((0.0, 0.0, 0.25), (0.0, 0.0, -0.5), 1),  # straight through, within one frame
+        ((0.3, 0.0, 0.25), (0.15, 0.0, -0.5), 1),  # slanted, through the rim
+        ((0.4, 0.0, 0.25), (0.15, 0.0, -0.5), 0),  # slanted, past the rim
+        ((0.6, 0.0, 0.25), (0.0, 0.0, -0.5), 0),  # beside it
+        ((0.0, 0.0, 0.25), (0.0, 0.0, -0.01), 1),  # slowly, it goes in and out once
+        ((0.0, 0.0, 0.03), (0.3, 0.0, 0.0), 0),  # along the surface, half sunk
+        ((0.0, 0.0, -0.25), (0.0, 0.0, 0.5), 1),  # from below
+    ],
+)
+def test_ways_by_a_plate(lab, recordings, start, way, expected):
+    """A ball without any velocity told passes where its places say so, however fast."""
+    duration = 1.0 if way[2] == -0.01 else 2 / 60
+    scenario = lab.scene(plate(lab, 0.005), lab.ball(position=start), effects=(), duration=duration)
+    frames = np.arange(scenario.frame_count + 1)
+    columns = moving(scenario, 1, np.array(start) + np.outer(frames, way))
+    assert counted(recordings, scenario, **columns) == expected
+
+
+def test_there_and_back_are_two(lab, recordings):
+    """A plate that stands upright is passed, and passed again."""
+    turn = (0.5**0.5, 0.5**0.5, 0.0, 0.0)
+    scenario = lab.scene(plate(lab, 0.005, orientation=turn), lab.ball(), effects=(), duration=2 / 60)
+    position = np.array([[0.0, 0.2, 0.1], [0.0, -0.2, 0.1], [0.0, 0.2, 0.1]])
+    assert counted(recordings, scenario, **moving(scenario, 1, position)) == 2
+
+
+def test_a_plate_that_moves_over_a_ball_passes(lab, recordings):
+    """It does not matter which of two moves, nor whether both fall."""
+    thin = plate(lab, 5e-4, kind="simulated")
+    scenario = lab.scene(thin, lab.ball(position=(0.0, 0.0, 0.5)), effects=(), duration=0.2)
+    position, velocity = flight(13, (0.0, 0.0, -1.0), (0.0, 0.0, 9.0))
+    assert counted(recordings, scenario, **moving(scenario, 0, position, velocity)) == 1
+    columns = moving(scenario, 0, position + velocity / 3, velocity)
+    columns["position"][:, 1], columns["linear_velocity"][:, 1] = flight(13, (0, 0, 0.5), (0, 0, 8.9))
+    assert counted(recordings, scenario, **columns) == 0
+
+
+def test_the_first_passage_is_named(lab, recordings, known):
+    """The metric counts passages and names the first, with its time."""
+    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.2)
+    position, velocity = flight(13, (0.0, 0.0, 0.45), (0.0, 0.0, -6.0))
+    columns = moving(scenario, 1, position, velocity)
+    found = known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)[""]
+    assert found == Value(1.0, "first plate through ball at 0.075 s")
