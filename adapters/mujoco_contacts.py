@@ -10,8 +10,8 @@ contact (timeconst >= 2 dt; the positive form has no such floor for zeta < 1 and
 given per pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal cone share the pair's
 damping: friction is Coulomb's for e up to about .8, fades above, and is none at e = 1.
 
-In `accurate`, zeta allows for a contact's letting go while still compressed, where its force would turn negative
-(Schwager & Poeschel 2007): with zeta = cos t, or cosh t beyond critical damping, that leaves
+In `accurate`, zeta allows for a contact's letting go while still compressed, where its force would turn
+negative (Schwager & Poeschel 2007): with zeta = cos t, or cosh t beyond critical damping, that leaves
 e = exp(-2 t cot t), or exp(-2 t coth t). Contacts are as stiff as the step allows. Stiffness and damping are
 those whose *steps* have the spring's decay and frequency, for MuJoCo's are explicit in both; the impedance
 does not depend on depth, so that the spring is linear. Friction is damped by itself (solreffriction, which
