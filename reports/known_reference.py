@@ -17,6 +17,14 @@ HEAP = (
     "islands hold more bodies than Newton's method takes, and 40 sweeps a dense substep leave "
     "wedged balls a residual; they creep on"
 )
+HOVERS = (
+    "while an arm slides along what its tracker presses it into, the least turn is linear in a frame and leaves "
+    "the hand up to 0.19 mm off; where the tracker stays it is 5e-7 m"
+)
+LAGS = (
+    "a chain follows its tracker with a lag of 0.1 s and comes free link by link: for much of the time in which "
+    "the tracker is in the wall, the hand is not at it yet, or no longer"
+)
 ROLLING = "a coin that turns sinks over a substep, by up to 1.5e-6 m at the displayed frame"
 SLIDING = (
     "several contacts slide at once between bodies that lean on each other: some solves end at 1e-9 "
@@ -91,6 +99,24 @@ CAUSES: tuple[Cause, ...] = (
             "accurate": {
                 "overlap.max": "balls_box",
                 "rest.speed": "balls_box",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        HOVERS,
+        {
+            "balanced accurate": {
+                "contact.gap": "two_arms:east_wall-torso",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        LAGS,
+        {
+            "paper": {
+                "contact.gap": "corner_slide:north_wall-torso",
             },
         },
     ),
