@@ -18,12 +18,12 @@ HEAP = (
     "wedged balls a residual; they creep on"
 )
 HOVERS = (
-    "while an arm slides along what its tracker presses it into, the least turn is linear in a frame and leaves "
-    "the hand up to 0.19 mm off; where the tracker stays it is 5e-7 m"
+    "while an arm slides along what its tracker presses it into, the least turn is linear in a frame and "
+    "leaves the hand up to 0.19 mm off; where the tracker stays it is 5e-7 m"
 )
 LAGS = (
-    "a chain follows its tracker with a lag of 0.1 s and comes free link by link: for much of the time in which "
-    "the tracker is in the wall, the hand is not at it yet, or no longer"
+    "a chain follows its tracker with a lag of 0.1 s and comes free link by link: for much of the time in "
+    "which the tracker is in the wall, the hand is not at it yet, or no longer"
 )
 ROLLING = "a coin that turns sinks over a substep, by up to 1.5e-6 m at the displayed frame"
 SLIDING = (
