@@ -169,6 +169,7 @@ CAUSES: tuple[Cause, ...] = (
                 "contact.gap": "table_slide:table-palm",
             },
             "recommended": {
+                "contact.gap": "table_slide:table-palm",
                 "overlap.max": "table_slide",
             },
         },
