@@ -74,6 +74,8 @@ def newton(solver, state):
         for k in range(count):
             p, q, d = rows[k]["impulse"], rows[k]["centre"], rows[k]["direction"]
             p[0], p[1], p[2] = _project(rows[k], 0.0)
+            # where z is large its rounding is, too
+            into_cone(rows[k])
             for i in range(3):
                 d[i] = p[i] - q[i]
         rebuild(solver)

@@ -269,8 +269,8 @@ INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which an outer iteration ends [1]."""
 NEWTON_INNER, NEWTON_FACTORS = 15, 300
 """Factorisations of one outer iteration, and of all of an island."""
-NEWTON_WORK, NEWTON_ALLOWANCE = 1e7, 3e6
-"""Multiplications of all factorisations of a frame, where they are fewer: some 10 ms; and of an island
+NEWTON_WORK, NEWTON_ALLOWANCE = 3e7, 3e6
+"""Multiplications of all factorisations of a frame, where they are fewer: some 30 ms; and of an island
 when these are used up. What is larger then goes by sweeps."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged answer is taken."""

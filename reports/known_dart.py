@@ -192,11 +192,11 @@ CAUSES: tuple[Cause, ...] = (
         "dart",
         LATE_MESH,
         {
+            "recommended equal-step default": {
+                "contact.gap": "table_slide:table-palm",
+            },
             "recommended default": {
                 "overlap.max": "table_slide",
-            },
-            "equal-step": {
-                "contact.gap": "table_slide:table-palm",
             },
         },
     ),

@@ -7,6 +7,7 @@ import pytest
 
 from adapters.engine import AdapterError
 from adapters.record import record
+from reference_impl.conventions import OVERLAP_TOLERANCE
 
 
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])
@@ -20,7 +21,8 @@ def test_overlap_at_the_start_is_parted_without_a_throw(lab, profile):
     assert told[0][0] == pytest.approx(9.81 * 0.05, rel=1e-4)  # lifted from where it fell to in a frame
     # what is lifted keeps the speed of the frame at most: g / 60
     assert np.abs([velocity for _, velocity in told]).max() <= 9.81 / 60 + 1e-9
-    assert world.bodies["position"][:, 2] == pytest.approx([-0.5, 0.05, 0.15], abs=1e-6)
+    # as deep as two pairs may be left
+    assert world.bodies["position"][:, 2] == pytest.approx([-0.5, 0.05, 0.15], abs=2 * OVERLAP_TOLERANCE)
 
 
 def test_bodies_in_one_place_are_not_played(lab, registry):
