@@ -253,7 +253,7 @@ CAUSES: tuple[Cause, ...] = (
         "mujoco",
         SOFT_LIMITS,
         {
-            "recommended equal-step default": {
+            "recommended equal-step default accurate": {
                 "joint.limit": "corner_slide two_arms wall_push",
             },
         },
