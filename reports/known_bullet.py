@@ -38,10 +38,6 @@ MARGIN = (
     "moves by 14 mm, by 1.6 mm with a margin of 0.1 mm; links keep theirs whatever is asked for, "
     "a hand hovers by 0.9 mm and two arms by 2.0 mm"
 )
-PRESSED_BACK = (
-    "a pressed limb that was lifted out is pushed back in by its servo until contact is found "
-    "again, F h^2 / m in a step: 2.5, 0.6 and 0.1 mm at 1/240, 1/480 and 1/960 s"
-)
 ROUNDS = (
     "50 rounds of sequential impulses a step leave the lowest contacts of a stack unsolved: "
     "tower_20 moves by 78 mm, by 24 and 8 mm with 200 and 1,000 rounds"
@@ -123,7 +119,7 @@ CAUSES: tuple[Cause, ...] = (
         "bullet",
         LATE_LIMITS,
         {
-            "recommended equal-step default": {
+            "recommended equal-step default maximal": {
                 "joint.limit": "two_arms wall_push",
             },
         },
@@ -145,7 +141,7 @@ CAUSES: tuple[Cause, ...] = (
         "bullet",
         MARGIN,
         {
-            "recommended equal-step default accurate": {
+            "recommended equal-step default accurate maximal": {
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
                     "table_slide:table-palm two_arms:east_wall-torso"
@@ -170,15 +166,6 @@ CAUSES: tuple[Cause, ...] = (
         {
             "recommended equal-step default accurate": {
                 "energy.injected": "rod_e1",
-            },
-        },
-    ),
-    Cause(
-        "bullet",
-        PRESSED_BACK,
-        {
-            "recommended equal-step default": {
-                "contact.gap": "wall_push:east_wall-torso",
             },
         },
     ),
