@@ -258,9 +258,7 @@ CAUSES: tuple[Cause, ...] = (
         PRESSED_BACK,
         {
             "equal-step": {
-                "contact.gap": (
-                    "corner_slide:east_wall-torso corner_slide:north_wall-torso wall_push:east_wall-torso"
-                ),
+                "contact.gap": "corner_slide:north_wall-torso wall_push:east_wall-torso",
                 "overlap.max": "wall_push",
             },
         },
