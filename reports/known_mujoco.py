@@ -117,7 +117,6 @@ CAUSES: tuple[Cause, ...] = (
             },
             "equal-step": {
                 "friction.creep": "brick_wall",
-                "overlap.tunnelled": "coin_falls",
                 "symmetry.mirror": "brick_wall",
             },
         },
