@@ -84,31 +84,12 @@ CAUSES: tuple[Cause, ...] = (
                 "rest.moved": "arch_stands",
                 "symmetry.mirror": "arch_stands",
             },
-            "recommended equal-step default": {
-                "friction.cone": (
-                    "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall coin_falls "
-                    "coin_rolls coin_spins corner_slide dominoes pyramid slide table_slide tower_20 "
-                    "tower_40 two_arms wall_push"
-                ),
-            },
             "recommended default accurate": {
                 "energy.injected": "arch_stands",
             },
-            "recommended default": {
-                "friction.cone": (
-                    "incline_holds incline_slides stack tall_holds tip_falls tip_holds tower_10"
-                ),
-            },
             "equal-step": {
                 "contact.gap": "arch_stands:floor-stone_10 arch_stands:floor-stone_8",
-                "friction.cone": "tower_20_jittered",
-                "friction.deficit": "ball_snip:table-ball",
                 "overlap.max": "arch_stands",
-            },
-        },
-        never={
-            "recommended equal-step default": {
-                "events.meet": "tip_falls:box-stop",
             },
         },
     ),
@@ -116,11 +97,23 @@ CAUSES: tuple[Cause, ...] = (
         "dart",
         BOUNDS,
         {
-            "recommended": {
+            "recommended equal-step default": {
+                "friction.cone": (
+                    "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall coin_falls "
+                    "coin_rolls coin_spins corner_slide dominoes pyramid slide table_slide tip_falls "
+                    "two_arms wall_push"
+                ),
+            },
+            "recommended equal-step": {
                 "friction.cone": "tower_20_jittered",
             },
+            "recommended default": {
+                "friction.cone": (
+                    "incline_holds incline_slides stack tall_holds tip_holds tower_10 tower_20 tower_40"
+                ),
+            },
             "equal-step": {
-                "friction.cone": "stack tower_10",
+                "friction.deficit": "ball_snip:table-ball",
             },
         },
     ),
@@ -287,6 +280,16 @@ CAUSES: tuple[Cause, ...] = (
         {
             "recommended equal-step default accurate": {
                 "contact.gap": "bounce_e0",
+            },
+        },
+    ),
+    Cause(
+        "dart",
+        TIP,
+        {},
+        never={
+            "recommended equal-step default": {
+                "events.meet": "tip_falls:box-stop",
             },
         },
     ),
