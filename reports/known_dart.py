@@ -100,20 +100,23 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default": {
                 "friction.cone": (
                     "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall coin_falls "
-                    "coin_rolls coin_spins corner_slide dominoes pyramid slide table_slide tip_falls "
-                    "two_arms wall_push"
+                    "coin_rolls coin_spins corner_slide dominoes pyramid slide table_slide two_arms "
+                    "wall_push"
                 ),
             },
             "recommended equal-step": {
                 "friction.cone": "tower_20_jittered",
             },
-            "recommended default": {
-                "friction.cone": (
-                    "incline_holds incline_slides stack tall_holds tip_holds tower_10 tower_20 tower_40"
-                ),
+            "equal-step default": {
+                "friction.cone": "tip_falls",
             },
             "equal-step": {
                 "friction.deficit": "ball_snip:table-ball",
+            },
+            "default": {
+                "friction.cone": (
+                    "incline_holds incline_slides stack tall_holds tip_holds tower_10 tower_20 tower_40"
+                ),
             },
         },
     ),
