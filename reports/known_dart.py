@@ -156,7 +156,11 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "slide",
             },
             "recommended": {
-                "contact.gap": "slide:plane-box_0 slide:plane-box_22.5",
+                "contact.gap": (
+                    "slide:plane-box_0 slide:plane-box_22.5 slide_seed1:plane-box_13 "
+                    "slide_seed1:plane-box_85.4"
+                ),
+                "overlap.max": "slide_seed1",
             },
             "equal-step": {
                 "contact.gap": "slide:plane-box_45",
