@@ -52,7 +52,7 @@ def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
         handles, labels = grid.flat[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower left", ncols=6, frameon=False, markerscale=1.6)
         figure.suptitle(
-            "What random scenes do to the energy, and how well contacts are solved\n",
+            "Random scenes: rise of energy and residual\n",
             x=0.01, ha="left", color=INK, fontsize=13, fontweight="bold",
         )  # fmt: skip
         figure.supylabel(
