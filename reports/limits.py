@@ -29,7 +29,14 @@ class Limit:
     by_construction: bool = False
 
 
-PERSON_ENERGY = {"wall_push": 40.0, "corner_slide": 0.51, "two_arms": 2.7, "arms_cross": 0.37}
+PERSON_ENERGY = {
+    "wall_push": 40.0,
+    "corner_slide": 0.51,
+    "two_arms": 2.7,
+    "arms_cross": 0.37,
+    "volley": 2.0,
+    "push_box": 55.5,
+}
 """Largest kinetic energy that the tracker of a scene asks for [J]."""
 HINGE_SPEED = {
     "wall_push": 7.5,
@@ -38,6 +45,8 @@ HINGE_SPEED = {
     "arms_cross": 2.2,
     "ball_snip": 11.8,
     "table_slide": 0.0,
+    "volley": 3.1,
+    "push_box": 5.1,
 }
 """Largest speed of a hinge of a scene's tracker [rad/s]: attraction follows it, removal that tears would be
 faster."""
@@ -71,7 +80,9 @@ GALLERY: tuple[Limit, ...] = (
     Limit("friction.cone.point", 1e-12, "Coulomb's inequality at every point, to rounding", "reference"),
     Limit("friction.deficit", 0.05, "sliding friction within 5 % of mu", subject="table-ball"),
     Limit("friction.deficit", 1e-9, "Coulomb's law, to rounding", engine="reference"),
+    Limit("friction.deficit", 0.05, "sliding friction within 5 % of mu", subject="floor-box"),
     Limit("friction.direction", 0.02, "about one degree", subject="table-ball"),
+    Limit("friction.coast", 0.05, "5 %, as of mu"),
     *(
         Limit("energy.injected", 1e-4, "0.1 % of the energy with which the ball lands", scenario=scene)
         for scene in ("ball_snip", "table_slide")

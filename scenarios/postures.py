@@ -30,6 +30,20 @@ STRETCHED = 0.999
 """Share of its length that an arm reaches at most [1]: a stretched one does not tell where the elbow is."""
 CLEARANCE = 0.03
 """Of the soles over the floor, upright [m]: a tracker knows the height of a person's soles no better."""
+LEFT, RIGHT = 1, -1
+"""Sides of the person."""
+HANGING: Vector = (0.18, 0.22, SHOULDER[2] - 0.58)
+"""The middle of a left hand that hangs, the elbow bent by half a right angle [m]."""
+
+
+def hanging(side: int, times: Array) -> Array:
+    """The middle of a hand that hangs (n, 3) [m], at every moment."""
+    return np.tile(np.multiply(HANGING, (1, side, 1)), (len(times), 1))
+
+
+def between(start: Array, end: Array | Vector, share: Array) -> Array:
+    """Points (n, 3) on the way from `start` to `end` [m], by the share (n,) of it that is done."""
+    return np.asarray(start + share[:, None] * (np.asarray(end) - start))
 
 
 def reach(side: int, points: Array, elbow: Vector | Array = (-0.5, 0.0, -1.0)) -> Angles:

@@ -58,6 +58,7 @@ _ALL = (
     Metric("friction.deficit", "1", "lower", friction.friction_deficit),
     Metric("friction.direction", "rad", "lower", friction.friction_direction),
     Metric("friction.stop", "1", "lower", sliding.friction_stop),
+    Metric("friction.coast", "1", "lower", sliding.friction_coast),
     Metric("friction.lift", "m", "lower", sliding.friction_lift, _MM),
     Metric("friction.tilt", "rad", "lower", sliding.friction_tilt),
     Metric("friction.creep", "m/s", "lower", sliding.friction_creep, ("mm/s", 1e3)),

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
 from reports.metrics.evidence import Evidence, NotMeasured, Values, worst
-from scenarios.scenario import Arc, Sphere
+from scenarios.scenario import Arc, Box, Sphere
 
 SUPPORTED = 1e-4
 """Gap at the start within which a body lies on a fixed one [m]."""
@@ -17,6 +17,8 @@ ALONG = 1e-9
 """Part of a motion across the support's face up to which it is along it [1]: rounding."""
 STOPPED = 0.05
 """Speed below which a body that slid has stopped [m/s]: what creeps is slower."""
+COASTS = 0.3
+"""Speed from which the way of a body that is let go is told [m/s]: 1.5 cm with mu = 0.3."""
 SLIDING = 0.1
 """Share of its first slip down to which a ball surely slides [1]: the line of slip over time ends there."""
 
@@ -31,6 +33,31 @@ def friction_stop(evidence: Evidence) -> Values:
         c = evidence.mass_centers[:, body]
         found[name] = float((c[-1] - c[0]) @ way / (way @ way) - 1)
     return _measured(found, "no body slides until it stops")
+
+
+def friction_coast(evidence: Evidence) -> Values:
+    """Way of a box from where a driven body lets it go to where it stops, over v^2 / (2 mu g), less 1 [1].
+
+    Truth 0 for a box that slides on a level floor without a spin. v is its speed at the end of the last frame
+    in which it is driven; one that is slower than COASTS then, or never stops, tells nothing.
+    """
+    rows, kind = evidence.recording.contacts, np.array(evidence.kind)
+    velocity, centers = evidence.recording.linear_velocity, evidence.mass_centers
+    found, reason = {}, "no box that a driven body pushed slides on by itself"
+    for body in evidence.simulated:
+        pieces = evidence.scenario.bodies[body].pieces
+        mine = (rows["body_a"] == body) | (rows["body_b"] == body)
+        pushed = mine & ((kind[rows["body_a"]] == "driven") | (kind[rows["body_b"]] == "driven"))
+        if len(pieces) > 1 or not isinstance(pieces[0].shape, Box) or not pushed.any():
+            continue
+        free = int(evidence.contact_frame[pushed].max()) + 1
+        alone = mine & (evidence.contact_frame >= free)
+        mu, gravity = np.unique(evidence.friction[alone]), np.linalg.norm(evidence.gravity)
+        speed = float(np.linalg.norm(velocity[free, body]))
+        if len(mu) == 1 and speed > COASTS and np.linalg.norm(velocity[-1, body]) < STOPPED:
+            way = float(np.linalg.norm(centers[-1, body] - centers[free, body]))
+            found[evidence.scenario.bodies[body].name] = way * 2 * mu[0] * gravity / speed**2 - 1
+    return _measured(found, reason)
 
 
 def friction_lift(evidence: Evidence) -> Values:

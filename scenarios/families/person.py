@@ -15,7 +15,7 @@ from scenarios.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
 from scenarios.catalogue import scene
 from scenarios.gallery import EAST, NORTH, gallery
 from scenarios.materials import TABLE_1
-from scenarios.postures import CLEARANCE, person_tracker, reach, step
+from scenarios.postures import CLEARANCE, LEFT, RIGHT, between, hanging, person_tracker, reach, step
 from scenarios.scenario import Expectation, Scenario, Tracker, Vector
 from scenarios.tracking import ease
 
@@ -24,11 +24,8 @@ Array = NDArray[np.float64]
 DURATION, FRAME_RATE = 6.0, 60
 TIMES: Array = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
 """Keyframes [s]."""
-HANGING: Vector = (0.18, 0.22, SHOULDER[2] - 0.58)
-"""The middle of a left hand that hangs, the elbow bent by half a right angle [m]."""
 PUSHES, CROSSINGS = (3.0, 4.0, 5.0), (1.8, 3.8)
 """When both arms begin to push into the wall, and against each other [s]."""
-LEFT, RIGHT = 1, -1
 ELBOWS_OUT: dict[int, Vector] = {side: (-0.5, 0.6 * side, -1.0) for side in (LEFT, RIGHT)}
 
 
@@ -41,7 +38,7 @@ def wall_push() -> Scenario:
     gait = np.sin(2 * pi * 2 * there) * (1 - there)
     raised, ahead = ease(TIMES, 0.6, 1.2), ease(TIMES, 2.0, 1.0) - ease(TIMES, 4.6, 1.0)
     swing = np.column_stack((0.2 * gait, 0 * gait, 0.06 * gait**2))
-    forward = _between(_hanging(RIGHT), (0.56, -0.2, SHOULDER[2] - 0.1), raised)
+    forward = between(hanging(RIGHT, TIMES), (0.56, -0.2, SHOULDER[2] - 0.1), raised)
     return _scenario(
         "wall_push",
         "a person walks into a wall, arm and leg stretched out",
@@ -49,7 +46,7 @@ def wall_push() -> Scenario:
             TIMES,
             places,
             0.0,
-            reach(LEFT, _hanging(LEFT) + swing),
+            reach(LEFT, hanging(LEFT, TIMES) + swing),
             reach(RIGHT, forward),
             step(LEFT, 0.35 * gait + 0.7 * ahead, 0.5 * np.abs(gait) + 0.35 * ahead),
             step(RIGHT, -0.35 * gait, 0.5 * np.abs(gait)),
@@ -94,7 +91,7 @@ def corner_slide() -> Scenario:
             TIMES,
             np.tile(root, (len(TIMES), 1)),
             heading,
-            reach(LEFT, _hanging(LEFT) - (0.2, 0.0, 0.02)),
+            reach(LEFT, hanging(LEFT, TIMES) - (0.2, 0.0, 0.02)),
             reach(RIGHT, _seen(world, root, heading), elbow),
         ),
         (
@@ -114,7 +111,7 @@ def two_arms() -> Scenario:
     pushes = sum(ease(TIMES, t, 0.35) - ease(TIMES, t + 0.45, 0.35) for t in PUSHES)
     arms = []
     for side in (LEFT, RIGHT):
-        path = _between(_hanging(side), np.multiply(ready, (1, side, 1)), ease(TIMES, 0.3, 1.4))
+        path = between(hanging(side, TIMES), np.multiply(ready, (1, side, 1)), ease(TIMES, 0.3, 1.4))
         arms.append(reach(side, path + np.outer(pushes, (0.24, 0.0, 0.04))))
     return _scenario(
         "two_arms",
@@ -139,7 +136,7 @@ def arms_cross() -> Scenario:
     pushes = sum(ease(TIMES, t, 0.6) - ease(TIMES, t + 1.0, 0.6) for t in CROSSINGS)
     arms = []
     for side in (LEFT, RIGHT):
-        path = _between(_hanging(side), np.multiply(ready, (1, side, 1)), ease(TIMES, 0.2, 1.3))
+        path = between(hanging(side, TIMES), np.multiply(ready, (1, side, 1)), ease(TIMES, 0.2, 1.3))
         arms.append(reach(side, path + np.outer(pushes, (0.0, -0.14 * side, 0.005 * side)), ELBOWS_OUT[side]))
     return _scenario(
         "arms_cross",
@@ -179,14 +176,6 @@ def _scenario(
         expectations=expectations,
         seed=5,
     )
-
-
-def _hanging(side: int) -> Array:
-    return np.tile(np.multiply(HANGING, (1, side, 1)), (len(TIMES), 1))
-
-
-def _between(start: Array, end: Array | Vector, share: Array) -> Array:
-    return start + share[:, None] * (np.asarray(end) - start)
 
 
 def _seen(points: Array, place: Array, heading: float) -> Array:

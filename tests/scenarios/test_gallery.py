@@ -74,7 +74,7 @@ def test_every_scene_of_the_gallery_plays_in_it() -> None:
         bodies = {body.name: body for body in catalogue()[name].bodies}
         for body in gallery():
             assert bodies[body.name].pieces == body.pieces
-    assert len(SCENES) == 6
+    assert len(SCENES) == 8
 
 
 @pytest.mark.parametrize("name", SCENES)

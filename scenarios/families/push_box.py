@@ -1,0 +1,96 @@
+"""`push_box`: a person pushes a box over the floor with both hands and lets it go."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.avatar import SHOULDER, avatar_parts
+from scenarios.catalogue import scene
+from scenarios.gallery import gallery
+from scenarios.materials import TABLE_1
+from scenarios.postures import LEFT, RIGHT, between, hanging, person_tracker, reach, step
+from scenarios.scenario import Expectation, Scenario, Tracker, Vector
+from scenarios.solids import block
+from scenarios.tracking import ease
+
+Array = NDArray[np.float64]
+
+DURATION, FRAME_RATE = 4.0, 60
+LANE = 0.85
+"""Where the person walks, towards the east: y [m]."""
+START = 3.55
+"""Where the person starts: x [m]."""
+SPEED = 1.0
+"""Of the walk [m/s]."""
+OFF, SPEED_UP, STOP, SLOW_DOWN = 0.3, 1.2, 2.1, 0.5
+"""When the person sets off, until full speed is reached, when the stop begins, and how long it takes [s]."""
+BOX_HALF: Vector = (0.40, 0.35, 0.55)
+"""Half extents of the box [m]: pushed at 1.03 m with mu = 0.3 it stands, by a quarter of its half depth."""
+BOX_MASS = 12.0
+"""An empty crate [kg]: the floor brakes it by 35 N."""
+BOX_START = 4.30 + BOX_HALF[0]
+"""The box' middle: x [m]."""
+READY: Vector = (0.40, 0.16, SHOULDER[2] - 0.42)
+"""The middle of the left hand when it pushes, seen from the torso [m]."""
+WITHDRAWN: Vector = (0.18, 0.18, SHOULDER[2] - 0.42)
+WITHDRAW = 0.25
+"""Time in which both hands let go [s]."""
+STRIDE = 1.2
+"""Way of two steps [m]."""
+
+
+@scene
+def push_box() -> Scenario:
+    """The person walks up to the box, pushes it at 1 m/s, stops and withdraws the hands; the box slides on
+    for v^2 / (2 mu g), 17 cm at that speed."""
+    times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
+    bodies, joints, chains = avatar_parts()
+    crate = block("box", "wood", BOX_HALF, BOX_MASS, (BOX_START, LANE, BOX_HALF[2]))
+    return Scenario(
+        name="push_box",
+        summary="a person pushes a box over the floor and lets it go; friction stops it",
+        tags=("gallery",),
+        bodies=(*gallery(), *bodies, crate),
+        joints=joints,
+        chains=chains,
+        trackers=(_tracker(times),),
+        coefficients=TABLE_1,
+        duration=DURATION,
+        frame_rate=FRAME_RATE,
+        expectations=(
+            Expectation("touch", "box", "left_hand", earliest=0.8, latest=1.4),
+            Expectation("touch", "box", "right_hand", earliest=0.8, latest=1.4),
+            Expectation("leave", "box", "left_hand", earliest=STOP - 0.1, latest=STOP + 0.3),
+            Expectation("leave", "box", "right_hand", earliest=STOP - 0.1, latest=STOP + 0.3),
+        ),
+        seed=5,
+    )
+
+
+def _tracker(times: Array) -> Tracker:
+    """Walk, hands ahead; stop, and hands back."""
+    way = _way(times)
+    speed = np.gradient(way, times)
+    gait = np.sin(2 * pi * way / STRIDE) * speed / SPEED
+    ready, back = ease(times, 0.0, 0.6), ease(times, STOP, WITHDRAW)
+    arms = []
+    for side in (LEFT, RIGHT):
+        raised = between(hanging(side, times), np.multiply(READY, (1, side, 1)), ready)
+        arms.append(reach(side, raised + np.outer(back, np.subtract(WITHDRAWN, READY) * (1, side, 1))))
+    legs = (step(side, 0.35 * side * gait, 0.5 * np.abs(gait)) for side in (LEFT, RIGHT))
+    places = np.column_stack((START + way, np.full_like(way, LANE)))
+    return person_tracker(times, places, 0.0, *arms, *legs)
+
+
+def _way(times: Array) -> Array:
+    """How far the person has walked [m]: SPEED, with an eased start and stop."""
+    return SPEED * (_eased_way(times, OFF, SPEED_UP) - _eased_way(times, STOP, SLOW_DOWN))
+
+
+def _eased_way(times: Array, start: float, duration: float) -> Array:
+    """The integral of `ease` over time [s]."""
+    s = np.clip((times - start) / duration, 0.0, 1.0)
+    return duration * s**3 * (1 - s / 2) + np.maximum(0.0, times - start - duration)

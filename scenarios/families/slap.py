@@ -1,0 +1,55 @@
+"""`slap_*`: a flat hand goes straight down on its table, faster than a frame can follow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarios.catalogue import scene
+from scenarios.gallery import TABLE_TOP, gallery
+from scenarios.hand import hand_parts
+from scenarios.materials import TABLE_1
+from scenarios.scenario import IDENTITY, Expectation, Scenario, Tracker
+
+SPEEDS = (2.5, 3.0, 6.0)
+"""Of the tracker [m/s]: 4.2, 5 and 10 cm in a frame, over a table of 4 cm and fingers of 1.6 cm."""
+START, HEIGHT, DEPTH = 0.1, 0.25, 0.4
+"""When the tracker sets off [s], and how far over and under the table's surface it starts and ends [m]."""
+DURATION, FRAME_RATE = 0.6, 60
+RELAXED = (0.10, 0.15, 0.10)
+"""Angles of every finger's three hinges [rad]."""
+
+
+@scene
+def slaps() -> tuple[Scenario, ...]:
+    """The hand of fifteen parts over a table of the gallery; its tracker goes on through the table."""
+    return tuple(slap(speed) for speed in SPEEDS)
+
+
+def slap(speed: float) -> Scenario:
+    """A hand whose tracker moves down at `speed` [m/s], from rest to rest within a frame."""
+    links, joints = hand_parts()
+    names = tuple(joint.name for joint in joints)
+    times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
+    height = TABLE_TOP + np.maximum(HEIGHT - speed * np.maximum(0.0, times - START), -DEPTH)
+    glove = Tracker(
+        root="palm",
+        joints=names,
+        times=tuple(times.tolist()),
+        positions=tuple((0.0, 0.0, z) for z in height.tolist()),
+        orientations=(IDENTITY,) * len(times),
+        angles=(RELAXED * (len(names) // 3),) * len(times),
+    )
+    table = next(body for body in gallery() if body.name == "table")
+    return Scenario(
+        name=f"slap_{speed:g}",
+        summary=f"a hand at {speed:g} m/s straight down on a table of 4 cm",
+        tags=("probe",),
+        bodies=(table, *links),
+        joints=joints,
+        trackers=(glove,),
+        coefficients=TABLE_1,
+        duration=DURATION,
+        frame_rate=FRAME_RATE,
+        # its lowest part is 1.9 cm below the palm's origin, and the coupling holds it back for a while
+        expectations=(Expectation("touch", "palm", "table", START, START + HEIGHT / speed + 0.1),),
+    )

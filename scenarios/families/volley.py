@@ -1,0 +1,97 @@
+"""`volley`: a person's arm hits thrown balls and slides along a wall: inverse kinematics and movable bodies
+at once."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from scenarios.catalogue import scene
+from scenarios.gallery import NORTH, gallery
+from scenarios.materials import TABLE_1
+from scenarios.postures import CLEARANCE, LEFT, RIGHT, hanging, person_tracker, reach
+from scenarios.scenario import GRAVITY, Body, Expectation, Scenario, Tracker, Vector, vector
+from scenarios.solids import ball
+from scenarios.tracking import ease
+
+Array = NDArray[np.float64]
+
+DURATION, FRAME_RATE = 2.0, 60
+PLACE = (5.0, NORTH - 0.58)
+"""Where the person stands, who looks north [m]."""
+BALL_RADIUS, BALL_MASS = 0.05, 0.15
+"""A light wooden ball: 290 kg/m^3 [m, kg]."""
+LEVEL = SHOULDER[2] - 0.12
+"""Height of the hand's middle over the torso's origin [m]."""
+FREE, WALL = 0.42, 0.475
+"""The hand's middle before the torso [m]: fingers clear of the wall, and half a cm in it."""
+WEST, EAST = 0.0, -0.40
+"""The ends of a sweep [m], to the left of the torso."""
+HAND = (WEST + EAST) / 2
+"""Where a sweep is fastest [m], to the left of the torso."""
+APART = BALL_RADIUS + 0.015
+"""From the hand's middle to that of a ball on its flat side [m]."""
+HIGH = 0.03
+"""How far over the hand's middle a ball is aimed [m]: an arm on servos is late, and it falls meanwhile."""
+HITS: tuple[tuple[float, Vector, Vector], ...] = (
+    # when [s], where the ball's middle is then, seen from the torso [m], and its velocity [m/s, world]
+    (0.42, (0.45, HAND + APART, LEVEL + HIGH), (2.4, 0.0, -1.0)),
+    (0.80, (0.49, HAND - APART, LEVEL + HIGH), (-1.4, 0.0, -2.4)),
+)
+"""A ball from the west for a forehand, and one from the east for a backhand."""
+SWEEP = 0.34
+"""Time of a sweep [s]: 1.8 m/s in its middle."""
+
+
+@scene
+def volley() -> Scenario:
+    """The right hand sweeps west and east; on the way east its fingers slide along the wall."""
+    times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
+    bodies, joints, chains = avatar_parts()
+    return Scenario(
+        name="volley",
+        summary="a person's arm hits two thrown balls while its hand slides along a wall",
+        tags=("gallery",),
+        bodies=(*gallery(), *bodies, *_balls()),
+        joints=joints,
+        chains=chains,
+        trackers=(_tracker(times),),
+        coefficients=TABLE_1,
+        duration=DURATION,
+        frame_rate=FRAME_RATE,
+        expectations=tuple(
+            Expectation("meet", f"ball_{k}", "right_hand", hit - 0.05, hit + 0.05)
+            for k, (hit, *_) in enumerate(HITS, start=1)
+        ),
+        seed=5,
+    )
+
+
+def _balls() -> tuple[Body, ...]:
+    """Each on the parabola that leads to its hit."""
+    found = []
+    pull = np.array((0.0, 0.0, -GRAVITY))
+    for k, (time, (ahead, left, up), velocity) in enumerate(HITS, start=1):
+        hit = np.array((PLACE[0] - left, PLACE[1] + ahead, HIP_HEIGHT + CLEARANCE + up))
+        start = hit - np.multiply(velocity, time) + pull * time**2 / 2
+        thrown = velocity - pull * time
+        found.append(ball(f"ball_{k}", "wood", BALL_RADIUS, BALL_MASS, vector(start), vector(thrown)))
+    return tuple(found)
+
+
+def _tracker(times: Array) -> Tracker:
+    """The right hand goes to and fro, at its fastest at each hit; the left one hangs."""
+    stations: list[tuple[float, Vector]] = [(0.0, (FREE, EAST, LEVEL))]
+    for (hit, *_), side in zip(HITS, (WEST, EAST)):
+        stations.append((hit - SWEEP / 2, stations[-1][1]))
+        stations.append((hit + SWEEP / 2, (WALL, side, LEVEL)))
+    stations += [(1.1, stations[-1][1]), (1.7, (0.25, EAST, LEVEL - 0.3))]
+    path = np.tile(stations[0][1], (len(times), 1))
+    for (start, place), (end, following) in pairwise(stations):
+        path += np.outer(ease(times, start, end - start), np.subtract(following, place))
+    places = np.tile(PLACE, (len(times), 1))
+    return person_tracker(times, places, pi / 2, reach(LEFT, hanging(LEFT, times)), reach(RIGHT, path))
