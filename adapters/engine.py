@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.effects import PLANNED
+from scenarios.noisy_tracker import TRACKERS
 from scenarios.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -77,8 +78,8 @@ class Settings:
     """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
     profile (reference only); the effects asked for, or None for those that the scene calls for; and, filled
     in from the plan, the stages that the reference leaves out, whether it leaves out in each frame what can
-    meet nothing in it, and whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds; and
-    one of DRIVES, how they drive hinges."""
+    meet nothing in it, and whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds;
+    one of DRIVES, how they drive hinges; and one of TRACKERS, which variant of them the scene was given."""
 
     profile: str
     dt: float
@@ -87,7 +88,8 @@ class Settings:
     skipped: tuple[str, ...] = ()
     rooms: bool = False
     sleeping: bool = False
-    drive: str = "native"
+    drive: str = DRIVES[0]
+    tracker: str = TRACKERS[0]
 
     @property
     def label(self) -> str:
@@ -95,6 +97,8 @@ class Settings:
         changed = [*self.changes]
         if self.drive != DRIVES[0]:
             changed.append(f"drive={self.drive}")
+        if self.tracker != TRACKERS[0]:
+            changed.append(f"tracker={self.tracker}")
         if self.effects is not None:
             changed.append("effects=" + ("all" if self.effects == PLANNED else "+".join(self.effects)))
         return ", ".join((self.profile, *changed))

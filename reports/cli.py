@@ -103,6 +103,9 @@ def run(
     drive: Annotated[
         str, typer.Option(help="Of engines' hinges: native (their own position servo), torque or posed.")
     ] = "native",
+    tracker: Annotated[
+        str, typer.Option(help="ideal, or noisy: jitter, lost samples, 60 samples a second that are held.")
+    ] = "ideal",
     hold_last: Annotated[
         bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")
     ] = False,
@@ -116,13 +119,14 @@ def run(
     from reports.output import OutputError
     from reports.run import run as run_study
 
-    scenarios = _scenarios(scenario or [], tag, hold_last)
+    scenarios = _tracked(_scenarios(scenario or [], tag, hold_last), tracker, drive)
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
     request = replace(
         request,
         changes=changes_for(request.columns, change or []),
         effects=effects_for(effects),
         drive=known("drive", drive, DRIVES),
+        tracker=tracker,
     )
     for line in [] if quiet else _held(scenarios):
         print(line, file=sys.stderr)
@@ -177,6 +181,19 @@ def _scenarios(names: list[str], tag: str, hold_last: bool = False) -> list[Scen
         return list(tagged(known("tag", tag, tags(hold_last)), hold_last))
     except ScenarioError as error:
         stop(str(error), BAD_INPUT)
+
+
+def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenario]:
+    """The scenes with the trackers that were asked for; what cannot be ends with a line."""
+    from scenarios.noisy_tracker import TRACKERS, noisy
+
+    if known("tracker", tracker, TRACKERS) == TRACKERS[0]:
+        return scenarios
+    if not any(scenario.trackers for scenario in scenarios):
+        stop(f"--tracker {tracker}: no scene of this run has a tracker", BAD_INPUT)
+    if drive == "posed":
+        stop(f"--tracker {tracker}: kinematic links would jump; choose --drive native or torque", BAD_INPUT)
+    return [noisy(scenario) for scenario in scenarios]
 
 
 def _held(scenarios: Iterable[Scenario]) -> Iterator[str]:

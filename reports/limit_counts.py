@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from reports.results import CONSTRUCTION, UNJUDGED, Row
+from reports.results import CONSTRUCTION, UNAPPLIED, UNJUDGED, Row
 from reports.tables import Column
 
 WORST_LAST = ("pass", "known", UNJUDGED, "fail", "error")
@@ -22,7 +22,8 @@ NOT_REPORTED = "not among the rows of this run"
 @dataclass(frozen=True, slots=True)
 class Count:
     """Of one scene and column: metrics by verdict, those met by construction, and metric -> why it does not
-    apply. `limits` is the number of metrics that are judged in any column."""
+    apply. `limits` is the number of metrics that are judged in any column, or would be with an ideal
+    tracker."""
 
     limits: int
     verdicts: Mapping[str, int]
@@ -54,7 +55,10 @@ def counted(rows: Iterable[Row], columns: Sequence[Column]) -> dict[Column, Coun
             found[column].setdefault(row.metric, []).append(row)
     played = [column for column in columns if column not in ended and found[column]]
     judged = dict.fromkeys(
-        metric for column in played for metric, mine in found[column].items() if _worst(mine) is not None
+        metric
+        for column in played
+        for metric, mine in found[column].items()
+        if _worst(mine) is not None or _unapplied(mine)
     )
     return {column: _count(found[column], list(judged)) for column in played}
 
@@ -77,7 +81,14 @@ def _worst(rows: Iterable[Row]) -> Row | None:
     return max(judged, key=lambda row: WORST_LAST.index(row.verdict), default=None)
 
 
+def _unapplied(rows: Iterable[Row]) -> list[str]:
+    """Why the metric's limit does not apply, where a row says so."""
+    return [row.reason for row in rows if row.basis == UNAPPLIED]
+
+
 def _why_not(rows: Sequence[Row]) -> str:
     if not rows:
         return NOT_REPORTED
+    if _unapplied(rows):
+        return _unapplied(rows)[0]
     return NO_LIMIT if any(isfinite(row.value) for row in rows) else rows[0].reason or NO_LIMIT

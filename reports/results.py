@@ -21,9 +21,10 @@ VERDICTS = ("", "pass", "fail", "known", "error", UNJUDGED, *NOT_RUN)
 `unjudged`: what judges is missing, or a number to compare. `missing`, `unimportable`: the engine is."""
 
 
-CONSTRUCTION, UNAUDITED = "construction", "unaudited"
+CONSTRUCTION, UNAUDITED, UNAPPLIED = "construction", "unaudited", "ideal tracker"
 """What a verdict rests on, where not on a measurement alone: a limit that the method meets by construction
-(angles are clamped, overlap is removed last); impulses that the engine reports and nothing balances."""
+(angles are clamped, overlap is removed last); impulses that the engine reports and nothing balances. And why
+a row that has a limit otherwise has no verdict: the limit follows from the scene's ideal tracker."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,12 +16,12 @@ from adapters.engine import DRIVES, MISSING, Settings
 from adapters.recording import Recording, load
 from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
-from reports.limits import judged
 from reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
 from reports.metrics.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
 from reports.metrics.course import Course, course
 from reports.metrics.events import subjects
 from reports.metrics.evidence import ROUNDING, Evidence, JudgeMissing, NotMeasured, Value
+from reports.noisy_limits import judged
 from reports.output import OutputError, output_folder
 from reports.progress import Progress
 from reports.ratios import time_ratio
@@ -62,6 +62,7 @@ class Request:
     changes: tuple[str, ...] = ()  # "key=value" in the reference's profiles
     effects: tuple[str, ...] | None = None  # to run whatever a scene calls for; None: what it calls for
     drive: str = "native"  # of hinges in DART, Bullet and MuJoCo
+    tracker: str = "ideal"  # the variant of the trackers that the scenes have
     budget: float = inf  # seconds of native steps after which a column leaves out the rest of a scene
 
     def settings(self, engine: str, profile: str) -> Settings:
@@ -70,7 +71,7 @@ class Request:
         changed = changes(profile, self.changes) if self.changes else ()
         # the reference poses hinges, whatever drives those of engines
         drive = DRIVES[0] if engine == REFERENCE else self.drive
-        return Settings(profile, dt, changed, self.effects, drive=drive)
+        return Settings(profile, dt, changed, self.effects, drive=drive, tracker=self.tracker)
 
 
 @dataclass
@@ -107,6 +108,7 @@ def run(request: Request, progress: Progress) -> Results:
         save(results.frame, folder)
         manifest = {
             "command": request.command,
+            "tracker": request.tracker,
             "scenarios": {
                 s.name: {"tags": s.tags, "seed": s.seed, "held_samples": [t.held for t in s.trackers]}
                 for s in request.scenarios

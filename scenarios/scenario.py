@@ -27,6 +27,7 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 LAWS = ("arcs", "torque_free", "coupling")
+INTERPOLATIONS = ("cubic", "held")
 GRAVITY = 9.81
 """On the ground, unless a scene says otherwise [m/s^2]."""
 HOLD_LAST: ContextVar[bool] = ContextVar("HOLD_LAST", default=False)
@@ -167,6 +168,8 @@ class Tracker:
     `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation it is
     critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped servo of
     `hinge_frequency` [rad/s]; the reference poses them exactly. `held` keyframes repeat the last good sample.
+    `interpolation`: cubic splines through the keyframes, or held, where all that leads up to a keyframe sees
+    it.
     """
 
     root: str
@@ -179,6 +182,7 @@ class Tracker:
     damping: float = 40.0
     hinge_frequency: float = 70.0
     held: int = 0
+    interpolation: Literal["cubic", "held"] = "cubic"
 
     def hold_last(self) -> Tracker:
         """A copy in which keyframes with what is no finite number repeat the last good one, counted in

@@ -1,4 +1,5 @@
-"""A tracker's keyframes as smooth motion: cubic interpolation, with velocities."""
+"""A tracker's keyframes as motion, with velocities: interpolated by cubics, or held from keyframe to
+keyframe."""
 
 from __future__ import annotations
 
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from scenarios.scenario import Tracker
+
+ROUNDING = 1e-9
+"""How much later than a keyframe a time may be and still be its own [s]: rounding of steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +34,15 @@ def ease(times: NDArray[np.float64], start: float, duration: float) -> NDArray[n
 
 
 def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
-    """The tracker at `times` [s]: cubic splines through the keyframes.
+    """The tracker at `times` [s], as its `interpolation` says.
 
-    Positions and angles are at rest at both ends; orientations follow scipy's RotationSpline (continuous
-    angular acceleration), which starts and ends as fast as its keyframes turn.
+    cubic: splines through the keyframes. Positions and angles are at rest at both ends; orientations follow
+    scipy's RotationSpline (continuous angular acceleration), which starts and ends as fast as its keyframes
+    turn. held: the first keyframe at or after each time, with the velocity that led to it from the one
+    before. So all native steps of a displayed frame see the sample of its end, as the reference does.
     """
+    if tracker.interpolation == "held":
+        return _held(tracker, times)
     from scipy.interpolate import CubicSpline  # a quarter of what this module's importers spend on importing
 
     positions = CubicSpline(tracker.times, tracker.positions, bc_type="clamped")
@@ -53,4 +61,22 @@ def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
         angular_velocity=turned.apply(rotations(times, 1)),
         angle=angles(times),
         rate=angles(times, 1),
+    )
+
+
+def _held(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
+    keys = np.array(tracker.times)
+    k = np.minimum(np.searchsorted(keys, times - ROUNDING), len(keys) - 1)
+    before = np.maximum(k - 1, 0)
+    lasted = np.where(k > 0, keys[k] - keys[before], 1.0)[:, None]
+    position = np.array(tracker.positions)
+    angle = np.reshape(tracker.angles, (len(keys), len(tracker.joints)))
+    turned = Rotation.from_quat(np.array(tracker.orientations), scalar_first=True)
+    return TrackerMotion(
+        position=position[k],
+        orientation=turned[k].as_quat(scalar_first=True),
+        linear_velocity=(position[k] - position[before]) / lasted,
+        angular_velocity=(turned[k] * turned[before].inv()).as_rotvec() / lasted,
+        angle=angle[k],
+        rate=(angle[k] - angle[before]) / lasted,
     )

@@ -16,6 +16,7 @@ from scenarios.scenario import (
     EFFECTS,
     EVENTS,
     IDENTITY,
+    INTERPOLATIONS,
     LAWS,
     ORIGIN,
     Body,
@@ -280,6 +281,9 @@ def _check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Repo
                 _unit(row, f"{path}.{field}[{k}]", report, 4)
             else:
                 _finite(row, f"{path}.{field}[{k}]", report)
+    if tracker.interpolation not in INTERPOLATIONS:
+        valid = ", ".join(INTERPOLATIONS)
+        report(f"{path}.interpolation", f"unknown {tracker.interpolation!r}; valid: {valid}")
     _positive([tracker.stiffness], f"{path}.stiffness", report)
     _positive([tracker.damping], f"{path}.damping", report)
     _positive([tracker.hinge_frequency], f"{path}.hinge_frequency", report)

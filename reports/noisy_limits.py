@@ -1,0 +1,48 @@
+"""Verdicts of runs with noisy trackers: laws keep their limits, what follows from the ideal tracker has
+none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+
+from reports import limits
+from reports.results import CONSTRUCTION, UNAPPLIED, Row
+
+NOISY = ", tracker=noisy"
+"""What the profile of a row with noisy trackers has in it."""
+OF_THE_TRACKER = ("events.", "truth.", "contact.gap", "joint.speed", "posture.")
+"""Beginnings of metrics whose limits follow from what a scene's ideal tracker does."""
+NOT_IDEAL = "its limit follows from the ideal tracker"
+
+
+def judged(row: Row, tags: tuple[str, ...]) -> Row:
+    """The row with its limit and verdict, whatever its trackers.
+
+    With noisy trackers a documented failing excuses a row without a bound, and may be gone.
+    """
+    if NOISY not in row.profile:
+        return limits.judged(row, tags)
+    if row.verdict not in ("", "pass", "fail"):
+        return row
+    ideal = replace(row, profile=row.profile.replace(NOISY, ""))
+    limit = limits.limit_of(ideal, tags)
+    if _of_the_tracker(row) and (limit is not None or row.verdict):
+        return replace(row, low=nan, high=nan, limit=nan, verdict="", basis=UNAPPLIED, reason=NOT_IDEAL)
+    if limit is None:
+        return row
+    reason, verdict = limit.reason, "pass" if abs(row.value) <= limit.largest else "fail"
+    known = limits.known_of(ideal, tags)
+    if verdict == "fail" and known is not None:
+        verdict, reason = "known", f"{known.reason} (no bound with a noisy tracker)"
+    basis = CONSTRUCTION if limit.by_construction else row.basis
+    remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
+    return replace(row, limit=limit.largest, verdict=verdict, basis=basis, reason=remark)
+
+
+def _of_the_tracker(row: Row) -> bool:
+    """Whether the limit of a metric follows from a tracker. Engines may gain a share of the energy that a
+    tracker asks for; the reference may gain none."""
+    return row.metric.startswith(OF_THE_TRACKER) or (
+        row.metric == "energy.injected" and row.engine != "reference"
+    )
