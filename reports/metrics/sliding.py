@@ -19,6 +19,9 @@ STOPPED = 0.05
 """Speed below which a body that slid has stopped [m/s]: what creeps is slower."""
 COASTS = 0.3
 """Speed from which the way of a body that is let go is told [m/s]: 1.5 cm with mu = 0.3."""
+TURNED = 0.1
+"""Turn beyond which a box no longer slides as a point does [rad]: its corners take 1 % of the friction
+aside."""
 SLIDING = 0.1
 """Share of its first slip down to which a ball surely slides [1]: the line of slip over time ends there."""
 
@@ -38,25 +41,31 @@ def friction_stop(evidence: Evidence) -> Values:
 def friction_coast(evidence: Evidence) -> Values:
     """Way of a box from where a driven body lets it go to where it stops, over v^2 / (2 mu g), less 1 [1].
 
-    Truth 0 for a box that slides on a level floor without a spin. v is its speed at the end of the last frame
-    in which it is driven; one that is slower than COASTS then, or never stops, tells nothing.
+    Truth 0 for a box that slides flat on a level floor. v is its speed at the end of the last frame in which
+    it is driven. A box that is slower than COASTS then, that tilts or turns by more than TURNED from then on,
+    or that does not stop, tells nothing.
     """
-    rows, kind = evidence.recording.contacts, np.array(evidence.kind)
+    rows, driven = evidence.recording.contacts, np.array(evidence.kind) == "driven"
+    by_hand = driven[rows["body_a"]] | driven[rows["body_b"]]
     velocity, centers = evidence.recording.linear_velocity, evidence.mass_centers
     found, reason = {}, "no box that a driven body pushed slides on by itself"
     for body in evidence.simulated:
         pieces = evidence.scenario.bodies[body].pieces
         mine = (rows["body_a"] == body) | (rows["body_b"] == body)
-        pushed = mine & ((kind[rows["body_a"]] == "driven") | (kind[rows["body_b"]] == "driven"))
-        if len(pieces) > 1 or not isinstance(pieces[0].shape, Box) or not pushed.any():
+        if len(pieces) > 1 or not isinstance(pieces[0].shape, Box) or not (mine & by_hand).any():
             continue
-        free = int(evidence.contact_frame[pushed].max()) + 1
-        alone = mine & (evidence.contact_frame >= free)
-        mu, gravity = np.unique(evidence.friction[alone]), np.linalg.norm(evidence.gravity)
+        free = int(evidence.contact_frame[mine & by_hand].max()) + 1
+        mu = np.unique(evidence.friction[mine & (evidence.contact_frame >= free)])
         speed = float(np.linalg.norm(velocity[free, body]))
-        if len(mu) == 1 and speed > COASTS and np.linalg.norm(velocity[-1, body]) < STOPPED:
-            way = float(np.linalg.norm(centers[-1, body] - centers[free, body]))
-            found[evidence.scenario.bodies[body].name] = way * 2 * mu[0] * gravity / speed**2 - 1
+        if len(mu) != 1 or speed <= COASTS or np.linalg.norm(velocity[-1, body]) >= STOPPED:
+            continue
+        turned = Rotation.from_quat(evidence.recording.orientation[free:, body], scalar_first=True)
+        if (turned * turned[0].inv()).magnitude().max() > TURNED:
+            reason = "the box turns or topples after it is let go"
+            continue
+        way = float(np.linalg.norm(centers[-1, body] - centers[free, body]))
+        gravity = float(np.linalg.norm(evidence.gravity))
+        found[evidence.scenario.bodies[body].name] = float(way * 2 * mu[0] * gravity / speed**2 - 1)
     return _measured(found, reason)
 
 

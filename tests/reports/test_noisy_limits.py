@@ -1,0 +1,77 @@
+"""Verdicts with noisy trackers: laws are judged, what follows from the ideal tracker is not, and says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isnan
+
+import pytest
+
+from adapters.engine import Settings
+from reports.limit_counts import counted
+from reports.noisy_limits import NOISY, NOT_IDEAL, judged
+from reports.results import UNAPPLIED, Row
+
+LABEL = f"balanced{NOISY}"
+ROW = Row("run", "wall_push", "reference", LABEL, 1 / 60, "overlap.max", 1e-7)
+TAGS = ("gallery",)
+
+
+def test_the_label_tells_the_tracker():
+    """Rows and files of noisy trackers are told from others as those of another drive are."""
+    assert Settings("balanced", 1 / 60, tracker="noisy").label == LABEL
+    both = Settings("recommended", 1 / 240, drive="torque", tracker="noisy").label
+    assert both == "recommended, drive=torque, tracker=noisy"
+    assert Settings("balanced", 1 / 60).label == "balanced"
+
+
+@pytest.mark.parametrize(
+    ("metric", "passing", "failing"),
+    [
+        ("overlap.max", 1e-7, 1e-3),
+        ("overlap.tunnelled", 0.0, 1.0),
+        ("solver.residual", 1e-9, 1e-3),
+        ("friction.cone", 0.0, 0.1),
+        ("energy.injected", 0.0, 1e-3),
+    ],
+)
+def test_laws_hold_whatever_the_tracker(metric, passing, failing):
+    """Judge a law by the limit of the profile without its tracker."""
+    assert judged(replace(ROW, metric=metric, value=passing), TAGS).verdict == "pass"
+    found = judged(replace(ROW, metric=metric, value=failing), TAGS)
+    assert (found.verdict, found.profile) == ("fail", LABEL)
+
+
+@pytest.mark.parametrize("metric", ["contact.gap", "joint.speed", "posture.over_best"])
+def test_limits_of_the_ideal_tracker_do_not_apply(metric):
+    """Give no verdict, however large or small the value, and say why."""
+    for value in (0.0, 1e3):
+        found = judged(replace(ROW, metric=metric, value=value), TAGS)
+        assert (found.verdict, found.basis, found.reason) == ("", UNAPPLIED, NOT_IDEAL)
+        assert isnan(found.limit)
+
+
+def test_an_expected_event_is_measured_alone():
+    """Take the verdict of an event's window away, which is that of the ideal tracker."""
+    found = judged(replace(ROW, metric="events.meet", value=2.0, low=1.9, high=2.5, verdict="pass"), TAGS)
+    assert (found.verdict, found.basis, found.value) == ("", UNAPPLIED, 2.0)
+    assert isnan(found.low)
+
+
+def test_a_known_failing_excuses_without_a_bound():
+    """Excuse a breach that is known with the ideal tracker, however large, and let it be gone."""
+    known = replace(ROW, engine="mujoco", profile=f"recommended{NOISY}", value=0.5)
+    assert judged(known, TAGS).verdict == "known"
+    assert judged(replace(known, value=1e-5), TAGS).verdict == "pass"
+
+
+def test_ideal_trackers_are_judged_as_ever():
+    """Hand rows without the label to the limits."""
+    assert judged(replace(ROW, profile="balanced", metric="joint.speed", value=1e3), TAGS).verdict == "fail"
+
+
+def test_what_does_not_apply_is_counted():
+    """Count a limit that does not apply as such, with its reason, and not as met."""
+    rows = [judged(row, TAGS) for row in (ROW, replace(ROW, metric="joint.speed", value=1.0))]
+    count = counted(rows, [("reference", LABEL)])["reference", LABEL]
+    assert (count.text, count.not_applicable) == ("1 of 2 (1)", {"joint.speed": NOT_IDEAL})
