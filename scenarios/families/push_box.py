@@ -60,11 +60,13 @@ def push_box() -> Scenario:
         coefficients=TABLE_1,
         duration=DURATION,
         frame_rate=FRAME_RATE,
-        expectations=(
-            Expectation("touch", "box", "left_hand", earliest=0.8, latest=1.4),
-            Expectation("touch", "box", "right_hand", earliest=0.8, latest=1.4),
-            Expectation("leave", "box", "left_hand", earliest=STOP - 0.1, latest=STOP + 0.3),
-            Expectation("leave", "box", "right_hand", earliest=STOP - 0.1, latest=STOP + 0.3),
+        expectations=tuple(
+            expectation
+            for hand in ("left_hand", "right_hand")
+            for expectation in (
+                Expectation("meet", "box", hand, earliest=0.8, latest=1.4),
+                Expectation("part", "box", hand, earliest=STOP - 0.1, latest=STOP + 0.3),
+            )
         ),
         seed=5,
     )
