@@ -7,8 +7,8 @@ Coulomb's law as an equation (natural map, Alart & Curnier 1991), regularised by
 
 P cutting an impulse off at its cone: no pull, friction at most mu times the pressure. Its derivative is not
 symmetric: friction follows the pressure. The centre is the last answer, so that at the end of the outer
-iterations the impulses meet the law itself, whatever the compliance. They begin with soft contacts, whose
-answer is unique, and go on to stiff ones.
+iterations the impulses meet the law itself, whatever the compliance. The first iterations have soft
+contacts, whose solution is unique; the later ones are stiffer.
 """
 
 from math import sqrt
@@ -28,6 +28,8 @@ from reference_impl.conventions import (
     COMPLIANCE_RISE,
     COMPLIANCE_ROUNDING,
     COUNT_FACTORS,
+    EXTRAPOLATION_MOST,
+    EXTRAPOLATION_RISE,
     INNER_SHARE,
     LINE_HALVES,
     LINE_SHARE,
@@ -39,8 +41,6 @@ from reference_impl.conventions import (
     RESIDUAL_FALL,
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
-    STRETCH_MOST,
-    STRETCH_RISE,
 )
 from reference_impl.envelope import add_block, factorise, lay_out, solve_factors
 from reference_impl.kernel import kernel
@@ -74,7 +74,7 @@ def newton(solver, state):
         for k in range(count):
             p, q, d = rows[k]["impulse"], rows[k]["centre"], rows[k]["direction"]
             p[0], p[1], p[2] = _project(rows[k], 0.0)
-            # where z is large its rounding is, too
+            # rounding of a large z leaves the cone
             into_cone(rows[k])
             for i in range(3):
                 d[i] = p[i] - q[i]
@@ -87,21 +87,21 @@ def newton(solver, state):
             stalled += 1
             if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
-            if not _stretch(solver, residual):
+            if not _extrapolate(solver, residual):
                 least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
                 compliance = max(least, compliance * COMPLIANCE_FALL)
         last = residual
 
 
 @kernel
-def _stretch(solver, residual):
-    """Go on along the last change of the impulses, at most until a contact is without load, if the residual
-    does not rise; returns whether they went.
+def _extrapolate(solver, residual):
+    """Extrapolate the last change of the impulses, at most until a normal impulse vanishes, if the residual
+    does not rise; returns whether it was done.
 
-    Points of a face that are out of its plane by little bear its load one way or the other: the residual
-    stays what it is until one of them is without load, which takes steps of the residual's size for ever.
+    Where the points of a face are nearly redundant, the residual stays constant while load moves between
+    them, until one of them is open; the proximal iteration alone takes thousands of steps to get there.
     """
-    rows, count, length = solver["rows"], solver["row_count"], STRETCH_MOST
+    rows, count, length = solver["rows"], solver["row_count"], EXTRAPOLATION_MOST
     for k in range(count):
         p, d, n = rows[k]["impulse"], rows[k]["direction"], rows[k]["normal"]
         load = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
@@ -117,7 +117,7 @@ def _stretch(solver, residual):
             into_cone(rows[k])
         rebuild(solver)
         changed, _ = residual_of(solver)
-        if changed <= STRETCH_RISE * residual:
+        if changed <= EXTRAPOLATION_RISE * residual:
             keep_best(solver, changed)
             return True
         length /= 4

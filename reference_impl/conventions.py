@@ -160,7 +160,7 @@ STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
 PARTED_DEPTH = 0.75 * OVERLAP_TOLERANCE
-"""Depth to which sunk bodies are lifted where the energy is guarded [m]: what lifts little adds little."""
+"""Depth that separation leaves where the energy guard acts [m]: a short way up adds little energy."""
 PART_SWEEPS = 100
 """Sweeps over the pairs of simulated bodies in one round of parting them; a heap takes tens."""
 WAY_BACK_STEPS = 24
@@ -275,10 +275,9 @@ when these are used up. What is larger then goes by sweeps."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged answer is taken."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
-"""Share of a Newton step's promise that it must keep [1], and how often it is halved until it does."""
-STRETCH_MOST, STRETCH_RISE = 1e6, 1.1
-"""Longest step, over the last one, along which the impulses go on, and the rise of the residual that ends
-it [1]."""
+"""Least decrease of g.M^-1 g over that of a full Newton step [1], and how often the step is halved for it."""
+EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 1e6, 1.1
+"""Longest extrapolation of impulses, over their last change, and the residual after it over before [1]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 

@@ -1,8 +1,9 @@
 """An island that touches nothing but itself: its motion as one rigid body, and its angular momentum.
 
-Contacts act on both sides, so it keeps its angular momentum about its centre of mass. Over a substep it does
-not quite: bodies that slide on each other take their common point along, and sunk ones are lifted. What is
-missing is given back as a turn of the whole island, which no contact feels.
+Contact impulses are equal and opposite, so the island keeps its angular momentum about its centre of mass. A
+substep conserves it to first order only: the contact point of bodies that slide on each other moves, and
+overlapping bodies are separated. The difference is restored by a rigid rotation of the whole island, which
+changes no velocity between bodies that touch.
 """
 
 from reference_impl.free_rotation import is_isotropic
@@ -74,9 +75,9 @@ def _add_spin(island, body):
     v, w, p, q = body["old_velocity"], body["old_omega"], island["old_spin"], island["spin"]
     x, y, z = _arm(body["old_center"], island["old_center"])
     # `momentum` is kept where the inertia differs between axes
-    alike = is_isotropic(body["inertia"])
+    isotropic = is_isotropic(body["inertia"])
     for i in range(3):
-        p[i] += body["inertia"][0, 0] * w[i] if alike else momentum[i]
+        p[i] += body["inertia"][0, 0] * w[i] if isotropic else momentum[i]
     _add_moment(p, mass, x, y, z, v)
     v, w = body["velocity"], body["omega"]
     x, y, z = _arm(body["center"], island["center"])
@@ -105,7 +106,8 @@ def _add_moment(out_spin, mass, x, y, z, v):
 
 @kernel
 def _find_turn(root):
-    """From an island's sums `turning`, and `turn`: what it lacks of that."""
+    """Angular velocity `turning` for the angular momentum before, and `turn`, the difference from the present
+    one, from the sums of an island."""
     island, inverse = root["guard"], root["scratch"]
     before, after, turn = island["old_spin"], island["spin"], island["turn"]
     invert_symmetric(island["inertia"], inverse)
@@ -123,7 +125,7 @@ def _find_turn(root):
 
 @kernel
 def _turn_along(island, body):
-    """Turn a body along with its island."""
+    """Add the rotation of its island to a body's velocities."""
     x, y, z = _arm(body["center"], island["center"])
     u, v, w = island["turn"], body["velocity"], body["omega"]
     v[0] += u[1] * z - u[2] * y

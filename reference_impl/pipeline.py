@@ -193,7 +193,7 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         h, fraction = _substep(
             bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h
         )
-        # a slow contact that has not come back yet left its body too high: once more, for the shorter time
+        # separating contacts return at the end of a hold: an event before leaves energy, so repeat it shorter
         if state["unpaid_energy"] > 0 and fraction < 1:
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held

@@ -1,7 +1,7 @@
 """The libraries that judge a run: without them nothing that they measure gets a verdict.
 
 `adapters.oracles` measures overlap and gaps (coal, python-fcl) and postures (pinocchio). All three are core
-dependencies of the project; an installation that lacks one, or whose import fails, is told so.
+dependencies of the project; an installation that lacks one, or where an import fails, gets an error message.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Upper bounds of documented failings: how large each may be before it counts as a new one.
 
 `known_bounds.csv` holds a bound per engine, profile, scene, metric and subject: MARGIN times what was
-measured. Measure anew, after engines or limits have changed, by `touchstone run ... --profile ...` and
+measured. After engines or limits have changed, measure again by `touchstone run ... --profile ...` and
 
     python -m reports.known_bounds runs/<time>/results.csv ...
 

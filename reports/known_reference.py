@@ -36,7 +36,7 @@ TOP = (
 )
 TURNS = (
     "contacts hold one after the other, each down to an approach of 1e-4 m/s, and takes mu j of "
-    "its own: a patch creeps, and its points share their load anew in every frame"
+    "its own: a patch creeps, and its points share their load differently in every frame"
 )
 
 CAUSES: tuple[Cause, ...] = (

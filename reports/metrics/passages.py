@@ -26,7 +26,7 @@ THROUGH = 0.5
 """Depth of a passage over the sum of both pieces' inner radii, at least [1]: less is a graze. A ball passes
 another's centre within half the sum of their radii."""
 ENTERED = 0.25
-"""Depth over the same sum at which the sides are told on which a piece goes in and comes out [1]."""
+"""Depth over the same sum at which the sides of entry and exit are determined [1]."""
 TOUCHING = 1 / 64
 """Depth over the same sum up to which pieces count as apart: what stands on a table touches it [1]."""
 LANDING = 1 / 64

@@ -49,7 +49,7 @@ def test_limits_are_counted_per_scene_and_column():
 
 
 def test_every_column_has_the_same_limits():
-    """A metric counts once, by its worst subject; what does not apply is told apart, with why."""
+    """A metric counts once, by its worst subject; what does not apply is counted apart, with the reason."""
     found = seen(
         row("fall", 0, "truth.position", 0.0, verdict="pass"),
         row("fall", 0, "restitution.error", 0.0, subject="#1", verdict="pass"),

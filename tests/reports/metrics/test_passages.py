@@ -237,7 +237,7 @@ def test_what_stands_on_a_plate_can_pass_it(lab, recordings):
 
 
 def test_no_contact_reported_convicts(lab, recordings):
-    """Hit under the plate so that nobody knows the way: a passage where no contact with the plate is told."""
+    """Hit under the plate with an ambiguous path: a passage if no contact with the plate is reported."""
     scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=2 * FRAME)
     position = np.array([(0.0, 0.0, 25.0), (0.0, 0.0, -5.0), (0.0, 0.0, -4.0)])
     velocity = np.array([(0.0, 0.0, -3000.0), (0.0, 0.0, 60.0), (0.0, 0.0, 60.0)])
