@@ -47,5 +47,7 @@ class Cause:
 
     def _entry(self, profile: str, metric: str, place: str, never: bool) -> Known:
         scene, _, subject = place.partition(":")
-        shows = f"touchstone run {scene} --engine {self.engine} --profile {profile} --metric {metric}"
+        shows = f"touchstone run {scene} --engine {self.engine} --profile {profile}"
+        if metric != "run":  # the failing is that the run ends before the scene does
+            shows += f" --metric {metric}"
         return Known(metric, self.engine, f"{self.reason}: {shows}", scene, profile, subject, never)

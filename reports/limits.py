@@ -320,7 +320,10 @@ LIMITS = (
 
 def judged(row: Row, tags: tuple[str, ...]) -> Row:
     """The row with its limit and verdict. One that passed or failed already (an expected event) is looked up
-    among the known failings alone; skipped rows and errors stay as they are."""
+    among the known failings alone, and so is a run that failed; other errors and skipped rows stay."""
+    if (row.metric, row.verdict) == ("run", "error"):
+        known = known_of(row, tags)
+        return replace(row, verdict="known", reason=f"{row.reason}; {known.reason}") if known else row
     if row.verdict not in ("", "pass", "fail"):
         return row
     reason, largest, met, basis = row.reason, row.limit, row.verdict == "pass", row.basis

@@ -20,15 +20,15 @@ from scenarios.tracking import ease
 
 Array = NDArray[np.float64]
 
-DURATION, FRAME_RATE = 2.0, 60
+DURATION, FRAME_RATE = 2.2, 60
 PLACE = (5.0, NORTH - 0.58)
 """Where the person stands, who looks north [m]."""
 BALL_RADIUS, BALL_MASS = 0.05, 0.15
 """A light wooden ball: 290 kg/m^3 [m, kg]."""
 LEVEL = SHOULDER[2] - 0.12
 """Height of the hand's middle over the torso's origin [m]."""
-FREE, WALL = 0.42, 0.475
-"""The hand's middle before the torso [m]: fingers clear of the wall, and half a cm in it."""
+FREE, WALL, LEAN = 0.42, 0.475, 0.50
+"""The hand's middle before the torso [m]: fingers clear of the wall, on it, and 3 cm in it."""
 WEST, EAST = 0.0, -0.40
 """The ends of a sweep [m], to the left of the torso."""
 HAND = (WEST + EAST) / 2
@@ -84,12 +84,12 @@ def _balls() -> tuple[Body, ...]:
 
 
 def _tracker(times: Array) -> Tracker:
-    """The right hand goes to and fro, at its fastest at each hit; the left one hangs."""
+    """The right hand goes to and fro, fastest at each hit, and leans on the wall; the left one hangs."""
     stations: list[tuple[float, Vector]] = [(0.0, (FREE, EAST, LEVEL))]
     for (hit, *_), side in zip(HITS, (WEST, EAST)):
         stations.append((hit - SWEEP / 2, stations[-1][1]))
         stations.append((hit + SWEEP / 2, (WALL, side, LEVEL)))
-    stations += [(1.1, stations[-1][1]), (1.7, (0.25, EAST, LEVEL - 0.3))]
+    stations += [(1.1, (LEAN, EAST, LEVEL)), (1.5, (LEAN, EAST, LEVEL)), (2.0, (0.25, EAST, LEVEL - 0.3))]
     path = np.tile(stations[0][1], (len(times), 1))
     for (start, place), (end, following) in pairwise(stations):
         path += np.outer(ease(times, start, end - start), np.subtract(following, place))
