@@ -19,7 +19,10 @@ OF_PROBES = (
     *("energy.gain", "energy.loss"),
 )
 """Metrics that need a closed form or a tag that scenes of the gallery do not have."""
-ELSEWHERE = ("events.meet", "events.part", "joint.cone", "posture.deviation", "posture.over_best")
+ELSEWHERE = (
+    *("events.meet", "events.part", "friction.coast"),
+    *("joint.cone", "posture.deviation", "posture.over_best"),
+)
 """Metrics of other scenes of the gallery than `ball_snip`."""
 
 USUAL = ("ball_snip", "wall_push")
