@@ -284,7 +284,7 @@ CAUSES: tuple[Cause, ...] = (
         UNLOADED,
         {
             "maximal": {
-                "friction.cone": "brick_wall dominoes load_1e4 slip_seed0 tip_falls volley",
+                "friction.cone": "balls_box brick_wall dominoes load_1e4 slip_seed0 tip_falls volley",
             },
         },
     ),
