@@ -327,7 +327,10 @@ CAUSES: tuple[Cause, ...] = (
         SLAP,
         {
             "recommended equal-step default accurate": {
-                "overlap.max": "slap_2.5 slap_3 slap_6",
+                "overlap.max": "slap_2.5 slap_3",
+            },
+            "recommended default accurate": {
+                "overlap.max": "slap_6",
             },
             "equal-step": {
                 "run": "slap_6",
