@@ -300,3 +300,17 @@ def test_a_persons_energy_is_that_of_its_tracker(scene):
     rates = np.hstack((motion.linear_velocity, motion.angular_velocity, motion.rate))
     most = max(map(model.kinetic_energy, postures, rates))
     assert PERSON_ENERGY[scene] == pytest.approx(most, rel=0.02)
+
+
+def test_a_run_that_diverges_may_be_known(limits):
+    """Excuse a failed run whose scene, engine and profile are documented, and no other; keep what it said."""
+    ended = replace(ROW, metric="run", subject="", value=nan, verdict="error", reason="diverged")
+    limits([], [Known("run", "mujoco", "too fast", "ball_snip", "recommended")])
+    assert (judged(ended, ()).verdict, judged(ended, ()).reason) == ("known", "diverged; too fast")
+    for other in (
+        replace(ended, engine="dart"),
+        replace(ended, profile="default"),
+        replace(ended, scenario="x"),
+    ):
+        assert judged(other, ()).verdict == "error"
+    assert judged(replace(ended, verdict="skipped"), ()).verdict == "skipped"
