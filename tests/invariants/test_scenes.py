@@ -57,12 +57,14 @@ def test_every_metric_leaves_a_row(rows, engine, scene):
 
 @pytest.mark.parametrize(("engine", "scene"), PLAYED)
 def test_what_is_expected_happens(rows, engine, scene):
-    """Every expected event has its own row, happened within its window, and passes."""
+    """Every expected event has its own row, happened within its window, and passes, or is known not to."""
     events = {(row.metric, row.subject): row for row in rows(engine, scene)}
     expectations = subjects(catalogue()[scene])
     assert expectations
     for (event, subject), e in expectations.items():
         row = events[f"events.{event}", subject]
+        if row.verdict == "known":  # a documented failing keeps it from happening
+            continue
         assert e.earliest <= row.value <= e.latest
         assert (row.verdict, row.low, row.high) == ("pass", e.earliest, e.latest)
 
