@@ -68,6 +68,11 @@ PASSES = (
     "contact is found only where a step ends: at 30 m/s a ball of 10 cm goes 12.5 cm in 1/240 s, past a "
     "plate of 1 mm; at 1/960 s it comes back"
 )
+JERKED = (
+    "a tracker that jumps by 1 mm and 0.5 degrees sixty times a second jerks the links by their servos: "
+    "they meet what they touch faster, and hinges run into their limits; with the ideal tracker none of "
+    "it is there"
+)
 
 CAUSES: tuple[Cause, ...] = (
     Cause(
@@ -294,6 +299,16 @@ CAUSES: tuple[Cause, ...] = (
         {
             "recommended equal-step default": {
                 "friction.stop": "slide:box_45",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        JERKED,
+        {
+            "recommended+noisy equal-step+noisy": {
+                "overlap.max": "ball_snip wall_push",
+                "joint.limit": "table_slide",
             },
         },
     ),

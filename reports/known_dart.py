@@ -85,6 +85,11 @@ SLAP = (
     "1/1020 s, 12.8 mm at 1/480 s; at 1/240 s it diverges, with servos half as fast and with explicit "
     "torques too"
 )
+JERKED = (
+    "a tracker that jumps by 1 mm and 0.5 degrees sixty times a second jerks the links by their servos: "
+    "fingertips meet what they touch faster and slip to and fro; with the ideal tracker none of it is "
+    "there"
+)
 
 CAUSES: tuple[Cause, ...] = (
     Cause(
@@ -382,6 +387,17 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "tower_20 tower_20_jittered tower_40",
                 "rest.moved": "pyramid tower_10 tower_20 tower_20_jittered",
                 "symmetry.mirror": "pyramid",
+            },
+        },
+    ),
+    Cause(
+        "dart",
+        JERKED,
+        {
+            "recommended+noisy": {
+                "overlap.max": "ball_snip",
+                "friction.deficit": "ball_snip:table-ball",
+                "friction.direction": "ball_snip:table-ball table_slide:table-ball",
             },
         },
     ),

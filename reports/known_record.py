@@ -8,6 +8,8 @@ from itertools import chain
 
 EVERY = "recommended equal-step default accurate"
 """All profiles of DART, Bullet and MuJoCo."""
+NOISY = ", tracker=noisy"
+"""What the profile of a row with noisy trackers has in it; in a cause a profile has `+noisy` for it."""
 Places = Mapping[str, Mapping[str, str]]
 """Profiles -> metric -> scenes, each with `:subject` where not all are meant; several in one text."""
 
@@ -47,7 +49,11 @@ class Cause:
 
     def _entry(self, profile: str, metric: str, place: str, never: bool) -> Known:
         scene, _, subject = place.partition(":")
-        shows = f"touchstone run {scene} --engine {self.engine} --profile {profile}"
+        plain, noise, _ = profile.partition("+noisy")
+        shows = f"touchstone run {scene} --engine {self.engine} --profile {plain}"
+        if noise:
+            shows += " --tracker noisy"
         if metric != "run":  # the failing is that the run ends before the scene does
             shows += f" --metric {metric}"
-        return Known(metric, self.engine, f"{self.reason}: {shows}", scene, profile, subject, never)
+        label = plain + (NOISY if noise else "")
+        return Known(metric, self.engine, f"{self.reason}: {shows}", scene, label, subject, never)

@@ -7,12 +7,15 @@ from dataclasses import replace
 from math import nan
 
 from reports import limits
+from reports.known_record import NOISY
 from reports.results import CONSTRUCTION, UNAPPLIED, Row
 
-NOISY = ", tracker=noisy"
-"""What the profile of a row with noisy trackers has in it."""
-OF_THE_TRACKER = ("events.", "truth.", "contact.gap", "joint.speed", "posture.")
-"""Beginnings of metrics whose limits follow from what a scene's ideal tracker does."""
+OF_THE_TRACKER = (
+    *("events.", "truth.", "contact.gap", "joint.speed", "posture."),
+    "contact.impulse_balance.driven",
+)
+"""Beginnings of metrics whose limits follow from what a scene's ideal tracker does. The audit of driven bodies
+is of first order in how they are jerked; it rejects impulses all the same."""
 NOT_IDEAL = "its limit follows from the ideal tracker"
 
 
@@ -32,7 +35,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     if limit is None:
         return row
     reason, verdict = limit.reason, "pass" if abs(row.value) <= limit.largest else "fail"
-    known = limits.known_of(ideal, tags)
+    known = limits.known_of(row, tags) or limits.known_of(ideal, tags)
     if verdict == "fail" and known is not None:
         verdict, reason = "known", f"{known.reason} (no bound with a noisy tracker)"
     basis = CONSTRUCTION if limit.by_construction else row.basis

@@ -8,8 +8,10 @@ from math import isnan
 import pytest
 
 from adapters.engine import Settings
+from reports import limits
+from reports.known_record import NOISY, Cause
 from reports.limit_counts import counted
-from reports.noisy_limits import NOISY, NOT_IDEAL, judged
+from reports.noisy_limits import NOT_IDEAL, judged
 from reports.results import UNAPPLIED, Row
 
 LABEL = f"balanced{NOISY}"
@@ -42,7 +44,9 @@ def test_laws_hold_whatever_the_tracker(metric, passing, failing):
     assert (found.verdict, found.profile) == ("fail", LABEL)
 
 
-@pytest.mark.parametrize("metric", ["contact.gap", "joint.speed", "posture.over_best"])
+@pytest.mark.parametrize(
+    "metric", ["contact.gap", "joint.speed", "posture.over_best", "contact.impulse_balance.driven"]
+)
 def test_limits_of_the_ideal_tracker_do_not_apply(metric):
     """Give no verdict, however large or small the value, and say why."""
     for value in (0.0, 1e3):
@@ -63,6 +67,19 @@ def test_a_known_failing_excuses_without_a_bound():
     known = replace(ROW, engine="mujoco", profile=f"recommended{NOISY}", value=0.5)
     assert judged(known, TAGS).verdict == "known"
     assert judged(replace(known, value=1e-5), TAGS).verdict == "pass"
+
+
+def test_what_noise_alone_shows_may_be_known(monkeypatch):
+    """Excuse what is documented of noisy trackers, and name the option in the line that shows it."""
+    cause = Cause("mujoco", "jerked", {"recommended+noisy": {"friction.direction": "ball_snip:table-ball"}})
+    (known,) = cause.known()
+    assert (known.profile, known.subject) == (f"recommended{NOISY}", "table-ball")
+    assert "--profile recommended --tracker noisy --metric friction.direction" in known.reason
+    monkeypatch.setattr(limits, "KNOWN", (known,))
+    row = replace(ROW, scenario="ball_snip", engine="mujoco", profile=known.profile, value=0.5)
+    row = replace(row, metric="friction.direction", subject="table-ball")
+    assert judged(row, TAGS).verdict == "known"
+    assert judged(replace(row, profile="recommended"), TAGS).verdict == "fail"
 
 
 def test_ideal_trackers_are_judged_as_ever():
