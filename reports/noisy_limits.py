@@ -14,8 +14,8 @@ OF_THE_TRACKER = (
     *("events.", "truth.", "contact.gap", "joint.speed", "posture."),
     "contact.impulse_balance.driven",
 )
-"""Beginnings of metrics whose limits follow from what a scene's ideal tracker does. The audit of driven bodies
-is of first order in how they are jerked; it rejects impulses all the same."""
+"""Beginnings of metrics whose limits follow from what a scene's ideal tracker does. The audit of driven
+bodies is of first order in how they are jerked; it rejects impulses all the same."""
 NOT_IDEAL = "its limit follows from the ideal tracker"
 
 
