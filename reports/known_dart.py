@@ -214,6 +214,21 @@ CAUSES: tuple[Cause, ...] = (
     ),
     Cause(
         "dart",
+        JERKED,
+        {
+            "recommended+noisy": {
+                "friction.deficit": "ball_snip:table-ball",
+                "friction.direction": "ball_snip:table-ball table_slide:table-ball",
+                "overlap.max": "ball_snip",
+            },
+            "equal-step+noisy": {
+                "friction.direction": "table_slide:table-ball",
+                "restitution.error": "ball_snip",
+            },
+        },
+    ),
+    Cause(
+        "dart",
         LATE_LIMITS,
         {
             "equal-step": {
@@ -387,17 +402,6 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "tower_20 tower_20_jittered tower_40",
                 "rest.moved": "pyramid tower_10 tower_20 tower_20_jittered",
                 "symmetry.mirror": "pyramid",
-            },
-        },
-    ),
-    Cause(
-        "dart",
-        JERKED,
-        {
-            "recommended+noisy": {
-                "overlap.max": "ball_snip",
-                "friction.deficit": "ball_snip:table-ball",
-                "friction.direction": "ball_snip:table-ball table_slide:table-ball",
             },
         },
     ),

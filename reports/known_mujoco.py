@@ -72,6 +72,11 @@ PASSES = (
     "a ball of 30 m/s a plate of 1 mm, at 1/540 and at 1/4320 s, and fingers at 6 m/s a table of 4 cm; "
     "in `accurate`, where the spring is as stiff as the step allows, no finger does"
 )
+JERKED = (
+    "a tracker that jumps by 1 mm and 0.5 degrees sixty times a second jerks the links by their servos: "
+    "they bend hinges farther into their springs, and turn a box as they let it go; with the ideal "
+    "tracker none of it is there"
+)
 
 CAUSES: tuple[Cause, ...] = (
     Cause(
@@ -130,6 +135,16 @@ CAUSES: tuple[Cause, ...] = (
             "equal-step": {
                 "friction.creep": "brick_wall",
                 "symmetry.mirror": "brick_wall",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        JERKED,
+        {
+            "equal-step+noisy": {
+                "friction.coast": "push_box",
+                "joint.limit": "arms_cross volley",
             },
         },
     ),

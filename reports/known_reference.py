@@ -59,6 +59,9 @@ CAUSES: tuple[Cause, ...] = (
                 ),
                 "truth.velocity": "collide_sticks",
             },
+            "paper+noisy": {
+                "friction.direction": "table_slide:table-ball",
+            },
         },
         never={
             "paper": {
@@ -95,6 +98,9 @@ CAUSES: tuple[Cause, ...] = (
             "paper": {
                 "energy.loss": "bounce_e1",
                 "restitution.error": "bounce_e05 bounce_e08 bounce_e1",
+            },
+            "paper+noisy": {
+                "restitution.error": "volley",
             },
         },
     ),
@@ -193,6 +199,9 @@ CAUSES: tuple[Cause, ...] = (
                     "slide_seed2 stack:box_1-box_2 stack:box_2-box_3 stack:box_4-box_5 stack:floor-box_1"
                 ),
                 "rest.moved": "incline_holds stack",
+            },
+            "paper+noisy": {
+                "friction.deficit": "volley:floor-ball_1",
             },
         },
     ),
