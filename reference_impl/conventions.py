@@ -17,8 +17,9 @@ IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER = 0, 1
 one after the other in both."""
 FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
 """Semi-implicit Euler, or exact: for constant forces, and for free rotation."""
-DETECTION_DISCRETE, DETECTION_SWEEP = 0, 1
-"""Overlap is looked for at the end of a substep, or impacts all along it."""
+DETECTION_DISCRETE, DETECTION_FAST, DETECTION_SWEEP = 0, 1, 2
+"""Tests for overlap at the end of a substep; sweeps too, of pairs that move farther than both are thick; or
+sweeps of all pairs."""
 REMOVAL_EQ1, REMOVAL_LEAST_MOTION = 0, 1
 """Translation out of overlap by Eq. 1, or the smallest that meets all depths."""
 DEPTH_WALK, DEPTH_CERTIFIED, DEPTH_EXACT = 0, 1, 2
@@ -215,6 +216,8 @@ LANDING_EVENTS = 128
 """Events of a frame after which touching pairs are left to sink until the end of their substep."""
 LANDING_MIN = 1e-9
 """Fraction of a substep within which no touching pair lands: it would land again and again [1]."""
+SINKING_SHARE = 0.1
+"""Share of the thinner piece's width by which two that touch may sink in before they part [1]."""
 SINKING_SLACK = 2.5e-7
 """Accepted deviation from OVERLAP_TOLERANCE where a sweep looks for a touching pair that sinks [m]."""
 PATCH_HEIGHT = 4e-6
@@ -299,6 +302,8 @@ SWEEP_CAP = 500
 LEAP_CUT = 0.5
 """Factor between the leaps tried [1]; a trial takes one support of each piece, not a whole distance."""
 
+PAST_MIDDLE = 0.5
+"""Share of the widths of a link and an obstacle past which the way out may lead to the far side [1]."""
 DEEP = 0.25
 """Share of the width of a driven link and an obstacle that the link may go into it [1]: half way to where the
 far side is nearer."""

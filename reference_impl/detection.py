@@ -106,14 +106,24 @@ def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
 
     Leaves the pieces of `kind` at the start, in their swept boxes; returns the index after the last pair.
     """
-    group = state["groups"][kind]
-    for k in range(group["first"], group["end"]):
-        piece = pieces[pieces[k]["order"]]
-        swept_box(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
+    _enclose_ways(bodies, pieces, vertices, kind, state)
+    if state["rooms"] == 1 and not in_rooms(bodies, pieces, state):
+        leave_rooms(bodies, pieces, state)
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
+        _enclose_ways(bodies, pieces, vertices, kind, state)
     end, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += end - first
     return end
+
+
+@kernel
+def _enclose_ways(bodies, pieces, vertices, kind, state):
+    """Boxes of the listed pieces of a kind over their bodies' whole ways."""
+    group = state["groups"][kind]
+    for k in range(group["first"], group["end"]):
+        piece = pieces[pieces[k]["order"]]
+        swept_box(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
 
 
 @kernel

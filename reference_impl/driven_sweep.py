@@ -3,26 +3,32 @@
 What a driven body touches does not stop it: removal frees it of shallow overlap, and so it slides along
 surfaces. But where it is deep in an obstacle the shortest way out may lead to the far side. Its way therefore
 ends where a link, since it met an obstacle, has gone a share DEEP of the width of both along the normal found
-there: all the way through would take the whole width, and from the middle on the far side is nearer.
+there: all the way through would take the whole width, and from the middle on the far side is nearer. With
+DETECTION_FAST only links that may have gone past the middle are swept: they moved farther than half the width
+of both.
 """
 
 from reference_impl.conventions import (
     COUNT_UNCONVERGED,
     DEEP,
     DEEP_SLACK,
+    DETECTION_FAST,
+    DETECTION_SWEEP,
     DRIVEN,
     IMPACT_SLACK,
     IMPACT_TARGET,
     PART_WHOLE,
+    PAST_MIDDLE,
     SEGMENT_TURN,
     STAGE_COLLISION,
 )
 from reference_impl.detection import find_swept_pairs
 from reference_impl.global_depth import side_of
 from reference_impl.kernel import clock, kernel
-from reference_impl.motion import shown_motion
+from reference_impl.motion import is_fast_pair, set_path, shown_motion
 from reference_impl.overlap_removal import interpolate, restore_entry, store_entry
 from reference_impl.rotation import copy_quaternion, copy_vector, rotation_between
+from reference_impl.skeleton import pose_links, pose_moved
 from reference_impl.sweep import gap_along, sweep
 
 
@@ -32,13 +38,15 @@ def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
     simulated body; its coupling keeps its velocity."""
     since = clock(state["clock"])
     for b in range(len(bodies)):
-        bodies[b]["moves"] = 0
+        bodies[b]["moves"], bodies[b]["path"] = 0, 0.0
     for d in range(len(drivers)):
         driver = drivers[d]
         if driver["has_free"] == 0:
             continue
         store_entry(joints, driver)
         segments = 1 + int(_largest_turn(bodies, joints, driver) / SEGMENT_TURN)
+        if state["detection"] == DETECTION_FAST and not _is_fast(bodies, joints, driver, state):
+            continue
         reached = 1.0
         for k in range(segments):
             _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
@@ -51,6 +59,8 @@ def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
         else:
             restore_entry(joints, driver)
         _set_moving(bodies, joints, driver, 0)
+        # sweeps leave links on their ways
+        pose_links(bodies, joints, driver)
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
 
 
@@ -66,6 +76,25 @@ def _largest_turn(bodies, joints, driver):
         bodies[joints[k]["child"]]["spin_most"] = angle
         most = max(most, angle)
     return most
+
+
+@kernel
+def _is_fast(bodies, joints, driver, state):
+    """Whether a link may have moved since the last free pose by half its width and that of an obstacle; poses
+    the links and bounds their paths."""
+    pose_moved(bodies, joints, driver)
+    fast = _set_path(bodies[driver["root"]], state)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        fast = _set_path(bodies[joints[k]["child"]], state) or fast
+    return fast
+
+
+@kernel
+def _set_path(body, state):
+    for i in range(3):
+        body["travel"][i], body["travel_bend"][i] = body["center"][i] - body["free_center"][i], 0.0
+    set_path(body, body["spin_most"])
+    return body["path"] > PAST_MIDDLE * (body["width"] + state["least_width"])
 
 
 @kernel
@@ -98,7 +127,9 @@ def _free_fraction(bodies, pieces, vertices, pairs, state, mover):
     for k in range(end):
         pair = pairs[k]
         both = bodies[pair["body_a"]]["kind"] == DRIVEN and bodies[pair["body_b"]]["kind"] == DRIVEN
-        if side_of(bodies, pair, mover) != 0.0 and not both:
+        if side_of(bodies, pair, mover) == 0.0 or both:
+            continue
+        if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
             first = _deep(bodies, pieces, vertices, pair, state, first)
     return first
 

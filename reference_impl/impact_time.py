@@ -11,22 +11,25 @@ from reference_impl.conventions import (
     LANDING_EVENTS,
     LANDING_MIN,
     OVERLAP_TOLERANCE,
+    SINKING_SHARE,
     SINKING_SLACK,
     TOUCH_DISTANCE,
 )
 from reference_impl.detection import is_marked
 from reference_impl.kernel import kernel
+from reference_impl.motion import is_fast_pair
 from reference_impl.sweep import distance_at, sweep
 
 
 @kernel
-def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
+def earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state):
     """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
     pair sinks: one more of its points has landed.
 
     Args:
         pairs: marked pairs (`mark_pairs`) touch at the start, or nearly, and are held. `pairs[touching:end]`
             are looked at: those that touch or overlap at the end, or with a sweep all whose swept boxes meet.
+        fast: sweep pairs that move farther than both are thick, and test the others at the end.
     Returns:
         (fraction, drifted): 1 where there is no new contact; whether a held contact may overlap
         there. Bodies are left posed somewhere.
@@ -36,6 +39,10 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, state):
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
     for k in range(touching, end):
         pair = pairs[k]
+        if fast:
+            sweeps = is_fast_pair(bodies, pieces, pair, 1.0)
+            if not sweeps:
+                distance_at(bodies, pieces, vertices, pair, state, 1.0)
         if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
             continue
         if is_marked(bodies, pieces, pairs, pair):
@@ -62,24 +69,33 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
         target = min(start, 0.0) - OVERLAP_TOLERANCE
         late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
         if late == first:
-            return first, start < -OVERLAP_TOLERANCE
+            sank = (
+                start < 0 and distance_at(bodies, pieces, vertices, pair, state, first) < -OVERLAP_TOLERANCE
+            )
+            return first, sank
     # what sinks in a short substep is parted: what is round, and all once most events are used up
-    if state["counters"][COUNT_EVENTS] >= LANDING_EVENTS or (state["crowded"] == 1 and not polyhedral):
-        return first, True
-    if not polyhedral:
-        if not sweeps:
-            target = min(start, 0.0) - OVERLAP_TOLERANCE
-            late = _closing(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
-        return late, True
-    if start > TOUCH_DISTANCE:
-        gap = state["impact_gap"]
-        return _closing(bodies, pieces, vertices, pair, state, late, gap, IMPACT_SHARE * gap), False
-    target = start - LANDING_DEPTH
-    landed = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
-    # another look at once would find the same
-    if landed < LANDING_MIN:
-        return first, True
-    return landed, target < -OVERLAP_TOLERANCE
+    if state["counters"][COUNT_EVENTS] < LANDING_EVENTS and (state["crowded"] == 0 or polyhedral):
+        if not polyhedral:
+            if not sweeps:
+                target = min(start, 0.0) - OVERLAP_TOLERANCE
+                late = _closing(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
+            return late, True
+        if start > TOUCH_DISTANCE:
+            gap = state["impact_gap"]
+            return _closing(bodies, pieces, vertices, pair, state, late, gap, IMPACT_SHARE * gap), False
+        target = start - LANDING_DEPTH
+        landed = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
+        # another look at once would find the same
+        if landed >= LANDING_MIN:
+            return landed, target < -OVERLAP_TOLERANCE
+    # from far inside, the way out may lead to the other side
+    depth = SINKING_SHARE * min(pieces[pair["piece_a"]]["width"], pieces[pair["piece_b"]]["width"])
+    target = min(start, 0.0) - depth
+    if sweeps:
+        first = _swept(bodies, pieces, vertices, pair, state, first, target, depth / 2)
+    elif pair["distance"] < target:
+        first = _closing(bodies, pieces, vertices, pair, state, first, target, depth / 2)
+    return first, True
 
 
 @kernel

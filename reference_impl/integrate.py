@@ -3,7 +3,7 @@
 from reference_impl.conventions import SIMULATED
 from reference_impl.free_rotation import free_omega, is_isotropic, refresh_inertia, rotate_freely
 from reference_impl.kernel import inlined_kernel, kernel
-from reference_impl.motion import flight_motion, flight_way, pose_along
+from reference_impl.motion import flight_motion, flight_way, largest_angle, pose_along, set_path
 from reference_impl.rotation import copy_quaternion, copy_vector, invert_symmetric, matrix_of, rotate
 from reference_impl.skeleton import move_links
 
@@ -85,6 +85,20 @@ def set_ways(bodies, pairs, held, h, flight):
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             flight_motion(bodies[b], h, flight)
+
+
+@kernel
+def set_paths(bodies):
+    """Bounds on how far simulated bodies go on their ways; returns whether one is fast: it goes farther than
+    it is thick."""
+    fast = False
+    for b in range(len(bodies)):
+        body = bodies[b]
+        body["path"] = 0.0
+        if body["kind"] == SIMULATED:
+            set_path(body, largest_angle(body))
+            fast = fast or body["path"] > body["width"]
+    return fast
 
 
 @kernel

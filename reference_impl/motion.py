@@ -52,6 +52,32 @@ def shown_motion(body):
 
 
 @kernel
+def set_path(body, angle):
+    """Bound on how far a point of a body's cores goes on its way, the turn being at most `angle` [rad]."""
+    square = 0.0
+    for i in range(3):
+        square += (abs(body["travel"][i]) + abs(body["travel_bend"][i])) ** 2
+    body["path"] = sqrt(square) + angle * body["reach"]
+
+
+@kernel
+def largest_angle(body):
+    """Bound on the angle by which a body turns on its way [rad]."""
+    if body["spin_steps"] > 0:
+        return body["spin_most"]
+    v, p = body["turn"], body["turn_bend"]
+    return sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2) + sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2)
+
+
+@kernel
+def is_fast_pair(bodies, pieces, pair, share):
+    """Whether a pair's ways together are longer than a share of both pieces' widths: past all of that, a test
+    at their end may not see that they went through one another."""
+    path = bodies[pair["body_a"]]["path"] + bodies[pair["body_b"]]["path"]
+    return path > share * (pieces[pair["piece_a"]]["width"] + pieces[pair["piece_b"]]["width"])
+
+
+@kernel
 def pose_along(body, s):
     """Pose a body at fraction s of its way."""
     if body["moves"] == 0:
@@ -78,11 +104,7 @@ def swept_box(piece, body, vertices, margin):
     if body["moves"] == 0:
         return
     _, lever = lever_of(body, piece, vertices)
-    v, p = body["turn"], body["turn_bend"]
-    angle = sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2) + sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2)
-    if body["spin_steps"] > 0:
-        angle = body["spin_most"]
-    reach = min(angle, 2.0) * lever
+    reach = min(largest_angle(body), 2.0) * lever
     for i in range(3):
         way, bend = body["travel"][i], body["travel_bend"][i]
         least, most = min(0.0, way + bend), max(0.0, way + bend)

@@ -7,7 +7,6 @@ from reference_impl.conventions import (
     COUNT_GAVE_UP,
     COUNT_ROUNDS,
     COUNT_WAY_BACK,
-    DETECTION_SWEEP,
     DRIVEN,
     FIXED,
     LONGEST_SHIFT,
@@ -58,7 +57,7 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
             )
     for d in range(len(drivers)):
         if drivers[d]["is_free"] == 1:
-            store_free_pose(joints, drivers[d])
+            store_free_pose(bodies, joints, drivers[d])
         else:
             state["counters"][COUNT_GAVE_UP] += 1
             _yield_simulated(bodies, pieces, vertices, pairs, state, -1 - d)
@@ -75,7 +74,7 @@ def pass_free(bodies, pieces, joints, drivers, state):
         return False
     for d in range(len(drivers)):
         drivers[d]["is_free"], drivers[d]["turn_count"] = 1, 0
-        store_free_pose(joints, drivers[d])
+        store_free_pose(bodies, joints, drivers[d])
         shuffle_chains(drivers[d], state)
     return True
 
@@ -140,11 +139,7 @@ def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover
     driver, shift = drivers[d], state["shift"]
     previous, marked = 0.0, 0
     for rounds in range(REMOVAL_ROUNDS + 1):
-        # sweeps leave links on their ways
-        if state["detection"] == DETECTION_SWEEP:
-            pose_links(bodies, joints, driver)
-        else:
-            pose_moved(bodies, joints, driver)
+        pose_moved(bodies, joints, driver)
         end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
         if state["removal"] == REMOVAL_LEAST_MOTION:
             deepest, size = least_motion(bodies, pairs, 0, end, mover, state["planes"], shift)
@@ -184,13 +179,15 @@ def restore_entry(joints, driver):
 
 
 @kernel
-def store_free_pose(joints, driver):
-    """Remember the present pose as the last free one."""
+def store_free_pose(bodies, joints, driver):
+    """Remember the present pose, in which its links are posed, as the last free one."""
+    copy_vector(bodies[driver["root"]]["center"], bodies[driver["root"]]["free_center"])
     copy_vector(driver["position"], driver["free_position"])
     copy_quaternion(driver["orientation"], driver["free_orientation"])
     driver["has_free"] = 1
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["free_angle"] = joints[k]["angle"]
+        copy_vector(bodies[joints[k]["child"]]["center"], bodies[joints[k]["child"]]["free_center"])
 
 
 @kernel

@@ -26,23 +26,32 @@ def part_simulated(bodies, pieces, vertices, pairs, first, state):
         Whether they came free; giving up is counted.
     """
     left = PARTED_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
+    converged = True
     for _ in range(REMOVAL_ROUNDS):
         end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, first)
         if is_free(deepest):
             return True
         state["counters"][COUNT_ROUNDS] += 1
-        _push_apart(bodies, pairs, first, end, left)
+        converged = _push_apart(bodies, pairs, first, end, left, not converged)
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return False
 
 
 @kernel
-def _push_apart(bodies, pairs, first, end, left):
+def _push_apart(bodies, pairs, first, end, left, evenly):
     """Move simulated bodies until no depth over `left` remains along the normals found: one pair after the
-    other, all of it against what is fixed or driven, by inverse mass against their like (Gauss-Seidel)."""
+    other, all of it against what is fixed or driven, else by inverse mass (Gauss-Seidel).
+
+    Args:
+        evenly: both by half. A light body between the ground and a heavy one needs as many sweeps as these
+            differ in mass.
+    Returns:
+        Whether PART_SWEEPS were enough.
+    """
     for b in range(len(bodies)):
         bodies[b]["scratch"][0, :] = 0.0
+    converged = False
     for _ in range(PART_SWEEPS):
         deepest = 0.0
         for k in range(first, end):
@@ -53,17 +62,21 @@ def _push_apart(bodies, pairs, first, end, left):
             if depth <= 0:
                 continue
             deepest = max(deepest, depth)
-            total = a["inverse_mass"] + b["inverse_mass"]
+            share = b["inverse_mass"] / (a["inverse_mass"] + b["inverse_mass"])
+            if evenly and 0 < share < 1:
+                share = 0.5
             for i in range(3):
-                p[i] -= a["inverse_mass"] / total * depth * n[i]
-                q[i] += b["inverse_mass"] / total * depth * n[i]
-        if deepest <= (OVERLAP_TOLERANCE - left) / 2:
+                p[i] -= (1 - share) * depth * n[i]
+                q[i] += share * depth * n[i]
+        converged = deepest <= (OVERLAP_TOLERANCE - left) / 2
+        if converged:
             break
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             for i in range(3):
                 bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
             place(bodies[b])
+    return converged
 
 
 @kernel

@@ -7,6 +7,8 @@ from reference_impl.conventions import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
     COUNT_UNCONVERGED,
+    DETECTION_DISCRETE,
+    DETECTION_FAST,
     DETECTION_SWEEP,
     DRIVEN,
     EVENT_CAP,
@@ -37,6 +39,7 @@ from reference_impl.integrate import (
     end_substep,
     fly_straight,
     pose_at,
+    set_paths,
     set_ways,
 )
 from reference_impl.kernel import clock, kernel
@@ -72,7 +75,7 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     list_pieces(bodies, pieces, state[0])
     end, _ = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
     for d in range(len(drivers)):
-        store_free_pose(joints, drivers[d])
+        store_free_pose(bodies, joints, drivers[d])
         drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
     begin_rooms(state[0])
     state[0]["counters"][:] = 0
@@ -132,7 +135,7 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
             if approach(bodies, joints, drivers[d], state, part):
                 more = True
         if state["skip_removal"] == 0 and not pass_free(bodies, pieces, joints, drivers, state):
-            if state["detection"] == DETECTION_SWEEP:
+            if state["detection"] != DETECTION_DISCRETE:
                 sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
             remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
         if not more:
@@ -256,12 +259,13 @@ def _advance(bodies, pieces, vertices, pairs, touching, returned, state):
     """
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     mark_pairs(bodies, pieces, pairs, touching)
-    if state["detection"] == DETECTION_SWEEP:
+    fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
+    if fast or state["detection"] == DETECTION_SWEEP:
         end = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
     else:
         pose_at(bodies, 1.0)
         end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
-    fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state)
+    fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state)
     fraction = min(fraction, returned)
     pose_at(bodies, fraction)
     collision -= state["stage_seconds"][STAGE_COLLISION]

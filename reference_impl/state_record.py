@@ -46,6 +46,7 @@ STATE = record(
     impulses="i8",
     flight="i8",
     detection="i8",
+    least_width="f8",  # of the pieces of fixed and simulated bodies [m]
     impact_gap="f8",  # at which an impact is found [m]
     v_rest="f8",  # most of the approach speed up to which nothing bounces [m/s]
     event_rows="i8",  # contacts that the substeps of a frame may hold in total while each ends at an impact

@@ -83,6 +83,11 @@ BODY = record(
     guard=GUARD,
     memory="i8",  # first contact point it remembers, counted from 1, or 0
     momentum=VECTOR,  # angular, about the centre of mass, world
+    # what tells whether its motion is too long for tests at the end of it (`motion.set_path`)
+    width="f8",  # least one of its pieces [m]
+    reach="f8",  # largest distance of its pieces' cores from its centre of mass [m]
+    path="f8",  # bound on how far its points go in a substep; 0 where impulses do not move it [m]
+    free_center=VECTOR,  # of a link, in the last free pose
     # its room (`rooms`): of a simulated body's centre; of a link, where it was, and how far it may go
     # from there and turn
     clear="i8",  # of a link: 1 while it can meet nothing
@@ -120,6 +125,8 @@ PIECE = record(
     size=VECTOR,  # half extents, half axes, or (0, 0, half length)
     radius="f8",  # round a core: of a sphere its centre, of a capsule a segment
     center=VECTOR,  # a point well inside the core, piece frame
+    width="f8",  # smallest distance between two parallel planes that enclose it, or less [m]
+    reach="f8",  # largest distance of its core from its origin [m]
     position=VECTOR,  # body frame
     rotation=MATRIX,
     world_position=VECTOR,

@@ -193,11 +193,11 @@ def person(parts: Parts | None = None, **fields: object) -> Scenario:
     return Scenario(name="person", summary="a test", tags=(), duration=1.0, coefficients=TABLE_1, **fields)
 
 
-def build(scenario: Scenario, profile: str = "balanced", dt: float = FRAME) -> World:
-    """A world ready for its first step."""
+def build(scenario: Scenario, profile: str = "balanced", dt: float = FRAME, *changes: str) -> World:
+    """A world ready for its first step; `changes` are settings ("key=value") besides the profile's."""
     world = translate(scenario)
     world.state["dt"], world.state["gravity"] = dt, scenario.acting_gravity
-    configure(world.state[0], profile)
+    configure(world.state[0], profile, changes)
     prepare(*world)
     return world
 

@@ -150,7 +150,7 @@ def test_a_heap_comes_to_rest(lab: SimpleNamespace, profile: str, rows: int) -> 
     ]
     world = crowded(lab, *balls, *walls, lab.ground(), profile=profile, rows=rows, e=0.3, mu=0.3)
     energies, crowds = [energy(world)], 0
-    for _ in range(180):
+    for _ in range(240):
         step(*world)
         crowds += lab.counters(world)["crowded"]
         energies.append(energy(world))
@@ -162,5 +162,5 @@ def test_a_heap_comes_to_rest(lab: SimpleNamespace, profile: str, rows: int) -> 
     assert gaps.min() > -1e-5
     assert (np.abs(centers[:, :2]) < 0.17 - RADIUS + 1e-5).all()
     assert centers[:, 2].min() > RADIUS - 1e-5
-    # what fell for three seconds without time lost lies by now
+    # what fell for four seconds without time lost lies by now: a ball may topple after two
     assert np.abs(world.bodies["velocity"]).max() < 0.05

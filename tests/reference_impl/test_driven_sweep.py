@@ -22,6 +22,9 @@ from scenarios.postures import person_tracker, reach
 from scenarios.scenario import ORIGIN, Body, Piece, Scenario, Sphere, Tracker
 from scenarios.solids import sphere_inertia
 
+SWEPT = ("balanced", "accurate")
+DISCRETE = "detection=discrete"
+FRAME = 1 / 60
 RADIUS = 0.01
 ORACLE_SLACK = 2e-8
 """Beyond the tolerance [m]: what coal's own tolerance leaves."""
@@ -42,11 +45,11 @@ def wall(lab: SimpleNamespace, half: float, kind: str = "fixed") -> Body:
     return lab.block("wall", (half, 1.0, 1.0), (0.0, 0.0, 0.0), kind=kind)
 
 
-def thrown(lab: SimpleNamespace, profile: str, half: float, end, kind: str = "fixed"):
+def thrown(lab: SimpleNamespace, profile: str, half: float, end, kind: str = "fixed", changes=()):
     """The world, without gravity, after one frame in which the tracker jumps from x = -0.2 to `end`."""
     tracker = lab.still("driven", (-0.2, 0.0, 0.0))
     scenario = lab.scene(driven_ball(), wall(lab, half, kind), trackers=(tracker,), gravity=ORIGIN)
-    world = lab.build(scenario, profile)
+    world = lab.build(scenario, profile, FRAME, *changes)
     world.drivers[0]["target_position"] = end
     step(*world)
     return world
@@ -54,31 +57,38 @@ def thrown(lab: SimpleNamespace, profile: str, half: float, end, kind: str = "fi
 
 @pytest.mark.parametrize("half", [5e-4, 0.02, 0.1])
 @pytest.mark.parametrize("speed", [1.0, 3.0, 100.0])
-def test_a_jump_through_a_wall_ends_before_it(lab: SimpleNamespace, half: float, speed: float) -> None:
+@pytest.mark.parametrize("profile", SWEPT)
+def test_a_jump_through_a_wall_ends_before_it(
+    lab: SimpleNamespace, profile: str, half: float, speed: float
+) -> None:
     """Stay on the near side of a wall of 1 mm to 20 cm, free, however far the tracker jumped."""
-    world = thrown(lab, "accurate", half, (speed, 0.0, 0.0))
+    world = thrown(lab, profile, half, (speed, 0.0, 0.0))
     x = world.drivers[0]["position"][0]
     assert -0.2 < x <= -half - RADIUS + 1e-6
     assert x == pytest.approx(-half - RADIUS, abs=1e-5)
     assert world.drivers[0]["is_free"] == 1
     assert lab.counters(world)["unconverged"] == 0
     # without the sweep it passes
-    assert thrown(lab, "balanced", half, (speed, 0.0, 0.0)).drivers[0]["position"][0] > half
+    passing = thrown(lab, profile, half, (speed, 0.0, 0.0), changes=(DISCRETE,))
+    assert passing.drivers[0]["position"][0] > half
 
 
 def test_a_free_jump_is_left_alone(lab: SimpleNamespace) -> None:
     """Go as far as without the sweep, to the bit, where nothing is in the way."""
     far = (-1.0, 5.0, 0.3)
     ends = [
-        thrown(lab, profile, 0.02, far).drivers[0]["position"].copy() for profile in ("accurate", "balanced")
+        thrown(lab, profile, 0.02, far, changes=changes).drivers[0]["position"].copy()
+        for profile, changes in (("accurate", ()), ("balanced", ()), ("balanced", (DISCRETE,)))
     ]
     assert ends[0][1] > 0.5
-    np.testing.assert_array_equal(*ends)
+    np.testing.assert_array_equal(ends[0], ends[1])
+    np.testing.assert_array_equal(ends[0], ends[2])
 
 
-def test_a_simulated_body_stops_a_jump_too(lab: SimpleNamespace) -> None:
+@pytest.mark.parametrize("profile", SWEPT)
+def test_a_simulated_body_stops_a_jump_too(lab: SimpleNamespace, profile: str) -> None:
     """Meet a simulated board in the way and push it, rather than appear behind it."""
-    world = thrown(lab, "accurate", 0.02, (3.0, 0.0, 0.0), kind="simulated")
+    world = thrown(lab, profile, 0.02, (3.0, 0.0, 0.0), kind="simulated")
     assert world.drivers[0]["position"][0] < world.bodies[1]["position"][0]
     assert world.bodies[1]["velocity"][0] > 0.1
 
@@ -119,17 +129,18 @@ def test_a_hand_stays_on_its_side(lab: SimpleNamespace, turn: float) -> None:
     bodies = (*links, wall(lab, 0.005))
     scenario = Scenario("test", "a test", (), bodies, 1.0, TABLE_1, joints=joints, trackers=(glove,))
     sides = {}
-    for profile in ("accurate", "balanced"):
-        world = lab.build(scenario, profile)
+    for name, changes in (("accurate", ()), ("balanced", ()), ("discrete", (DISCRETE,))):
+        world = lab.build(scenario, "accurate" if name == "accurate" else "balanced", FRAME, *changes)
         world.drivers[0]["target_position"] = (2.0, 0.0, 0.0)
         world.drivers[0]["target_orientation"] = (np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2))
         world.joints["target_angle"] = 0.3
         step(*world)
         hand = world.bodies["driver"] >= 0
         assert world.drivers[0]["is_free"] == 1
-        sides[profile] = world.bodies["center"][hand, 0]
+        sides[name] = world.bodies["center"][hand, 0]
     assert (sides["accurate"] < 0).all()
-    assert sides["balanced"].max() > 0
+    assert (sides["balanced"] < 0).all()
+    assert sides["discrete"].max() > 0
 
 
 JUMPS = {
@@ -162,14 +173,14 @@ def behind_thin_wall(lab: SimpleNamespace, jump: str) -> tuple[Scenario, float]:
 def test_an_avatar_stays_on_its_side(lab: SimpleNamespace, jump: str) -> None:
     """Keep all links of a person, or of an arm with a hand, before a wall that its tracker jumps through."""
     scenario, face = behind_thin_wall(lab, jump)
-    recording, passing = (
-        record(ReferenceEngine(), scenario, Settings(profile, 1 / 60, effects=PLANNED))
-        for profile in ("accurate", "balanced")
-    )
+    settings = [Settings(profile, 1 / 60, effects=PLANNED) for profile in SWEPT]
+    settings.append(replace(settings[-1], changes=(DISCRETE,)))
+    *swept, passing = (record(ReferenceEngine(), scenario, one) for one in settings)
     links = list(scenario.links(scenario.trackers[0]))
-    assert recording.position[:, links, 0].max() < face
-    assert measure(recording, scenario).overlap().max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
-    assert not recording.work[:, list(recording.work_names).index("gave_up")].any()
+    for recording in swept:
+        assert recording.position[:, links, 0].max() < face
+        assert measure(recording, scenario).overlap().max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+        assert not recording.work[:, list(recording.work_names).index("gave_up")].any()
     if jump in ("arm ahead", "arm and fingers"):
         # without the sweep the body passes, unless a frame happens to end in the wall
         assert passing.position[-1, 0, 0] > face + 0.05
