@@ -19,9 +19,9 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import AdapterError, Array
 from adapters.translation import translate
-from reference_impl.conventions import FIXED
-from reference_impl.detection import place_pieces
-from reference_impl.world import World
+from reference_impl.broad_phase.detection import place_pieces
+from reference_impl.core.conventions import FIXED
+from reference_impl.core.world import World
 from scenarios.effects import Bounds, Plan, box_gap, centred_ball, least_gap, plan
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
 from scenarios.tracking import TrackerMotion, sample

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
 from adapters.translation import translate
-from reference_impl.skeleton import joint_space_inertia, pose_links
+from reference_impl.driven.skeleton import joint_space_inertia, pose_links
 from scenarios.scenario import Scenario, Tracker
 from scenarios.tracking import sample
 

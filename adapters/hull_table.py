@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from adapters.engine import Array
-from reference_impl.world import VERTEX
+from reference_impl.core.world import VERTEX
 from scenarios.scenario import Vector
 
 Indices = NDArray[np.intp]

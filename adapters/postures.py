@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.translation import translate
-from reference_impl.skeleton import pose_links
+from reference_impl.driven.skeleton import pose_links
 from scenarios.scenario import Piece, Scenario
 
 

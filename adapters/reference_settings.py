@@ -12,7 +12,7 @@ from math import inf
 from typing import Any
 
 from adapters.engine import AdapterError, Scalar
-from reference_impl import conventions
+from reference_impl.core import conventions
 
 PROFILES = ("paper", "balanced", "accurate")
 """The columns of the table."""

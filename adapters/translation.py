@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from adapters.engine import Unsupported
 from adapters.hull_table import hull_rows, hull_width
-from reference_impl import conventions
-from reference_impl.driver_records import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
-from reference_impl.state_record import MATERIAL_CAPACITY, STATE
-from reference_impl.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
+from reference_impl.core import conventions
+from reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
+from reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
+from reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
 from scenarios.chains import hinge_axes
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 from scenarios.tracking import sample
