@@ -1,4 +1,4 @@
-"""What the bodies of a scenario can reach at most, by the reference's kinematics and by energy.
+"""What the bodies of a scenario can reach at most, by kinematics and by energy.
 
 Fixed pieces stay. A driven body's links keep to their tracker's way, up to REACH; those of chains to a ball
 round the chain's root, in which they bend as they must. A simulated body that meets nothing flies in closed
@@ -15,16 +15,12 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from adapters.engine import AdapterError, Array
-from adapters.translation import translate
-from reference_impl.broad_phase.detection import place_pieces
-from reference_impl.core.conventions import FIXED
-from reference_impl.core.world import World
 from scenarios.effects import Bounds, Plan, box_gap, centred_ball, least_gap, plan
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
-from scenarios.tracking import TrackerMotion, sample
+from scenarios.kinematics import hinges, link_poses, matrix, piece_box
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Tracker
+from scenarios.tracking import sample
 
 Indices = NDArray[np.intp]
 
@@ -37,6 +33,8 @@ SLACK = 0.05
 of a first-order step of a displayed frame."""
 GAIN = 2.0
 """Factor of a speed that laws which gain energy may add to balls [1]: mu j always."""
+TOUCH = 1e-6
+"""Distance at which bodies still touch [m]: to spare round fixed pieces."""
 MANY = 3000
 """Pieces from which on everything is taken to meet: telling them apart would take seconds."""
 
@@ -49,16 +47,15 @@ def planned(scenario: Scenario, effects: tuple[str, ...] | None = None) -> Plan:
 
 def bounds(scenario: Scenario) -> Bounds:
     """Boxes that bodies' origins keep to, and how far bodies then stay from pieces at least."""
-    world = translate(scenario)
-    place_pieces(world.bodies, world.pieces, world.vertices, FIXED)
-    body = world.pieces["body"].astype(np.intp)
-    n, p = len(world.bodies), len(world.pieces)
+    world = _World(scenario)
+    body = world.body
+    n, p = len(scenario.bodies), len(body)
     reach = np.zeros(n)
     np.maximum.at(reach, body, [extent(piece) for b in scenario.bodies for piece in b.pieces])
-    low, high = world.bodies["position"].copy(), world.bodies["position"].copy()
+    low, high = world.position.copy(), world.position.copy()
     if p > MANY:
         return Bounds(body, reach, low - np.inf, high + np.inf, np.zeros((n, p)))
-    own = _follow(scenario, world, reach, low, high)
+    own = _follow(scenario, reach, low, high)
     _fly(scenario, world, low, high)
     gap = _settle(scenario, world, reach, low, high)
     gap = np.where(np.isfinite(own[:, body]), own[:, body], gap)
@@ -81,19 +78,18 @@ def extent(piece: Piece) -> float:
     return float(np.linalg.norm(piece.position)) + size
 
 
-def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Array) -> Array:
+def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
     """Boxes of driven links' origins, from their trackers; returns what the links of one driven body stay
     apart at least (n, n) [m], infinite elsewhere."""
     own = np.full((len(reach), len(reach)), np.inf)
     times = np.linspace(0.0, scenario.duration, scenario.frame_count + 1)
-    for driver, tracker in zip(world.drivers, scenario.trackers):
+    for tracker in scenario.trackers:
         links = list(scenario.links(tracker))
         motion = sample(tracker, times)
-        joints = world.joints[driver["first_joint"] :][: driver["joint_count"]]
-        anchor, arm = _anchors(world, joints, links)
+        anchor, arm, chained = _anchors(scenario, tracker)
         near, which = np.unique(anchor, return_inverse=True)
-        place, rotation = ways(joints, links, motion)
-        if (world.bodies["chain"][links] >= 0).any() and "self_collision" not in scenario.effects:
+        place, rotation = link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+        if chained.any() and "self_collision" not in scenario.effects:
             _refuse_crossing(scenario, dict(zip(links, zip(place, rotation))), times)
         way = place[near]
         around = reach[links] + arm
@@ -106,24 +102,6 @@ def _follow(scenario: Scenario, world: World, reach: Array, low: Array, high: Ar
         spread = (REACH + stride + arm)[:, None]
         low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
     return np.maximum(own, 0.0)
-
-
-def ways(joints: Array, links: list[int], motion: TrackerMotion) -> tuple[Array, Array]:
-    """Origins (links, t, 3) [m] and rotations (links, t, 3, 3) of a driver's links over the samples of a
-    tracker, world: the kinematics of `skeleton.pose_links`, all samples at once.
-
-    Args:
-        joints: rows of JOINT, from the root outwards.
-        links: bodies, the root's first, then the joints' children.
-    """
-    turned = Rotation.from_quat(motion.orientation, scalar_first=True).as_matrix()
-    rotation, place = {links[0]: turned}, {links[0]: motion.position}
-    for k, joint in enumerate(joints):
-        parent, child = int(joint["parent"]), int(joint["child"])
-        hinge = Rotation.from_rotvec(motion.angle[:, k, None] * joint["axis"]).as_matrix()
-        place[child] = place[parent] + rotation[parent] @ joint["position"]
-        rotation[child] = rotation[parent] @ (hinge @ joint["rest"])
-    return np.array([place[link] for link in links]), np.array([rotation[link] for link in links])
 
 
 def _refuse_crossing(scenario: Scenario, shown: Mapping[int, tuple[Array, Array]], times: Array) -> None:
@@ -161,37 +139,61 @@ def _inner(piece: Piece) -> float:
             return 0.0
 
 
-def _anchors(world: World, joints: Array, links: list[int]) -> tuple[Indices, Array]:
+def _anchors(scenario: Scenario, tracker: Tracker) -> tuple[Indices, Array, NDArray[np.bool_]]:
     """What each link's origin stays near, by index in `links`, and how near [m]: itself where its tracker
-    poses it, the root of its chain where inverse kinematics does, at most stretched."""
-    anchor, arm = np.arange(len(links)), np.zeros(len(links))
-    for joint in joints:
-        inner, link = links.index(joint["parent"]), links.index(joint["child"])
-        if world.bodies["chain"][joint["parent"]] >= 0:
+    poses it, the root of its chain where inverse kinematics does, at most stretched; and whether it does."""
+    named = {name for chain in scenario.chains for name in chain.joints}
+    count = 1 + len(tracker.joints)
+    anchor, arm, chained = np.arange(count), np.zeros(count), np.zeros(count, bool)
+    for joint, inner, link in hinges(scenario, tracker):
+        if chained[inner]:
             anchor[link] = anchor[inner]
-            arm[link] = arm[inner] + np.linalg.norm(joint["position"])
-    return anchor, arm
+            arm[link] = arm[inner] + np.linalg.norm(joint.position)
+        chained[link] = chained[inner] or joint.name in named
+    return anchor, arm, chained
 
 
-def _fly(scenario: Scenario, world: World, low: Array, high: Array) -> None:
+class _World:
+    """Arrays of n bodies and their p pieces: what the bounds are worked out from."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        bodies = scenario.bodies
+        self.body = np.array([k for k, body in enumerate(bodies) for _ in body.pieces], np.intp)
+        self.position = np.array([body.position for body in bodies])
+        self.rotation = matrix(np.array([body.orientation for body in bodies]))
+        self.arm = np.array([body.center_of_mass for body in bodies])
+        self.center = self.position + np.einsum("nij,nj->ni", self.rotation, self.arm)
+        self.velocity = np.array([body.linear_velocity for body in bodies])
+        self.omega = np.array([body.angular_velocity for body in bodies])
+        self.mass = np.array([body.mass for body in bodies])
+        self.inertia = np.array([body.inertia for body in bodies])
+        # boxes of fixed pieces
+        self.low, self.high = np.zeros((len(self.body), 3)), np.zeros((len(self.body), 3))
+        pieces = [piece for body in bodies for piece in body.pieces]
+        for row, (k, piece) in enumerate(zip(self.body, pieces)):
+            if bodies[k].kind == "fixed":
+                low, high = piece_box(piece, self.position[k], self.rotation[k])
+                self.low[row], self.high[row] = low - TOUCH, high + TOUCH
+
+
+def _fly(scenario: Scenario, world: _World, low: Array, high: Array) -> None:
     """Boxes of simulated bodies' origins in free flight."""
     g, end = np.array(scenario.acting_gravity), scenario.duration
     slack = SLACK + float(np.linalg.norm(g)) * end / (2 * scenario.frame_rate)
     for k in np.flatnonzero([b.kind == "simulated" for b in scenario.bodies]):
-        row = world.bodies[k]
-        v = row["velocity"]
+        v = world.velocity[k]
         top = np.clip(np.divide(-v, g, out=np.zeros(3), where=g != 0), 0.0, end)
         way = np.array([np.zeros(3), v * top + g * top**2 / 2, v * end + g * end**2 / 2])
-        around = np.linalg.norm(row["center_of_mass"]) + slack
-        low[k] = row["center"] + way.min(axis=0) - around
-        high[k] = row["center"] + way.max(axis=0) + around
+        around = np.linalg.norm(world.arm[k]) + slack
+        low[k] = world.center[k] + way.min(axis=0) - around
+        high[k] = world.center[k] + way.max(axis=0) + around
 
 
-def _settle(scenario: Scenario, world: World, reach: Array, low: Array, high: Array) -> Array:
+def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: Array) -> Array:
     """Widen the boxes of simulated bodies that can meet something until nothing more can; returns how far
     bodies stay from pieces (n, p) [m]."""
     kind = np.array([b.kind for b in scenario.bodies])
-    body = world.pieces["body"]
+    body = world.body
     may = np.zeros((len(kind), len(kind)), bool)
     pairs = np.array(list(scenario.touching_pairs()), dtype=np.intp).reshape(-1, 2)
     may[pairs[:, 0], pairs[:, 1]] = may[pairs[:, 1], pairs[:, 0]] = True
@@ -223,18 +225,18 @@ def _gains(scenario: Scenario, k: int, others: Indices) -> bool:
     return any(min(scenario.pair_coefficients(*sorted((k, int(other))))) > 0 for other in others)
 
 
-def _gaps(world: World, kind: NDArray[np.str_], reach: Array, low: Array, high: Array) -> Array:
+def _gaps(world: _World, kind: NDArray[np.str_], reach: Array, low: Array, high: Array) -> Array:
     """Distances between the boxes of all bodies and all pieces (n, p) [m]; 0 where they overlap."""
-    body = world.pieces["body"]
+    body = world.body
     fixed = (kind == "fixed")[body, None]
-    piece_low = np.where(fixed, world.pieces["low"], low[body] - reach[body, None])
-    piece_high = np.where(fixed, world.pieces["high"], high[body] + reach[body, None])
+    piece_low = np.where(fixed, world.low, low[body] - reach[body, None])
+    piece_high = np.where(fixed, world.high, high[body] + reach[body, None])
     return box_gap(low - reach[:, None], high + reach[:, None], piece_low, piece_high)
 
 
 def _spread(
     scenario: Scenario,
-    world: World,
+    world: _World,
     group: NDArray[np.intp],
     state: NDArray[np.int_],
     low: Array,
@@ -247,14 +249,16 @@ def _spread(
     """
     g, end = float(np.linalg.norm(scenario.acting_gravity)), scenario.duration
     for one in np.unique(group[state[group] > 0]):
-        rows = world.bodies[group == one]
-        spins = [
-            row["omega"] @ row["rotation"] @ row["inertia"] @ row["rotation"].T @ row["omega"] for row in rows
-        ]
-        total = np.sqrt(float((rows["mass"] * (rows["velocity"] ** 2).sum(axis=1)).sum() + np.sum(spins)))
-        path = GAIN * (total * end + g * np.sqrt(rows["mass"].sum()) * end**2 / 2)
-        around = path / np.sqrt(rows["mass"]) + np.linalg.norm(rows["center_of_mass"], axis=1) + SLACK
+        members = np.flatnonzero(group == one)
+        spins = []
+        for k in members:
+            omega = world.omega[k] @ world.rotation[k]
+            spins.append(omega @ world.inertia[k] @ omega)
+        mass, center = world.mass[members], world.center[members]
+        total = np.sqrt(float((mass * (world.velocity[members] ** 2).sum(axis=1)).sum() + np.sum(spins)))
+        path = GAIN * (total * end + g * np.sqrt(mass.sum()) * end**2 / 2)
+        around = path / np.sqrt(mass) + np.linalg.norm(world.arm[members], axis=1) + SLACK
         if state[one] == 2:
             around[:] = np.inf
-        low[group == one] = rows["center"] - around[:, None]
-        high[group == one] = rows["center"] + around[:, None]
+        low[group == one] = center - around[:, None]
+        high[group == one] = center + around[:, None]

@@ -1,4 +1,5 @@
-"""Bullet through pybullet, in reduced coordinates: every body is a multibody with a base of its own.
+"""Bullet through pybullet, in reduced coordinates: every body is a multibody with a base of its own. Under
+`maximal` free balls and boxes are rigid bodies.
 
 Conventions: quaternions are xyzw, ours wxyz. Bullet poses and moves the *inertial frame* of a link (origin at
 the centre of mass, axes along the principal moments), while `createMultiBody` takes link frames, hangs link
@@ -24,14 +25,45 @@ import pybullet
 from scipy.spatial.transform import Rotation
 
 from adapters import bullet_tables
-from adapters.bullet_tables import BASE, FRICTION_MAX, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
+from adapters.bullet_tables import (
+    BASE,
+    FRICTION_MAX,
+    LINK,
+    NO_SHAPE,
+    RIGID_BODY,
+    UNTURNED,
+    Links,
+    Multibody,
+    Part,
+)
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
 from adapters.mixing import check_range, frictions, product_factors, restitutions
-from adapters.registry import ENGINES, TUNED, require_profile
-from scenarios.scenario import ORIGIN, Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+from adapters.posed import posed_of
+from adapters.registry import ACCURATE, ENGINES, MAXIMAL, require_profile
+from scenarios.scenario import (
+    IDENTITY,
+    ORIGIN,
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Joint,
+    Piece,
+    Scenario,
+    Sphere,
+)
+from scenarios.solids import box_inertia, sphere_inertia
 
 Joints = tuple[Joint, ...]
+INERTIA_TOLERANCE = 1e-12
+"""Of a body's inertia over that of its shape, relative: rounding."""
+HINGE_DRIVES = {
+    "native": "position control",
+    "torque": "off (force 0)",
+    "posed": "none: links are bodies without mass",
+}
 PRIMITIVES = {Sphere: pybullet.GEOM_SPHERE, Box: pybullet.GEOM_BOX, Capsule: pybullet.GEOM_CAPSULE}
 
 
@@ -62,9 +94,14 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings, factors: list[tuple[float, float]]) -> None:
         self._scenario, self._settings, self._factors = scenario, settings, factors
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
-        self._told = bullet_tables.TUNED if settings.profile == TUNED else bullet_tables.DEFAULT
+        self._told = bullet_tables.ACCURATE if settings.profile == ACCURATE else bullet_tables.DEFAULT
+        self._native = settings.drive == "native"
         self._sleep = bullet_tables.SLEEPING if settings.sleeping else {}
         pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
@@ -74,15 +111,20 @@ class World:
         self._axes, self._arm = np.array(axes), np.array([body.center_of_mass for body in scenario.bodies])
         self._to_body = Rotation.from_quat(self._axes).inv()
         # what Bullet says of the inertial frames and of the hinges
-        self._center, self._turn = np.zeros((n, 3)), np.zeros((n, 4))
+        self._center, self._turn = np.zeros((n, 3)), np.tile(UNTURNED, (n, 1))
         self._velocity, self._omega = np.zeros((n, 3)), np.zeros((n, 3))
         self._angle, self._rate = np.zeros(hinges), np.zeros(hinges)
         # what was commanded: force and torque per tracker, torque per hinge, and against gravity per body
         self._wrench, self._hinge_torque = np.zeros((len(scenario.trackers), 2, 3)), np.zeros(hinges)
         self._lift = [(-body.mass * np.array(scenario.acting_gravity)).tolist() for body in scenario.bodies]
         self._colliders: dict[int, list[tuple[int, int]]] = {}
+        maximal = settings.profile == MAXIMAL
+        self._rigid = {k for k, body in enumerate(scenario.bodies) if maximal and _is_plain(body)}
         self._free = [self._add_free(k) for k, group in enumerate(scenario.groups()) if group < 0]
-        self._driven = [self._add_driven(k) for k in range(len(scenario.trackers))]
+        self._driven = [self._add_driven(k) for k in range(len(self._drives))]
+        shown = [link for one, _ in self._posed for link in one.links]
+        self._kinematic = {link: self._create((link,), (), ORIGIN, IDENTITY) for link in shown}
+        self._place_posed()
         for multibody in self._free:
             self._observe(multibody)  # fixed ones once and for all
         simulated = [one for one in self._free if scenario.bodies[one.bodies[0]].kind != "fixed"]
@@ -94,7 +136,8 @@ class World:
     def _add_free(self, body: int) -> Multibody:
         """A fixed or simulated body."""
         given = self._scenario.bodies[body]
-        number = self._create((body,), (), given.position, given.orientation)
+        create = self._create_rigid if body in self._rigid else self._create
+        number = create((body,), (), given.position, given.orientation)
         pybullet.resetBaseVelocity(number, given.linear_velocity, given.angular_velocity, **self._on)
         return Multibody(number, (body,), slice(0))
 
@@ -149,24 +192,48 @@ class World:
             **dict(zip(Part._fields, zip(*parts))),
             **self._on,
         )
-        root = scenario.bodies[bodies[0]]
+        self._tell(number, (*bodies, *(bodies[k] for k, _ in further)), len(joints))
+        return int(number)
+
+    def _create_rigid(
+        self, bodies: Links, _: Joints, position: Sequence[float], wxyz: Sequence[float]
+    ) -> int:
+        """A body of one shape in maximal coordinates; its inertia is Bullet's own, of the shape."""
+        (body,) = bodies
+        given = self._scenario.bodies[body]
+        (shape,) = self._add_shapes(given)
+        number = pybullet.createMultiBody(
+            baseMass=self._part(body, shape).linkMasses,
+            baseCollisionShapeIndex=shape,
+            basePosition=position,
+            baseOrientation=_xyzw(wxyz),
+            useMaximalCoordinates=True,
+            **self._on,
+        )
+        self._tell(number, bodies, NO_SHAPE)
+        return int(number)
+
+    def _tell(self, number: int, bodies: Links, turned: int) -> None:
+        """Coefficients, damping and activation of a new base and its links, of which link k belongs to
+        bodies[k + 1]; moments of inertia of the base and of the first `turned` links."""
+        root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         told = self._told.base | (self._told.hull if has_hull else {})
         told |= {} if root.kind == "driven" else self._sleep
         pybullet.changeDynamics(number, BASE, **told, **self._on)
-        for link, body in enumerate((*bodies, *(bodies[k] for k, _ in further)), start=BASE):
+        for link, body in enumerate(bodies, start=BASE):
             restitution, friction = self._factors[body]
             own = {"restitution": restitution, "lateralFriction": friction, **LINK}
-            if link < len(joints):
+            if link < turned:
                 own["localInertiaDiagonal"] = self._moments[body]
             pybullet.changeDynamics(number, link, **own, **self._on)
             self._colliders.setdefault(body, []).append((number, link))
-        return int(number)
 
     def _part(self, body: int, shape: int) -> Part:
         """A body's mass and inertial frame."""
         given = self._scenario.bodies[body]
-        mass = 0.0 if given.kind == "fixed" else given.mass
+        weightless = given.kind == "fixed" or (given.kind == "driven" and self._posed)
+        mass = 0.0 if weightless else given.mass
         return Part(mass, shape, given.center_of_mass, tuple(self._axes[body]))
 
     def _add_shapes(self, body: Body) -> list[int]:
@@ -218,29 +285,63 @@ class World:
                 array[links] = [state[field] for state in states]
             joints = pybullet.getJointStates(number, range(len(links)), **self._on)
             self._angle[hinges], self._rate[hinges] = np.array([joint[:2] for joint in joints]).T
+            if self._native:
+                self._hinge_torque[hinges] = [joint[3] for joint in joints]
 
     def drive(self, step: int) -> None:
-        """Command roots and hinges, and hold the driven links against gravity."""
+        """Command roots and hinges, and hold the driven links against gravity; or pose the links."""
+        self._moment = step + 1
+        self._place_posed()
         for k, (multibody, drive) in enumerate(zip(self._driven, self._drives)):
             self._observe(multibody)
-            number, bodies, hinges = multibody
+            number, bodies, _ = multibody
             root, omega = bodies[0], self._omega[bodies[0]]
             turned = Rotation.from_quat(self._turn[root]) * self._to_body[root]
             arm = turned.apply(self._arm[root])
             position, velocity = self._center[root] - arm, self._velocity[root] - np.cross(omega, arm)
             wrench = drive.wrench(step, position, turned.as_quat(scalar_first=True), velocity, omega)
             self._wrench[k] = wrench
-            self._hinge_torque[hinges] = drive.hinge_torques(step, self._angle[hinges], self._rate[hinges])
             force, torque = self._wrench[k].tolist()
             self._push(number, BASE, force, position)
             pybullet.applyExternalTorque(number, BASE, torque, pybullet.WORLD_FRAME, **self._on)
             for link, body in enumerate(bodies, start=BASE):
                 self._push(number, link, self._lift[body], self._center[body])
             if len(bodies) > 1:
-                links, torques = range(len(bodies) - 1), self._hinge_torque[hinges].tolist()
-                pybullet.setJointMotorControlArray(
-                    number, links, pybullet.TORQUE_CONTROL, forces=torques, **self._on
-                )
+                self._turn_hinges(step, multibody, drive)
+
+    def _place_posed(self) -> None:
+        """Put kinematic links where they are shown at the present moment."""
+        for posed, _ in self._posed:
+            turned = Rotation.from_quat(posed.orientation[:, self._moment], scalar_first=True)
+            frames = (turned * Rotation.from_quat(self._axes[list(posed.links)])).as_quat()
+            for link, center, frame in zip(posed.links, posed.center[:, self._moment], frames):
+                number = self._kinematic[link]
+                pybullet.resetBasePositionAndOrientation(number, center.tolist(), frame.tolist(), **self._on)
+
+    def _turn_hinges(self, step: int, multibody: Multibody, drive: Drive) -> None:
+        """Command hinges: motors that reach the rate to which the servo's law leads by the end of the step,
+        with no more torque than the law has; or torques."""
+        number, bodies, hinges = multibody
+        links, angle, rate = range(len(bodies) - 1), self._angle[hinges], self._rate[hinges]
+        if not self._native:
+            torques = self._hinge_torque[hinges] = drive.hinge_torques(step, angle, rate)
+            pybullet.setJointMotorControlArray(
+                number, links, pybullet.TORQUE_CONTROL, forces=torques.tolist(), **self._on
+            )
+            return
+        stiffness, damping = servo_gains(drive.hinge_frequency, self._settings.dt)
+        target, target_rate = drive.target.angle[step], drive.target.rate[step]
+        pybullet.setJointMotorControlArray(
+            number,
+            links,
+            pybullet.POSITION_CONTROL,
+            targetPositions=(target - self._settings.dt * target_rate).tolist(),
+            targetVelocities=target_rate.tolist(),
+            forces=drive.largest_torques(step, angle, rate).tolist(),
+            positionGains=[stiffness] * len(links),
+            velocityGains=[damping] * len(links),
+            **self._on,
+        )
 
     def _push(self, number: int, link: int, force: list[float], position: Array) -> None:
         """Force at a world point, for the next step."""
@@ -259,8 +360,11 @@ class World:
         state.orientation[:] = turned.as_quat(scalar_first=True)
         state.linear_velocity[:], state.angular_velocity[:] = self._velocity, self._omega
         state.joint_angle[:], state.joint_rate[:] = self._angle, self._rate
-        state.force[:], state.torque[:] = self._wrench[:, 0], self._wrench[:, 1]
-        state.hinge_torque[:] = self._hinge_torque
+        if not self._posed:
+            state.force[:], state.torque[:] = self._wrench[:, 0], self._wrench[:, 1]
+            state.hinge_torque[:] = self._hinge_torque
+        for posed, hinges in self._posed:
+            posed.show(self._moment, state, hinges)
         # a point the solver left out keeps the force of an earlier step
         farthest = self._told.base.get("contactProcessingThreshold", inf)
         for point in pybullet.getContactPoints(**self._on):
@@ -304,6 +408,9 @@ class World:
         return found
 
     def _piece_count(self, body: int) -> int:
+        """Shapes of a body, read back; of rigid bodies Bullet tells none."""
+        if body in self._rigid:
+            return len(self._scenario.bodies[body].pieces)
         return sum(len(pybullet.getCollisionShapeData(*link, **self._on)) for link in self._colliders[body])
 
     def _freedom(self) -> int:
@@ -343,15 +450,12 @@ class World:
             "hull corners": "rounded by Bullet to about 1e-4 of the hull's size",
             "integrator": "semi-implicit Euler on reduced coordinates, gyroscopic term on",
             "sleep of driven bodies": "off: no force wakes a multibody",
-            "default joint motors": "off (force 0)",
+            "default joint motors": HINGE_DRIVES[self._settings.drive],
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",
             "threads": 1,
-            "collision_shapes": sum(
-                len(pybullet.getCollisionShapeData(*collider, **self._on))
-                for k in range(len(self._scenario.bodies))
-                for collider in self._colliders[k]
-            ),
+            "bodies in maximal coordinates": sum(fact[10] == RIGID_BODY for fact in facts),
+            "collision_shapes": sum(self._piece_count(k) for k in range(len(self._scenario.bodies))),
         }
 
     def cross(self) -> None:
@@ -371,6 +475,18 @@ class World:
         pybullet.disconnect(**self._on)
 
 
+def servo_gains(frequency: float, dt: float) -> tuple[float, float]:
+    """Position and velocity gain [1] of a motor that acts as a critically damped servo.
+
+    A motor sets the rate at the step's end, v' = v + kp (p - q) / dt + kd (v_t - v). The law of a servo of
+    `frequency` w [rad/s] taken there, v' = v + dt (w^2 (q_t - q - dt v') + 2 w (v_t - v')), is a motor's with
+    p = q_t - dt v_t.
+    """
+    turn = frequency * dt
+    share = 1 / (1 + turn) ** 2
+    return turn * turn * share, (2 + turn) * turn * share
+
+
 def _xyzw(quaternion: Sequence[float]) -> tuple[float, ...]:
     """A quaternion wxyz in Bullet's order."""
     w, x, y, z = (float(value) for value in quaternion)
@@ -387,12 +503,36 @@ def _principal_axes(body: Body) -> tuple[list[float], Sequence[float]]:
     return moments.tolist(), Rotation.from_matrix(axes).as_quat().tolist()
 
 
+def _is_plain(body: Body) -> bool:
+    """Whether maximal coordinates can hold a body: a fixed one of one shape, or a simulated ball or box whose
+    inertia is that of its shape, for Bullet takes no other (`changeDynamics` of a rigid body's inertia gives
+    NaN)."""
+    if body.kind == "driven" or not body.pieces:
+        return False
+    hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
+    if body.kind == "fixed":
+        return hulls == 0 or len(body.pieces) == 1
+    piece = body.pieces[0]
+    centred = (piece.position, piece.orientation, body.center_of_mass) == (ORIGIN, IDENTITY, ORIGIN)
+    if len(body.pieces) > 1 or not centred:
+        return False
+    match piece.shape:
+        case Sphere(radius):
+            inertia = sphere_inertia(body.mass, radius)
+        case Box(half_extents):
+            inertia = box_inertia(body.mass, half_extents)
+        case _:
+            return False
+    return bool(np.allclose(inertia, body.inertia, rtol=INERTIA_TOLERANCE, atol=0.0))
+
+
 def _largest(rows: list[tuple], field: int) -> float:
     return max((row[field] for row in rows), default=0.0)
 
 
 def _body_facts(fact: tuple) -> BodyFacts:
     """Mass properties from Bullet's record of a link, turned to the body axes."""
-    axes = Rotation.from_quat(fact[4]).as_matrix()
+    # of a rigid body Bullet tells no axes: it is held in those of its shape
+    axes = np.eye(3) if fact[10] == RIGID_BODY else Rotation.from_quat(fact[4]).as_matrix()
     inertia = axes @ np.diag(fact[2]) @ axes.T
     return BodyFacts(fact[0], fact[3], tuple(tuple(row) for row in inertia.tolist()))

@@ -13,6 +13,8 @@ Links = tuple[int, ...]
 BASE = -1
 """Bullet's number of a multibody's base; its links count from 0."""
 NO_SHAPE = -1
+RIGID_BODY = 1
+"""What `getDynamicsInfo` calls a body in maximal coordinates (BT_RIGID_BODY)."""
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
 """The unit quaternion, xyzw."""
 FRICTION_MAX = 10.0
@@ -55,6 +57,12 @@ SLEEPING: dict[str, int | float] = {"activationState": pybullet.ACTIVATION_STATE
 LINK: dict[str, int | float] = {"jointDamping": 0.0, "rollingFriction": 0.0, "spinningFriction": 0.0}
 
 
+# `recommended` is `default`: "in many cases it is best to leave the timeStep to default, which is 240Hz.
+# Several parameters are tuned with this value in mind. For example the number of solver iterations and the
+# error reduction parameters" (pybullet's quickstart guide, setTimeStep), and "useMaximalCoordinates:
+# experimental, best to leave it 0/false" (createMultiBody). Damping and sleep are off under all profiles.
+
+
 class Told(NamedTuple):
     """What a profile tells the solver, every base, and the base of a body with hulls."""
 
@@ -64,7 +72,7 @@ class Told(NamedTuple):
 
 
 DEFAULT = Told(SOLVER, MULTIBODY, {})
-TUNED = Told(
+ACCURATE = Told(
     solver=SOLVER
     | {
         # at four times the default rate a quarter of the correction per step: as fast in time, and a quarter

@@ -22,15 +22,19 @@ from adapters.dart_model import (
     ROOT_DOFS,
     add_body,
     add_driven,
+    add_kinematic,
     add_piece,
+    add_servos,
     detector_of,
-    fault_of_fcl,
+    isometry,
+    reason_for_bullet,
     set_mass,
 )
 from adapters.drive import Drive
 from adapters.engine import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
 from adapters.mixing import check_range, frictions, minimum_factors, product_factors, restitutions
-from adapters.registry import ENGINES, TUNED, require_profile
+from adapters.posed import posed_of
+from adapters.registry import ACCURATE, ENGINES, require_profile
 from scenarios.scenario import Scenario
 
 COEFFICIENT_MIN = 1e-3
@@ -40,6 +44,11 @@ FRICTION_CONES = {
     "NsgsFrictionSolver": "circular",
 }
 """The cone of a contact under each solver."""
+HINGE_DRIVES = {
+    "native": "implicit springs and dampers",
+    "torque": "explicit torques",
+    "posed": "none: links have prescribed velocities",
+}
 UNREADABLE: dict[str, Scalar] = {
     # compiled in, no getter or setter in dartpy; from DART's ContactConstraint.cpp
     "contact_error_reduction": 0.01,
@@ -53,8 +62,8 @@ UNREADABLE: dict[str, Scalar] = {
 
 
 class DartEngine:
-    """DART with its default solver at its own step (1/1020: DART's 1 ms, fitted) or another's; `tuned` with
-    the exact friction cone."""
+    """DART with its default solver at its own step (1/1020: DART's 1 ms, fitted) or another's; `accurate`
+    with the exact friction cone."""
 
     name: ClassVar[str] = "dart"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["dart"].profiles
@@ -77,10 +86,10 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     deactivation = world.getDeactivationOptions()
     deactivation.mEnabled = settings.sleeping
     world.setDeactivationOptions(deactivation)
-    world.setCollisionDetector(detector_of(scenario))
+    world.setCollisionDetector(detector_of(scenario, settings.profile))
     solver = world.getConstraintSolver()
     solver.setSplitImpulseEnabled(False)
-    if settings.profile == TUNED:
+    if settings.profile == ACCURATE:
         # one of two opt-in friction solvers (DART 6.20 release notes): Coulomb's circular cone by nonsmooth
         # Gauss-Seidel in place of two boxed directions
         solver.setBoxedLcpSolver(dartpy.constraint.NsgsFrictionSolver())
@@ -109,9 +118,15 @@ class World:
             check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
         restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
         friction = minimum_factors("dart", "friction", scenario, asked["friction"])
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
         by_name = {joint.name: joint for joint in scenario.joints}
         nodes: dict[int, Any] = {}
+        for one, _ in self._posed:
+            nodes |= {link: add_kinematic(self._world, scenario.bodies[link]) for link in one.links}
         for drive, tracker in zip(self._drives, scenario.trackers):
             nodes |= add_driven(self._world, scenario, drive, [by_name[name] for name in tracker.joints])
         for k, body in enumerate(scenario.bodies):
@@ -137,9 +152,18 @@ class World:
         self._force = np.full((len(self._drives), 3), np.nan)
         self._torque = np.full((len(self._drives), 3), np.nan)
         self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in scenario.trackers]
+        self._native = settings.drive == "native"
+        self._changed = [np.zeros(ROOT_DOFS + len(one)) for one in self._hinge_torque]
+        self._set_point = [(np.full_like(one, np.nan),) * 2 for one in self._hinge_torque]
+        if self._native:
+            for drive, hand in zip(self._drives, self._hands):
+                add_servos(hand, drive)
 
     def drive(self, step: int) -> None:
-        """Force and torque at the root's origin in world axes, torques at the hinges."""
+        """Force and torque at the root's origin in world axes, and the hinges' servos or torques; or the
+        links' poses and velocities."""
+        self._moment = step + 1
+        self._move_posed()
         for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
             pose = root.getWorldTransform()
             self._force[k], self._torque[k] = drive.wrench(
@@ -152,8 +176,29 @@ class World:
             root.addExtForce(self._force[k])
             root.addExtTorque(self._torque[k], False)
             angle, rate = hand.getPositions()[ROOT_DOFS:], hand.getVelocities()[ROOT_DOFS:]
-            self._hinge_torque[k] = drive.hinge_torques(step, angle, rate)
-            hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), self._hinge_torque[k]]))
+            if self._native:
+                self._changed[k] = np.array(hand.getVelocityChanges())
+                self._set_point[k] = drive.target.angle[step], drive.target.rate[step]
+                for number, target in enumerate(drive.target.angle[step], start=1):
+                    # DART refuses a rest position beyond the limits
+                    joint = hand.getJoint(number)
+                    low, high = joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0)
+                    joint.setRestPosition(0, min(max(target, low), high))
+                torques = drive.servo_damping * drive.target.rate[step]
+            else:
+                torques = self._hinge_torque[k] = drive.hinge_torques(step, angle, rate)
+            hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), torques]))
+
+    def _move_posed(self) -> None:
+        """Let kinematic links move from where they are shown at the step's start to where at its end."""
+        step = self._moment - 1
+        for posed, _ in self._posed:
+            for k, link in enumerate(posed.links):
+                joint = self._nodes[link].getParentJoint()
+                joint.setTransform(isometry(posed.place[k, step], posed.orientation[k, step]))
+                joint.setAngularVelocity(posed.omega[k, step])
+                joint.setLinearVelocity((posed.place[k, step + 1] - posed.place[k, step]) / self._settings.dt)
+                joint.setCommands(joint.getVelocities())
 
     def step(self) -> None:
         """One World.step."""
@@ -167,10 +212,12 @@ class World:
             state.position[k], state.orientation[k] = pose.translation(), pose.quaternion().wxyz()
             state.linear_velocity[k] = node.getCOMLinearVelocity()
             state.angular_velocity[k] = node.getAngularVelocity()
+        for one, hinges in self._posed:
+            one.show(self._moment, state, hinges)
         if self._hands:
             state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
             state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
-            state.hinge_torque[:] = np.concatenate(self._hinge_torque)
+            state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
             state.force[:], state.torque[:] = self._force, self._torque
         state.clear_contacts()
         for contact in self._world.getLastCollisionResult().getContacts():
@@ -180,6 +227,20 @@ class World:
             point = contact.point + self._to_midpoint * depth * normal
             impulse = -self._settings.dt * contact.force
             state.add_contact(first, second, point, -normal, -depth, impulse)
+
+    def _hinge_torques(self, tracker: int) -> Array:
+        """What drove the hinges of a tracker during the step just made (j,) [N m]: DART takes its springs and
+        dampers at the end of the step as it would be without the impulses of contacts and limits."""
+        if not self._native:
+            return self._hinge_torque[tracker]
+        hand, drive, dt = self._hands[tracker], self._drives[tracker], self._settings.dt
+        angle, rate = self._set_point[tracker]
+        changed = np.array(hand.getVelocityChanges())
+        # a step without impulses leaves those of an earlier step
+        changed = np.where(np.array_equal(changed, self._changed[tracker]), 0.0, changed)[ROOT_DOFS:]
+        error = angle - hand.getPositions()[ROOT_DOFS:] + dt * changed
+        error_rate = rate - hand.getVelocities()[ROOT_DOFS:] + changed
+        return drive.servo_stiffness * error + drive.servo_damping * error_rate
 
     def describe(self) -> Manifest:
         """The manifest, as DART tells it."""
@@ -238,7 +299,7 @@ class World:
         ]
         facts: dict[str, Scalar] = {
             "detector": detector.getType(),
-            "detector_reason": fault_of_fcl(self._scenario) or "DART's default",
+            "detector_reason": reason_for_bullet(self._scenario, self._settings.profile) or "DART's default",
             "solver": type(solver).__name__,
             "lcp_solver": solver.getBoxedLcpSolver().getType(),
             "friction_cone": FRICTION_CONES[solver.getBoxedLcpSolver().getType()],
@@ -268,6 +329,7 @@ class World:
             "joint_friction": max((joint.getCoulombFriction(k) for joint, k in dofs), default=0.0),
             "joint_stiffness": max((joint.getSpringStiffness(k) for joint, k in dofs), default=0.0),
             "hinges": len(hinges),
+            "hinge_drive": HINGE_DRIVES[self._settings.drive],
             "hinge_limits": sum(joint.areLimitsEnforced() for joint in hinges),
             "hull_vertex_type": "float32, triangle soup",
         }

@@ -4,11 +4,14 @@ Hulls: dartpy 6.20 binds no ConvexMeshShape, and a MeshShape comes from a file o
 a temporary OBJ file, deleted at once, and end in single precision. Every detector takes a MeshShape as a
 triangle soup, a shell without an inside.
 
-Detector: FCL, DART's default, wherever it works. FCL 0.7 gives a sphere against a triangle its depth with the
-wrong sign and DART drops contacts of negative depth: a sphere passes through a hull. In place of a capsule
-DART hands it a ball of 10 cm, and only prints an error. Scenes in which a sphere can meet a hull, or a
-capsule anything, use DART's Bullet detector, exact for those; it makes ellipsoids 1 cm too large all round: a
-scene that needs both is Unsupported.
+Detector: FCL, DART's default, but in two cases DART's Bullet detector. The first: FCL 0.7 gives a sphere
+against a triangle its depth with the wrong sign and DART drops contacts of negative depth: a sphere passes
+through a hull; in place of a capsule DART hands it a ball of 10 cm, and only prints an error. So scenes in
+which a sphere can meet a hull, or a capsule anything, use the Bullet detector, exact for those; it makes
+ellipsoids 1 cm too large all round: a scene that needs both is Unsupported. The second, except in `default`:
+scenes in which nothing but spheres, boxes and capsules meet, as DART's maintainers advise (dart issue 1065:
+"change the collision detector to BulletCollisionDetector if the collision shapes are all primitive shapes";
+issue 1183: it returns up to four contacts per pair, FCL all triangles').
 """
 
 from __future__ import annotations
@@ -23,15 +26,17 @@ from scipy.spatial import ConvexHull
 
 from adapters.drive import Drive
 from adapters.engine import Unsupported
+from adapters.registry import DEFAULT
 from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
+ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 ROOT_DOFS = 6
 """Coordinates of a free joint; those of the hinges follow in the tracker's order."""
 
 
-def detector_of(scenario: Scenario) -> Any:
-    """FCL, or Bullet where a sphere can meet a hull or a capsule anything."""
-    reason = fault_of_fcl(scenario)
+def detector_of(scenario: Scenario, profile: str) -> Any:
+    """FCL, or Bullet where a sphere can meet a hull or a capsule anything, and where only primitives meet."""
+    reason = reason_for_bullet(scenario, profile)
     if not reason:
         return dartpy.collision.FCLCollisionDetector()
     shapes = _meeting_shapes(scenario)
@@ -53,6 +58,13 @@ def fault_of_fcl(scenario: Scenario) -> str:
         return "capsules meet"
     spheres_on_hulls = any((Sphere in a and Hull in b) or (Hull in a and Sphere in b) for a, b in pairs)
     return "spheres meet hulls" if spheres_on_hulls else ""
+
+
+def reason_for_bullet(scenario: Scenario, profile: str) -> str:
+    """Why a scene is played with DART's Bullet detector, or "" where it is not."""
+    primitives = {Sphere, Box, Capsule}
+    plain = all(a | b <= primitives for a, b in _meeting_shapes(scenario))
+    return fault_of_fcl(scenario) or (ADVICE if plain and profile != DEFAULT else "")
 
 
 def isometry(position: Any, orientation: Any) -> Any:
@@ -85,6 +97,16 @@ def add_body(world: Any, body: Body) -> Any:
     return node
 
 
+def add_kinematic(world: Any, body: Body) -> Any:
+    """A driven link as a skeleton of its own, whose velocity is prescribed."""
+    skeleton = dartpy.dynamics.Skeleton(body.name)
+    joint, node = skeleton.createFreeJointAndBodyNodePair()
+    joint.setActuatorType(dartpy.dynamics.ActuatorType.VELOCITY)
+    node.setGravityMode(False)
+    world.addSkeleton(skeleton)
+    return node
+
+
 def add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint]) -> dict[int, Any]:
     """A driven body as one skeleton: its nodes per index in the scenario, weightless, posed at time 0."""
     skeleton = dartpy.dynamics.Skeleton(scenario.bodies[drive.links[0]].name)
@@ -113,6 +135,14 @@ def add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint]
         skeleton.enableSelfCollisionCheck()
     world.addSkeleton(skeleton)
     return nodes
+
+
+def add_servos(skeleton: Any, drive: Drive) -> None:
+    """A spring and a damper on every hinge, which DART integrates implicitly (Tan, Liu & Turk 2011, "Stable
+    proportional-derivative controllers", as in DART's tutorials); the rest position is the set point."""
+    for number, (stiffness, damping) in enumerate(zip(drive.servo_stiffness, drive.servo_damping), start=1):
+        skeleton.getJoint(number).setSpringStiffness(0, stiffness)
+        skeleton.getJoint(number).setDampingCoefficient(0, damping)
 
 
 def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: float) -> None:

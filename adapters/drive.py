@@ -7,6 +7,10 @@ first posture, M what the hinges feel in that posture with the root *free*, cut 
 times what they feel in any posture of the tracker (a bent arm's twist has thirty times the inertia of a
 stretched one's). With the root held, or not cut, the gains would be too high, and an explicit servo diverges
 at 1/240 s. Both are published as gains.
+
+By default (`native`) hinges follow an engine's own position servo, one gain per hinge (`servo_stiffness`,
+`servo_damping`); which servo it is stands in each adapter. Explicit torques held over a step feed energy
+where a limb is pressed; they stay as `torque`.
 """
 
 from __future__ import annotations
@@ -15,10 +19,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Array
-from adapters.translation import translate
-from reference_impl.driven.skeleton import joint_space_inertia, pose_links
+from scenarios.kinematics import joint_space_inertia, link_poses
 from scenarios.scenario import Scenario, Tracker
-from scenarios.tracking import sample
+from scenarios.tracking import TrackerMotion, sample
 
 INERTIA_RATIO = 2.0
 """Of a servo's inertia over that of the hinges, in any direction and posture [1]: at 70 rad/s and 1/240 s the
@@ -35,28 +38,57 @@ class Drive:
         self.target = sample(tracker, np.minimum(np.arange(1, steps + 1) * dt, scenario.duration))
         self.start = sample(tracker, np.zeros(1))
         self.links = scenario.links(tracker)
-        world = translate(scenario)
-        row = world.drivers[scenario.trackers.index(tracker)]
-        pose_links(world.bodies, world.joints, row)
-        inertia = joint_space_inertia(world.bodies, world.joints, row)
-        axes = world.bodies[row["root"]]["rotation"]
+        mass = sum(scenario.bodies[link].mass for link in self.links)
+        place, turn = self._poses(scenario, tracker, self.start)
+        inertia = joint_space_inertia(scenario, tracker, place[:, 0], turn[:, 0])
+        axes = turn[0, 0]
         self.inertia = axes.T @ inertia[3:6, 3:6] @ axes
         self.stiffness, self.damping = tracker.stiffness, tracker.damping
-        self.frequency = float(np.sqrt(tracker.stiffness / row["mass"]))
+        self.frequency = float(np.sqrt(tracker.stiffness / mass))
         felt = _felt(inertia)
         times = np.linspace(0.0, scenario.duration, 1 + round(POSTURES_PER_SECOND * scenario.duration))
-        hinges = slice(row["first_joint"], row["first_joint"] + row["joint_count"])
-        for angles in sample(tracker, times).angle if tracker.joints else ():
-            world.joints["angle"][hinges] = angles
-            pose_links(world.bodies, world.joints, row)
-            felt = cut(felt, _felt(joint_space_inertia(world.bodies, world.joints, row)))
+        if tracker.joints:
+            places, turns = self._poses(scenario, tracker, sample(tracker, times))
+            for k in range(len(times)):
+                own = joint_space_inertia(scenario, tracker, places[:, k], turns[:, k])
+                felt = cut(felt, _felt(own))
+        self.hinge_frequency = tracker.hinge_frequency
+        self._person = any(name in tracker.joints for chain in scenario.chains for name in chain.joints)
         self.hinge_stiffness = tracker.hinge_frequency**2 * felt
         self.hinge_damping = 2 * tracker.hinge_frequency * felt
-        links = list(self.links)
-        world.joints["angle"][hinges] = self.start.angle[0]
-        pose_links(world.bodies, world.joints, row)
-        self.start_position = world.bodies["position"][links]  # (n, 3) of the links, root first
-        self.start_orientation = world.bodies["orientation"][links]  # (n, 4)
+        self.start_position = place[:, 0]  # (n, 3) of the links, root first
+        self.start_orientation = Rotation.from_matrix(turn[:, 0]).as_quat(scalar_first=True)  # (n, 4)
+
+    @staticmethod
+    def _poses(scenario: Scenario, tracker: Tracker, motion: TrackerMotion) -> tuple[Array, Array]:
+        """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as a tracker shows them."""
+        return link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+
+    @property
+    def servo_stiffness(self) -> Array:
+        """Stiffness (j,) [N m/rad] of an engine's own servos, one per hinge."""
+        return self._per_hinge(self.hinge_stiffness)
+
+    @property
+    def servo_damping(self) -> Array:
+        """Damping (j,) [N m s/rad] of an engine's own servos."""
+        return self._per_hinge(self.hinge_damping)
+
+    def _per_hinge(self, gains: Array) -> Array:
+        """One gain for each hinge (j,) of a matrix (j, j): what it has where it turns alone; of a hand the
+        geometric mean of that and of what it has where all turn with it. A person's limbs, of which many hang
+        on one hinge, gain energy with the mean where they are pressed."""
+        alone = gains.diagonal()
+        if self._person:
+            return alone
+        found: Array = np.sqrt(alone * np.abs(gains).sum(axis=1))
+        return found
+
+    def largest_torques(self, step: int, angle: Array, rate: Array) -> Array:
+        """Bounds (j,) [N m] on `hinge_torques`, whatever the signs of the errors at the step's start."""
+        error = np.abs(self.target.angle[step] - angle)
+        error_rate = np.abs(self.target.rate[step] - rate)
+        return np.abs(self.hinge_stiffness) @ error + np.abs(self.hinge_damping) @ error_rate
 
     def wrench(
         self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array

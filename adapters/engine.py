@@ -25,6 +25,10 @@ Scalar = str | int | float | bool
 CONTACT_CAPACITY = 32_768
 """Contact points a step may report; more is an error, never a silent loss."""
 
+DRIVES = ("native", "torque", "posed")
+"""How an engine's hinges follow their tracker: by its own position servo (the default), by explicit torques
+that we hold over a step, or not at all, for links are kinematic (`posed.py`)."""
+
 RESIDUAL_COUNTERS = ("residual", "residual.body_a", "residual.body_b")
 """Counters that belong together: the largest speed by which a contact misses its law after it was solved
 [m/s], and its bodies by index (-1: none). Of several steps those of the largest residual are kept."""
@@ -73,7 +77,8 @@ class Settings:
     """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
     profile (reference only); the effects asked for, or None for those that the scene calls for; and, filled
     in from the plan, the stages that the reference leaves out, whether it leaves out in each frame what can
-    meet nothing in it, and whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds."""
+    meet nothing in it, and whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds; and
+    one of DRIVES, how they drive hinges."""
 
     profile: str
     dt: float
@@ -82,14 +87,17 @@ class Settings:
     skipped: tuple[str, ...] = ()
     rooms: bool = False
     sleeping: bool = False
+    drive: str = "native"
 
     @property
     def label(self) -> str:
         """What results are filed under: a changed profile is never mistaken for the profile."""
-        if self.effects is None:
-            return ", ".join((self.profile, *self.changes))
-        asked = "all" if self.effects == PLANNED else "+".join(self.effects)
-        return ", ".join((self.profile, *self.changes, f"effects={asked}"))
+        changed = [*self.changes]
+        if self.drive != DRIVES[0]:
+            changed.append(f"drive={self.drive}")
+        if self.effects is not None:
+            changed.append("effects=" + ("all" if self.effects == PLANNED else "+".join(self.effects)))
+        return ", ".join((self.profile, *changed))
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,8 +30,9 @@ from adapters.engine import (
     State,
     Unsupported,
 )
-from adapters.mujoco_contacts import add_pairs, restitution_of
-from adapters.mujoco_model import add_bodies, inverse, set_options, turned
+from adapters.mujoco_contacts import add_contacts, contact_parameters, restitution_of
+from adapters.mujoco_model import add_bodies, add_servos, inverse, set_options, turned
+from adapters.posed import posed_of
 from adapters.registry import ENGINES, require_profile
 from scenarios.scenario import Scenario
 
@@ -45,9 +46,20 @@ FLAGS = (
     ("disableflags", mujoco.mjtDisableBit, "mjDSBL_", False),
     ("enableflags", mujoco.mjtEnableBit, "mjENBL_", True),
 )
-LARGEST = ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "pair_margin", "pair_gap")
-DISTINCT = ("pair_solref", "pair_solreffriction", "pair_solimp", "pair_dim")
+LARGEST = (
+    *("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness"),
+    *("pair_margin", "pair_gap", "geom_margin", "geom_gap"),
+)
+DISTINCT = (
+    *("pair_solref", "pair_solreffriction", "pair_solimp", "pair_dim"),
+    *("geom_solref", "geom_solimp", "geom_condim"),
+)
 KINDS = ("integrator", "solver", "cone", "jacobian")
+HINGE_DRIVES = {
+    "native": "position actuators",
+    "torque": "explicit torques",
+    "posed": "none: links are mocap bodies",
+}
 TIMER = mujoco.mjtTimer
 IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
 LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWARN_CNSTRFULL))
@@ -62,7 +74,8 @@ def _write_no_log_file() -> None:
 
 
 class MujocoEngine:
-    """MuJoCo with its default integrator and solver; `tuned` with the elliptic cone and stiffer contacts."""
+    """MuJoCo with the integrator and the cone that its documentation recommends; `default` with those that it
+    comes with; `accurate` with stiffer contacts."""
 
     name: ClassVar[str] = "mujoco"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
@@ -73,13 +86,20 @@ class MujocoEngine:
         _write_no_log_file()
         spec = mujoco.MjSpec()
         set_options(spec, scenario, settings)
-        bodies = add_bodies(spec, scenario)
-        add_pairs(spec, scenario, settings)
+        posed = settings.drive == "posed"
+        bodies = add_bodies(spec, scenario, posed)
+        add_contacts(spec, bodies, scenario, settings)
+        driven = () if posed else scenario.trackers
+        drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
+        if settings.drive == "native":
+            for drive, tracker in zip(drives, scenario.trackers):
+                add_servos(spec, tracker.joints, drive)
         try:
             model = spec.compile()
         except ValueError as error:
             raise Unsupported(f"mujoco: {error}") from error
-        return World(model, [bodies[k].id for k in range(len(scenario.bodies))], scenario, settings)
+        ids = [bodies[k].id for k in range(len(scenario.bodies))]
+        return World(model, ids, scenario, settings, drives)
 
     def version(self) -> str:
         """The version of the loaded library."""
@@ -89,16 +109,25 @@ class MujocoEngine:
 class World:
     """A compiled model and its data. `body` maps the scenario's index to MuJoCo's, `index` back."""
 
-    def __init__(self, model: Any, body: list[int], scenario: Scenario, settings: Settings) -> None:
+    def __init__(
+        self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
+    ) -> None:
         self._model, self._data = model, mujoco.MjData(model)
         self._scenario, self._settings = scenario, settings
         self._body = np.array(body)
         self._index = np.full(model.nbody, -1)
         self._index[self._body] = np.arange(len(body))
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in scenario.trackers]
-        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in scenario.trackers]
+        self._drives = drives
+        self._native = settings.drive == "native"
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in driven]
         self._hinge_qpos = [model.jnt_qposadr[ids].astype(int) for ids in hinges]
         self._hinge_dof = [model.jnt_dofadr[ids].astype(int) for ids in hinges]
+        counts = [len(tracker.joints) for tracker in scenario.trackers]
+        self._servos = [slice(sum(counts[:k]), sum(counts[: k + 1])) for k in range(len(counts))]
         self._root = [int(self._body[drive.links[0]]) for drive in self._drives]
         self._force = np.zeros((len(self._drives), 3))
         self._torque = np.zeros((len(self._drives), 3))
@@ -126,10 +155,15 @@ class World:
             qvel[:3] = drive.start.linear_velocity[0]
             qvel[3:] = turned(drive.start.angular_velocity[0], inverse(qpos[3:]))
             self._data.qpos[angles], self._data.qvel[dofs] = drive.start.angle[0], drive.start.rate[0]
+        self._place_posed()
 
     def drive(self, step: int) -> None:
-        """Generalised forces: on the root a force in world and a torque in body axes; hinge torques."""
+        """On the root a force in world and a torque in body axes; on hinges the servos' set points, moved
+        ahead by damping / stiffness times the rate (a position actuator has no set point of it); or torques.
+        """
         data = self._data
+        self._moment = step + 1
+        self._place_posed()
         for k, drive in enumerate(self._drives):
             qpos, qvel, root = self._free_joint(self._root[k])
             omega = turned(qvel[3:], qpos[3:])
@@ -137,8 +171,19 @@ class World:
             self._force[k], self._torque[k] = force, torque
             data.qfrc_applied[root] = *force, *turned(torque, inverse(qpos[3:]))
             dofs = self._hinge_dof[k]
-            angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
-            data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
+            if self._native:
+                lead = drive.servo_damping / drive.servo_stiffness
+                data.ctrl[self._servos[k]] = drive.target.angle[step] + lead * drive.target.rate[step]
+            else:
+                angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
+                data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
+
+    def _place_posed(self) -> None:
+        """Put kinematic links where they are shown at the present moment."""
+        for posed, _ in self._posed:
+            mocap = self._model.body_mocapid[self._body[list(posed.links)]]
+            self._data.mocap_pos[mocap] = posed.place[:, self._moment]
+            self._data.mocap_quat[mocap] = posed.orientation[:, self._moment]
 
     def step(self) -> None:
         """One mj_step."""
@@ -156,11 +201,20 @@ class World:
         arm = data.xipos[body] - data.subtree_com[model.body_rootid[body]]
         state.linear_velocity[:] = data.cvel[body, 3:] + np.cross(omega, arm)
         state.angular_velocity[:] = omega
+        for posed, hinges in self._posed:
+            posed.show(self._moment, state, hinges)
         if self._drives:
             angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
             state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
-            state.hinge_torque[:] = data.qfrc_applied[dofs]
+            state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._drives))])
             state.force[:], state.torque[:] = self._force, self._torque
+
+    def _hinge_torques(self, tracker: int) -> Array:
+        """What drove the hinges of a tracker during the step just made (j,) [N m]: MuJoCo takes the damping
+        of joints at the end of a step."""
+        dofs = self._hinge_dof[tracker]
+        torque: Array = self._data.qfrc_applied[dofs] + self._data.qfrc_actuator[dofs]
+        return torque - self._model.dof_damping[dofs] * self._data.qvel[dofs]
 
     def _read_contacts(self, state: State) -> None:
         model, data = self._model, self._data
@@ -187,7 +241,10 @@ class World:
             bodies={source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
             pairs=self._pair_facts(),
             drives={tracker.root: d.gains() for tracker, d in zip(scenario.trackers, self._drives)},
-            limits={j.name: tuple(self._model.joint(j.name).range.tolist()) for j in scenario.joints},
+            limits={
+                j.name: tuple(self._model.joint(j.name).range.tolist())
+                for j in (scenario.joints if not self._posed else ())
+            },
             pieces={b.name: int(self._model.body_geomnum[k]) for k, b in zip(self._body, scenario.bodies)},
             freedom=int(self._model.nv),
         )
@@ -214,8 +271,10 @@ class World:
             "hinge_limit_solref": str(np.unique(model.jnt_solref[hinge], axis=0).tolist()),
             "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
             "actuators": int(model.nu),
+            "hinge_drive": HINGE_DRIVES[self._settings.drive],
             "collision_shapes": int(model.ngeom),
-            "collision_pairs": int(model.npair),
+            "explicit_pairs": int(model.npair),
+            "excluded_body_pairs": int(model.nexclude),
             "shapes_that_pair_by_mask": int(np.count_nonzero(model.geom_contype | model.geom_conaffinity)),
             "hull_vertex_type": str(model.mesh_vert.dtype),
             "threads": "one" if self._data.threadpool == 0 else "pool",
@@ -230,15 +289,15 @@ class World:
         return BodyFacts(float(model.body_mass[body]), tuple(model.body_ipos[body].tolist()), rows)
 
     def _pair_facts(self) -> tuple[PairFacts, ...]:
-        """Per pair of bodies; all pairs of their geoms are alike by construction."""
-        model, names = self._model, [body.name for body in self._scenario.bodies]
-        geoms = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
-        bodies = np.sort(self._index[model.geom_bodyid[geoms]], axis=1).tolist()
-        facts = {}
-        for (a, b), size, solref, mu in zip(bodies, model.pair_dim, model.pair_solref, model.pair_friction):
-            friction = float(mu[0]) if size > 1 else 0.0
-            facts[a, b] = PairFacts(names[a], names[b], restitution_of(solref, self._settings), friction)
-        return tuple(facts[key] for key in sorted(facts))
+        """Per touching pair of bodies; all pairs of their geoms are alike by construction."""
+        told = contact_parameters(self._model)
+        facts = []
+        for a, b in self._scenario.touching_pairs():
+            bodies = int(self._body[a]), int(self._body[b])
+            size, solref, mu = told[min(bodies), max(bodies)]
+            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
+            facts.append(PairFacts(*names, restitution_of(solref, self._settings), mu if size > 1 else 0.0))
+        return tuple(facts)
 
     def cross(self) -> None:
         """The cheapest call into the library."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from adapters.drive import Drive
 from adapters.engine import Array, Settings, Unsupported
-from adapters.registry import TUNED
+from adapters.registry import ACCURATE, DEFAULT
 from scenarios.scenario import (
     Body,
     Box,
@@ -22,9 +24,11 @@ from scenarios.scenario import (
     Vector,
 )
 
+SOLVER_TOLERANCE = 1e-10
+"""Where MuJoCo's Newton solver stops, accurate [1]."""
 IMPEDANCE_RATIO = 10.0
-"""Impedance of friction over that of the normal force, tuned [1]: a body that sticks creeps a tenth as fast
-(MuJoCo's modeling guide, on preventing slip)."""
+"""Impedance of friction over that of the normal force, accurate [1]: a body that sticks creeps a tenth as
+fast (MuJoCo's modeling guide, on preventing slip)."""
 
 
 def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
@@ -38,28 +42,43 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
     spec.option.density = spec.option.viscosity = 0.0
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.option.enableflags = int(mujoco.mjtEnableBit.mjENBL_SLEEP) if settings.sleeping else 0
-    if settings.profile == TUNED:
-        # circular where the pyramid has .707 mu at 45 degrees
+    if settings.profile == DEFAULT:
+        return
+    # "the recommended integrator" (MuJoCo's documentation, "Numerical integration" and "Performance tuning")
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    if "friction" in scenario.effects:
+        # "elliptic cones correspond more closely to physical reality ... we recommend trying the elliptic
+        # cones" ("Modeling: Solver settings")
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    if settings.profile == ACCURATE:
+        # friction's own damping needs it, whatever mu
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        # "used with aggressive tolerance values, say 1e-10" (same place)
+        spec.option.tolerance = SOLVER_TOLERANCE
         spec.option.impratio = IMPEDANCE_RATIO
 
 
-def add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
-    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree."""
+def add_bodies(spec: Any, scenario: Scenario, posed: bool = False) -> dict[int, Any]:
+    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree, or its
+    links as mocap bodies."""
     bodies: dict[int, Any] = {}
     for index, body in enumerate(scenario.bodies):
         if body.kind != "driven":
-            bodies[index] = spec.worldbody.add_body(pos=body.position, quat=body.orientation)
+            bodies[index] = spec.worldbody.add_body(name=f"{index}", pos=body.position, quat=body.orientation)
             if body.kind == "simulated":
                 _add_free_joint(bodies[index])
     hinges = {joint.name: joint for joint in scenario.joints}
-    for tracker in scenario.trackers:
+    for link in (k for tracker in scenario.trackers if posed for k in scenario.links(tracker)):
+        bodies[link] = spec.worldbody.add_body(name=f"{link}", mocap=True)
+    for tracker in scenario.trackers if not posed else ():
         root, *children = scenario.links(tracker)
-        bodies[root] = spec.worldbody.add_body(gravcomp=1.0)
+        bodies[root] = spec.worldbody.add_body(name=f"{root}", gravcomp=1.0)
         _add_free_joint(bodies[root])
         for child, joint in zip(children, (hinges[name] for name in tracker.joints)):
             parent = bodies[scenario.body_index(joint.parent)]
-            bodies[child] = parent.add_body(pos=joint.position, quat=joint.orientation, gravcomp=1.0)
+            bodies[child] = parent.add_body(
+                name=f"{child}", pos=joint.position, quat=joint.orientation, gravcomp=1.0
+            )
             bodies[child].add_joint(
                 name=joint.name,
                 type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -75,6 +94,16 @@ def add_bodies(spec: Any, scenario: Scenario) -> dict[int, Any]:
     return bodies
 
 
+def add_servos(spec: Any, joints: Sequence[str], drive: Drive) -> None:
+    """A position actuator and damping on every hinge: stiffness (set point - q) - damping q'. Integrators in
+    use take the damping of joints implicitly, Euler not that of actuators (MuJoCo's documentation,
+    "Numerical integration")."""
+    for name, stiffness, damping in zip(joints, drive.servo_stiffness, drive.servo_damping):
+        servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=stiffness)
+        spec.joint(name).damping = (damping, 0.0, 0.0)
+
+
 def _add_free_joint(body: Any) -> None:
     body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE, align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
 
@@ -86,7 +115,7 @@ def _set_mass(target: Any, body: Body) -> None:
 
 
 def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
-    """A geom that touches nothing but what an explicit pair names (contype and conaffinity 0)."""
+    """A geom that touches nothing (contype and conaffinity 0) until contacts are added."""
     geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
     match piece.shape:
         case Sphere():

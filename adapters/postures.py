@@ -1,25 +1,24 @@
-"""Where the pieces of driven bodies are, by the reference's kinematics."""
+"""Where the pieces of driven bodies are."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.translation import translate
-from reference_impl.driven.skeleton import pose_links
+from scenarios.kinematics import link_poses
 from scenarios.scenario import Piece, Scenario
+from scenarios.tracking import sample
 
 
 def driven_pieces(scenario: Scenario) -> list[Piece]:
     """All pieces of driven bodies, posed in the world as their trackers show them at time 0."""
-    world = translate(scenario)
-    for driver in world.drivers:
-        pose_links(world.bodies, world.joints, driver)
     placed = []
-    for body, row in zip(scenario.bodies, world.bodies):
-        if body.kind == "driven":
-            turn = Rotation.from_quat(row["orientation"], scalar_first=True)
-            placed += [moved(piece, turn, row["position"]) for piece in body.pieces]
+    for tracker in scenario.trackers:
+        start = sample(tracker, np.zeros(1))
+        place, turn = link_poses(scenario, tracker, start.position, start.orientation, start.angle)
+        for link, origin, axes in zip(scenario.links(tracker), place[:, 0], turn[:, 0]):
+            pieces = scenario.bodies[link].pieces
+            placed += [moved(piece, Rotation.from_matrix(axes), origin) for piece in pieces]
     return placed
 
 

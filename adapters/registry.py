@@ -14,9 +14,11 @@ from adapters.engine import AdapterError, Engine, NotInstalled, Settings, Unsupp
 class Entry:
     """An engine's "module:Class", the package it needs, and its native step [s] per profile.
 
-    `recommended` is the engine's default step, rounded to the next smaller divisor of a frame of 1/60 s;
-    `equal-step` is the same for all; `tuned` is what its documentation offers to meet Newton's and Coulomb's
-    laws better, as `touchstone study calibration` measures.
+    `recommended` is what the engine's documentation and maintainers recommend for such scenes, at the
+    engine's default step, rounded to the next smaller divisor of a frame of 1/60 s; `equal-step` is the same
+    at one step for all; `default` is as the engine comes; `accurate` is what its documentation offers to meet
+    Newton's and Coulomb's laws better, as `touchstone study calibration` measures. Adapters cite what they
+    set. `maximal` is Bullet with free balls and boxes in maximal coordinates: faster, and not the same.
     """
 
     implementation: str
@@ -24,7 +26,8 @@ class Entry:
     profiles: Mapping[str, float]
 
 
-EQUAL_STEP, TUNED = 1 / 240, "tuned"
+EQUAL_STEP = 1 / 240
+RECOMMENDED, DEFAULT, ACCURATE, MAXIMAL = "recommended", "default", "accurate", "maximal"
 ENGINES: dict[str, Entry] = {
     "reference": Entry(
         "adapters.reference_engine:ReferenceEngine",
@@ -34,17 +37,23 @@ ENGINES: dict[str, Entry] = {
     "dart": Entry(
         "adapters.dart_engine:DartEngine",
         "dartpy",
-        {"recommended": 1 / 1020, "equal-step": EQUAL_STEP, TUNED: 1 / 1020},
+        {RECOMMENDED: 1 / 1020, "equal-step": EQUAL_STEP, DEFAULT: 1 / 1020, ACCURATE: 1 / 1020},
     ),
     "bullet": Entry(
         "adapters.bullet_engine:BulletEngine",
         "pybullet",
-        {"recommended": 1 / 240, "equal-step": EQUAL_STEP, TUNED: 1 / 960},
+        {
+            RECOMMENDED: 1 / 240,
+            "equal-step": EQUAL_STEP,
+            DEFAULT: 1 / 240,
+            ACCURATE: 1 / 960,
+            MAXIMAL: 1 / 240,
+        },
     ),
     "mujoco": Entry(
         "adapters.mujoco_engine:MujocoEngine",
         "mujoco",
-        {"recommended": 1 / 540, "equal-step": EQUAL_STEP, TUNED: 1 / 1920},
+        {RECOMMENDED: 1 / 540, "equal-step": EQUAL_STEP, DEFAULT: 1 / 540, ACCURATE: 1 / 1920},
     ),
 }
 

@@ -1,4 +1,4 @@
-"""Scenario -> the reference's arrays. The drive of the dynamics engines uses its kinematics too."""
+"""Scenario -> the reference's arrays."""
 
 from __future__ import annotations
 

@@ -100,6 +100,9 @@ def run(
     effects: Annotated[
         str, typer.Option(help="auto: those that a scene calls for; all (without sleeping); or names.")
     ] = "auto",
+    drive: Annotated[
+        str, typer.Option(help="Of engines' hinges: native (their own position servo), torque or posed.")
+    ] = "native",
     hold_last: Annotated[
         bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")
     ] = False,
@@ -108,6 +111,7 @@ def run(
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes on engines and show where they differ."""
+    from adapters.engine import DRIVES
     from reports.judge import judge_faults
     from reports.output import OutputError
     from reports.run import run as run_study
@@ -115,7 +119,10 @@ def run(
     scenarios = _scenarios(scenario or [], tag, hold_last)
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
     request = replace(
-        request, changes=changes_for(request.columns, change or []), effects=effects_for(effects)
+        request,
+        changes=changes_for(request.columns, change or []),
+        effects=effects_for(effects),
+        drive=known("drive", drive, DRIVES),
     )
     for line in [] if quiet else _held(scenarios):
         print(line, file=sys.stderr)

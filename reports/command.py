@@ -61,7 +61,9 @@ def columns_for(
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
     names = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
     wanted = [known("profile", name, every) for name in dict.fromkeys(profiles)]
-    columns = columns_of(names, wanted or list(default) or every)
+    asked = wanted or list(default)
+    # without names each engine has its profiles in its own order
+    columns = columns_of(names, asked) if asked else tuple((e, p) for e in names for p in ENGINES[e].profiles)
     if not columns:
         stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}", BAD_INPUT)
     return columns

@@ -22,7 +22,7 @@ from reports.results import Row, write_beside
 FILE = Path(__file__).with_suffix(".csv")
 MARGIN = 1.25
 """Bound over what was measured [1]: other processors and versions round otherwise."""
-UNMEASURED = frozenset({("dart", "recommended"), ("dart", "tuned"), ("mujoco", "balls_box")})
+UNMEASURED = frozenset({("mujoco", "balls_box")})
 """Columns, and scenes of an engine, whose failings were not all measured since their metrics changed: there
 one may lack a bound, or be gone, until they are."""
 KEYS = ("engine", "profile", "scenario", "metric", "subject")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 
-EVERY = "recommended equal-step tuned"
+EVERY = "recommended equal-step default accurate"
 """All profiles of DART, Bullet and MuJoCo."""
 Places = Mapping[str, Mapping[str, str]]
 """Profiles -> metric -> scenes, each with `:subject` where not all are meant; several in one text."""

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from adapters.registry import ENGINES, TUNED
+from adapters.registry import ACCURATE, ENGINES
 from reports.results import rows_of
 from reports.studies.calibration_rows import JUDGED_SPEED
 
@@ -221,9 +221,9 @@ Ranges = dict[float, list[float]]
 
 
 def _profiles(frame: pd.DataFrame) -> list[tuple[str, bool]]:
-    """The first profile, filled, and the tuned one or the next, hollow."""
+    """The first profile, filled, and the accurate one or the next, hollow."""
     names = list(dict.fromkeys(frame.profile))
-    second = TUNED if TUNED in names else next(iter(names[1:]), "")
+    second = ACCURATE if ACCURATE in names else next(iter(names[1:]), "")
     return [(names[0], True)] + ([(second, False)] if second not in ("", names[0]) else [])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from adapters.children import Children, Job, Outcome
-from adapters.engine import MISSING, Settings
+from adapters.engine import DRIVES, MISSING, Settings
 from adapters.recording import Recording, load
 from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
@@ -61,12 +61,16 @@ class Request:
     command: str = ""
     changes: tuple[str, ...] = ()  # "key=value" in the reference's profiles
     effects: tuple[str, ...] | None = None  # to run whatever a scene calls for; None: what it calls for
+    drive: str = "native"  # of hinges in DART, Bullet and MuJoCo
     budget: float = inf  # seconds of native steps after which a column leaves out the rest of a scene
 
     def settings(self, engine: str, profile: str) -> Settings:
         """How a column runs."""
         dt = self.dt or ENGINES[engine].profiles[profile]
-        return Settings(profile, dt, changes(profile, self.changes) if self.changes else (), self.effects)
+        changed = changes(profile, self.changes) if self.changes else ()
+        # the reference poses hinges, whatever drives those of engines
+        drive = DRIVES[0] if engine == REFERENCE else self.drive
+        return Settings(profile, dt, changed, self.effects, drive=drive)
 
 
 @dataclass

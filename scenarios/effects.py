@@ -268,7 +268,8 @@ def _needs(scenario: Scenario, gap: Array, may_touch: list[Pair], meeting: list[
     """Whether each effect is needed, and why."""
     group = scenario.groups()
     own = [(a, b) for a, b in may_touch if group[a] == group[b] >= 0]
-    own_meeting = [pair for pair in own if pair in set(meeting)]
+    met = set(meeting)
+    own_meeting = [pair for pair in own if pair in met]
     driven = [(a, b) for a, b in meeting if max(group[a], group[b]) >= 0]
     simulated = [body for body in scenario.bodies if body.kind == "simulated"]
     chains, cones = len(scenario.chains), sum(len(chain.cones) for chain in scenario.chains)
@@ -289,7 +290,7 @@ def _needs(scenario: Scenario, gap: Array, may_touch: list[Pair], meeting: list[
         return False, f"every pair that can meet has {symbol} = 0" if meeting else "no pair can meet"
 
     def contact() -> Need:
-        others = [pair for pair in may_touch if pair not in set(meeting)]
+        others = [pair for pair in may_touch if pair not in met]
         if not may_touch:
             return False, "no two bodies may touch"
         if not meeting:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from adapters.engine import Array
 from adapters.recording import Recording
 from reports.metrics.evidence import Evidence, judging
-from scenarios.forward_kinematics import tracked_poses
+from scenarios.kinematics import tracked_poses
 from scenarios.scenario import Scenario, Tracker
 
 Mask = NDArray[np.bool_]

@@ -48,10 +48,10 @@ def _dart_lowest(values: Values, frame: pd.DataFrame) -> str:
 
 
 def _dart_cone(values: Values, frame: pd.DataFrame) -> str:
-    by_default, tuned = (values.share(column, "box-box", 45.0) for column in values.both("dart"))
+    first, accurate = (values.share(column, "box-box", 45.0) for column in values.both("dart"))
     return (
-        f"dart: {by_default:.3f} of mu at 45 degrees, for each of two directions may have all of mu: sqrt(2) "
-        f"together. The cone of its NSGS solver is circular (tuned): {tuned:.3f}"
+        f"dart: {first:.3f} of mu at 45 degrees, for each of two directions may have all of mu: sqrt(2) "
+        f"together. The cone of its NSGS solver is circular (accurate): {accurate:.3f}"
     )
 
 
@@ -60,14 +60,14 @@ def _bullet_steps(values: Values, frame: pd.DataFrame) -> str:
     if not drops:
         return ""
     told = ", ".join(f"{r.value:.2f} at {step_text(r.dt)} s" for r in drops)
-    tuned = values(("bullet", "tuned"), "sphere-box", "restitution.achieved", "e=1 v=1")
+    accurate = values(("bullet", "accurate"), "sphere-box", "restitution.achieved", "e=1 v=1")
     return (
         f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {told}. Contacts "
         f"are found before bodies touch, within {BULLET_MARGIN:.0%} of their size ({1e3 * _margin():g} mm "
         "here), and brake a body so that it just arrives at the end of the step; what speed it has left is "
         "what bounces. Long steps jump over that margin; they gain by position correction and by a step "
-        "without gravity. contactProcessingThreshold = 0 (tuned) takes the margin away: e = 1 returns "
-        f"{tuned:.2f} at 1 m/s. Bodies of shifted pieces (compounds) have no margin to begin with"
+        "without gravity. contactProcessingThreshold = 0 (accurate) takes the margin away: e = 1 returns "
+        f"{accurate:.2f} at 1 m/s. Bodies of shifted pieces (compounds) have no margin to begin with"
     )
 
 
@@ -95,34 +95,35 @@ def _bullet_cone(values: Values, frame: pd.DataFrame) -> str:
 
 
 def _bullet_hulls(values: Values, frame: pd.DataFrame) -> str:
-    by_default, tuned = (1e3 * values(column, "hull-box", "gap.rest") for column in values.both("bullet"))
-    bias = values(("bullet", "tuned"), "hull-box", "restitution.bias.max")
+    first, accurate = (1e3 * values(column, "hull-box", "gap.rest") for column in values.both("bullet"))
+    bias = values(("bullet", "accurate"), "hull-box", "restitution.bias.max")
     return (
-        f"bullet: hulls rest {by_default:.2f} mm high, {tuned:.2f} mm without collisionMargin (tuned). A "
+        f"bullet: hulls rest {first:.2f} mm high, {accurate:.2f} mm without collisionMargin (accurate). A "
         "hull that lands flat is found one point a step and begins to spin: its restitution is off by up to "
-        f"{bias:.2f} even when tuned"
+        f"{bias:.2f} even so"
     )
 
 
 def _mujoco_spring(values: Values, frame: pd.DataFrame) -> str:
-    by_default, tuned = (
+    first, accurate = (
         values(column, "sphere-box", "restitution.achieved", "e=0.3 v=5") for column in values.both("mujoco")
     )
     return (
-        f"mujoco: e = 0.3 returns {by_default:.3f} at 5 m/s: a damped spring that may not pull lets go while "
-        f"still compressed. Allowing for that, with a stiff contact (tuned): {tuned:.3f}; slow bodies return "
-        "less, for they let go below the surface and climb out against gravity"
+        f"mujoco: e = 0.3 returns {first:.3f} at 5 m/s: a damped spring that may not pull lets go while "
+        f"still compressed. Allowing for that, with a stiff contact (accurate): {accurate:.3f}; slow bodies "
+        "return less, for they let go below the surface and climb out against gravity"
     )
 
 
 def _mujoco_cone(values: Values, frame: pd.DataFrame) -> str:
-    column, tuned = values.both("mujoco")
+    column, accurate = values.both("mujoco")
     slowest = f"mu={min(values.frictions, default=0):g} heading=45"
     return (
         f"mujoco: {1 + values(column, 'box-box', 'friction.bias', slowest):.3f} of mu at 45 degrees for the "
         "slowest box: the default cone is a pyramid with its edges over the axes, and its sides are "
         "1 / sqrt(2) = 0.707 from its middle. Faster bodies hop, for friction also lifts them. Elliptic "
-        f"cone, friction damped by itself (tuned): {values.share(tuned, 'box-box', 45.0):.3f} on average"
+        f"cone, friction damped by itself (accurate): "
+        f"{values.share(accurate, 'box-box', 45.0):.3f} on average"
     )
 
 

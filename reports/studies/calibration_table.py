@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from adapters.registry import TUNED
+from adapters.registry import ACCURATE, DEFAULT
 from reports.results import rows_of
 from reports.run import step_text
 from reports.studies.calibration_rows import ALL, subject_of
@@ -53,15 +53,16 @@ class Values:
         return self._rows.get((*column, pair, metric, subject), nan)
 
     def first(self, engine: str) -> str:
-        """The first profile of an engine, or ""."""
-        return next((profile for name, profile in self.columns if name == engine), "")
+        """The profile in which an engine is as it comes, else its first, or ""."""
+        own = [profile for name, profile in self.columns if name == engine]
+        return DEFAULT if DEFAULT in own else next(iter(own), "")
 
     def both(self, engine: str) -> tuple[tuple[str, str], tuple[str, str]]:
-        """The columns of an engine's first profile and of its tuned one."""
-        return (engine, self.first(engine)), (engine, TUNED)
+        """The columns of an engine as it comes and of its accurate profile."""
+        return (engine, self.first(engine)), (engine, ACCURATE)
 
     def step(self, engine: str) -> float:
-        """Native step of an engine's first profile [s]."""
+        """Native step of an engine as it comes [s]."""
         return self.steps.get((engine, self.first(engine)), nan)
 
     def lowest(self, engine: str) -> float:

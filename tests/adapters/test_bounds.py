@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bounds import bounds, ways
+from adapters.bounds import bounds
 from adapters.engine import AdapterError
 from adapters.translation import translate
 from reference_impl.driven.skeleton import pose_links
 from scenarios.avatar import avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.effects import plan
+from scenarios.kinematics import link_poses
 from scenarios.tracking import sample
 
 
@@ -26,13 +27,13 @@ def left(positions, scenario) -> list[str]:
     return list(filter(None, (made.broken(position, names) for position in positions)))
 
 
-def test_ways_are_those_of_the_reference() -> None:
+def test_postures_are_those_of_the_reference() -> None:
     """Pose links over a tracker as the reference's kinematics do, to rounding."""
     scene = catalogue()["wall_push"]
     world, tracker = translate(scene), scene.trackers[0]
     motion = sample(tracker, np.linspace(0.0, scene.duration, 7))
     links = list(scene.links(tracker))
-    place, rotation = ways(world.joints, links, motion)
+    place, rotation = link_poses(scene, tracker, motion.position, motion.orientation, motion.angle)
     for k in range(7):
         world.drivers[0]["position"], world.drivers[0]["orientation"] = (
             motion.position[k],

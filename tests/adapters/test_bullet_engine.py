@@ -155,7 +155,8 @@ def test_unsupported_scenes_are_named():
     with pytest.raises(Unsupported, match=r"bullet: friction must be 0 or up to 10, found 12 .*floor-mover"):
         start(scene(FLOOR, mover(s.Sphere(0.1)), coefficients=((0.5, 12.0),)))
     with pytest.raises(
-        Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step, tuned"
+        Unsupported,
+        match="bullet: no profile 'paper'; valid: recommended, equal-step, default",
     ):
         BulletEngine().build(scene(FLOOR), Settings("paper", DT))
 
@@ -240,9 +241,9 @@ def test_impulses_balance_momentum():
     assert np.linalg.norm(slip) < 1e-3
 
 
-def test_tuned_contacts_tell_no_force_of_an_earlier_step():
+def test_accurate_contacts_tell_no_force_of_an_earlier_step():
     """Bounces account for the change of momentum, to the last step: points left out have no force."""
-    settings = Settings("tuned", BulletEngine.profiles["tuned"])
+    settings = Settings("accurate", BulletEngine.profiles["accurate"])
     ball = mover(s.Sphere(0.05), position=(0.0, 0.0, 0.1), linear_velocity=(0.5, 0.0, -1.0))
     scenario = scene(FLOOR, ball, coefficients=((0.5, 0.3),))
     final = record(BulletEngine(), scenario, settings)
@@ -289,9 +290,9 @@ def test_only_touching_pairs_collide(collide):
     assert set(zip(rows["body_a"], rows["body_b"])) == ({(0, 2)} if collide else set())
 
 
-@pytest.mark.parametrize(("profile", "height"), [("recommended", MARGIN), ("tuned", 0.0)])
-def test_a_tuned_hull_rests_on_its_surface(profile, height):
-    """A hull hovers by the margin by default and by nothing when tuned."""
+@pytest.mark.parametrize(("profile", "height"), [("recommended", MARGIN), ("accurate", 0.0)])
+def test_an_accurate_hull_rests_on_its_surface(profile, height):
+    """A hull hovers by the margin by default and by nothing when accurate."""
     scenario = scene(FLOOR, mover(CUBE, position=(0.0, 0.0, 0.05 + height)))
     dt = BulletEngine.profiles[profile]
     final = record(BulletEngine(), scenario, Settings(profile, dt)).position[-1, 1, 2]

@@ -245,7 +245,9 @@ def test_filter() -> None:
 
 def test_settings() -> None:
     """Read back that sleeping and damping are off, limits on, and which detector was chosen."""
-    worlds = [dart_engine.DartEngine().build(s, SETTINGS) for s in (hand_scene(), hand_scene(BALL))]
+    # the engine's own servo is a damper on every hinge
+    plain = dataclasses.replace(SETTINGS, profile="default", drive="torque")
+    worlds = [dart_engine.DartEngine().build(s, plain) for s in (hand_scene(), hand_scene(BALL))]
     wanted = {"deactivation": False, "joint_damping": 0.0, "driven_feel_gravity": False, "hinge_limits": 15}
     for world, detector in zip(worlds, ("fcl", "bullet")):
         told = world.describe().settings
@@ -253,11 +255,22 @@ def test_settings() -> None:
         assert told["detector"] == detector
 
 
-def test_tuned_solver() -> None:
-    """Read back that the tuned profile has the solver with the circular cone, the others DART's own."""
+def test_primitives_take_the_advised_detector() -> None:
+    """Use DART's Bullet detector where only primitives meet, but under `default` DART's own, and say why."""
+    scenario = scene(FLOOR, solid("cube", Box((0.1, 0.1, 0.1)), (0.0, 0.0, 1.0)))
+    told = {
+        profile: dart_engine.DartEngine().build(scenario, Settings(profile, DT)).describe().settings
+        for profile in ("recommended", "accurate", "default")
+    }
+    assert [told[profile]["detector"] for profile in told] == ["bullet", "bullet", "fcl"]
+    assert told["recommended"]["detector_reason"].startswith("only primitives meet")
+
+
+def test_accurate_solver() -> None:
+    """Read back that the accurate profile has the solver with the circular cone, the others DART's own."""
     for profile, solver, cone in (
         ("recommended", "DantzigBoxedLcpSolver", "two directions"),
-        ("tuned", "NsgsFrictionSolver", "circular"),
+        ("accurate", "NsgsFrictionSolver", "circular"),
     ):
         told = dart_engine.DartEngine().build(scene(FLOOR, BALL), Settings(profile, DT)).describe().settings
         assert told["lcp_solver"] == solver
@@ -278,7 +291,9 @@ def test_unsupported() -> None:
     slippery = (PairCoefficients("wood", "wood", 0.3, 1e-3),)
     with pytest.raises(Unsupported, match=r"dart: friction must be 0 or above 0.001.*floor-ball"):
         engine.build(scene(FLOOR, BALL, coefficients=slippery), SETTINGS)
-    with pytest.raises(Unsupported, match="dart: no profile 'paper'; valid: recommended, equal-step, tuned"):
+    with pytest.raises(
+        Unsupported, match="dart: no profile 'paper'; valid: recommended, equal-step, default"
+    ):
         engine.build(scene(BALL), Settings("paper", DT))
 
 
@@ -288,7 +303,7 @@ def test_fault_of_fcl(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = scene(solid("hull", HULL, (0.0, 0.0, 0.0), kind="fixed"), ball)
     assert last(scenario, 200).position[1, 2] > HALF_AXES[2] + RADIUS - 1e-3
     fcl = dart_engine.dartpy.collision.FCLCollisionDetector
-    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario: fcl())
+    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario, profile: fcl())
     assert last(scenario, 200).position[1, 2] < 0
 
 
@@ -301,7 +316,7 @@ def test_fault_of_fcl_with_capsules(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     assert last(low, 200).position[1, 2] == pytest.approx(RADIUS, abs=1e-4)
     fcl = dart_engine.dartpy.collision.FCLCollisionDetector
-    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario: fcl())
+    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario, profile: fcl())
     state = last(high, 1)
     assert state.contacts[: state.contact_count]["distance"].min() == pytest.approx(-OVERLAP, abs=1e-6)
 
@@ -312,6 +327,6 @@ def test_fault_of_bullet(monkeypatch: pytest.MonkeyPatch) -> None:
     # FCL's iterative depth of ellipsoids: within 1e-6 m
     assert last(scenario, 1).contacts[0]["distance"] == pytest.approx(-OVERLAP, abs=1e-6)
     bullet = dart_engine.dartpy.collision.BulletCollisionDetector
-    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario: bullet())
+    monkeypatch.setattr(dart_engine, "detector_of", lambda scenario, profile: bullet())
     state = last(scenario, 1)
     assert state.contacts[: state.contact_count]["distance"].min() == pytest.approx(-0.01 - OVERLAP, abs=1e-6)

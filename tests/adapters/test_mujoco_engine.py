@@ -15,8 +15,8 @@ from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 from adapters.mujoco_contacts import (  # noqa: E402
+    ACCURATE_STIFFNESS,
     FRICTION_REFERENCE,
-    TUNED_STIFFNESS,
     releasing_ratio,
     releasing_restitution,
     restitution_of,
@@ -155,7 +155,7 @@ def test_contact_springs_stay_resolved(dt: float) -> None:
     assert solref_of(0.0, SETTINGS) == pytest.approx((-2500, -100))
 
 
-TUNED = Settings("tuned", ENGINE.profiles["tuned"])
+ACCURATE = Settings("accurate", ENGINE.profiles["accurate"])
 
 
 @pytest.mark.parametrize("zeta", [0.05, 0.3, 0.7, 0.9, 1.0, 1.5, 3.0])
@@ -186,34 +186,34 @@ def test_the_ends_of_the_closed_form() -> None:
 
 
 @pytest.mark.parametrize("e", [0.05, 0.3, 1.0])
-def test_tuned_steps_are_the_springs(e: float) -> None:
+def test_accurate_steps_are_the_springs(e: float) -> None:
     """Step semi-implicitly through the samples of a damped spring of the wanted frequency."""
-    dt, zeta = TUNED.dt, releasing_ratio(e)
-    stiffness, damping = np.negative(solref_of(e, TUNED))
+    dt, zeta = ACCURATE.dt, releasing_ratio(e)
+    stiffness, damping = np.negative(solref_of(e, ACCURATE))
     x, v, samples = 1.0, 0.0, []
     for _ in range(20):
         v -= dt * (stiffness * x + damping * v)
         x += dt * v
         samples.append(x)
-    roots = TUNED_STIFFNESS * (-zeta + np.sqrt(complex(zeta * zeta - 1)) * np.array((1, -1)))
+    roots = ACCURATE_STIFFNESS * (-zeta + np.sqrt(complex(zeta * zeta - 1)) * np.array((1, -1)))
     basis = np.exp(np.outer(np.arange(1, 21), roots))
     fit = np.linalg.lstsq(basis, np.array(samples, complex), rcond=None)[0]
     np.testing.assert_allclose((basis @ fit).real, samples, atol=1e-10)
 
 
-@pytest.mark.parametrize("dt", [TUNED.dt, 1 / 240, 1 / 60])
-def test_tuned_restitutions_read_back(dt: float) -> None:
+@pytest.mark.parametrize("dt", [ACCURATE.dt, 1 / 240, 1 / 60])
+def test_accurate_restitutions_read_back(dt: float) -> None:
     """Find the restitution again in the stiffness and damping, on both sides of critical damping."""
-    settings = Settings("tuned", dt)
+    settings = Settings("accurate", dt)
     for e in (0.0, 0.05, 0.1, np.exp(-2), 0.2, 0.5, 0.9, 1.0):
         told = restitution_of(np.array(solref_of(e, settings)), settings)
         assert told == pytest.approx(e, abs=1e-9)  # a root found to 1e-12
 
 
-def test_tuned_contacts_are_told_as_meant() -> None:
+def test_accurate_contacts_are_told_as_meant() -> None:
     """Read the elliptic cone, friction's own damping and a constant impedance off the compiled model."""
     scenario = scene(FLOOR, free("ball", SHAPES["sphere"], 1.0), e=0.4, mu=0.2)
-    manifest = ENGINE.build(scenario, TUNED).describe()
+    manifest = ENGINE.build(scenario, ACCURATE).describe()
     facts = manifest.settings
     assert (facts["cone"], facts["impratio"]) == ("mjCONE_ELLIPTIC", 10.0)
     assert facts["pair_solreffriction"] == str([list(FRICTION_REFERENCE)])
@@ -235,7 +235,7 @@ def test_settings_are_neutral() -> None:
     facts = ENGINE.build(scene(FLOOR, free("ball", SHAPES["sphere"], 1.0)), SETTINGS).describe().settings
     assert facts["autoreset"] is facts["sleep"] is False
     assert facts["dof_damping_max"] == facts["pair_margin_max"] == 0.0
-    assert (facts["integrator"], facts["cone"]) == ("mjINT_EULER", "mjCONE_PYRAMIDAL")
+    assert (facts["integrator"], facts["cone"]) == ("mjINT_IMPLICITFAST", "mjCONE_ELLIPTIC")
     assert not mujoco.MjLogConfig.get().logto_file
 
 
@@ -324,6 +324,15 @@ def test_unsupported_is_said() -> None:
     with pytest.raises(Unsupported, match="mujoco: no shape"):
         add_piece(spec, spec.worldbody, Piece("odd", object()), "odd")  # type: ignore[arg-type]
     with pytest.raises(Unsupported, match=r"mujoco: restitution must be 0 or above 0.02.*floor-ball"):
-        ENGINE.build(scene(FLOOR, ball, e=0.01), TUNED)
-    with pytest.raises(Unsupported, match="valid: recommended, equal-step, tuned"):
+        ENGINE.build(scene(FLOOR, ball, e=0.01), ACCURATE)
+    with pytest.raises(Unsupported, match="valid: recommended, equal-step, default, accurate"):
         ENGINE.build(scene(FLOOR, ball), Settings("paper", DT))
+
+
+def test_default_is_as_it_comes() -> None:
+    """Leave integrator and cone as MuJoCo comes with them under the profile `default`."""
+    scenario, plain = scene(FLOOR, free("ball", SHAPES["sphere"], 1.0)), mujoco.MjSpec().option
+    facts = ENGINE.build(scenario, Settings("default", DT)).describe().settings
+    assert facts["integrator"] == mujoco.mjtIntegrator(plain.integrator).name
+    assert facts["cone"] == mujoco.mjtCone(plain.cone).name
+    assert (facts["tolerance"], facts["impratio"]) == (plain.tolerance, plain.impratio)

@@ -156,9 +156,9 @@ def test_engines_hold_the_shapes_that_are_left(registry: SimpleNamespace, name: 
     told = player.world.describe().settings
     assert told["collision_shapes"] == sum(map(len, plan.pieces))
     if name == "mujoco":
-        # explicit pairs of those that may touch, and no others
-        assert told["shapes_that_pair_by_mask"] == 0
-        assert (told["collision_pairs"] > 0) == plan.on("contact")
+        # what can meet nothing has no bit in its masks, and no pair is listed that masks can give
+        assert told["explicit_pairs"] == 0
+        assert (told["shapes_that_pair_by_mask"] > 0) == plan.on("contact")
     effects = player.recording().facts["effects"]
     player.world.close()
     assert effects["inverse_kinematics"].endswith("has no such stage") == (name != "reference")

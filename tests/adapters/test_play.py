@@ -59,9 +59,9 @@ def test_unknown_names_are_refused(lab):
     with pytest.raises(AdapterError, match=r"unknown engine 'bulet'; valid: reference, dart, bullet, mujoco"):
         play(scenario, ("bulet",))
     with pytest.raises(
-        AdapterError, match=r"reference: no profile 'tuned'; valid: balanced, paper, accurate"
+        AdapterError, match=r"reference: no profile 'maximal'; valid: balanced, paper, accurate"
     ):
-        play(scenario, (("reference", "tuned"),))
+        play(scenario, (("reference", "maximal"),))
 
 
 def test_the_reference_plays_as_in_this_process(lab, registry):

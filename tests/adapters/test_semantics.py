@@ -12,7 +12,7 @@ import pytest
 
 from adapters.engine import Settings, State
 from adapters.record import record
-from adapters.registry import ENGINES, TUNED
+from adapters.registry import ACCURATE, ENGINES
 from reports.studies.calibration_children import motion_of
 from reports.studies.calibration_estimates import friction_of, rebound_of, restitution_of
 from reports.studies.calibration_scenes import G, Probe, scene
@@ -43,11 +43,12 @@ def restitutions(engine, settings: Settings, e: float, *speeds: float) -> list[f
     ("name", "profile", "diagonal", "slack"),
     [
         ("dart", "recommended", 2**0.5, 1e-3),  # each of two directions may have all of mu
-        ("dart", TUNED, 1.0, 1e-3),
-        ("mujoco", "recommended", 0.5**0.5, 0.01),  # a pyramid with its edges over the axes
-        ("mujoco", TUNED, 1.0, 0.01),
+        ("dart", ACCURATE, 1.0, 1e-3),
+        ("mujoco", "default", 0.5**0.5, 0.01),  # a pyramid with its edges over the axes
+        ("mujoco", "recommended", 1.0, 0.01),
+        ("mujoco", ACCURATE, 1.0, 0.01),
         ("bullet", "recommended", 0.917, 0.01),  # points of a face slide in directions of their own
-        ("bullet", TUNED, 0.917, 0.01),
+        ("bullet", ACCURATE, 0.917, 0.01),
     ],
 )
 def test_friction_of_a_box_on_the_diagonal(registry, name, profile, diagonal, slack):
@@ -105,9 +106,9 @@ def test_bullets_lowest_bounce(registry):
 
 
 @pytest.mark.parametrize(("name", "largest"), [("dart", 0.011), ("bullet", 0.022), ("mujoco", 0.025)])
-def test_tuned_restitution(registry, name, largest):
-    """The tuned profiles return what is asked at 2 m/s to within what they are known for."""
-    settings = registry.settings(name, TUNED)
+def test_accurate_restitution(registry, name, largest):
+    """The accurate profiles return what is asked at 2 m/s to within what they are known for."""
+    settings = registry.settings(name, ACCURATE)
     for e in (0.3, 0.5, 0.8, 1.0):
         (achieved,) = restitutions(registry.engine(name), settings, e, 2.0)
         assert abs(achieved - e) < largest
@@ -133,7 +134,7 @@ def test_mixed_frictions_are_those_of_the_pairs(registry, name):
     mu = {"fa": 0.2, "fb": 0.5, "ab": 0.2, "aa": 0.9, "bb": 0.9, "ff": 0.9}
     scenario = three_materials({pair: (0.0, value) for pair, value in mu.items()})
     # MuJoCo's default contacts hop
-    settings = registry.settings(name, TUNED if name == "mujoco" else "")
+    settings = registry.settings(name, ACCURATE if name == "mujoco" else "")
     kept = record(registry.engine(name), scenario, settings)
     lost = (kept.linear_velocity[3, 1:, 0] - kept.linear_velocity[9, 1:, 0]) / (6 / 60) / G
     assert lost == pytest.approx([mu["fa"], mu["fb"]], rel=0.02)

@@ -12,7 +12,7 @@ import pytest
 
 from adapters.engine import Settings
 from adapters.record import record
-from adapters.registry import ENGINES, TUNED, Entry
+from adapters.registry import ACCURATE, ENGINES, Entry
 from reports.results import COLUMNS
 from reports.studies.calibration import Grid, jobs_of, run, steps
 from reports.studies.calibration_children import motion_of
@@ -160,13 +160,13 @@ def test_slides_turn_with_their_heading() -> None:
 def test_the_whole_grid_is_played() -> None:
     """Play every restitution, friction and rung under every profile, and other steps under the first."""
     grid = Grid()
-    jobs = jobs_of("bullet", ["recommended", "tuned"], grid)
-    assert len(jobs) == steps((("bullet", "recommended"), ("bullet", "tuned")), grid)
+    jobs = jobs_of("bullet", ["recommended", "accurate"], grid)
+    assert len(jobs) == steps((("bullet", "recommended"), ("bullet", "accurate")), grid)
     asked = {(s.profile, p.pair, p.kind, p.requested) for s, p in jobs if p.kind not in ("drop", "lowest")}
     wanted = {("restitution", e) for e in grid.restitutions} | {("friction", mu) for mu in grid.frictions}
-    assert asked == {(f, pair, *w) for f in ("recommended", "tuned") for pair in SHAPES for w in wanted}
+    assert asked == {(f, pair, *w) for f in ("recommended", "accurate") for pair in SHAPES for w in wanted}
     rungs = [
-        v for s, p in jobs if s.profile == "tuned" and set(p.speeds) <= set(grid.ladder) for v in p.speeds
+        v for s, p in jobs if s.profile == "accurate" and set(p.speeds) <= set(grid.ladder) for v in p.speeds
     ]
     assert rungs == list(grid.ladder)
     assert [round(1 / s.dt) for s, p in jobs if p.kind == "drop"] == list(grid.steps)
@@ -251,11 +251,11 @@ def test_files_are_written(results) -> None:
 
 def test_an_engine_that_fails_is_one_row(tmp_path: Path) -> None:
     """Say of an engine that breaks how it did; the others are measured."""
-    frame = run((("mujoco", TUNED),), tmp_path / "out", silence, TINY, loader=str)  # type: ignore[arg-type]
+    frame = run((("mujoco", ACCURATE),), tmp_path / "out", silence, TINY, loader=str)  # type: ignore[arg-type]
     rows = frame[frame.metric == "run"]
-    assert rows[["engine", "profile", "verdict"]].to_numpy().tolist() == [["mujoco", TUNED, "error"]]
+    assert rows[["engine", "profile", "verdict"]].to_numpy().tolist() == [["mujoco", ACCURATE, "error"]]
     assert rows.reason.iloc[0].startswith("AttributeError")
-    assert remarks(frame) == [f"error: mujoco tuned: {rows.reason.iloc[0]}"]
+    assert remarks(frame) == [f"error: mujoco accurate: {rows.reason.iloc[0]}"]
 
 
 def test_a_probe_that_is_refused_is_one_row(tmp_path: Path) -> None:
@@ -263,7 +263,7 @@ def test_a_probe_that_is_refused_is_one_row(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     few = {"frictions": (), "headings": (), "ladder": (), "steps": ()}
     grid = replace(TINY, pairs=("sphere-box",), restitutions=(0.01, 0.5), speeds=(1.0,), **few)
-    frame = run((("mujoco", TUNED),), tmp_path / "out", silence, grid)
+    frame = run((("mujoco", ACCURATE),), tmp_path / "out", silence, grid)
     refused = frame[frame.metric == "run"]
     assert refused[["verdict", "subject"]].to_numpy().tolist() == [["skipped", "restitution 0.01"]]
     achieved = frame[frame.metric == "restitution.achieved"]

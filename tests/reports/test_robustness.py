@@ -133,9 +133,9 @@ def test_limits_hold_for_the_reference_alone(fakes):
 
 def test_a_line_names_all_that_a_run_was():
     """Repeat engine, profile, seed, kind and perturbation."""
-    task = Task("dart", Settings("tuned", 1e-3), 7, "heap", 1e-16)
+    task = Task("dart", Settings("accurate", 1e-3), 7, "heap", 1e-16)
     assert line(task) == (
-        "touchstone study robustness --scenes 1 --seed 7 --engine dart --profile tuned "
+        "touchstone study robustness --scenes 1 --seed 7 --engine dart --profile accurate "
         "--kind heap --perturbation 1e-16"
     )
     assert task.scenario.name == random_scene(7).name

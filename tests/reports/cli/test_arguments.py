@@ -91,8 +91,8 @@ def test_wrong_input_is_one_line(touchstone, tmp_path, arguments, said, left):
     ("arguments", "said"),
     [
         (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
-        (["--profile", "tunde"], "unknown profile 'tunde'; did you mean 'tuned'?"),
-        (["--engine", "reference", "--profile", "tuned"], "no engine of reference has the profile tuned"),
+        (["--profile", "maxmal"], "unknown profile 'maxmal'; did you mean 'maximal'?"),
+        (["--engine", "reference", "--profile", "maximal"], "no engine of reference has the profile maximal"),
         (["--out", "full"], "--out full: exists and is not an empty folder"),
     ],
 )

@@ -1,0 +1,75 @@
+"""The drive `posed`: kinematic links in every engine, where their tracker shows them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from adapters.bounds import planned
+from adapters.engine import Settings, State
+from adapters.posed import Posed
+from scenarios.catalogue import catalogue
+from scenarios.scenario import Scenario
+
+EQUAL = 1 / 240
+TOUCHED = 0.45
+"""When the hand of `ball_snip` has pushed the ball for a tenth of a second [s]."""
+
+
+@pytest.fixture(scope="module")
+def snip() -> Scenario:
+    """The hand that pushes a ball off a table."""
+    scenario = catalogue()["ball_snip"]
+    return planned(scenario).applied(scenario)
+
+
+def test_velocities_lead_from_pose_to_pose(snip: Scenario) -> None:
+    """Move each centre of mass and turn each link from one shown pose to the next."""
+    posed = Posed(snip, snip.trackers[0], EQUAL)
+    moved = posed.center[:, :-1] + EQUAL * posed.velocity
+    np.testing.assert_allclose(moved, posed.center[:, 1:], atol=1e-14)
+    assert np.abs(posed.omega).max() > 1.0
+
+
+@pytest.mark.parametrize("name", ["mujoco", "bullet", "dart"])
+def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenario, name: str) -> None:
+    """Pose the links as the tracker shows them, push the ball all the same, and report no drive."""
+    world = registry.engine(name).build(snip, Settings("equal-step", EQUAL, drive="posed"))
+    state, steps = State(snip), round(TOUCHED / EQUAL)
+    touched = 0
+    palm, ball = snip.body_index("palm"), snip.body_index("ball")
+    for step in range(steps):
+        world.drive(step)
+        world.step()
+        world.read(state)
+        touched += any(
+            ball in (row["body_a"], row["body_b"]) for row in state.contacts[: state.contact_count]
+        )
+    posed = Posed(snip, snip.trackers[0], EQUAL)
+    links = list(posed.links)
+    np.testing.assert_allclose(state.position[links], posed.place[:, steps], atol=1e-12)
+    np.testing.assert_allclose(state.joint_angle, posed.angle[steps], atol=1e-12)
+    assert touched
+    assert state.linear_velocity[ball, 0] > 0.3
+    assert np.isnan(state.force).all()
+    assert np.isnan(state.hinge_torque).all()
+    told = world.describe()
+    world.close()
+    assert "none: links" in str(dict(told.settings))
+    assert palm in links
+
+
+def test_an_engine_itself_holds_the_links_there(snip: Scenario) -> None:
+    """Find MuJoCo's own bodies at the shown poses, not just the state."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    from adapters.mujoco_engine import MujocoEngine
+
+    world = MujocoEngine().build(snip, Settings("equal-step", EQUAL, drive="posed"))
+    world.drive(50)
+    world.step()
+    mujoco.mj_kinematics(world._model, world._data)
+    posed = Posed(snip, snip.trackers[0], EQUAL)
+    np.testing.assert_allclose(
+        world._data.xpos[world._body[list(posed.links)]], posed.place[:, 51], atol=1e-12
+    )
+    assert world._model.nv == 6

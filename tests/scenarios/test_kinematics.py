@@ -1,0 +1,121 @@
+"""Kinematics in NumPy: pinocchio's poses and inertia, boxes in closed form, no kernel of the reference."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from scenarios.catalogue import catalogue
+from scenarios.kinematics import joint_space_inertia, link_poses, piece_box, tracked_poses
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+from scenarios.tracking import sample
+
+SAMPLES = 5
+ROUNDING = 1e-13
+"""Some thirty products of rotations of order one, and lengths of metres."""
+
+
+@pytest.mark.parametrize("name", ["ball_snip", "wall_push"])
+def test_poses_and_inertia_are_pinocchios(name: str) -> None:
+    """Pose a hand and a person anywhere, and feel the inertia that pinocchio finds there."""
+    pytest.importorskip("pinocchio", reason="pinocchio is not installed")
+    from adapters.oracles.articulated import Articulated
+
+    scenario = catalogue()[name]
+    tracker = scenario.trackers[0]
+    rng = np.random.default_rng(1)
+    position = rng.normal(size=(SAMPLES, 3))
+    orientation = Rotation.random(SAMPLES, random_state=2).as_quat(scalar_first=True)
+    angle = rng.uniform(-1.0, 1.0, (SAMPLES, len(tracker.joints)))
+    place, turn = link_poses(scenario, tracker, position, orientation, angle)
+    referee = Articulated(scenario, tracker)
+    for k in range(SAMPLES):
+        posture = referee.posture(position[k], orientation[k], angle[k])
+        told_place, told_turn = referee.poses(posture)
+        np.testing.assert_allclose(place[:, k], told_place, atol=ROUNDING)
+        np.testing.assert_allclose(turn[:, k], told_turn, atol=ROUNDING)
+        mine = joint_space_inertia(scenario, tracker, place[:, k], turn[:, k])
+        wanted = referee.inertia(posture)
+        np.testing.assert_allclose(mine, wanted, atol=1e-12 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("scene", ["ball_snip", "table_slide", "wall_push", "arms_cross"])
+def test_tracked_links_are_where_pinocchio_puts_them(scene: str) -> None:
+    """Agree to rounding on positions and orientations of all links at ten times of a scene."""
+    from adapters.oracles.articulated import Articulated
+
+    scenario = catalogue()[scene]
+    tracker = scenario.trackers[0]
+    times = np.linspace(0.0, scenario.duration, 10)
+    position, orientation = tracked_poses(scenario, tracker, times)
+    motion, tree = sample(tracker, times), Articulated(scenario, tracker)
+    for f in range(len(times)):
+        posture = tree.posture(motion.position[f], motion.orientation[f], motion.angle[f])
+        for k, (place, turned) in enumerate(zip(*tree.poses(posture))):
+            np.testing.assert_allclose(position[f, k], place, atol=1e-12)
+            mine = Rotation.from_quat(orientation[f, k], scalar_first=True).as_matrix()
+            np.testing.assert_allclose(mine, turned, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Sphere(0.3),
+        Box((0.1, 0.2, 0.3)),
+        Capsule(0.1, 0.4),
+        Ellipsoid((0.1, 0.2, 0.3)),
+        Hull(((0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.3), (-0.1, -0.1, -0.1))),
+    ],
+    ids=lambda shape: type(shape).__name__,
+)
+def test_boxes_touch_their_pieces(shape: Shape) -> None:
+    """Hold a turned piece as tightly as points on its surface tell."""
+    own, body = Rotation.random(2, random_state=3)
+    piece = Piece("piece", shape, (0.3, -0.2, 0.1), tuple(own.as_quat(scalar_first=True)))
+    place = np.array([1.0, 2.0, 3.0])
+    low, high = piece_box(piece, place, body.as_matrix())
+    points = place + body.apply(np.array(piece.position) + own.apply(_surface(shape)))
+    assert (points >= low - 1e-12).all()
+    assert (points <= high + 1e-12).all()
+    np.testing.assert_allclose(points.min(axis=0), low, atol=2e-3)
+    np.testing.assert_allclose(points.max(axis=0), high, atol=2e-3)
+
+
+def _surface(shape: Shape) -> np.ndarray:
+    """Many points on a shape's surface."""
+    ball = np.random.default_rng(4).normal(size=(100_000, 3))
+    ball /= np.linalg.norm(ball, axis=1)[:, None]
+    match shape:
+        case Sphere(radius):
+            return radius * ball
+        case Box(half):
+            return np.sign(ball) * half
+        case Capsule(radius, half_length):
+            return radius * ball + np.outer(np.sign(ball[:, 2]), (0.0, 0.0, half_length))
+        case Ellipsoid(half_axes):
+            return ball * half_axes
+        case Hull(vertices):
+            return np.array(vertices)
+
+
+def test_an_engines_child_loads_nothing_of_the_reference() -> None:
+    """Plan, build and step a hand's scene in an engine without importing the reference or Numba."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    code = """
+import sys
+from adapters.children import _Run
+from adapters.engine import Settings
+from adapters.record import ready
+from adapters.registry import load
+from scenarios.catalogue import catalogue
+player = ready(load("mujoco"), catalogue()["ball_snip"], Settings("recommended", 1 / 540))
+player.play(2)
+found = sorted(name for name in sys.modules if name.split(".")[0] in ("reference_impl", "numba"))
+print(found)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
