@@ -6,12 +6,12 @@ import numpy as np
 
 from adapters.engine import AdapterError
 from adapters.translation import PAIRS_PER_PIECE
-from reference_impl.broad_phase import find_pairs
-from reference_impl.conventions import SIMULATED
-from reference_impl.kernel import clock, kernel
-from reference_impl.state_record import STATE
-from reference_impl.strips import list_pieces
-from reference_impl.world import BODY, PAIR, PIECE
+from reference_impl.broad_phase.spatial_hash import list_pieces
+from reference_impl.broad_phase.sweep_and_prune import find_pairs
+from reference_impl.core.conventions import SIMULATED
+from reference_impl.core.kernel import clock, kernel
+from reference_impl.core.state_dtype import STATE
+from reference_impl.core.world import BODY, PAIR, PIECE
 
 DENSITY = 0.6
 """Pieces per unit cube, boxes having sides of 1: each box meets 8 x 0.6 others, less at the walls."""

@@ -14,9 +14,10 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from adapters.engine import Array
-from reference_impl.world import VERTEX
+from reference_impl.core.world import VERTEX
 from scenarios.scenario import Vector
 
 Indices = NDArray[np.intp]
@@ -55,6 +56,13 @@ def hull_rows(corners: tuple[Vector, ...]) -> tuple[np.ndarray, int, Array]:
     rows["lists"][count:].reshape(-1, 4)[: len(lists)] = lists
     rows.flags.writeable = False
     return rows, cells, extent
+
+
+@cache
+def hull_width(corners: tuple[Vector, ...]) -> float:
+    """Diameter of the ball about the corners' mean that fits into a hull: no more than its width [m]."""
+    planes = ConvexHull(corners).equations
+    return float(-2 * (planes[:, :3] @ np.mean(corners, axis=0) + planes[:, 3]).max())
 
 
 def _lists(count: int, counts: Indices, vertices: Indices, chained: int) -> Lists:

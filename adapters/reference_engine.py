@@ -27,12 +27,12 @@ from adapters.engine import (
 from adapters.reference_settings import configure, describe
 from adapters.registry import ENGINES
 from adapters.translation import translate
-from reference_impl import conventions
-from reference_impl.conventions import DRIVEN, SIMULATED
-from reference_impl.detection import detect
-from reference_impl.kernel import CACHE_FOLDER, JIT, kernel
+from reference_impl.broad_phase.detection import detect
+from reference_impl.core import conventions
+from reference_impl.core.conventions import DRIVEN, SIMULATED
+from reference_impl.core.kernel import CACHE_FOLDER, JIT, kernel
+from reference_impl.core.world import World
 from reference_impl.pipeline import prepare, step
-from reference_impl.world import World
 from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 from scenarios.tracking import TrackerMotion, sample
@@ -127,7 +127,7 @@ class _World:
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
         configure(self._state, settings.profile, settings.changes)
-        self._state["seek_rooms"] = settings.rooms
+        self._state["update_fat_bounds"] = settings.rooms
         for stage in settings.skipped:
             if stage == "sweep":
                 self._state["detection"] = conventions.DETECTION_DISCRETE
@@ -207,7 +207,7 @@ class _World:
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
             "collision_shapes": len(self._world.pieces),
-            "rooms": bool(self._state["seek_rooms"]),
+            "rooms": bool(self._state["update_fat_bounds"]),
             "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
         }
         for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):

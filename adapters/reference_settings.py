@@ -12,7 +12,7 @@ from math import inf
 from typing import Any
 
 from adapters.engine import AdapterError, Scalar
-from reference_impl import conventions
+from reference_impl.core import conventions
 
 PROFILES = ("paper", "balanced", "accurate")
 """The columns of the table."""
@@ -123,9 +123,13 @@ _TABLE: tuple[Setting, ...] = (
     ),
     Choice(
         "detection",
-        {"discrete": conventions.DETECTION_DISCRETE, "sweep": conventions.DETECTION_SWEEP},
-        ("discrete", "discrete", "sweep"),
-        "overlap at the end of a substep, or impacts all along it",
+        {
+            "discrete": conventions.DETECTION_DISCRETE,
+            "sweep_fast": conventions.DETECTION_FAST,
+            "sweep": conventions.DETECTION_SWEEP,
+        },
+        ("discrete", "sweep_fast", "sweep"),
+        "overlap at the end of a substep; sweeps too of pairs that move farther than both are thick; of all",
     ),
     Range(
         "impact_gap",

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.engine import Unsupported
-from adapters.hull_table import hull_rows
-from reference_impl import conventions
-from reference_impl.driver_records import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
-from reference_impl.state_record import MATERIAL_CAPACITY, STATE
-from reference_impl.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
+from adapters.hull_table import hull_rows, hull_width
+from reference_impl.core import conventions
+from reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
+from reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
+from reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
 from scenarios.chains import hinge_axes
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 from scenarios.tracking import sample
@@ -44,7 +44,7 @@ def translate(scenario: Scenario) -> World:
     pieces, vertices = _pieces(scenario)
     joints = _joints(scenario)
     world = World(
-        bodies=_bodies(scenario),
+        bodies=_bodies(scenario, pieces),
         pieces=pieces,
         joints=joints,
         drivers=_drivers(scenario),
@@ -55,6 +55,8 @@ def translate(scenario: Scenario) -> World:
     )
     world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
     world.state["self_collision"] = "self_collision" in scenario.effects
+    others = world.bodies["kind"] != conventions.DRIVEN
+    world.state["least_width"] = world.bodies["width"][others].min(initial=np.inf)
     _set_chains(scenario, world)
     _set_links(scenario, world)
     _set_coefficients(scenario, world)
@@ -70,7 +72,7 @@ def pair_capacity(scenario: Scenario) -> int:
     return min((PATCH_POINTS + 1) * meeting, max(PAIRS_AT_LEAST, PAIRS_PER_PIECE * pieces))
 
 
-def _bodies(scenario: Scenario) -> np.ndarray:
+def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
     bodies = np.zeros(len(scenario.bodies), BODY)
     materials = _materials(scenario)
     for row, body, group in zip(bodies, scenario.bodies, scenario.groups()):
@@ -86,6 +88,10 @@ def _bodies(scenario: Scenario) -> np.ndarray:
         row["rotation"] = matrix(body.orientation)
         row["center"] = row["position"] + row["rotation"] @ row["center_of_mass"]
         row["velocity"], row["omega"] = body.linear_velocity, body.angular_velocity
+    bodies["width"] = np.inf
+    np.minimum.at(bodies["width"], pieces["body"], pieces["width"])
+    offset = np.linalg.norm(pieces["position"] - bodies["center_of_mass"][pieces["body"]], axis=1)
+    np.maximum.at(bodies["reach"], pieces["body"], offset + pieces["reach"])
     return bodies
 
 
@@ -105,13 +111,17 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
         match piece.shape:
             case Sphere(radius):
                 row["kind"], row["radius"] = conventions.SPHERE, radius
+                row["width"] = 2 * radius
             case Box(half_extents):
                 row["kind"], row["size"] = conventions.BOX, half_extents
+                row["width"], row["reach"] = 2 * min(half_extents), np.linalg.norm(half_extents)
             case Capsule(radius, half_length):
                 row["kind"], row["radius"] = conventions.CAPSULE, radius
                 row["size"] = (0.0, 0.0, half_length)
+                row["width"], row["reach"] = 2 * radius, half_length
             case Ellipsoid(half_axes):
                 row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
+                row["width"], row["reach"] = 2 * min(half_axes), max(half_axes)
             case Hull(corners):
                 rows, row["cells"], row["size"] = hull_rows(corners)
                 if corners not in first:
@@ -121,6 +131,7 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
                 row["kind"], row["first_vertex"] = conventions.HULL, first[corners]
                 row["vertex_count"] = len(corners)
                 row["center"] = np.mean(corners, axis=0)
+                row["width"], row["reach"] = hull_width(corners), np.linalg.norm(corners, axis=1).max()
             case _:
                 raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
     return pieces, np.concatenate(hulls).view(VERTEX) if hulls else np.zeros(1, VERTEX)

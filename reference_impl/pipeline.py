@@ -1,12 +1,24 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
-from reference_impl.attraction import approach, set_goals
-from reference_impl.contact_change import first_return
-from reference_impl.contact_log import cut_holds
-from reference_impl.conventions import (
+from reference_impl.broad_phase.detection import (
+    detect,
+    find_swept_pairs,
+    is_free,
+    mark_pairs,
+    place_listed,
+    place_pieces,
+)
+from reference_impl.broad_phase.fat_bounds import is_isolated, reset_fat_bounds, update_fat_bounds
+from reference_impl.broad_phase.spatial_hash import list_pieces
+from reference_impl.continuous.driven_time_of_impact import sweep_drivers
+from reference_impl.continuous.first_impact import earliest_impact
+from reference_impl.continuous.free_rotation import refresh_inertia
+from reference_impl.core.conventions import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
     COUNT_UNCONVERGED,
+    DETECTION_DISCRETE,
+    DETECTION_FAST,
     DETECTION_SWEEP,
     DRIVEN,
     EVENT_CAP,
@@ -21,30 +33,12 @@ from reference_impl.conventions import (
     STAGE_REMOVAL,
     TIME_MIN,
 )
-from reference_impl.crowd import gather_contacts
-from reference_impl.detection import detect, find_swept_pairs, is_free, mark_pairs, place_listed, place_pieces
-from reference_impl.driven_sweep import sweep_drivers
-from reference_impl.energy_guard import guard_energy, note_energy
-from reference_impl.free_rotation import refresh_inertia
-from reference_impl.global_depth import largest_depth
-from reference_impl.hold import hold_contacts
-from reference_impl.impact import resolve_impacts
-from reference_impl.impact_time import earliest_impact
-from reference_impl.integrate import (
-    apply_forces,
-    begin_again,
-    begin_substep,
-    end_substep,
-    fly_straight,
-    pose_at,
-    set_ways,
-)
-from reference_impl.kernel import clock, kernel
-from reference_impl.overlap_removal import pass_free, remove_overlap, store_free_pose
-from reference_impl.parting import part_simulated
-from reference_impl.rooms import begin_rooms, flies_clear, seek_rooms
-from reference_impl.rotation import invert_symmetric
-from reference_impl.skeleton import (
+from reference_impl.core.kernel import clock, kernel
+from reference_impl.core.rotation import invert_symmetric
+from reference_impl.driven.attraction import approach, set_goals
+from reference_impl.driven.global_depth import largest_depth
+from reference_impl.driven.overlap_removal import pass_free, remove_overlap, store_free_pose
+from reference_impl.driven.skeleton import (
     composite_inertia,
     move_from_shown,
     move_links,
@@ -52,8 +46,24 @@ from reference_impl.skeleton import (
     pose_links,
     store_shown,
 )
-from reference_impl.strips import list_pieces
-from reference_impl.virtual_coupling import follow_tracker
+from reference_impl.driven.virtual_coupling import follow_tracker
+from reference_impl.simulated.contact_events import first_return
+from reference_impl.simulated.contact_log import shorten_resting_contacts
+from reference_impl.simulated.energy_guard import guard_energy, note_energy
+from reference_impl.simulated.impact import resolve_impacts
+from reference_impl.simulated.integrate import (
+    apply_forces,
+    begin_again,
+    begin_substep,
+    end_substep,
+    fly_straight,
+    pose_at,
+    set_paths,
+    set_ways,
+)
+from reference_impl.simulated.resting_contact import solve_resting_contacts
+from reference_impl.simulated.separation import separate_simulated
+from reference_impl.simulated.speculative_contacts import gather_contacts
 
 
 @kernel
@@ -72,9 +82,9 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     list_pieces(bodies, pieces, state[0])
     end, _ = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
     for d in range(len(drivers)):
-        store_free_pose(joints, drivers[d])
+        store_free_pose(bodies, joints, drivers[d])
         drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
-    begin_rooms(state[0])
+    reset_fat_bounds(state[0])
     state[0]["counters"][:] = 0
 
 
@@ -96,15 +106,15 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         _drive(bodies, pieces, joints, drivers, vertices, pairs, s)
     if s["skip_contact"] == 1:
         _fly(bodies, joints, drivers, pairs, s)
-    elif flies_clear(bodies, pieces, drivers, s):
+    elif is_isolated(bodies, pieces, drivers, s):
         _fly(bodies, joints, drivers, pairs, s)
         # the driven loop looks at them
         if len(drivers) > 0:
             place_listed(bodies, pieces, vertices, SIMULATED, s)
     else:
         _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
-    if s["seek_rooms"] == 1:
-        seek_rooms(bodies, pieces, vertices, drivers, pairs, s)
+    if s["update_fat_bounds"] == 1:
+        update_fat_bounds(bodies, pieces, vertices, drivers, pairs, s)
 
 
 @kernel
@@ -132,7 +142,7 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
             if approach(bodies, joints, drivers[d], state, part):
                 more = True
         if state["skip_removal"] == 0 and not pass_free(bodies, pieces, joints, drivers, state):
-            if state["detection"] == DETECTION_SWEEP:
+            if state["detection"] != DETECTION_DISCRETE:
                 sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
             remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
         if not more:
@@ -176,7 +186,7 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         time = state["dt"] - left
         touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, left)
         # what hands weigh matters to what they hit alone
-        if not weighed and state["drive_clear"] == 0:
+        if not weighed and state["driven_isolated"] == 0:
             for d in range(len(drivers)):
                 if drivers[d]["chain_count"] == 0:
                     _weigh(bodies, joints, drivers[d])
@@ -229,7 +239,7 @@ def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contact
         (h, fraction): the length for which they hold, and how much of it has passed.
     """
     start, first_held = clock(state["clock"]), state["contact_count"]
-    h, converged = hold_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
+    h, converged = solve_resting_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
     if not converged:
         state["counters"][COUNT_UNCONVERGED] += 1
     returned = first_return(bodies, pairs, touching, state)
@@ -237,10 +247,10 @@ def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contact
     set_ways(bodies, pairs, touching, h, state["flight"])
     fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, returned, state)
     end_substep(bodies, joints, drivers, fraction)
-    cut_holds(contacts, first_held, state["contact_count"], fraction)
+    shorten_resting_contacts(contacts, first_held, state["contact_count"], fraction)
     # detection for parting writes behind the rows that hold
     if drifted:
-        part_simulated(bodies, pieces, vertices, pairs, touching, state)
+        separate_simulated(bodies, pieces, vertices, pairs, touching, state)
     state["unpaid_energy"] = 0.0
     if state["impulses"] == IMPULSES_TOGETHER:
         guard_energy(bodies, drivers, pairs, touching, drifted, state)
@@ -256,12 +266,13 @@ def _advance(bodies, pieces, vertices, pairs, touching, returned, state):
     """
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     mark_pairs(bodies, pieces, pairs, touching)
-    if state["detection"] == DETECTION_SWEEP:
+    fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
+    if fast or state["detection"] == DETECTION_SWEEP:
         end = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
     else:
         pose_at(bodies, 1.0)
         end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
-    fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, state)
+    fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state)
     fraction = min(fraction, returned)
     pose_at(bodies, fraction)
     collision -= state["stage_seconds"][STAGE_COLLISION]

@@ -157,10 +157,10 @@ def robustness(
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
     from reports.studies.robustness import PROFILES, run, tasks
     from reports.studies.robustness_table import show
-    from scenarios.random_scenes import KINDS
+    from scenarios.random_scenes import ALL_KINDS
 
     columns = columns_for(engine or ["reference"], profile or [], PROFILES)
-    chosen = known("kind", kind, KINDS) if kind else None
+    chosen = known("kind", kind, ALL_KINDS) if kind else None
     asked = tasks(columns, scenes, seed, chosen, perturbation)
     folder = out or folder_of_now("robustness-")
     require_judge()

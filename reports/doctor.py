@@ -67,7 +67,7 @@ def libraries() -> list[tuple[str, str]]:
 def compile_facts() -> dict[str, str]:
     """Where compiled kernels are kept and what compiling them cost; compiles them if not yet done."""
     from adapters.reference_engine import compile_seconds
-    from reference_impl.kernel import CACHE_FOLDER
+    from reference_impl.core.kernel import CACHE_FOLDER
 
     seconds = compile_seconds()
     return {

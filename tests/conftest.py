@@ -23,13 +23,13 @@ from adapters.recording import Recording, RunEnded
 from adapters.reference_settings import configure
 from adapters.registry import ENGINES, installed, load, missing_reason
 from adapters.translation import piece_arrays, translate
-from reference_impl import conventions
-from reference_impl.convex_depth import convex_depth
-from reference_impl.kernel_cache import CACHE_FOLDER
+from reference_impl.core import conventions
+from reference_impl.core.kernel_cache import CACHE_FOLDER
+from reference_impl.core.state_dtype import STATE
+from reference_impl.core.world import BODY, PAIR, World
+from reference_impl.geometry.convex_depth import convex_depth
+from reference_impl.geometry.shapes import place_piece
 from reference_impl.pipeline import prepare, step
-from reference_impl.shapes import place_piece
-from reference_impl.state_record import STATE
-from reference_impl.world import BODY, PAIR, World
 from reports.limits import judged
 from reports.results import Row
 from reports.run import measured
@@ -193,11 +193,11 @@ def person(parts: Parts | None = None, **fields: object) -> Scenario:
     return Scenario(name="person", summary="a test", tags=(), duration=1.0, coefficients=TABLE_1, **fields)
 
 
-def build(scenario: Scenario, profile: str = "balanced", dt: float = FRAME) -> World:
-    """A world ready for its first step."""
+def build(scenario: Scenario, profile: str = "balanced", dt: float = FRAME, *changes: str) -> World:
+    """A world ready for its first step; `changes` are settings ("key=value") besides the profile's."""
     world = translate(scenario)
     world.state["dt"], world.state["gravity"] = dt, scenario.acting_gravity
-    configure(world.state[0], profile)
+    configure(world.state[0], profile, changes)
     prepare(*world)
     return world
 

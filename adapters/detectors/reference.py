@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 from adapters.detectors import UNCONVERGED, Answers, Failure, Pair
 from adapters.engine import Array, Scalar
 from adapters.translation import piece_arrays
-from reference_impl import conventions
-from reference_impl.convex_depth import convex_depth
-from reference_impl.kernel import clock, kernel
-from reference_impl.shapes import place_piece
-from reference_impl.state_record import STATE
-from reference_impl.walk import walk
-from reference_impl.walk_memory import recall
-from reference_impl.world import BODY, PAIR
+from reference_impl.core import conventions
+from reference_impl.core.kernel import clock, kernel
+from reference_impl.core.state_dtype import STATE
+from reference_impl.core.world import BODY, PAIR
+from reference_impl.geometry.convex_depth import convex_depth
+from reference_impl.geometry.depth_cache import find_entry
+from reference_impl.geometry.depth_warm_start import warm_started_depth
+from reference_impl.geometry.shapes import place_piece
 
 FRAME_STEP = 0.01
 """How far B was in the frame before, over the smaller piece's size [1], and how much turned [rad]: half a
@@ -48,10 +48,10 @@ def walk_batch(  # type: ignore[no-untyped-def]
     """As `depth_batch`, walked from the answer for the pieces of `before`, which is not timed."""
     for k in range(len(out_pairs)):
         a, b = 2 * k, 2 * k + 1
-        walk(before[a], before[b], vertices, state[0], recall(state[0], a, b), out_pairs[k])
+        warm_started_depth(before[a], before[b], vertices, state[0], find_entry(state[0], a, b), out_pairs[k])
         start = clock(state[0]["clock"])
-        _, converged, certified = walk(
-            pieces[a], pieces[b], vertices, state[0], recall(state[0], a, b), out_pairs[k]
+        _, converged, certified = warm_started_depth(
+            pieces[a], pieces[b], vertices, state[0], find_entry(state[0], a, b), out_pairs[k]
         )
         out_seconds[k] = clock(state[0]["clock"]) - start
         out_converged[k] = converged and certified
@@ -64,8 +64,8 @@ def walk_motion(  # type: ignore[no-untyped-def]
     """As `depth_batch`, every `frame` pairs walked from the frame before; `out_held`: at once, with proof."""
     for k in range(len(out_pairs)):
         start = clock(state[0]["clock"])
-        memory = recall(state[0], k % frame, frame)
-        steps, converged, certified = walk(
+        memory = find_entry(state[0], k % frame, frame)
+        steps, converged, certified = warm_started_depth(
             pieces[2 * k], pieces[2 * k + 1], vertices, state[0], memory, out_pairs[k]
         )
         out_seconds[k] = clock(state[0]["clock"]) - start
@@ -100,7 +100,7 @@ class ReferenceDetector:
 
 
 class WalkDetector(ReferenceDetector):
-    """The same answers by `walk`, from those of a frame before."""
+    """The same answers by `warm_started_depth`, from those of a frame before."""
 
     def prepare(self, pairs: Sequence[Pair]) -> ReferenceBatch:
         """Lay pairs out as the kernel's arrays, twice."""
@@ -112,7 +112,7 @@ class WalkDetector(ReferenceDetector):
 
     def describe(self) -> Mapping[str, Scalar]:
         """As exact depth, and how far away the frame before is."""
-        return {**super().describe(), "walk_gap": conventions.WALK_GAP, "frame_step": FRAME_STEP}
+        return {**super().describe(), "walk_gap": conventions.WARM_START_GAP, "frame_step": FRAME_STEP}
 
 
 class ReferenceBatch:

@@ -47,7 +47,7 @@ class Articulated:
         return np.array([link.translation for link in links]), np.array([link.rotation for link in links])
 
     def inertia(self, posture: Array) -> Array:
-        """Joint-space inertia (6 + j, 6 + j), as `reference_impl.skeleton.joint_space_inertia` gives it."""
+        """Joint-space inertia (6 + j, 6 + j), as `skeleton.joint_space_inertia` of the reference gives it."""
         upper = np.triu(pinocchio.crba(self.model, self.data, posture))
         own = upper + np.triu(upper, 1).T
         turned = self._to_own_axes(posture)

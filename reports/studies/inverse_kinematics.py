@@ -22,12 +22,12 @@ import pandas as pd
 from adapters.engine import Array
 from adapters.oracles.articulated import DampedLeastSquares
 from adapters.translation import translate
-from reference_impl.accurate_ik import accurate_ik
-from reference_impl.ccd_ik import ccd_ik
-from reference_impl.conventions import ANGLE_ATAN2, IK_CAP, IK_TOLERANCE, PASSES_EXTRAPOLATED
-from reference_impl.kernel import clock, kernel
-from reference_impl.reach_cone import keep_in_cone
-from reference_impl.skeleton import pose_links
+from reference_impl.chains.accurate_ik import accurate_ik
+from reference_impl.chains.ccd_ik import ccd_ik
+from reference_impl.core.conventions import ANGLE_ATAN2, IK_CAP, IK_TOLERANCE, PASSES_EXTRAPOLATED
+from reference_impl.core.kernel import clock, kernel
+from reference_impl.driven.reach_cone import keep_in_cone
+from reference_impl.driven.skeleton import pose_links
 from reports.limits import judged
 from reports.output import output_folder
 from reports.progress import Progress

@@ -32,7 +32,7 @@ from reports.studies.robustness_play import (
     Loader,
     Task,
 )
-from scenarios.random_scenes import KINDS, kind_of
+from scenarios.random_scenes import ALL_KINDS, kind_of
 
 STUDY = "robustness"
 ALL = "all"
@@ -140,7 +140,7 @@ def rows_of_runs(runs: Sequence[Run]) -> list[Row]:
     columns = dict.fromkeys((task.engine, task.settings) for task, _ in runs)
     for engine, settings in columns:
         mine = [(task, found) for task, found in runs if (task.engine, task.settings) == (engine, settings)]
-        for kind in (ALL, *KINDS):
+        for kind in (ALL, *ALL_KINDS):
             part = [found for task, found in mine if kind in (ALL, kind_of(task.seed, task.kind))]
             base = Row(STUDY, kind, engine, settings.label, settings.dt, "")
             rows += _figures(base, part) if part else []

@@ -9,7 +9,7 @@ from reports.results import Row, rows_of
 from reports.studies.robustness import ALL, COUNTS, STUDY
 from reports.studies.robustness_play import OUTCOMES
 from reports.terminal import print_notes, table_of
-from scenarios.random_scenes import KINDS
+from scenarios.random_scenes import ALL_KINDS
 
 FIGURES = {
     "rise p50": "rise.p50",
@@ -42,7 +42,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         table = table_of(
             f"robustness: {engine}, {profile}", ("kind", "runs", *seen, *told), padding=(0, 1, 0, 0)
         )
-        for kind in (*KINDS, ALL):
+        for kind in (*ALL_KINDS, ALL):
             rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
             if not rows:
                 continue

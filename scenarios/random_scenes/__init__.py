@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.random import Generator
 
-from scenarios.random_scenes import piles, stacks
+from scenarios.random_scenes import fast, piles, stacks
 from scenarios.random_scenes.bodies import MATERIAL
 from scenarios.random_scenes.hands import HAND_MATERIAL
 from scenarios.random_scenes.setup import Setup
@@ -33,7 +33,10 @@ KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "free": piles.free,
     "press": piles.pressed,
 }
-"""Name of a kind, its tag, and what builds it."""
+"""Name of a kind, its tag, and what builds it: those that a seed may choose."""
+FAST_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"shot": fast.shots, "slap": fast.slaps}
+"""Kinds that are played where they are asked for: only what sweeps passes them."""
+ALL_KINDS = {**KINDS, **FAST_KINDS}
 FRAME_RATE = 60
 FRAMES = (42, 73)
 """Range of the number of frames: 0.7 to 1.2 s, in which drops of a few centimetres land and settle."""
@@ -44,9 +47,9 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
 
     Args:
         seed: 0 or more; names the scene `random_<seed>`.
-        kind: one of KINDS, or None for one that the seed chooses.
+        kind: one of ALL_KINDS, or None for one of KINDS that the seed chooses.
     Returns:
-        A scene of 2 to 30 simulated bodies, 0.7 to 1.2 s long, tagged `random` and by its kind; besides
+        A scene of 1 to 30 simulated bodies, 0.7 to 1.2 s long, tagged `random` and by its kind; besides
         `isolated` where nothing outside pushes, `conservative` where no energy may be lost either.
     """
     rng = np.random.default_rng(seed)
@@ -54,7 +57,7 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
     kind = kind or drawn
     duration = int(rng.integers(*FRAMES)) / FRAME_RATE
     e, mu = _coefficient(rng), _coefficient(rng)
-    setup = KINDS[kind](rng)
+    setup = ALL_KINDS[kind](rng)
     hand = setup.hand
     tags = ["random", kind, *setup.tags]
     if "isolated" in tags and e == 1 and mu == 0:

@@ -93,14 +93,15 @@ def pressing(rng: Generator, reach: float, top: float) -> Pressing:
         start=start,
         end=end,
         times=(0.05, float(rng.uniform(0.2, 0.6))),
-        orientation=_quaternion(turn),
+        orientation=quaternion(turn),
         flexion=flexion if rng.random() < 0.5 else np.zeros(len(joints)),
         heading=heading,
         sideways=sideways,
     )
 
 
-def _quaternion(turn: Rotation) -> Quaternion:
+def quaternion(turn: Rotation) -> Quaternion:
+    """A rotation as a quaternion wxyz."""
     w, x, y, z = (float(value) for value in turn.as_quat(scalar_first=True))
     return (w, x, y, z)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reference_impl.skeleton import joint_space_inertia, move_links, pose_links
+from reference_impl.driven.skeleton import joint_space_inertia, move_links, pose_links
 from scenarios.avatar import HAND_LENGTH, arm_with_hand_parts
 from scenarios.catalogue import catalogue
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from adapters.bounds import bounds
 from adapters.engine import AdapterError
 from adapters.translation import translate
-from reference_impl.skeleton import pose_links
+from reference_impl.driven.skeleton import pose_links
 from scenarios.avatar import avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.effects import plan

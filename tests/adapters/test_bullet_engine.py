@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from adapters.engine import Settings, State, Unsupported
 from adapters.record import manifest_json, record
 from adapters.translation import translate
-from reference_impl.skeleton import pose_links
+from reference_impl.driven.skeleton import pose_links
 from scenarios import scenario as s
 
 pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")

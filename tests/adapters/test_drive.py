@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from adapters.drive import INERTIA_RATIO, Drive, cut
 from adapters.translation import translate
-from reference_impl.skeleton import joint_space_inertia, pose_links
+from reference_impl.driven.skeleton import joint_space_inertia, pose_links
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Body, Box, Joint, Piece, Tracker
 

@@ -19,7 +19,7 @@ from adapters.reference_settings import (
     parse,
 )
 from adapters.registry import ENGINES, require_profile
-from reference_impl.state_record import STATE
+from reference_impl.core.state_dtype import STATE
 
 WHOLE = Range("count", 1, 9, "", ("1", "1", "1"), "a count")
 SPEED = Range("speed", 0, 0.5, "m/s", ("0", "0", "0"), "a speed", whole=False)

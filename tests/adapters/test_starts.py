@@ -7,7 +7,7 @@ import pytest
 
 from adapters.engine import AdapterError
 from adapters.record import record
-from reference_impl.conventions import OVERLAP_TOLERANCE
+from reference_impl.core.conventions import OVERLAP_TOLERANCE
 
 
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])

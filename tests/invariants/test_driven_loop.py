@@ -7,7 +7,7 @@ import pytest
 
 from adapters.oracles.overlap import measure
 from adapters.reference_settings import PROFILES
-from reference_impl.conventions import OVERLAP_TOLERANCE
+from reference_impl.core.conventions import OVERLAP_TOLERANCE
 from reports.metrics.evidence import Evidence
 from reports.metrics.posture import cone_excess, limit_excess
 from scenarios.catalogue import catalogue, tagged

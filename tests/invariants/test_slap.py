@@ -16,6 +16,7 @@ from reports.metrics.passages import passages
 from scenarios.gallery import TABLE_TOP, gallery
 from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
+from scenarios.random_scenes import random_scene
 from scenarios.scenario import Body, Box, Piece, Scenario, Tracker
 from scenarios.solids import ball
 
@@ -58,8 +59,7 @@ def known(profile: str, *speeds: float) -> list:
 @pytest.mark.parametrize(
     ("profile", "speed"),
     [
-        *(("accurate", speed) for speed in (2.5, 3.0, 6.0)),
-        *known("balanced", 2.5, 3.0, 6.0),
+        *((profile, speed) for profile in ("balanced", "accurate") for speed in (2.5, 3.0, 6.0)),
         *known("paper", 2.5, 3.0, 6.0),
     ],
 )
@@ -96,21 +96,29 @@ SHOTS = [(speed, half) for speed in (6.0, 30.0, 300.0, 3000.0) for half in (5e-4
 
 
 @pytest.mark.parametrize(("speed", "half"), SHOTS)
-def test_a_fast_ball_comes_back_from_a_plate(speed, half):
-    """`accurate` lets no ball through a plate, and the judge sees none pass."""
-    count, end = shot(speed, half, "accurate")
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+def test_a_fast_ball_comes_back_from_a_plate(profile, speed, half):
+    """`balanced` and `accurate` let no ball through a plate, and the judge sees none pass."""
+    count, end = shot(speed, half, profile)
     assert (count, end > 0) == (0, True)
 
 
-@pytest.mark.xfail(strict=True, reason=DISCRETE.format("balanced"))
-def test_balanced_lets_no_ball_through():
-    """No ball passes a plate in `balanced`."""
-    assert [case for case in SHOTS if shot(*case, "balanced")[0]] == []
-
-
 @pytest.mark.parametrize(("speed", "half"), SHOTS)
-@pytest.mark.parametrize("profile", ["balanced", "paper"])
-def test_the_judge_sees_where_the_ball_is(profile, speed, half):
+def test_the_judge_sees_where_the_ball_is(speed, half):
     """A passage is counted if, and only if, the ball ends under the plate."""
-    count, end = shot(speed, half, profile)
+    count, end = shot(speed, half, "paper")
     assert bool(count) == (end < 0)
+
+
+@pytest.mark.parametrize("kind", ["shot", "slap"])
+@pytest.mark.parametrize("seed", [500, 501, 504, 511])
+def test_random_fast_scenes_have_no_passage(kind, seed):
+    """Spinning bodies at up to 3 km/s meet plates, hands at up to 20 m/s a table: `balanced` lets none pass.
+
+    In 504 and 511 a body that rocks on the plate uses up the frame's events.
+    """
+    scenario = random_scene(seed, kind)
+    recording = record(
+        load("reference"), scenario, Settings("balanced", ENGINES["reference"].profiles["balanced"])
+    )
+    assert passages(Evidence(recording, scenario)) == []

@@ -6,11 +6,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from adapters.translation import piece_arrays
-from reference_impl.conventions import FLIGHT_BALLISTIC, HULL, IMPACT_SLACK, IMPACT_TARGET, SIMULATED
-from reference_impl.free_rotation import rotate_freely
-from reference_impl.state_record import STATE
-from reference_impl.sweep import distance_at, sweep
-from reference_impl.world import BODY, PAIR
+from reference_impl.continuous.free_rotation import rotate_freely
+from reference_impl.continuous.time_of_impact import distance_at, time_of_impact
+from reference_impl.core.conventions import FLIGHT_BALLISTIC, HULL, IMPACT_SLACK, IMPACT_TARGET, SIMULATED
+from reference_impl.core.state_dtype import STATE
+from reference_impl.core.world import BODY, PAIR
 from scenarios.scenario import Piece, Shape
 
 NEAR = IMPACT_TARGET + IMPACT_SLACK
@@ -54,7 +54,7 @@ class Scene:
 
     def impact(self, start=0.0, until=1.0, target=IMPACT_TARGET, slack=IMPACT_SLACK) -> Found:
         """(fraction, iterations, converged) of the sweep."""
-        return sweep(
+        return time_of_impact(
             self.bodies,
             self.pieces,
             self.vertices,

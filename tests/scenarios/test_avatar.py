@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from adapters.oracles.minkowski import signed_distance
 from adapters.translation import translate
-from reference_impl.reach_cone import recover_angles
-from reference_impl.skeleton import pose_links
+from reference_impl.driven.reach_cone import recover_angles
+from reference_impl.driven.skeleton import pose_links
 from scenarios.avatar import MARGIN, MASS, SEGMENTS, STATURE, Parts, arm_with_hand_parts, avatar_parts
 from scenarios.chains import hinge_axes
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from reference_impl.skeleton import pose_links
+from reference_impl.driven.skeleton import pose_links
 from reports.metrics.posture import cone_excess, limit_excess
 from scenarios.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
 from scenarios.catalogue import catalogue, tagged

@@ -1,0 +1,1 @@
+"""Pairs of pieces whose bounding boxes meet, and detection at one instant."""

@@ -1,0 +1,158 @@
+"""Collision detection of one instant: boxes, pairs, depths."""
+
+from reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
+from reference_impl.broad_phase.sweep_and_prune import find_pairs
+from reference_impl.continuous.swept_motion import swept_box
+from reference_impl.core.conventions import (
+    COUNT_CONTACTING,
+    COUNT_CONTACTS,
+    COUNT_LOST,
+    COUNT_PAIRS,
+    COUNT_UNCONVERGED,
+    DRIVEN,
+    OVERLAP_TOLERANCE,
+    SIMULATED,
+    STAGE_COLLISION,
+    TOUCH_DISTANCE,
+)
+from reference_impl.core.kernel import clock, kernel
+from reference_impl.driven.skeleton import are_adjacent
+from reference_impl.geometry.depth_warm_start import pair_depth
+from reference_impl.geometry.shapes import place_piece
+
+
+@kernel
+def place_pieces(bodies, pieces, vertices, kind):
+    """World poses and boxes of the pieces of all bodies of `kind`; boxes hold TOUCH_DISTANCE to spare."""
+    for k in range(len(pieces)):
+        body = bodies[pieces[k]["body"]]
+        if body["kind"] == kind:
+            place_piece(pieces[k], body, vertices, TOUCH_DISTANCE)
+
+
+@kernel
+def place_listed(bodies, pieces, vertices, kind, state):
+    """The same for pieces that are listed: fixed ones, most of a room, are not looked through."""
+    group = state["groups"][kind]
+    for k in range(group["first"], group["end"]):
+        piece = pieces[pieces[k]["order"]]
+        place_piece(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
+
+
+@kernel
+def detect(bodies, pieces, vertices, pairs, state, kind, first):
+    """Pairs that touch or overlap and in which a body of `kind` takes part, from `pairs[first]` on.
+
+    Places the pieces of `kind` first.
+
+    Returns:
+        (end, deepest): index after the last of them, and the largest depth [m].
+    """
+    since = clock(state["clock"])
+    place_listed(bodies, pieces, vertices, kind, state)
+    if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
+        drop_fat_bounds(bodies, pieces, state)
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
+    found, lost = find_pairs(pieces, kind, first, pairs, state)
+    state["counters"][COUNT_LOST] += lost
+    state["counters"][COUNT_PAIRS] += found - first
+    end, deepest = first, 0.0
+    for k in range(first, found):
+        pair = pairs[k]
+        if state["self_collision"] == 1 and are_adjacent(bodies, pair["body_a"], pair["body_b"]):
+            continue
+        if not pair_depth(pieces, vertices, state, pair):
+            state["counters"][COUNT_UNCONVERGED] += 1
+        if pair["distance"] > TOUCH_DISTANCE:
+            continue
+        set_coefficients(bodies, pair, state)
+        deepest = max(deepest, -pair["distance"])
+        # touching pairs move to the front; what lies between is forgotten
+        if k != end:
+            pairs[end] = pair
+        end += 1
+    state["counters"][COUNT_CONTACTS] += end - first
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+    return end, deepest
+
+
+@kernel
+def detect_for(bodies, pieces, vertices, pairs, state, d, later):
+    """Detect for driven bodies; of driver d's overlap with later drivers the share `later` counts.
+
+    Returns:
+        Index after the last pair.
+    """
+    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
+    for k in range(end):
+        one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
+        if min(one, two) == d and max(one, two) > d:
+            pairs[k]["distance"] *= later
+    return end
+
+
+@kernel
+def set_coefficients(bodies, pair, state):
+    """Restitution and friction of a pair's materials."""
+    a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
+    pair["restitution"] = state["restitution"][a, b]
+    pair["friction"] = state["friction_coefficient"][a, b]
+
+
+@kernel
+def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
+    """Pairs whose boxes meet somewhere on the ways of bodies of `kind`, from `pairs[first]` on.
+
+    Leaves the pieces of `kind` at the start, in their swept boxes; returns the index after the last pair.
+    """
+    _enclose_ways(bodies, pieces, vertices, kind, state)
+    if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
+        drop_fat_bounds(bodies, pieces, state)
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
+        _enclose_ways(bodies, pieces, vertices, kind, state)
+    end, lost = find_pairs(pieces, kind, first, pairs, state)
+    state["counters"][COUNT_LOST] += lost
+    state["counters"][COUNT_PAIRS] += end - first
+    return end
+
+
+@kernel
+def _enclose_ways(bodies, pieces, vertices, kind, state):
+    """Boxes of the listed pieces of a kind over their bodies' whole ways."""
+    group = state["groups"][kind]
+    for k in range(group["first"], group["end"]):
+        piece = pieces[pieces[k]["order"]]
+        swept_box(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
+
+
+@kernel
+def mark_pairs(bodies, pieces, pairs, count):
+    """Mark `pairs[:count]`, and no others, for `is_marked`: in lists at one piece of each."""
+    for k in range(len(pieces)):
+        pieces[k]["marked"] = 0
+    for k in range(count):
+        piece = pieces[_listing_piece(bodies, pairs[k])]
+        pairs[k]["next_marked"] = piece["marked"]
+        piece["marked"] = k + 1
+
+
+@kernel
+def is_marked(bodies, pieces, pairs, pair):
+    """Whether `mark_pairs` was last given a pair of the same two pieces."""
+    k = pieces[_listing_piece(bodies, pair)]["marked"] - 1
+    while k >= 0 and (pairs[k]["piece_a"] != pair["piece_a"] or pairs[k]["piece_b"] != pair["piece_b"]):
+        k = pairs[k]["next_marked"] - 1
+    return k >= 0
+
+
+@kernel
+def _listing_piece(bodies, pair):
+    """The later piece of those of simulated bodies: few pairs share it, while all share a floor."""
+    return pair["piece_b"] if bodies[pair["body_b"]]["kind"] == SIMULATED else pair["piece_a"]
+
+
+@kernel
+def is_free(deepest):
+    """Whether the largest depth counts as no overlap."""
+    return deepest <= OVERLAP_TOLERANCE

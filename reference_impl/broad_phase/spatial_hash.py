@@ -1,0 +1,234 @@
+"""Pieces in strips along x, each sorted along x: what the broad phase sweeps.
+
+Pieces of fixed, simulated and driven bodies are three groups. Few pieces of a group make one strip. Of many,
+those make one that share a square of the y-z plane: the square where the low corner of a piece's box lies. It
+is at least as wide as the boxes in it, so boxes that meet lie in neighbouring squares. Boxes too wide for the
+smallest squares (level 0) go to squares twice as wide, and so on; a hash finds them (Teschner et al. 2003,
+Optimized spatial hashing). The order along x is kept from frame to frame.
+
+Work is linear in the number of pieces. One list along x is not: in a cloud of n pieces each would be swept
+past n^(2/3) others.
+"""
+
+from math import floor, frexp, inf, ldexp
+
+from reference_impl.core.conventions import (
+    COLUMN_FAR,
+    COLUMN_LEVELS,
+    COLUMN_SHARE,
+    COLUMN_SLACK,
+    COLUMN_WIDTH,
+    DRIVEN,
+    FIXED,
+    SIMULATED,
+    SPATIAL_HASH_PIECE_COUNT,
+)
+from reference_impl.core.kernel import kernel
+
+HASH_Y, HASH_Z, HASH_LEVEL = 73856093, 19349663, 83492791
+"""Primes of Teschner et al."""
+
+
+@kernel
+def list_pieces(bodies, pieces, state):
+    """List the pieces by kind of body, and sort the fixed ones, which must be placed, for good."""
+    groups = state["groups"]
+    k = 0
+    for kind in range(len(groups)):
+        first = k
+        for p in range(len(pieces)):
+            body = bodies[pieces[p]["body"]]
+            if body["kind"] == kind:
+                # pieces of one body never meet, nor do those of one driver's links unless they may
+                alone = body["driver"] < 0 or (state["self_collision"] == 1 and body["hinge"] >= 0)
+                pieces[p]["filter_group"] = pieces[p]["body"] if alone else -1 - body["driver"]
+                pieces[k]["order"] = p
+                pieces[k]["slot"]["piece"] = p
+                k += 1
+        _one_column(pieces, groups[kind], first, k)
+    # where few move, one list of the fixed ones is swept fastest
+    if groups[SIMULATED]["single_column"] == 1 and groups[DRIVEN]["single_column"] == 1:
+        groups[FIXED]["single_column"] = 1
+    arrange(pieces, groups[FIXED])
+
+
+@kernel
+def _one_column(pieces, group, first, end):
+    """All pieces of a group in one strip without bounds."""
+    group["first"], group["end"] = first, end
+    group["single_column"] = 1 if end - first <= SPATIAL_HASH_PIECE_COUNT else 0
+    group["columns"] = 1 if end > first else 0
+    group["filter_groups"] = 0
+    for k in range(first, end):
+        if (
+            k == first
+            or pieces[pieces[k]["order"]]["filter_group"] != pieces[pieces[k - 1]["order"]]["filter_group"]
+        ):
+            group["filter_groups"] += 1
+    if end > first:
+        strip = pieces[first]["column"]
+        strip["first"], strip["end"] = first, end
+        for i in range(2):
+            strip["low"][i], strip["high"][i] = -inf, inf
+
+
+@kernel
+def arrange(pieces, group):
+    """Put the pieces of a group, as they are placed now, into strips, each in the order of its low x."""
+    if group["single_column"] == 1:
+        _sort(pieces, group["first"], group["end"])
+        return
+    _choose_width(pieces, group)
+    _assign(pieces, group)
+    for s in range(group["first"], group["first"] + group["columns"]):
+        strip = pieces[s]["column"]
+        _sort(pieces, strip["first"], strip["end"])
+        bound_column(pieces, strip)
+
+
+@kernel
+def cell_index(x, width):
+    """Row of squares in which a coordinate lies; what is farther than COLUMN_FAR rows, or NaN, shares one."""
+    t = x / width
+    if not t > -COLUMN_FAR:
+        t = -COLUMN_FAR
+    if t > COLUMN_FAR:
+        t = COLUMN_FAR
+    return floor(t)
+
+
+@kernel
+def find_column(pieces, group, level, y, z):
+    """Number of the strip at a level's square (y, z), or -1."""
+    s = pieces[_bucket(group, level, y, z)]["column"]["bucket"]
+    while s >= 0:
+        strip = pieces[s]["column"]
+        if strip["y"] == y and strip["z"] == z and strip["level"] == level:
+            break
+        s = strip["next"]
+    return s
+
+
+@kernel
+def _bucket(group, level, y, z):
+    hashed = y * HASH_Y + z * HASH_Z + level * HASH_LEVEL
+    return group["first"] + hashed % (group["end"] - group["first"])
+
+
+@kernel
+def _choose_width(pieces, group):
+    """Width of the smallest squares: COLUMN_SHARE of the boxes fit; kept while it is neither too small nor
+    much too large."""
+    tally, widest = group["tally"], group["widest"]
+    for k in range(COLUMN_LEVELS):
+        tally[k], widest[k] = 0, 0.0
+    # boxes by powers of two
+    for k in range(group["first"], group["end"]):
+        extent = _extent(pieces[pieces[k]["order"]])
+        _, power = frexp(extent)
+        power = min(max(power + COLUMN_LEVELS // 2, 0), COLUMN_LEVELS - 1)
+        tally[power] += 1
+        widest[power] = max(widest[power], extent)
+    wanted, seen = COLUMN_WIDTH, 0
+    for k in range(COLUMN_LEVELS):
+        if seen < COLUMN_SHARE * (group["end"] - group["first"]):
+            seen += tally[k]
+            wanted = max(wanted, widest[k])
+    if not wanted <= group["width"] <= COLUMN_SLACK**2 * wanted:
+        group["width"] = COLUMN_SLACK * wanted
+
+
+@kernel
+def _extent(piece):
+    """The larger of a box's sides along y and z [m]."""
+    low, high = piece["low"], piece["high"]
+    return max(high[1] - low[1], high[2] - low[2])
+
+
+@kernel
+def _assign(pieces, group):
+    """Give every piece its strip, and write the pieces to `order` strip by strip."""
+    first, end = group["first"], group["end"]
+    group["columns"], group["levels"] = 0, 0
+    for k in range(COLUMN_LEVELS):
+        group["tally"][k] = 0
+    for k in range(first, end):
+        pieces[k]["column"]["bucket"] = -1
+    # count the pieces of each strip, in the order of the last frame
+    s = first
+    for k in range(first, end):
+        s = _column_of(pieces, group, pieces[pieces[k]["slot"]["piece"]], s)
+        pieces[s]["column"]["end"] += 1
+        pieces[k]["column_of"] = s
+    # strips stand one behind the other
+    place = first
+    for s in range(first, first + group["columns"]):
+        strip = pieces[s]["column"]
+        count = strip["end"]
+        strip["first"], strip["end"] = place, place
+        place += count
+    for k in range(first, end):
+        strip = pieces[pieces[k]["column_of"]]["column"]
+        pieces[strip["end"]]["order"] = pieces[k]["slot"]["piece"]
+        strip["end"] += 1
+
+
+@kernel
+def _column_of(pieces, group, piece, s):
+    """Number of the strip a piece belongs to, a new one if need be; `s` is looked at first."""
+    extent, width = _extent(piece), group["width"]
+    level = 0
+    if extent > width:
+        _, level = frexp(extent / width)
+        level = min(max(level, 0), COLUMN_LEVELS - 1)
+        width = ldexp(width, level)
+    y, z = cell_index(piece["low"][1], width), cell_index(piece["low"][2], width)
+    strip = pieces[s]["column"]
+    if group["columns"] > 0 and strip["y"] == y and strip["z"] == z and strip["level"] == level:
+        return s
+    s = find_column(pieces, group, level, y, z)
+    if s < 0:
+        s = group["first"] + group["columns"]
+        strip, head = pieces[s]["column"], pieces[_bucket(group, level, y, z)]["column"]
+        strip["y"], strip["z"], strip["level"], strip["end"] = y, z, level, 0
+        strip["next"], head["bucket"] = head["bucket"], s
+        group["columns"] += 1
+        group["levels"] = max(group["levels"], level + 1)
+        group["tally"][level] += 1
+    return s
+
+
+@kernel
+def _sort(pieces, first, end):
+    """Insertion sort of slots by the boxes' low x, nearly linear while the motion is coherent; a slot holds a
+    copy of its piece's box, so that a sweep reads memory in order."""
+    for k in range(first, end):
+        p = pieces[k]["order"]
+        piece = pieces[p]
+        low, high = piece["low"], piece["high"]
+        place = k
+        # of boxes that open together the first piece' is first, whatever the order was
+        while place > first and (
+            pieces[place - 1]["slot"]["low"][0] > low[0]
+            or (pieces[place - 1]["slot"]["low"][0] == low[0] and pieces[place - 1]["order"] > p)
+        ):
+            pieces[place]["slot"] = pieces[place - 1]["slot"]
+            pieces[place]["order"] = pieces[place - 1]["order"]
+            place -= 1
+        pieces[place]["order"] = p
+        slot = pieces[place]["slot"]
+        slot["piece"], slot["filter_group"] = p, piece["filter_group"]
+        for i in range(3):
+            slot["low"][i], slot["high"][i] = low[i], high[i]
+
+
+@kernel
+def bound_column(pieces, strip):
+    """Bounds of a strip's boxes along y and z."""
+    low, high = strip["low"], strip["high"]
+    for i in range(2):
+        least, greatest = inf, -inf
+        for k in range(strip["first"], strip["end"]):
+            slot = pieces[k]["slot"]
+            least, greatest = min(least, slot["low"][i + 1]), max(greatest, slot["high"][i + 1])
+        low[i], high[i] = least, greatest

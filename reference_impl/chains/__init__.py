@@ -1,0 +1,1 @@
+"""Inverse kinematics of chains: cyclic coordinate descent and the posture QP."""

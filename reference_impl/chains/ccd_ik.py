@@ -1,0 +1,243 @@
+"""Inverse kinematics of a chain by cyclic coordinate descent (Eqs. 2-5).
+
+Near its end a pass turns the joints by a constant share of what the pass before did, and near a stretched
+pose that share is almost 1: every third pass may therefore be carried on to where the series would end.
+"""
+
+from math import acos, atan2, cos, sin, sqrt
+
+from reference_impl.core.conventions import (
+    ANGLE_ACOS,
+    IK_LEVER,
+    IK_RATIO_MAX,
+    IK_STALL_FALL,
+    IK_STALL_PASSES,
+    IK_STRIDE,
+    PASSES_EXTRAPOLATED,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import rotate
+from reference_impl.driven.reach_cone import keep_in_cone, project, take_angles, turn_about
+from reference_impl.driven.skeleton import hang, measure_angle
+
+
+@kernel
+def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, cap):
+    """Turn hinges `last` to `first`, one after the other, so that a point of the last link nears a goal.
+
+    Args:
+        first, last: joints of one chain that follow each other, root to tip, ball joints in whole; their
+            links are posed, their angles within limits and cones.
+        point: end effector (3,) [m], world, fixed in the child of `last`; moved along.
+        goal: where it shall go (3,) [m], world.
+        angle: ANGLE_ACOS or ANGLE_ATAN2.
+        passes: PASSES_PLAIN or PASSES_EXTRAPOLATED.
+        tolerance: distance at which it has arrived [m].
+        cap: passes over all joints at most.
+    Returns:
+        (passes, distance left [m], whether it arrived). The chain's links have rotation and origin of the
+        new angles; their orientation, centre and pieces wait for `pose_links`.
+    """
+    fix_end_effector(bodies, joints, last, point)
+    for k in range(first, last + 1):
+        rotate(bodies[joints[k]["parent"]]["rotation"], joints[k]["axis"], joints[k]["world_axis"])
+    left = distance(point, goal)
+    marked, since = left, 0
+    for done in range(cap):
+        if left <= tolerance:
+            return done, left, True
+        for k in range(first, last + 1):
+            joints[k]["pass_angle"] = joints[k]["angle"]
+        for k in range(last, first - 1, -1):
+            turn_toward(bodies, joints, k, point, goal, angle)
+            if joints[k]["cone_count"] > 0 and keep_in_cone(joints, k):
+                pose_chain(bodies, joints, k, last, point)
+                if slide_along_edge(bodies, joints, k, point, goal, angle):
+                    pose_chain(bodies, joints, k, last, point)
+        # what turned beyond a joint moves its axis and origin: once a pass
+        pose_chain(bodies, joints, first, last, point)
+        left = distance(point, goal)
+        since += 1
+        ratio = _ratio_of_passes(joints, first, last, since)
+        if passes == PASSES_EXTRAPOLATED and since >= IK_STRIDE and ratio > 0 and left > tolerance:
+            left, kept = _extrapolate(bodies, joints, first, last, point, goal, left, ratio)
+            since = 0 if kept else IK_STRIDE - 1
+        if (done + 1) % IK_STALL_PASSES == 0:
+            if not left < IK_STALL_FALL * marked:
+                return done + 1, left, left <= tolerance
+            marked = left
+    return cap, left, left <= tolerance
+
+
+@kernel
+def _ratio_of_passes(joints, first, last, since):
+    """What the last pass turned over what the one before did, along that [1]; 0 where none was before."""
+    product, square = 0.0, 0.0
+    for k in range(first, last + 1):
+        joint = joints[k]
+        turned = joint["angle"] - joint["pass_angle"]
+        product += turned * joint["pass_turn"]
+        square += joint["pass_turn"] * joint["pass_turn"]
+        joint["pass_turn"] = turned
+    return product / square if since > 1 and square > 0 else 0.0
+
+
+@kernel
+def _extrapolate(bodies, joints, first, last, point, goal, left, ratio):
+    """Turn all hinges on as if every further pass turned `ratio` of the one before (Aitken); undone where
+    the end effector comes no nearer.
+
+    Returns:
+        (distance left [m], whether it was kept).
+    """
+    ratio = min(ratio, IK_RATIO_MAX)
+    for k in range(first, last + 1):
+        joint = joints[k]
+        joint["last_angle"] = joint["angle"]
+        wanted = joint["angle"] + ratio / (1 - ratio) * joint["pass_turn"]
+        joint["angle"] = min(max(wanted, joint["lower"]), joint["upper"])
+    keep_in_cones(joints, first, last)
+    pose_chain(bodies, joints, first, last, point)
+    found = distance(point, goal)
+    if found < left:
+        return found, True
+    return_to_last(bodies, joints, first, last, point)
+    return left, False
+
+
+@kernel
+def keep_in_cones(joints, first, last):
+    """Project every ball joint of a chain into its reach cone."""
+    for k in range(first, last + 1):
+        measure_angle(joints[k])
+    for k in range(first, last + 1):
+        if joints[k]["cone_count"] > 0:
+            keep_in_cone(joints, k)
+
+
+@kernel
+def return_to_last(bodies, joints, first, last, point):
+    """Take back the last change of a chain's angles."""
+    for k in range(first, last + 1):
+        joints[k]["angle"] = joints[k]["last_angle"]
+    pose_angles(bodies, joints, first, last, point)
+
+
+@kernel
+def distance(a, b):
+    """Distance of two points [m]."""
+    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def fix_end_effector(bodies, joints, last, point):
+    """Store a world point in the frame of the link beyond hinge `last`."""
+    body, local = bodies[joints[last]["child"]], joints[last]["end_effector"]
+    r, o = body["rotation"], body["position"]
+    x, y, z = point[0] - o[0], point[1] - o[1], point[2] - o[2]
+    for i in range(3):
+        local[i] = r[0, i] * x + r[1, i] * y + r[2, i] * z
+
+
+@kernel
+def pose_chain(bodies, joints, first, last, point):
+    """Rotation and origin of the links beyond hinges `first` to `last`, world axes of these hinges, and the
+    end effector as `point`, world, from the cosines and sines of their angles."""
+    for k in range(first, last + 1):
+        joint = joints[k]
+        parent = bodies[joint["parent"]]
+        rotate(parent["rotation"], joint["axis"], joint["world_axis"])
+        hang(parent, joint, bodies[joint["child"]])
+    tip = bodies[joints[last]["child"]]
+    rotate(tip["rotation"], joints[last]["end_effector"], point)
+    for i in range(3):
+        point[i] += tip["position"][i]
+
+
+@kernel
+def pose_angles(bodies, joints, first, last, point):
+    """`pose_chain` for angles that were set from outside."""
+    for k in range(first, last + 1):
+        measure_angle(joints[k])
+    pose_chain(bodies, joints, first, last, point)
+
+
+@kernel
+def turn_toward(bodies, joints, k, point, goal, angle):
+    """Turn hinge k within its limits so that `point`, all that moves now, nears `goal` the most."""
+    joint = joints[k]
+    axis, o = joint["world_axis"], bodies[joint["child"]]["position"]
+    ax, ay, az = axis[0], axis[1], axis[2]
+    ux, uy, uz, along = across(ax, ay, az, point[0] - o[0], point[1] - o[1], point[2] - o[2])
+    wx, wy, wz, _ = across(ax, ay, az, goal[0] - o[0], goal[1] - o[1], goal[2] - o[2])
+    joint["last_angle"] = joint["angle"]
+    u, w = ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz
+    if not (u >= IK_LEVER * IK_LEVER and w >= IK_LEVER * IK_LEVER):
+        return
+    vx, vy, vz = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
+    wanted = joint["angle"] + signed_angle(
+        vx * wx + vy * wy + vz * wz, ux * wx + uy * wy + uz * wz, u * w, angle
+    )
+    joint["angle"] = min(max(wanted, joint["lower"]), joint["upper"])
+    c_old, s_old = joint["cosine"], joint["sine"]
+    measure_angle(joint)
+    if joint["angle"] == wanted:
+        # the end effector now points to the goal: no need to wait for the angle
+        c = sqrt(u / w)
+        ux, uy, uz, s = wx, wy, wz, 0.0
+    else:
+        c = joint["cosine"] * c_old + joint["sine"] * s_old
+        s = joint["sine"] * c_old - joint["cosine"] * s_old
+    point[0] = o[0] + along * ax + c * ux + s * vx
+    point[1] = o[1] + along * ay + c * uy + s * vy
+    point[2] = o[2] + along * az + c * uz + s * vz
+
+
+@kernel
+def across(ax, ay, az, x, y, z):
+    """What of a vector is across the unit vector a (Eq. 4), and its length along it."""
+    along = ax * x + ay * y + az * z
+    return x - along * ax, y - along * ay, z - along * az, along
+
+
+@kernel
+def signed_angle(sine, cosine, square, angle):
+    """Angle from its sine and cosine, both times the root of `square` (Eq. 5) [rad]."""
+    if angle == ANGLE_ACOS:
+        # rounding may pass 1: cut off, or NaN would end the run
+        turn = acos(min(max(cosine / sqrt(square), -1.0), 1.0))
+        return -turn if sine < 0 else turn
+    return atan2(sine, cosine)
+
+
+@kernel
+def slide_along_edge(bodies, joints, first, point, goal, angle):
+    """Turn a ball joint whose bone was put on the edge of its cone about the edge's normal, the one way left
+    to its bone: hinge by hinge it would only be pushed out and put back.
+
+    Returns:
+        Whether it turned; `point` is left behind.
+    """
+    joint = joints[first]
+    normal, axis, o = joint["outward"], joint["normal"], bodies[joint["child"]]["position"]
+    if normal[0] == 0.0 and normal[1] == 0.0 and normal[2] == 0.0:
+        return False
+    rotate(joint["cone_axes"], normal, axis)
+    rotate(bodies[joint["parent"]]["rotation"], axis, axis)
+    ax, ay, az = axis[0], axis[1], axis[2]
+    ux, uy, uz, _ = across(ax, ay, az, point[0] - o[0], point[1] - o[1], point[2] - o[2])
+    wx, wy, wz, _ = across(ax, ay, az, goal[0] - o[0], goal[1] - o[1], goal[2] - o[2])
+    u, w = ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz
+    if not (u >= IK_LEVER * IK_LEVER and w >= IK_LEVER * IK_LEVER):
+        return False
+    sine = ax * (uy * wz - uz * wy) + ay * (uz * wx - ux * wz) + az * (ux * wy - uy * wx)
+    turn = signed_angle(sine, ux * wx + uy * wy + uz * wz, u * w, angle)
+    c, s = cos(turn), sin(turn)
+    turn_about(normal, c, s, joint["bone"])
+    turn_about(normal, c, s, joint["mark"])
+    project(joint)
+    for k in range(first, first + 3):
+        joints[k]["last_angle"] = joints[k]["angle"]
+    take_angles(joints, first)
+    return True

@@ -1,0 +1,29 @@
+"""By how much the overlap of a pair is a chain's to resolve by `ccd_ik`, and which side of it that moves."""
+
+from reference_impl.core.kernel import kernel
+
+
+@kernel
+def chain_depth(bodies, pair, driver, d, chain, rounds):
+    """Side of a pair that chain `chain` of driver d moves, and the depth that counts.
+
+    Of two links of the chain the outer one moves. Of overlap with a chain whose turn comes later half counts,
+    in the first of the `rounds` alone: the other half is the later one's.
+
+    Returns:
+        (side, depth): 1.0 for B, -1.0 for A or 0.0 for none, and the depth [m].
+    """
+    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+    at_a, at_b = a["driver"] == d and a["chain"] == chain, b["driver"] == d and b["chain"] == chain
+    if not at_a and not at_b:
+        return 0.0, 0.0
+    if at_a and at_b:
+        return 1.0 if b["hinge"] > a["hinge"] else -1.0, -pair["distance"]
+    side, other = (1.0, a) if at_b else (-1.0, b)
+    share = 1.0
+    if other["driver"] == d and other["chain"] >= 0:
+        if driver["rank"][other["chain"]] > driver["rank"][chain]:
+            if rounds > 0:
+                return 0.0, 0.0
+            share = 0.5
+    return side, -share * pair["distance"]

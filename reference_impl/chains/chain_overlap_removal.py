@@ -1,0 +1,98 @@
+"""Links of chains are freed of overlap, by inverse kinematics or by the least turn (method, section 4)."""
+
+from reference_impl.broad_phase.detection import detect_for
+from reference_impl.chains.accurate_ik import next_random
+from reference_impl.chains.chain_overlap_depth import chain_depth
+from reference_impl.chains.chain_overlap_ik import aim, bend, bring_out
+from reference_impl.chains.posture_constraints import chains_depth, gather_constraints
+from reference_impl.chains.posture_qp import apply_turns, missed_share, solve_posture_qp
+from reference_impl.core.conventions import (
+    BEND_ROUNDS,
+    CHAIN_ROUNDS,
+    COUNT_IK_ROUNDS,
+    OVERLAP_TOLERANCE,
+    POSTURE_LEAST_TURN,
+    QP_TOLERANCE,
+    QP_TURN_MAX,
+    STRETCHED_SHARE,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.driven.skeleton import pose_chain_links, pose_moved
+
+
+@kernel
+def shuffle_chains(driver, state):
+    """Draw the order in which this frame frees a driver's chains (Fisher and Yates)."""
+    order, count = driver["order"], driver["chain_count"]
+    for i in range(count):
+        order[i] = i
+    for i in range(count - 1, 0, -1):
+        j = int(next_random(state) * (i + 1))
+        order[i], order[j] = order[j], order[i]
+    for i in range(count):
+        driver["rank"][order[i]] = i
+
+
+@kernel
+def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
+    """Bring the chains of driver d out of overlap, one after the other by inverse kinematics or all at once
+    by the least turn; links are posed.
+
+    Args:
+        later: as in `detect_for`.
+        end: `pairs[:end]` were detected as the links are posed now.
+    Returns:
+        Index after the last pair of the last detection; whether all chains came free is for its pairs to say.
+    """
+    driver = drivers[d]
+    if state["posture"] == POSTURE_LEAST_TURN:
+        return _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
+    for i in range(driver["chain_count"]):
+        chain = driver["order"][i]
+        for rounds in range(CHAIN_ROUNDS):
+            link = _innermost(bodies, pairs, end, driver, d, chain, rounds)
+            if link < 0:
+                break
+            state["counters"][COUNT_IK_ROUNDS] += 1
+            first = aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
+            bring_out(bodies, joints, first, link, rounds, state)
+            pose_chain_links(bodies, joints, driver, chain)
+            end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+    return end
+
+
+@kernel
+def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
+    """Turn all chains by the least that frees them, round by round; stretched ones are bent."""
+    driver = drivers[d]
+    for rounds in range(CHAIN_ROUNDS):
+        gather_constraints(bodies, pairs, end, driver, d)
+        # converges fast, unlike passes of inverse kinematics
+        if chains_depth(bodies, pairs, end, d) <= QP_TOLERANCE:
+            break
+        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+            joints[k]["pass_turn"] = 0.0
+        solve_posture_qp(bodies, joints, driver, False, state)
+        state["counters"][COUNT_IK_ROUNDS] += 1
+        for i in range(driver["chain_count"]):
+            first, last = driver["chains"][i, 0], driver["chains"][i, 1]
+            if rounds < BEND_ROUNDS and missed_share(joints, first, last, driver) > STRETCHED_SHARE:
+                bend(joints, first, last)
+        apply_turns(joints, driver, 1.0, QP_TURN_MAX)
+        pose_moved(bodies, joints, driver)
+        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+    return end
+
+
+@kernel
+def _innermost(bodies, pairs, end, driver, d, chain, rounds):
+    """Hinge of the chain's link that overlaps and is closest to the root, or -1."""
+    link = -1
+    for k in range(end):
+        side, depth = chain_depth(bodies, pairs[k], driver, d, chain, rounds)
+        if side == 0.0 or depth <= OVERLAP_TOLERANCE:
+            continue
+        hinge = bodies[pairs[k]["body_b"] if side > 0 else pairs[k]["body_a"]]["hinge"]
+        if link < 0 or hinge < link:
+            link = hinge
+    return link

@@ -1,0 +1,122 @@
+"""Where links of chains meet anything: the rows of the least turn, kept from round to round and frame to
+frame.
+
+A row is a point of a link and one of what it meets, each fixed in its body, and how far the one is to be
+above the other along the normal. A pair tells one point of a face or an edge that may lie on an obstacle as a
+whole. Points met before therefore stay while their pair touches: the ankle does not tip the sole from toe to
+heel and back.
+"""
+
+from reference_impl.core.conventions import CONSTRAINT_ALIKE, POSTURE_CONSTRAINTS, QP_CLEARANCE
+from reference_impl.core.kernel import kernel
+
+
+@kernel
+def gather_constraints(bodies, pairs, end, driver, d):
+    """Add the pairs of a driver's chains as rows, in place of alike ones; where there is no room, of all."""
+    added = 0
+    for k in range(end):
+        mine, _ = _sides(bodies, pairs[k], d)
+        added += 1 if mine >= 0 else 0
+    if driver["constraint_count"] + added > POSTURE_CONSTRAINTS:
+        driver["constraint_count"] = 0
+    for r in range(driver["constraint_count"]):
+        driver["constraints"][r]["is_touching"] = 0
+    for k in range(end):
+        pair = pairs[k]
+        mine, other = _sides(bodies, pair, d)
+        if mine >= 0:
+            place = _row_of(bodies, pair, mine, driver)
+            if place < POSTURE_CONSTRAINTS:
+                _set_row(bodies, pair, mine, other, driver, d, driver["constraints"][place])
+                if place == driver["constraint_count"]:
+                    driver["constraints"][place]["warm_multiplier"] = 0.0
+                    driver["constraint_count"] += 1
+
+
+@kernel
+def chains_depth(bodies, pairs, end, d):
+    """Largest depth of a link of driver d's chains [m]."""
+    deepest = 0.0
+    for k in range(end):
+        mine, _ = _sides(bodies, pairs[k], d)
+        if mine >= 0:
+            deepest = max(deepest, -pairs[k]["distance"])
+    return deepest
+
+
+@kernel
+def drop_constraints(driver, only_seen):
+    """Forget rows of pairs that no longer touch: all of them, or those alone that nothing pushes against."""
+    kept = 0
+    for r in range(driver["constraint_count"]):
+        row = driver["constraints"][r]
+        if row["is_touching"] == 1 or (only_seen == 0 and row["warm_multiplier"] > 0):
+            if kept != r:
+                driver["constraints"][kept] = row
+            kept += 1
+    driver["constraint_count"] = kept
+
+
+@kernel
+def _sides(bodies, pair, d):
+    """The body of a pair that is a link of a chain of driver d, the outer one where both are of one chain,
+    and the other; (-1, -1) where none is."""
+    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+    at_a, at_b = a["driver"] == d and a["chain"] >= 0, b["driver"] == d and b["chain"] >= 0
+    if at_b and (not at_a or b["hinge"] > a["hinge"]):
+        return pair["body_b"], pair["body_a"]
+    if at_a:
+        return pair["body_a"], pair["body_b"]
+    return -1, -1
+
+
+@kernel
+def _row_of(bodies, pair, mine, driver):
+    """The row that the pair's point has a place in, or the first free one; marks the pair's rows as seen."""
+    place = driver["constraint_count"]
+    p = pair["point_b"] if mine == pair["body_b"] else pair["point_a"]
+    m, o = bodies[mine]["rotation"], bodies[mine]["position"]
+    for r in range(driver["constraint_count"]):
+        row = driver["constraints"][r]
+        if row["piece_a"] != pair["piece_a"] or row["piece_b"] != pair["piece_b"]:
+            continue
+        row["is_touching"] = 1
+        x = row["point"]
+        square = 0.0
+        for i in range(3):
+            away = o[i] + m[i, 0] * x[0] + m[i, 1] * x[1] + m[i, 2] * x[2] - p[i]
+            square += away * away
+        if square < CONSTRAINT_ALIKE * CONSTRAINT_ALIKE:
+            place = r
+    return place
+
+
+@kernel
+def _set_row(bodies, pair, mine, other, driver, d, row):
+    """A point of the link `mine` that is to be so far above one of the body `other` that no depth is left."""
+    side = 1.0 if mine == pair["body_b"] else -1.0
+    p, q = pair["point_b"] if side > 0 else pair["point_a"], pair["point_a"] if side > 0 else pair["point_b"]
+    row["piece_a"], row["piece_b"], row["is_touching"] = pair["piece_a"], pair["piece_b"], 1
+    row["body"], row["other"] = mine, other
+    one, two = bodies[mine], bodies[other]
+    row["first"][0], row["last"][0] = driver["chains"][one["chain"], 0], one["hinge"]
+    row["first"][1], row["last"][1] = 0, -1
+    if two["driver"] == d and two["chain"] == one["chain"]:
+        # hinges below both links move both
+        row["first"][0] = two["hinge"] + 1
+    elif two["driver"] == d and two["chain"] >= 0:
+        row["first"][1], row["last"][1] = driver["chains"][two["chain"], 0], two["hinge"]
+    _to_local(one, p, row["point"])
+    _to_local(two, q, row["other_point"])
+    row["bound"] = QP_CLEARANCE - pair["distance"]
+    for i in range(3):
+        row["normal"][i] = side * pair["normal"][i]
+        row["bound"] += row["normal"][i] * (p[i] - q[i])
+
+
+@kernel
+def _to_local(body, point, out_point):
+    m, o = body["rotation"], body["position"]
+    for i in range(3):
+        out_point[i] = m[0, i] * (point[0] - o[0]) + m[1, i] * (point[1] - o[1]) + m[2, i] * (point[2] - o[2])

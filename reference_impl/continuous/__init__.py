@@ -1,0 +1,1 @@
+"""Motion within a substep, and the time of impact of moving pieces."""

@@ -1,0 +1,152 @@
+"""Time of impact of driven bodies between their last free pose and the new one.
+
+Contact does not stop a driven body: overlap removal resolves shallow overlap, so the body slides along
+surfaces. From deep inside an obstacle, the shortest way out may lead to the far side. The motion of a driven
+body therefore ends where a link has gone a share DRIVEN_DEPTH_SHARE of the width of both pieces into an
+obstacle, along the normal found at the impact. With DETECTION_FAST only links that moved farther than half
+the width of both are swept.
+"""
+
+from reference_impl.broad_phase.detection import find_swept_pairs
+from reference_impl.continuous.swept_motion import is_fast_pair, set_path, shown_motion
+from reference_impl.continuous.time_of_impact import gap_along, time_of_impact
+from reference_impl.core.conventions import (
+    COUNT_UNCONVERGED,
+    DETECTION_FAST,
+    DETECTION_SWEEP,
+    DRIVEN,
+    DRIVEN_DEPTH_SHARE,
+    DRIVEN_DEPTH_SLACK,
+    IMPACT_SLACK,
+    IMPACT_TARGET,
+    PART_WHOLE,
+    PAST_MIDDLE,
+    SEGMENT_TURN,
+    STAGE_COLLISION,
+)
+from reference_impl.core.kernel import clock, kernel
+from reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
+from reference_impl.driven.global_depth import side_of
+from reference_impl.driven.overlap_removal import interpolate, restore_entry, store_entry
+from reference_impl.driven.skeleton import pose_links, pose_moved
+
+
+@kernel
+def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
+    """Take each driver back along its way from the last free pose until no link has gone deep into a fixed or
+    simulated body; its coupling keeps its velocity."""
+    since = clock(state["clock"])
+    for b in range(len(bodies)):
+        bodies[b]["moves"], bodies[b]["path"] = 0, 0.0
+    for d in range(len(drivers)):
+        driver = drivers[d]
+        if driver["has_free"] == 0:
+            continue
+        store_entry(joints, driver)
+        segments = 1 + int(_largest_turn(bodies, joints, driver) / SEGMENT_TURN)
+        if state["detection"] == DETECTION_FAST and not _is_fast(bodies, joints, driver, state):
+            continue
+        reached = 1.0
+        for k in range(segments):
+            _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
+            fraction = _free_fraction(bodies, pieces, vertices, pairs, state, -1 - d)
+            if fraction < 1:
+                reached = (k + fraction) / segments
+                break
+        if reached < 1:
+            interpolate(bodies, joints, driver, PART_WHOLE, reached)
+        else:
+            restore_entry(joints, driver)
+        _set_moving(bodies, joints, driver, 0)
+        # sweeps leave links on their ways
+        pose_links(bodies, joints, driver)
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+
+
+@kernel
+def _largest_turn(bodies, joints, driver):
+    """Bound on the angle by which a link turns between the last free pose and that at entry [rad]."""
+    root, turned = bodies[driver["root"]], driver["scratch"][0]
+    rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
+    most = root["spin_most"] = abs(turned[0]) + abs(turned[1]) + abs(turned[2])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        angle = abs(joints[k]["entry_angle"] - joints[k]["free_angle"])
+        angle += bodies[joints[k]["parent"]]["spin_most"]
+        bodies[joints[k]["child"]]["spin_most"] = angle
+        most = max(most, angle)
+    return most
+
+
+@kernel
+def _is_fast(bodies, joints, driver, state):
+    """Whether a link may have moved since the last free pose by half its width and that of an obstacle; poses
+    the links and bounds their paths."""
+    pose_moved(bodies, joints, driver)
+    fast = _set_path(bodies[driver["root"]], state)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        fast = _set_path(bodies[joints[k]["child"]], state) or fast
+    return fast
+
+
+@kernel
+def _set_path(body, state):
+    for i in range(3):
+        body["travel"][i], body["travel_bend"][i] = body["center"][i] - body["free_center"][i], 0.0
+    set_path(body, body["spin_most"])
+    return body["path"] > PAST_MIDDLE * (body["width"] + state["least_width"])
+
+
+@kernel
+def _set_moving(bodies, joints, driver, moves):
+    bodies[driver["root"]]["moves"] = moves
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        bodies[joints[k]["child"]]["moves"] = moves
+
+
+@kernel
+def _begin_segment(bodies, joints, driver, start, end):
+    """Ways of a driver's links between two fractions of its way."""
+    interpolate(bodies, joints, driver, PART_WHOLE, start)
+    _set_moving(bodies, joints, driver, 1)
+    for b in range(len(bodies)):
+        if bodies[b]["moves"] == 1:
+            copy_vector(bodies[b]["center"], bodies[b]["old_center"])
+            copy_quaternion(bodies[b]["orientation"], bodies[b]["old_orientation"])
+    interpolate(bodies, joints, driver, PART_WHOLE, end)
+    for b in range(len(bodies)):
+        if bodies[b]["moves"] == 1:
+            shown_motion(bodies[b])
+
+
+@kernel
+def _free_fraction(bodies, pieces, vertices, pairs, state, mover):
+    """Fraction of a segment up to which no link of the driver has gone deep into an obstacle."""
+    first = 1.0
+    end = find_swept_pairs(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    for k in range(end):
+        pair = pairs[k]
+        both = bodies[pair["body_a"]]["kind"] == DRIVEN and bodies[pair["body_b"]]["kind"] == DRIVEN
+        if side_of(bodies, pair, mover) == 0.0 or both:
+            continue
+        if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
+            first = _deep(bodies, pieces, vertices, pair, state, first)
+    return first
+
+
+@kernel
+def _deep(bodies, pieces, vertices, pair, state, until):
+    """Fraction at which a pair has gone deep, at most `until`; earlier, and counted, if a sweep failed."""
+    met, _, converged = time_of_impact(
+        bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK
+    )
+    if met == until:
+        return until
+    one, two, n = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["normal"]
+    width = -gap_along(one, two, vertices, n[0], n[1], n[2], state)
+    width -= gap_along(one, two, vertices, -n[0], -n[1], -n[2], state)
+    if converged:
+        target, slack = -DRIVEN_DEPTH_SHARE * width, DRIVEN_DEPTH_SLACK * width
+        met, _, converged = time_of_impact(bodies, pieces, vertices, pair, state, met, until, target, slack)
+    if not converged:
+        state["counters"][COUNT_UNCONVERGED] += 1
+    return met

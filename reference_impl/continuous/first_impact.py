@@ -1,0 +1,137 @@
+"""The earliest impact of a substep: by sweeps, or among the pairs that overlap at its end (section 5)."""
+
+from reference_impl.broad_phase.detection import is_marked
+from reference_impl.continuous.swept_motion import is_fast_pair
+from reference_impl.continuous.time_of_impact import distance_at, time_of_impact
+from reference_impl.core.conventions import (
+    COUNT_EVENTS,
+    COUNT_UNCONVERGED,
+    DETECTION_SWEEP,
+    IMPACT_SHARE,
+    IMPACT_STEPS,
+    LANDING_DEPTH,
+    LANDING_EVENTS,
+    LANDING_MIN,
+    OVERLAP_TOLERANCE,
+    SINKING_SHARE,
+    SINKING_SLACK,
+    TOUCH_DISTANCE,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.geometry.contact_manifold import is_polyhedral
+
+
+@kernel
+def earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state):
+    """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
+    pair sinks: one more of its points has landed.
+
+    Args:
+        pairs: marked pairs (`mark_pairs`) touch at the start, or nearly, and are held. `pairs[touching:end]`
+            are looked at: those that touch or overlap at the end, or with a sweep all whose swept boxes meet.
+        fast: sweep pairs that move farther than both are thick, and test the others at the end.
+    Returns:
+        (fraction, drifted): 1 where there is no new contact; whether a held contact may overlap
+        there. Bodies are left posed somewhere.
+    """
+    first, drifted = 1.0, False
+    sweeps = state["detection"] == DETECTION_SWEEP
+    gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
+    for k in range(touching, end):
+        pair = pairs[k]
+        if fast:
+            sweeps = is_fast_pair(bodies, pieces, pair, 1.0)
+            if not sweeps:
+                distance_at(bodies, pieces, vertices, pair, state, 1.0)
+        if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
+            continue
+        if is_marked(bodies, pieces, pairs, pair):
+            fraction, sank = _sinking(bodies, pieces, vertices, pair, state, first, sweeps)
+            first, drifted = min(first, fraction), drifted or sank
+        elif sweeps:
+            first = _swept(bodies, pieces, vertices, pair, state, first, gap, slack)
+        else:
+            first = _closing(bodies, pieces, vertices, pair, state, first, gap, slack)
+    return first, drifted
+
+
+@kernel
+def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
+    """Fraction, at most `first`, at which a held pair has sunk enough for another look at its contact.
+
+    Returns:
+        (fraction, drifted): whether it may overlap there.
+    """
+    start = distance_at(bodies, pieces, vertices, pair, state, 0.0)
+    polyhedral = is_polyhedral(pieces[pair["piece_a"]], pieces[pair["piece_b"]])
+    late = first
+    if sweeps:
+        target = min(start, 0.0) - OVERLAP_TOLERANCE
+        late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
+        if late == first:
+            sank = (
+                start < 0 and distance_at(bodies, pieces, vertices, pair, state, first) < -OVERLAP_TOLERANCE
+            )
+            return first, sank
+    # what sinks in a short substep is parted: what is round, and all once most events are used up
+    if state["counters"][COUNT_EVENTS] < LANDING_EVENTS and (state["dense_substep"] == 0 or polyhedral):
+        if not polyhedral:
+            if not sweeps:
+                target = min(start, 0.0) - OVERLAP_TOLERANCE
+                late = _closing(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
+            return late, True
+        if start > TOUCH_DISTANCE:
+            gap = state["impact_gap"]
+            return _closing(bodies, pieces, vertices, pair, state, late, gap, IMPACT_SHARE * gap), False
+        target = start - LANDING_DEPTH
+        landed = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
+        # another look at once would find the same
+        if landed >= LANDING_MIN:
+            return landed, target < -OVERLAP_TOLERANCE
+    # from far inside, the way out may lead to the other side
+    depth = SINKING_SHARE * min(pieces[pair["piece_a"]]["width"], pieces[pair["piece_b"]]["width"])
+    target = min(start, 0.0) - depth
+    if sweeps:
+        first = _swept(bodies, pieces, vertices, pair, state, first, target, depth / 2)
+    elif pair["distance"] < target:
+        first = _closing(bodies, pieces, vertices, pair, state, first, target, depth / 2)
+    return first, True
+
+
+@kernel
+def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
+    """Fraction at which a pair comes down to `target`, at most `until`; an earlier one, counted, where the
+    sweep did not get so far."""
+    fraction, _, converged = time_of_impact(bodies, pieces, vertices, pair, state, 0.0, until, target, slack)
+    if not converged:
+        state["counters"][COUNT_UNCONVERGED] += 1
+    return fraction
+
+
+@kernel
+def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
+    """Fraction at which a pair comes down to `target`, to `slack`: `late` where it is clear then, else the
+    root before by the Illinois rule, a secant that cannot leave its bracket."""
+    gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
+    if gap_late >= 0:
+        return late
+    early, gap_early = 0.0, distance_at(bodies, pieces, vertices, pair, state, 0.0) - target
+    if gap_early <= 0:
+        return 0.0
+    side = 0
+    for _ in range(IMPACT_STEPS):
+        s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
+        gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
+        if abs(gap) <= slack:
+            return s
+        if gap > 0:
+            early, gap_early = s, gap
+            if side == 1:
+                gap_late /= 2
+            side = 1
+        else:
+            late, gap_late = s, gap
+            if side == -1:
+                gap_early /= 2
+            side = -1
+    return early

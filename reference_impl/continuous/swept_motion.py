@@ -1,0 +1,236 @@
+"""How a body moves over a substep, as a function of the fraction s from 0 to 1, and bounds on that.
+
+Its centre of mass goes along old_center + s travel + s^2 travel_bend. It turns about it by the world rotation
+vector r(s) = s turn + s^2 turn_bend, or freely (`free_rotation`) where it has `spin_steps`. A body that does
+not move (`moves` is 0) stays as it is.
+"""
+
+from math import sqrt
+
+from reference_impl.continuous.free_rotation import free_omega, rotation_at
+from reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, FLIGHT_EULER, HULL
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import matrix_of, rotate, rotation_between, turn
+from reference_impl.geometry.shapes import place_piece
+
+
+@kernel
+def flight_motion(body, h, flight):
+    """Way of a simulated body over a substep of length h: the constant acceleration that leads from its old
+    velocities to its new ones (FLIGHT_EULER: the new velocities), and a free rotation where it has steps."""
+    body["moves"] = 1
+    early, late, bend = flight_way(body, h, flight)
+    w0, w1 = body["old_omega"], body["omega"]
+    for i in range(3):
+        body["turn"][i] = early * w0[i] + late * w1[i]
+        body["turn_bend"][i] = bend * (w1[i] - w0[i])
+
+
+@kernel
+def flight_way(body, h, flight):
+    """Way of the centre of mass alone; returns the weights [s] of the old and of the new velocity in its
+    linear part, and of their difference in its square one."""
+    early = 0.0 if flight == FLIGHT_EULER else h
+    late, bend = h - early, early / 2
+    v0, v1 = body["old_velocity"], body["velocity"]
+    for i in range(3):
+        body["travel"][i] = early * v0[i] + late * v1[i]
+        body["travel_bend"][i] = bend * (v1[i] - v0[i])
+    return early, late, bend
+
+
+@kernel
+def shown_motion(body):
+    """Way of a driven body from the pose in `old_*` to its present one: straight, and the short way round."""
+    body["moves"], body["spin_steps"] = 1, 0
+    turned = body["scratch"][0]
+    rotation_between(body["old_orientation"], body["orientation"], turned)
+    for i in range(3):
+        body["turn"][i] = turned[i]
+        body["travel"][i] = body["center"][i] - body["old_center"][i]
+        body["travel_bend"][i] = body["turn_bend"][i] = 0.0
+
+
+@kernel
+def set_path(body, angle):
+    """Bound on how far a point of a body's cores goes on its way, the turn being at most `angle` [rad]."""
+    square = 0.0
+    for i in range(3):
+        square += (abs(body["travel"][i]) + abs(body["travel_bend"][i])) ** 2
+    body["path"] = sqrt(square) + angle * body["reach"]
+
+
+@kernel
+def largest_angle(body):
+    """Bound on the angle by which a body turns on its way [rad]."""
+    if body["spin_steps"] > 0:
+        return body["spin_most"]
+    v, p = body["turn"], body["turn_bend"]
+    return sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2) + sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2)
+
+
+@kernel
+def is_fast_pair(bodies, pieces, pair, share):
+    """Whether a pair's ways together are longer than a share of both pieces' widths: past all of that, a test
+    at their end may not see that they went through one another."""
+    path = bodies[pair["body_a"]]["path"] + bodies[pair["body_b"]]["path"]
+    return path > share * (pieces[pair["piece_a"]]["width"] + pieces[pair["piece_b"]]["width"])
+
+
+@kernel
+def pose_along(body, s):
+    """Pose a body at fraction s of its way."""
+    if body["moves"] == 0:
+        return
+    if body["spin_steps"] > 0:
+        rotation_at(body, s)
+    else:
+        v, p = body["turn"], body["turn_bend"]
+        x, y, z = s * (v[0] + s * p[0]), s * (v[1] + s * p[1]), s * (v[2] + s * p[2])
+        turn(body["old_orientation"], x, y, z, body["orientation"])
+    matrix_of(body["orientation"], body["rotation"])
+    rotate(body["rotation"], body["center_of_mass"], body["position"])
+    for i in range(3):
+        way = s * (body["travel"][i] + s * body["travel_bend"][i])
+        body["center"][i] = body["old_center"][i] + way
+        body["position"][i] = body["center"][i] - body["position"][i]
+
+
+@kernel
+def swept_box(piece, body, vertices, margin):
+    """Bounding box of a piece over its body's whole way, widened by `margin` [m]; leaves it at the start."""
+    pose_along(body, 0.0)
+    place_piece(piece, body, vertices, margin)
+    if body["moves"] == 0:
+        return
+    _, lever = lever_of(body, piece, vertices)
+    reach = min(largest_angle(body), 2.0) * lever
+    for i in range(3):
+        way, bend = body["travel"][i], body["travel_bend"][i]
+        least, most = min(0.0, way + bend), max(0.0, way + bend)
+        # where the way turns back within the step
+        if 0 < -way * bend < 2 * bend * bend:
+            least, most = min(least, -way * way / (4 * bend)), max(most, -way * way / (4 * bend))
+        piece["low"][i] += least - reach
+        piece["high"][i] += most + reach
+
+
+@kernel
+def center_speed(n, body, s):
+    """Speed of the centre of mass along n at fraction s, and the square term of its way from there [m]."""
+    speed = bend = 0.0
+    if body["moves"] == 0:
+        return speed, bend
+    for i in range(3):
+        speed += n[i] * (body["travel"][i] + 2 * s * body["travel_bend"][i])
+        bend += n[i] * body["travel_bend"][i]
+    return speed, bend
+
+
+@kernel
+def point_speed(n, body, point, s):
+    """Speed along n [m] of a point of a body posed at fraction s (about, where its axis moves)."""
+    if body["moves"] == 0:
+        return 0.0
+    speed, _ = center_speed(n, body, s)
+    v, p, c = body["turn"], body["turn_bend"], body["center"]
+    x, y, z = v[0] + 2 * s * p[0], v[1] + 2 * s * p[1], v[2] + 2 * s * p[2]
+    if body["spin_steps"] > 0:
+        h, w = body["spin_span"] * body["spin_steps"], body["spin_rate"]
+        free_omega(body, w)
+        x, y, z = h * w[0], h * w[1], h * w[2]
+    rx, ry, rz = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    return speed + n[0] * (y * rz - z * ry) + n[1] * (z * rx - x * rz) + n[2] * (x * ry - y * rx)
+
+
+@kernel
+def most_spin(n, body, axial, s, until):
+    """Largest angle per step at which a turn between two fractions moves points along n [rad].
+
+    A norm of what is linear in the fraction is largest at an end.
+    """
+    if body["moves"] == 0:
+        return 0.0
+    if body["spin_steps"] > 0:
+        return body["spin_most"]
+    v, p = body["turn"], body["turn_bend"]
+    most = 0.0
+    for end in range(2):
+        f = until if end else s
+        x, y, z = v[0] + 2 * f * p[0], v[1] + 2 * f * p[1], v[2] + 2 * f * p[2]
+        if axial:
+            x, y, z = n[1] * z - n[2] * y, n[2] * x - n[0] * z, n[0] * y - n[1] * x
+        most = max(most, x * x + y * y + z * z)
+    return sqrt(most)
+
+
+@kernel
+def most_curl(body, lever, s, until):
+    """Bound on a point's acceleration about the centre of mass between two fractions [m].
+
+    |omega x (omega x p)| <= |omega|^2 lever. For a rotation vector r, omega = J r' and
+    |omega'| <= |r''| + |r'|^2 / 2: J changes by at most |r'| / 2.
+    """
+    if lever == 0:
+        return 0.0
+    p = body["turn_bend"]
+    spin = most_spin(p, body, False, s, until)
+    if body["spin_steps"] > 0:
+        return lever * (spin * spin + body["spin_bend"])
+    return lever * (1.5 * spin * spin + 2 * sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]))
+
+
+@kernel
+def lever_of(body, piece, vertices):
+    """Whether a turn keeps its axis, and the largest distance [m] of the piece's core from that axis, else
+    from the centre of mass; 0 without a turn."""
+    if body["moves"] == 0:
+        return False, 0.0
+    if body["spin_steps"] > 0:
+        return False, _farthest(body, piece, vertices, 0.0, 0.0, 0.0)
+    v, p = body["turn"], body["turn_bend"]
+    x, y, z = v[0] + p[0], v[1] + p[1], v[2] + p[2]
+    size = sqrt(x * x + y * y + z * z)
+    twist = abs(v[1] * p[2] - v[2] * p[1]) + abs(v[2] * p[0] - v[0] * p[2]) + abs(v[0] * p[1] - v[1] * p[0])
+    axial = twist == 0.0 and size > 0
+    if twist == 0.0 and size == 0.0 and v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
+        return False, 0.0
+    if not axial:
+        return False, _farthest(body, piece, vertices, 0.0, 0.0, 0.0)
+    # the axis in body axes, where the turn leaves it
+    pose_along(body, 0.0)
+    m = body["rotation"]
+    x, y, z = x / size, y / size, z / size
+    u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z
+    v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z
+    w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z
+    return True, _farthest(body, piece, vertices, u, v, w)
+
+
+@kernel
+def _farthest(body, piece, vertices, u, v, w):
+    """Largest distance [m] of a piece's core across the unit axis (u, v, w) through its body's centre of
+    mass, body axes; from the centre itself where the axis is zero. An ellipsoid counts as a ball."""
+    kind, size, rotation = piece["kind"], piece["size"], piece["rotation"]
+    cx = piece["position"][0] - body["center_of_mass"][0]
+    cy = piece["position"][1] - body["center_of_mass"][1]
+    cz = piece["position"][2] - body["center_of_mass"][2]
+    if kind != HULL and kind != BOX and kind != CAPSULE:
+        along = u * cx + v * cy + w * cz
+        off = sqrt((cx - along * u) ** 2 + (cy - along * v) ** 2 + (cz - along * w) ** 2)
+        return off + max(size[0], size[1], size[2]) if kind == ELLIPSOID else off
+    most = 0.0
+    for k in range(piece["vertex_count"] if kind == HULL else 8):
+        if kind != HULL:
+            px = size[0] if k & 1 else -size[0]
+            py = size[1] if k & 2 else -size[1]
+            pz = size[2] if k & 4 else -size[2]
+        else:
+            corner = vertices[piece["first_vertex"] + k]["position"]
+            px, py, pz = corner[0], corner[1], corner[2]
+        x = cx + rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz
+        y = cy + rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz
+        z = cz + rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz
+        along = u * x + v * y + w * z
+        most = max(most, (x - along * u) ** 2 + (y - along * v) ** 2 + (z - along * w) ** 2)
+    return sqrt(most)

@@ -1,0 +1,177 @@
+"""Time of impact of two moving, turning convex pieces by conservative advancement: never late.
+
+Bodies move as `motion` says. The signed distance of two convex pieces is the largest gap along any direction,
+so at a later s' it is at least the gap along the normal n found at s:
+
+    distance(s') >= distance(s) - integral from s to s' of (n . (c_a' - c_b') + reach_a + reach_b),
+
+where reach bounds n . (omega x p) over the points p of a piece, seen from the centre of mass. About a fixed
+axis it is |n x omega| times the largest distance from that axis. Along a rotation vector r, omega = J r',
+where J, the mean of the rotations exp(t r) for t in [0, 1], lengthens nothing: |r'| times the largest
+distance from the centre. In free rotation it is the bound on |omega| times that distance. A round rim does
+not count, for turning moves only the core. An advance ends where the right-hand side comes down to the target
+(Mirtich 1996; Zhang, Lee & Kim 2006).
+
+A fast spin makes these advances short. A leap goes farther: along the fixed n every point's height lies
+above its chord less curl t^2 / 8, where curl bounds its second derivative, so the gap along n stays above the
+lesser of its two ends less that. The end is measured, not bounded: near the impact leaps converge like
+Newton's method.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from reference_impl.continuous.swept_motion import (
+    center_speed,
+    lever_of,
+    most_curl,
+    most_spin,
+    point_speed,
+    pose_along,
+)
+from reference_impl.core.conventions import LEAP_CUT, SHARPENING_SHIFT, TIME_OF_IMPACT_STEPS
+from reference_impl.core.kernel import kernel
+from reference_impl.geometry.convex_depth import convex_depth
+from reference_impl.geometry.gjk import add_support, enter_frame
+from reference_impl.geometry.shapes import place_piece
+
+
+@kernel
+def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, slack):
+    """Fraction of the step at which the pair's distance first falls to the target gap.
+
+    Args:
+        pair: PAIR; names the pieces and bodies, takes the distance, normal and witnesses last measured.
+        start, until: fractions to search between [1].
+        target: gap to find [m]; negative: a depth.
+        slack: accepted excess over the target [m], positive.
+    Returns:
+        (fraction, iterations, converged): `until` where the distance stays above the target. Else the
+        distance there is in [target, target + slack], or below it at `start`. Unconverged: no impact up to
+        this fraction, more is not known. Both bodies are left posed somewhere on their way.
+    """
+    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+    axial_a, lever_a = lever_of(a, pieces[pair["piece_a"]], vertices)
+    axial_b, lever_b = lever_of(b, pieces[pair["piece_b"]], vertices)
+    n, s, iterations = pair["normal"], start, 0
+    while iterations < TIME_OF_IMPACT_STEPS:
+        iterations += 1
+        gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
+        # the witnesses bound the distance from above: it equals the gap where it converged
+        if pair["distance"] - target <= slack:
+            return s, iterations, True
+        if gap <= 0:
+            break
+        # the approach along n: that of the centres is exact, the turns are at their fastest
+        speed_a, bend_a = center_speed(n, a, s)
+        speed_b, bend_b = center_speed(n, b, s)
+        turns = lever_a * most_spin(n, a, axial_a, s, until)
+        turns += lever_b * most_spin(n, b, axial_b, s, until)
+        bend = bend_a - bend_b
+        advance = _time_to_close(gap, speed_a - speed_b + turns, bend)
+        if turns > 0 and s + advance < until:
+            curl = 2 * abs(bend) + most_curl(a, lever_a, s, until) + most_curl(b, lever_b, s, until)
+            advance = _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, advance)
+        s += advance
+        if s >= until:
+            return until, iterations, True
+    return s, iterations, False
+
+
+@kernel
+def distance_at(bodies, pieces, vertices, pair, state, s):
+    """Signed distance [m] of a pair at fraction s; where it did not converge, a lower bound, and
+    `pair["distance"]` an upper one."""
+    place_pair(bodies, pieces, vertices, pair, s)
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    _, converged = convex_depth(one, two, vertices, state, pair)
+    if not converged:
+        _sharpen(one, two, vertices, state, pair)
+        n = pair["normal"]
+        return min(pair["distance"], gap_along(one, two, vertices, n[0], n[1], n[2], state))
+    return pair["distance"]
+
+
+@kernel
+def _sharpen(piece_a, piece_b, vertices, state, pair):
+    """Measure the normal anew with B moved off along it.
+
+    Next to a round surface rounding tilts the normal of a tiny gap. A shift t along it leaves t / (R + t) of
+    the tilt, R being the radius of curvature: a step of the proximal point method.
+    """
+    size_a = size_b = 0.0
+    for i in range(3):
+        size_a = max(size_a, piece_a["high"][i] - piece_a["low"][i])
+        size_b = max(size_b, piece_b["high"][i] - piece_b["low"][i])
+    shift = SHARPENING_SHIFT * min(size_a, size_b)
+    n, position, distance = pair["normal"], piece_b["world_position"], pair["distance"]
+    x, y, z = shift * n[0], shift * n[1], shift * n[2]
+    px, py, pz = position[0], position[1], position[2]
+    position[0], position[1], position[2] = px + x, py + y, pz + z
+    convex_depth(piece_a, piece_b, vertices, state, pair)
+    position[0], position[1], position[2] = px, py, pz
+    point = pair["point_b"]
+    point[0], point[1], point[2] = point[0] - x, point[1] - y, point[2] - z
+    pair["distance"] = distance
+
+
+@kernel
+def place_pair(bodies, pieces, vertices, pair, s):
+    _place(bodies[pair["body_a"]], pieces[pair["piece_a"]], vertices, s)
+    _place(bodies[pair["body_b"]], pieces[pair["piece_b"]], vertices, s)
+
+
+@kernel
+def _place(body, piece, vertices, s):
+    if body["moves"] == 1:
+        pose_along(body, s)
+        place_piece(piece, body, vertices, 0.0)
+
+
+@kernel
+def gap_along(piece_a, piece_b, vertices, x, y, z, state):
+    """Gap [m] of two placed pieces along a unit vector from A to B: no more than their distance."""
+    enter_frame(piece_a, piece_b, state)
+    m = piece_b["world_rotation"]
+    u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z
+    v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z
+    w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z
+    reach = add_support(piece_a, piece_b, vertices, u, v, w, 0, state)
+    return -reach - piece_a["radius"] - piece_b["radius"]
+
+
+@kernel
+def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, advance):
+    """An advance that is proved safe at its end; `advance` where that goes farther.
+
+    Args:
+        gap: distance at s less the target [m], positive.
+        curl: bound on the second derivative of the points' heights along the normal [m].
+    """
+    n, a, b = pair["normal"], bodies[pair["body_a"]], bodies[pair["body_b"]]
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    # Newton's step of the witnesses, held back by twice the worst bend: enough is left for the proof
+    closing = point_speed(n, a, pair["point_a"], s)
+    closing -= point_speed(n, b, pair["point_b"], s)
+    leap = min(_time_to_close(gap, closing, curl), until - s)
+    # where another point comes nearer, a shorter leap
+    while leap > advance:
+        dip = curl * leap * leap / 8
+        if dip <= gap:
+            place_pair(bodies, pieces, vertices, pair, s + leap)
+            if gap_along(one, two, vertices, n[0], n[1], n[2], state) - target >= dip:
+                return leap
+        leap *= LEAP_CUT
+    return advance
+
+
+@kernel
+def _time_to_close(gap, speed, bend):
+    """Least positive t with speed t + bend t^2 = gap > 0; infinite where there is none."""
+    square = speed * speed + 4 * bend * gap
+    if square < 0:
+        return np.inf
+    # the root's other form: no cancellation, and a negative sum means that both roots are past
+    total = speed + sqrt(square)
+    return 2 * gap / total if total > 0 else np.inf

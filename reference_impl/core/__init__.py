@@ -1,0 +1,1 @@
+"""Kernels, conventions, records and rotations that every stage uses."""

@@ -1,0 +1,113 @@
+"""`@kernel`: the decorator that compiles the functions of this package.
+
+Only this module and its parts `kernel_cache` and `kernel_linking` import numba.
+"""
+
+import gc
+import time
+import warnings
+
+import numba
+from numba.core import config, types
+from numba.core.compiler_lock import global_compiler_lock
+
+from reference_impl.core.kernel_cache import CACHE_FOLDER
+
+JIT = not config.DISABLE_JIT
+LINK_BY_NAME = None
+"""Function that lets kernels call a kernel at its address; None where they copy its code."""
+if JIT:
+    try:
+        from reference_impl.core.kernel_linking import link_by_name as LINK_BY_NAME
+    except ImportError as error:
+        warnings.warn(
+            f"{error}: kernels are copied into their callers, and compile in three times the time",
+            RuntimeWarning,
+            stacklevel=1,
+        )
+
+OBJECTS_COLLECTED = 100_000, 50, 1000
+"""Thresholds of the garbage collector during compilation [-]: collections at Python's usual thresholds take
+8 s of a cold compilation of 60 s and find little; without any, its memory doubles."""
+
+KERNELS = []
+"""Every kernel twice, as Python and as kernels call it: for `compile_count` and the test of signatures."""
+
+
+def kernel(function):
+    """Compile `function` to machine code: cached, no fastmath, x / 0 as in IEEE 754, no parallel parts.
+
+    Without Numba's runtime (`_nrt`): kernels own no memory, and counting references to the arrays they pass
+    on took half of a depth's time. One that allocates, or assigns an array to a slice, does not compile.
+    """
+    return _compiled(function)
+
+
+def inlined_kernel(function):
+    """A kernel that is copied into its callers: for a few lines that are called in a hot loop."""
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function, **options):
+    # no C wrapper: only kernels and Python call a kernel
+    options |= {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+    options["cache"] = CACHE_FOLDER is not None and LINK_BY_NAME is None
+    compiled = numba.njit(**options)(function)
+    KERNELS.append(compiled)
+    if JIT:
+        _forget_literals(compiled)
+        _collect_less(compiled)
+    if LINK_BY_NAME is not None:
+        callee = numba.njit(no_cpython_wrapper=True, **options)(function)
+        KERNELS.append(callee)
+        _forget_literals(callee)
+        LINK_BY_NAME(compiled, callee)
+    return compiled
+
+
+def _forget_literals(compiled):
+    """Let callers share one signature: Numba would compile a kernel again for every constant handed to it."""
+    template = compiled.get_call_template
+
+    def plain_template(args, kws):
+        return template(tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()})
+
+    compiled.get_call_template = plain_template
+
+
+def _collect_less(compiled):
+    """Let the garbage collector run less often while a kernel and those it calls are compiled."""
+    compile_now = compiled.compile
+
+    def compile_with_rare_collections(signature):
+        with global_compiler_lock:
+            usual = gc.get_threshold()
+            gc.set_threshold(*OBJECTS_COLLECTED)
+            try:
+                return compile_now(signature)
+            finally:
+                gc.set_threshold(*usual)
+
+    compiled.compile = compile_with_rare_collections
+
+
+def compile_count():
+    """Kernels compiled in this process (cache misses of the dispatchers called from Python)."""
+    return sum(sum(k.stats.cache_misses.values()) for k in KERNELS if hasattr(k, "stats"))
+
+
+if JIT:
+    _clock_gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.voidptr))
+    CLOCK_MONOTONIC = 1
+
+    @kernel
+    def clock(out_time):
+        """Monotonic time [s]; `out_time` is a scratch array of two int64."""
+        _clock_gettime(CLOCK_MONOTONIC, out_time.ctypes)
+        return out_time[0] + 1e-9 * out_time[1]
+
+else:
+
+    def clock(out_time):
+        """Monotonic time [s]."""
+        return time.perf_counter()

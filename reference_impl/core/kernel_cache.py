@@ -1,0 +1,141 @@
+"""The folder of the compile cache: its key, its place and the removal of old ones.
+
+Numba's cache checks the caller's own file alone: an inner kernel edited elsewhere would leave cached
+callers on the old code. The folder is therefore keyed by a hash of every source of `reference_impl`, the
+versions of numba and numpy and the processor's name, and is chosen before the first decorator runs.
+Comments, docstrings and layout are no part of the key.
+"""
+
+import ast
+import hashlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import numba
+import numpy as np
+from numba.core import config
+
+PACKAGE = Path(__file__).resolve().parents[1]
+FOLDERS_KEPT = 8
+"""Cache folders that stay when a new one is made [-]: several checkouts and branches in use, 30 MB each."""
+MARK = "sources-"
+"""Start of the name of an empty file in a cache folder that records the bytes of its sources: where they
+are unchanged, the key is known without parsing them (0.3 s)."""
+
+
+def note_import(module):
+    """Compare the sources with those of the key while `module` is imported, at its first kernel.
+
+    A module that is imported after an edit holds code of another key.
+    """
+    if module not in _imported:
+        _imported[module] = _stamps() == SOURCE_STAMPS
+
+
+def is_key_valid():
+    """Whether all kernels so far come from the sources that the key of the cache folder stands for."""
+    return all(_imported.values())
+
+
+def _stamps():
+    return {source: _stamp(source) for source in PACKAGE.rglob("*.py")}
+
+
+def _stamp(source):
+    found = source.stat()
+    return found.st_mtime_ns, found.st_size
+
+
+def source_key(folder):
+    """Hash of every source in `folder` without comments and docstrings, numba, numpy and the processor."""
+    return _digest(folder, _code)
+
+
+def choose_cache_folder():
+    """The first writable of $TOUCHSTONE_CACHE, the user's cache and the temporary folder; None if none is."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    candidates = [
+        os.environ.get("TOUCHSTONE_CACHE"),
+        f"{home}/touchstone",
+        f"{tempfile.gettempdir()}/touchstone",
+    ]
+    mark = MARK + _digest(PACKAGE, bytes)
+    for candidate in filter(None, candidates):
+        try:
+            return _open_folder(Path(candidate) / "kernels", mark)
+        except OSError:
+            continue
+    return None
+
+
+def _open_folder(root, mark):
+    """The folder in `root` for the sources as they are; raises OSError if it cannot be written."""
+    known = next(root.glob(f"*/{mark}"), None)
+    folder = known.parent if known else root / source_key(PACKAGE)
+    if not folder.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        remove_old_folders(root, FOLDERS_KEPT)
+    # a write also dates the folder's last use
+    probe = folder / f".probe-{os.getpid()}"
+    probe.touch()
+    probe.unlink()
+    if _stamps() == SOURCE_STAMPS:
+        (folder / mark).touch()
+    return folder
+
+
+def remove_old_folders(root, kept):
+    """Remove all but the `kept` folders of `root` that were used last.
+
+    A process that still uses a removed folder compiles its kernels again.
+    """
+    dated = []
+    for folder in root.iterdir():
+        try:
+            dated.append((folder.stat().st_mtime, folder))
+        except OSError:  # another process removed it
+            continue
+    for _, folder in sorted(dated, reverse=True)[kept:]:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _digest(folder, content):
+    """Hash of the name and `content(bytes)` of every source in `folder` and of what compiles them (hex)."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(folder).rglob("*.py")):
+        digest.update(
+            source.relative_to(folder).as_posix().encode() + b"\0" + content(source.read_bytes()) + b"\0"
+        )
+    cpu = config.CPU_NAME or numba.core.codegen.ll.get_host_cpu_name()
+    digest.update(f"{numba.__version__} {np.__version__} {cpu}".encode())
+    return digest.hexdigest()[:16]
+
+
+def _code(source):
+    """What of a source is compiled; all of it where it cannot be parsed, while it is edited."""
+    try:
+        return ast.dump(_without_docstrings(ast.parse(source))).encode()
+    except SyntaxError:
+        return source
+
+
+def _without_docstrings(tree):
+    """`tree` without docstrings and other statements that are a constant."""
+    for node in ast.walk(tree):
+        if isinstance(getattr(node, "body", None), list):
+            node.body = [statement for statement in node.body if not _is_constant(statement)]
+    return tree
+
+
+def _is_constant(statement):
+    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+
+
+_imported = {}
+"""By module: whether the sources were still those of the key when it was imported."""
+SOURCE_STAMPS = _stamps()
+CACHE_FOLDER = choose_cache_folder()
+if CACHE_FOLDER is not None:
+    config.CACHE_DIR = str(CACHE_FOLDER)

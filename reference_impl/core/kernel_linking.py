@@ -1,0 +1,239 @@
+"""Named kernels: a caller calls a large kernel at its address instead of compiling a copy of it.
+
+Numba links the code of a callee into each of its callers, which LLVM then optimises and generates again at
+every level of calls. Here a kernel with more than `LINES_COPIED` lines of code has a symbol: its address is
+registered under that symbol, and a caller only declares it, with Numba's calling convention.
+
+A cache entry lists the symbols that its code calls. Loading the entry first loads these kernels and registers
+their addresses: LLVM ends the process at a symbol that it does not find.
+"""
+
+import copy
+import hashlib
+from pathlib import Path
+
+import llvmlite.binding
+from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc, imputils
+
+from reference_impl.core.kernel_cache import CACHE_FOLDER, PACKAGE, is_key_valid, note_import
+
+LINES_COPIED = 200
+"""Lines of optimised LLVM text up to which a kernel is linked into its callers [-]: LLVM inlines no larger
+one, except those that the sources mark as inlined."""
+
+PARTS = (
+    (caching, "FunctionCache"),
+    (caching, "CompileResultCacheImpl"),
+    (caching, "_CacheLocator"),
+    (base.BaseContext, "declare_function"),
+    (base.BaseContext, "insert_func_defn"),
+    (base.BaseContext, "remove_user_function"),
+    (codegen.JITCodeLibrary, "_final_module"),
+    (codegen.JITCodeLibrary, "_get_module_for_linking"),
+    (codegen.JITCodeLibrary, "get_pointer_to_function"),
+    (compiler.CompileResult, "fndesc"),
+    (compiler.CompileResult, "library"),
+    (dispatcher.Dispatcher, "_cache"),
+    (dispatcher.Dispatcher, "_compiling_counter"),
+    (dispatcher.Dispatcher, "get_call_template"),
+    (dispatcher.Dispatcher, "get_overload"),
+    (dispatcher.Dispatcher, "overloads"),
+    (funcdesc.FunctionDescriptor, "abi_tags"),
+    (funcdesc.FunctionDescriptor, "mangled_name"),
+    (imputils, "user_function"),
+)
+"""What this module uses of Numba beyond its documented interface: (owner, name)."""
+
+
+def missing_parts(parts=PARTS):
+    """Names of the parts that the installed Numba does not have; attributes that `__init__` sets count."""
+    return [f"{owner.__name__}.{name}" for owner, name in parts if not _has(owner, name)]
+
+
+def _has(owner, name):
+    classes = getattr(owner, "__mro__", ())
+    set_names = (getattr(one.__init__, "__code__", None) for one in classes)
+    return hasattr(owner, name) or any(code and name in code.co_names for code in set_names)
+
+
+if missing_parts():
+    raise ImportError(f"numba has no {', '.join(missing_parts())}")
+
+_kernels = {}
+"""Kernels, as kernels call them, by (module, qualified name)."""
+_owners = {}
+"""Who has a symbol: (module, qualified name, argument types, entry point)."""
+
+
+def link_by_name(compiled, callee):
+    """Let kernels call a kernel at its address where it is large.
+
+    Args:
+        compiled: the kernel that Python calls.
+        callee: the same kernel compiled without the wrapper that Python needs, for calls from kernels: most
+            kernels are called by kernels only, and wrappers took a sixth of the compilation.
+    """
+    note_import(compiled.py_func.__module__)
+    if CACHE_FOLDER is not None:
+        compiled._cache, callee._cache = _Cache(compiled.py_func), _CalleeCache(compiled.py_func)
+    _kernels[_identity(callee)] = callee
+    if _is_keyed(callee.py_func) and not callee.targetoptions.get("forceinline"):
+        _name_when_called(callee)
+    # Numba asks the kernel in the caller's source for what to call, and whether the call recurses
+    compiled.get_call_template = callee.get_call_template
+    compiled.get_overload = callee.get_overload
+    callee._compiling_counter = compiled._compiling_counter
+
+
+def _name_when_called(callee):
+    """Name the code of a kernel when a caller has compiled it, and before the caller calls it."""
+    template = callee.get_call_template
+    measured = set()
+
+    def naming_template(args, kws):
+        found = template(args, kws)
+        for signature, result in callee.overloads.items():
+            if signature not in measured:
+                measured.add(signature)
+                if _is_large(result):
+                    _name(callee, signature)
+        return found
+
+    callee.get_call_template = naming_template
+
+
+def _is_keyed(function):
+    """Whether the key of the cache folder stands for the source of a function.
+
+    Only such kernels are named: a caller's cache entry relies on what it calls being unchanged.
+    """
+    source = Path(function.__code__.co_filename).resolve()
+    return PACKAGE in source.parents and "<locals>" not in function.__qualname__
+
+
+def _identity(compiled):
+    return compiled.py_func.__module__, compiled.py_func.__qualname__
+
+
+def _is_large(result):
+    """Whether the optimised code of a kernel is too large to be copied into its callers."""
+    function = result.library._get_module_for_linking().get_function(result.fndesc.llvm_func_name)
+    return str(function).count("\n") > LINES_COPIED
+
+
+def _symbol(compiled, args):
+    """The name of a kernel's code for argument types.
+
+    Numba's own mangled name contains counters of the process that compiled it.
+    """
+    described = f"{args} {compiled.overloads[args].fndesc.abi_tags}"
+    return ".".join((*_identity(compiled), hashlib.sha256(described.encode()).hexdigest()[:16]))
+
+
+def _name(compiled, args, symbol=None):
+    """Register the address of a kernel's code, and let callers declare it; False where that is impossible."""
+    result = compiled.overloads[args]
+    symbol = symbol or _symbol(compiled, args)
+    owner = (*_identity(compiled), args, result.entry_point)
+    if symbol in _owners:
+        return _owners[symbol] == owner
+    address = result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+    if not address:
+        return False
+    llvmlite.binding.add_symbol(symbol, address)
+    _owners[symbol] = owner
+    call = _declared_call(result, symbol)
+    compiled.targetctx.remove_user_function(result.entry_point)
+    compiled.targetctx.insert_func_defn([(call, result.entry_point, call.signature)])
+    return True
+
+
+def _declared_call(result, symbol):
+    """Code that declares a kernel under its symbol and calls it.
+
+    The declaration repeats the attributes that LLVM found, such as the arguments that a kernel only reads.
+    Without them frames take 1 % longer.
+    """
+    declared = copy.copy(result.fndesc)
+    declared.mangled_name = symbol
+    function = result.library._get_module_for_linking().get_function(result.fndesc.llvm_func_name)
+    found = [[one.decode() for one in value.attributes] for value in (function, *function.arguments)]
+    del found[0][1:]  # sets of attributes: the function's, then those of its result and arguments
+    call = imputils.user_function(declared, ())  # without a library to link
+
+    def declare_and_call(context, builder, signature, args):
+        function = context.declare_function(builder.module, declared)
+        for value, attributes in zip((function, *function.args), found):
+            set.update(value.attributes, attributes)  # `add` refuses attributes newer than its list
+        return call(context, builder, signature, args)
+
+    declare_and_call.signature, declare_and_call.libs = call.signature, call.libs
+    return declare_and_call
+
+
+def _load_named(symbol, module, name, args):
+    """Load the kernel behind a symbol, or compile it, and register it; False where it is not to be had."""
+    compiled = _kernels.get((module, name))
+    if compiled is None:
+        return False
+    compiled.compile(args)
+    return args in compiled.overloads and _name(compiled, args, symbol)
+
+
+class _Locator(caching._CacheLocator):
+    """Place of the kernels of this package, whose sources are the key of the cache folder.
+
+    Numba's own locators add the file's time stamp and the kernel's line, which edited comments change.
+    """
+
+    @classmethod
+    def from_function(cls, py_func, py_file):
+        return cls() if _is_keyed(py_func) else None
+
+    def get_cache_path(self):
+        return str(CACHE_FOLDER)
+
+    def get_source_stamp(self):
+        return CACHE_FOLDER.name
+
+    def get_disambiguator(self):
+        return "kernel"
+
+
+class _Entry(caching.CompileResultCacheImpl):
+    """A cache entry that begins with the symbols that its code calls."""
+
+    _locator_classes = (_Locator, *caching.CompileResultCacheImpl._locator_classes)
+
+    def reduce(self, result):
+        called = [one.name for one in result.library._final_module.functions if one.name in _owners]
+        return [(symbol, *_owners[symbol][:3]) for symbol in called], super().reduce(result)
+
+    def rebuild(self, target_context, payload):
+        named, usual = payload
+        if not all(_load_named(*one) for one in named):
+            return None  # a miss: the kernel is compiled
+        return super().rebuild(target_context, usual)
+
+
+class _Cache(caching.FunctionCache):
+    """The cache of a kernel as Python calls it; its entries begin with symbols, which Numba's own do not."""
+
+    _impl_class = _Entry
+    _caller = "python"
+
+    def load_overload(self, sig, target_context):
+        return super().load_overload(sig, target_context) if is_key_valid() else None
+
+    def save_overload(self, sig, data):
+        if is_key_valid():
+            super().save_overload(sig, data)
+
+    def _index_key(self, sig, codegen):
+        return self._caller, super()._index_key(sig, codegen)
+
+
+class _CalleeCache(_Cache):
+    """The cache of a kernel as kernels call it."""
+
+    _caller = "kernel"

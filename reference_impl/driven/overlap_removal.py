@@ -1,0 +1,317 @@
+"""The driven loop: driven bodies are freed of overlap by translation, their chains by inverse kinematics, or
+go back to their last free pose."""
+
+from reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
+from reference_impl.broad_phase.fat_bounds import inside_fat_bounds
+from reference_impl.chains.ccd_ik import keep_in_cones
+from reference_impl.chains.chain_overlap_removal import free_chains, shuffle_chains
+from reference_impl.core.conventions import (
+    COUNT_GAVE_UP,
+    COUNT_ROUNDS,
+    COUNT_WAY_BACK,
+    DRIVEN,
+    FIXED,
+    LONGEST_SHIFT,
+    PART_ROOT,
+    PART_WHOLE,
+    REMOVAL_LEAST_MOTION,
+    REMOVAL_ROUNDS,
+    SIMULATED,
+    STALL_FALL,
+    STALL_ROUNDS,
+    TRUNK_OFFSET,
+    VANISHING_SHIFT,
+    WAY_BACK_STEPS,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
+from reference_impl.driven.global_depth import global_depth, largest_depth, side_of
+from reference_impl.driven.min_norm_translation import min_norm_translation
+from reference_impl.driven.skeleton import place, pose_links, pose_moved
+
+
+@kernel
+def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
+    """Free all drivers of overlap with fixed, simulated and driven bodies (method, section 3).
+
+    Two drivers part by half each; what is left between them is the later one's. Where that leaves one stuck
+    (the other pushed it into a wall), all go back to where they were last free, and each in turn comes as
+    far as the others let it: its own way back stays free. Giving up is counted.
+    """
+    for d in range(len(drivers)):
+        store_entry(joints, drivers[d])
+    if len(drivers) > 1:
+        _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
+    all_free = True
+    for d in range(len(drivers)):
+        free = _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, 0.0)
+        drivers[d]["is_free"] = free
+        all_free = all_free and free
+    if not all_free and len(drivers) > 1:
+        for d in range(len(drivers)):
+            interpolate(bodies, joints, drivers[d], PART_WHOLE, 0.0)
+        for d in range(len(drivers)):
+            interpolate(bodies, joints, drivers[d], PART_WHOLE, 1.0)
+            drivers[d]["is_free"] = _free_driver(
+                bodies, pieces, joints, drivers, vertices, pairs, state, d, 1.0
+            )
+    for d in range(len(drivers)):
+        if drivers[d]["is_free"] == 1:
+            store_free_pose(bodies, joints, drivers[d])
+        else:
+            state["counters"][COUNT_GAVE_UP] += 1
+            _yield_simulated(bodies, pieces, vertices, pairs, state, -1 - d)
+
+
+@kernel
+def pass_free(bodies, pieces, joints, drivers, state):
+    """Whether drivers, whose links it poses, can meet nothing, as their rooms tell: none is to be freed."""
+    if state["driven_isolated"] == 0:
+        return False
+    for d in range(len(drivers)):
+        pose_moved(bodies, joints, drivers[d])
+    if not inside_fat_bounds(bodies, pieces, state):
+        return False
+    for d in range(len(drivers)):
+        drivers[d]["is_free"], drivers[d]["constraint_count"] = 1, 0
+        store_free_pose(bodies, joints, drivers[d])
+        shuffle_chains(drivers[d], state)
+    return True
+
+
+@kernel
+def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
+    """One round of Eq. 1 among drivers alone: each moves by half its depths, all at once."""
+    shift = state["shift"]
+    for d in range(len(drivers)):
+        pose_links(bodies, joints, drivers[d])
+    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    for k in range(end):
+        both = bodies[pairs[k]["body_a"]]["driver"] >= 0 and bodies[pairs[k]["body_b"]]["driver"] >= 0
+        pairs[k]["distance"] *= 0.5 if both else 0.0
+    for d in range(len(drivers)):
+        deepest, _ = global_depth(bodies, pairs, 0, end, -1 - TRUNK_OFFSET - d, shift)
+        if not is_free(deepest):
+            state["counters"][COUNT_ROUNDS] += 1
+            for i in range(3):
+                drivers[d]["position"][i] += shift[i]
+            pose_links(bodies, joints, drivers[d])
+
+
+@kernel
+def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+    """Free driver d, or take the way back, which is counted; its links are posed.
+
+    What no chain moves is freed by translation, then the chains by inverse kinematics. What the chains cannot
+    take, the whole driver gives way to.
+
+    Args:
+        later: share of its overlap with drivers whose turn comes later that it moves by, 0 or 1 [1].
+    Returns:
+        Whether it is free; if not, it stands at its pose at entry.
+    """
+    mover = -1 - TRUNK_OFFSET - d
+    end, free = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
+    if free and drivers[d]["chain_count"] > 0:
+        shuffle_chains(drivers[d], state)
+        end = free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
+        if not is_free(largest_depth(bodies, pairs, end, d)):
+            mover = -1 - d
+            end, _ = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
+            free = is_free(largest_depth(bodies, pairs, end, d))
+    if not free:
+        if not _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+            return False
+        state["counters"][COUNT_WAY_BACK] += 1
+        mover = -1 - d
+        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+    _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
+    return True
+
+
+@kernel
+def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later):
+    """Translate driver d until `mover`, all of it or what no chain moves, is free; its links are posed.
+
+    Returns:
+        (end, free): index after the last pair, and whether it came free.
+    """
+    driver, shift = drivers[d], state["shift"]
+    previous, marked = 0.0, 0
+    for rounds in range(REMOVAL_ROUNDS + 1):
+        pose_moved(bodies, joints, driver)
+        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+        if state["removal"] == REMOVAL_LEAST_MOTION:
+            deepest, size = min_norm_translation(bodies, pairs, 0, end, mover, state["planes"], shift)
+        else:
+            deepest, size = global_depth(bodies, pairs, 0, end, mover, shift)
+        if is_free(deepest):
+            return end, True
+        # opposing normals cancel or send it far away, or the depth falls too slowly
+        stalled = rounds - marked == STALL_ROUNDS and deepest > STALL_FALL * previous
+        opposing = size < VANISHING_SHIFT * deepest or size > LONGEST_SHIFT * deepest
+        if opposing or stalled or rounds == REMOVAL_ROUNDS:
+            break
+        if rounds == 0 or rounds - marked == STALL_ROUNDS:
+            previous, marked = deepest, rounds
+        state["counters"][COUNT_ROUNDS] += 1
+        for i in range(3):
+            driver["position"][i] += shift[i]
+    return end, False
+
+
+@kernel
+def store_entry(joints, driver):
+    """Remember the present pose as that at entry."""
+    copy_vector(driver["position"], driver["entry_position"])
+    copy_quaternion(driver["orientation"], driver["entry_orientation"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["entry_angle"] = joints[k]["angle"]
+
+
+@kernel
+def restore_entry(joints, driver):
+    """Go back to the pose at entry; links are not posed."""
+    copy_vector(driver["entry_position"], driver["position"])
+    copy_quaternion(driver["entry_orientation"], driver["orientation"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["angle"] = joints[k]["entry_angle"]
+
+
+@kernel
+def store_free_pose(bodies, joints, driver):
+    """Remember the present pose, in which its links are posed, as the last free one."""
+    copy_vector(bodies[driver["root"]]["center"], bodies[driver["root"]]["free_center"])
+    copy_vector(driver["position"], driver["free_position"])
+    copy_quaternion(driver["orientation"], driver["free_orientation"])
+    driver["has_free"] = 1
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["free_angle"] = joints[k]["angle"]
+        copy_vector(bodies[joints[k]["child"]]["center"], bodies[joints[k]["child"]]["free_center"])
+
+
+@kernel
+def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+    """Go back to the last free pose, and from there towards that at entry as far as is free: what no chain
+    moves first, then each chain.
+
+    Returns:
+        Whether the driver is free; if not, it stands at its pose at entry.
+    """
+    driver = drivers[d]
+    if driver["has_free"] == 0 or not _free_at(
+        bodies, pieces, joints, drivers, vertices, pairs, state, d, later, PART_WHOLE, 0.0
+    ):
+        interpolate(bodies, joints, driver, PART_WHOLE, 1.0)
+        detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+        return False
+    _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, PART_ROOT)
+    for i in range(driver["chain_count"]):
+        _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, driver["order"][i])
+    return True
+
+
+@kernel
+def _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part):
+    """Bisect one part of driver d between its last free pose (t = 0) and that at entry (t = 1), the rest as
+    it is; keeps the free end."""
+    free, blocked = 0.0, 1.0
+    if drivers[d]["chain_count"] > 0:
+        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, 1.0):
+            return
+    for _ in range(WAY_BACK_STEPS):
+        middle = (free + blocked) / 2
+        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, middle):
+            free = middle
+        else:
+            blocked = middle
+    interpolate(bodies, joints, drivers[d], part, free)
+
+
+@kernel
+def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, t):
+    interpolate(bodies, joints, drivers[d], part, t)
+    end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+    return is_free(largest_depth(bodies, pairs, end, d))
+
+
+@kernel
+def interpolate(bodies, joints, driver, part, t):
+    """Pose links with a part of the driver at t between the last free pose (0) and that at entry (1): linear,
+    orientation by slerp, within reach cones."""
+    if part < 0:
+        turned = driver["scratch"][0]
+        for i in range(3):
+            driver["position"][i] = (1 - t) * driver["free_position"][i] + t * driver["entry_position"][i]
+        rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
+        turn(driver["free_orientation"], t * turned[0], t * turned[1], t * turned[2], driver["orientation"])
+    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
+    for k in range(first, end):
+        joint = joints[k]
+        joint["last_angle"] = joint["angle"]
+        if part == PART_WHOLE or joint["chain"] == part:
+            joint["last_angle"] = joint["free_angle"]
+            joint["angle"] = (1 - t) * joint["free_angle"] + t * joint["entry_angle"]
+    if driver["chain_count"] > 0:
+        keep_in_cones(joints, first, end - 1)
+    pose_links(bodies, joints, driver)
+
+
+@kernel
+def _stop_at_obstacles(bodies, drivers, pairs, end, d, mover):
+    """Take out the coupling velocity of driver d that points into what `mover` of it touches; two drivers
+    share it. (A simulated body is met by an impulse, which needs that velocity, a later driver in its own
+    turn.)"""
+    v = drivers[d]["velocity"]
+    for k in range(end):
+        pair = pairs[k]
+        sign = side_of(bodies, pair, mover)
+        other = bodies[pair["body_a"] if sign > 0 else pair["body_b"]]
+        if sign == 0.0 or other["kind"] == SIMULATED or other["driver"] > d:
+            continue
+        n = pair["normal"]
+        outward = sign * (v[0] * n[0] + v[1] * n[1] + v[2] * n[2])
+        w = drivers[max(other["driver"], 0)]["velocity"]
+        share = 1.0
+        if other["driver"] >= 0:
+            share = 0.5
+            outward -= sign * (w[0] * n[0] + w[1] * n[1] + w[2] * n[2])
+        if outward < 0:
+            for i in range(3):
+                v[i] -= share * sign * outward * n[i]
+                if other["driver"] >= 0:
+                    w[i] += share * sign * outward * n[i]
+
+
+@kernel
+def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
+    """Move simulated bodies out of a driver that gave up, unless they would then overlap a fixed one."""
+    shift = state["shift"]
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] != SIMULATED:
+            continue
+        end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+        for k in range(end):
+            if side_of(bodies, pairs[k], mover) == 0.0:
+                pairs[k]["distance"] = 0.0
+        deepest, _ = global_depth(bodies, pairs, 0, end, b, shift)
+        if is_free(deepest):
+            continue
+        move(bodies[b], shift, 1.0)
+        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
+        for k in range(end):
+            pair = pairs[k]
+            one, two = bodies[pair["body_a"]]["kind"], bodies[pair["body_b"]]["kind"]
+            meets = pair["body_a"] == b or pair["body_b"] == b
+            if meets and (one == FIXED or two == FIXED) and not is_free(-pair["distance"]):
+                move(bodies[b], shift, -1.0)
+                place_listed(bodies, pieces, vertices, SIMULATED, state)
+                break
+
+
+@kernel
+def move(body, shift, share):
+    """Translate a body by a share of `shift`."""
+    for i in range(3):
+        body["position"][i] += share * shift[i]
+    place(body)

@@ -1,0 +1,67 @@
+"""Virtual coupling of a driven body to its tracker (Eq. 6), solved in closed form."""
+
+from math import cos, cosh, exp, sin, sinh, sqrt
+
+from reference_impl.core.conventions import NEAR_CRITICAL
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import rotation_between, turn
+
+
+@kernel
+def decay(x, v, stiffness, damping, h):
+    """Damped spring x'' = -stiffness x - damping x' after time h, for any stiffness and step.
+
+    Args:
+        x, v: deviation [m or rad] and its rate at the start.
+        stiffness, damping: per unit mass [1/s^2], [1/s].
+        h: time [s].
+    Returns:
+        (x, v) at the end.
+    """
+    half = damping / 2
+    square = half * half - stiffness
+    if abs(square) * h * h < NEAR_CRITICAL:
+        # both formulas divide 0 by 0 at critical damping: their series
+        q = square * h * h
+        c, s = 1 + q / 2 + q * q / 24, h * (1 + q / 6 + q * q / 120)
+    elif square < 0:
+        w = sqrt(-square)
+        c, s = cos(w * h), sin(w * h) / w
+    else:
+        w = sqrt(square)
+        # far above critical damping cosh overflows while its product with exp does not
+        if w * h > 30:
+            slow = exp((w - half) * h)
+            return (x + (v + half * x) / w) * slow / 2, (v - (half * v + stiffness * x) / w) * slow / 2
+        c, s = cosh(w * h), sinh(w * h) / w
+    e = exp(-half * h)
+    return e * (x * c + (v + half * x) * s), e * (v * c - (half * v + stiffness * x) * s)
+
+
+@kernel
+def follow_tracker(driver, h):
+    """Move a driver's root for one frame: Eq. 6 in translation, critically damped at sqrt(K / m) in rotation.
+
+    The tracker moves linearly within the frame, from its old target to its new one.
+    """
+    stiffness, damping = driver["stiffness"] / driver["mass"], driver["damping"] / driver["mass"]
+    for i in range(3):
+        old, new = driver["old_target_position"][i], driver["target_position"][i]
+        pace = (new - old) / h
+        x, v = decay(driver["position"][i] - old, driver["velocity"][i] - pace, stiffness, damping, h)
+        driver["position"][i] = new + x
+        driver["velocity"][i] = pace + v
+    _follow_rotation(driver, stiffness, h)
+
+
+@kernel
+def _follow_rotation(driver, stiffness, h):
+    turned, error = driver["scratch"][0], driver["scratch"][1]
+    rotation_between(driver["old_target_orientation"], driver["target_orientation"], turned)
+    rotation_between(driver["old_target_orientation"], driver["orientation"], error)
+    for i in range(3):
+        pace = turned[i] / h
+        rate = driver["omega"][i] - pace
+        error[i], rate = decay(error[i], rate, stiffness, 2 * sqrt(stiffness), h)
+        driver["omega"][i] = pace + rate
+    turn(driver["target_orientation"], error[0], error[1], error[2], driver["orientation"])

@@ -1,0 +1,1 @@
+"""Convex pieces: support functions, distance, penetration depth and contact manifolds."""

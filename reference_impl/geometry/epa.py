@@ -1,0 +1,234 @@
+"""EPA: the nearest face of the Minkowski difference, from a polytope that grows inside it.
+
+The polytope's nearest face bounds the depth from below; the difference's support along any direction bounds
+it from above. Faces as far as the least reach seen, to rounding, need no look; when none nearer is left, the
+bounds have met. The origin need not lie inside at first: a face that has it before itself is expanded first.
+
+Frame: that of B. Face f has the half-edges 4f, 4f + 1, 4f + 2, counter-clockwise from outside: `start` is
+the vertex a half-edge leaves, `twin` the half-edge beyond. Normals are as long as twice the face's area, and
+squares are compared, so that no root delays the next support. `key` is the signed square of a face's offset
+from the origin, `level` how far a vertex must reach along the normal for the face to see it.
+"""
+
+from math import inf, sqrt
+
+import numpy as np
+
+from reference_impl.core.conventions import (
+    DEGENERATE_HEIGHT,
+    DEPTH_TOLERANCE,
+    EPA_FACES,
+    EPA_VERTICES,
+    ROUND_TOLERANCE,
+    STAGNATION_GAP,
+    TOUCHING_DISTANCE_SHARE,
+)
+from reference_impl.core.kernel import inlined_kernel, kernel
+from reference_impl.geometry.epa_start import first_tetrahedron, flat_normal
+from reference_impl.geometry.gjk import add_support, inline_support, inward, repeats, triangle_normal
+
+DEAD = inf
+"""Key of a face that is no more."""
+NEVER = 1e300
+"""Key of a face without area: it closes the surface but is never the nearest."""
+NEXT, LAST = 9, 18
+"""Two bits for each k in 0, 1, 2: the next and the last half-edge of a face."""
+
+
+@kernel
+def deepest_face(piece_a, piece_b, vertices, known, scale, state):
+    """Expand a tetrahedron to the nearest face of the difference.
+
+    Args:
+        known: vertices in `state` to start from: 1, the difference's farthest towards B's origin, or 4 of its
+            points.
+        scale: size of the pair [m], for tolerances.
+        state: holds the frame. Takes the unit direction of least reach, `deepest`.
+    Returns:
+        (face, depth, iterations, converged): the face of least reach, or -1 where that was no face's, and
+        that reach [m]: negative as soon as it parts the pieces by TOUCHING_DISTANCE_SHARE.
+    """
+    w, n, key = state["w"], state["deepest"], state["key"]
+    count, height = first_tetrahedron(piece_a, piece_b, vertices, known, scale, state)
+    if count < 4:
+        flat_normal(w, count, n)
+        reach = add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], count, state)
+        return -1, reach, 0, abs(reach) <= STAGNATION_GAP * scale
+    _close(state, height, scale)
+    n[0], n[1], n[2] = inward(state)
+    reach = n[0] * w[0, 0] + n[1] * w[0, 1] + n[2] * w[0, 2]
+    if known == 4:
+        reach = add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], 4, state)
+    best, upper = -1, _signed_square(reach)
+    is_round = state["corner"][0, 0] < 0 or state["corner"][0, 1] < 0
+    tolerance = (ROUND_TOLERANCE if is_round else DEPTH_TOLERANCE) * scale
+    apart = _signed_square(-TOUCHING_DISTANCE_SHARE * scale)
+    cut = _signed_square(_signed_root(upper) - tolerance)
+    faces, waiting, vertex, stalled = 4, 4, 4, False
+    while upper >= apart and vertex < EPA_VERTICES and faces < EPA_FACES:
+        f, waiting = _nearest_open(state, waiting, cut)
+        if waiting < 0:
+            break
+        x, y, z = state["normal"][f, 0], state["normal"][f, 1], state["normal"][f, 2]
+        reach = inline_support(piece_a, piece_b, vertices, x, y, z, vertex, state)
+        # every reach bounds the depth from above
+        square = x * x + y * y + z * z
+        if _signed_square(reach) < upper * square:
+            upper, best = _signed_square(reach) / square, f
+            n[0], n[1], n[2] = x, y, z
+            cut = _signed_square(_signed_root(upper) - tolerance)
+        if key[f] >= cut:
+            continue
+        # what is left of this gap is rounding
+        if reach <= state["level"][f] or repeats(w, vertex):
+            stalled = True
+            continue
+        # the face is passed over: the least reach seen was farther out than its plane
+        best = -1 if best == f else best
+        added = _expand(state, f, vertex, faces, waiting, scale)
+        vertex += 1
+        if added < 0:
+            break
+        faces, waiting = faces + added, waiting + added
+    depth = _signed_root(upper)
+    converged = waiting < 0
+    inverse = 1 / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    n[0], n[1], n[2] = n[0] * inverse, n[1] * inverse, n[2] * inverse
+    if converged and (stalled or best < 0):
+        nearest, least = _nearest_face(state, faces)
+        converged = depth - least <= STAGNATION_GAP * scale
+        # a direction that was no face's may be that of one which was never looked at
+        if best < 0 and _reaches(state, nearest, depth - tolerance):
+            best = nearest
+    return best, depth, vertex - 4, converged
+
+
+@inlined_kernel
+def _signed_square(x):
+    return x * abs(x)
+
+
+@inlined_kernel
+def _signed_root(x):
+    return sqrt(x) if x > 0 else -sqrt(-x)
+
+
+@inlined_kernel
+def _nearest_open(state, waiting, cut):
+    """Take the nearest face off the list of those to be looked at, and all that lie beyond the cut.
+
+    Returns:
+        (face, count left), a count of -1 where there was none.
+    """
+    key, listed = state["key"], state["open"]
+    kept = place = nearest = 0
+    least = cut
+    # without branches: what is written beyond the count is written over
+    for k in range(waiting):
+        f = listed[k]
+        offset = key[f]
+        listed[kept] = f
+        place = kept if offset < least else place
+        nearest = f if offset < least else nearest
+        least = min(least, offset)
+        kept += 1 if offset < cut else 0
+    kept -= 1
+    if kept >= 0:
+        listed[place] = listed[kept]
+    return nearest, kept
+
+
+@kernel
+def _nearest_face(state, faces):
+    """(face, offset) of the nearest face of all."""
+    nearest, least = 0, NEVER
+    for f in range(faces):
+        if state["key"][f] < least:
+            nearest, least = f, state["key"][f]
+    return nearest, _signed_root(least)
+
+
+@kernel
+def _reaches(state, face, least):
+    """Whether all corners of a face reach `least` along the direction of least reach."""
+    n, w = state["deepest"], state["w"]
+    for k in range(3):
+        v = w[state["start"][4 * face + k]]
+        if n[0] * v[0] + n[1] * v[1] + n[2] * v[2] < least:
+            return False
+    return True
+
+
+@kernel
+def _expand(state, first, vertex, faces, waiting, scale):
+    """Replace the faces that see `vertex`, found from face `first` on, by a cone from their horizon.
+
+    Returns:
+        How many faces were added, or -1 where the horizon is no simple loop or the room is used up.
+    """
+    w, normal, level, key = state["w"], state["normal"], state["level"], state["key"]
+    start, twin, stack, listed = state["start"], state["twin"], state["stack"], state["open"]
+    x, y, z = w[vertex, 0], w[vertex, 1], w[vertex, 2]
+    # flood depth first: half-edges of faces that do not see the vertex are the horizon, in order
+    key[first] = DEAD
+    stack[0], stack[1], stack[2] = twin[4 * first + 2], twin[4 * first + 1], twin[4 * first]
+    new, top, begin, end = faces, 3, -1, -1
+    while top > 0:
+        top -= 1
+        h = np.int64(stack[top])
+        g, k = h >> 2, 2 * (h & 3)
+        if key[g] == DEAD:
+            continue
+        if normal[g, 0] * x + normal[g, 1] * y + normal[g, 2] * z > level[g]:
+            key[g] = DEAD
+            stack[top], stack[top + 1] = twin[4 * g + (LAST >> k & 3)], twin[4 * g + (NEXT >> k & 3)]
+            top += 2
+            continue
+        # a face from there to the vertex, next to the one before it
+        i, j = np.int64(start[4 * g + (NEXT >> k & 3)]), np.int64(start[h])
+        if new == faces:
+            begin = i
+        elif i != end or new == EPA_FACES:
+            return -1
+        _set_face(state, new, i, j, vertex, scale)
+        twin[4 * new], twin[h] = h, 4 * new
+        twin[4 * new + 1], twin[4 * new + 2] = 4 * new + 6, 4 * new - 3
+        listed[waiting + new - faces] = new
+        new, end = new + 1, j
+    twin[4 * new - 3], twin[4 * faces + 2] = 4 * faces + 2, 4 * new - 3
+    return new - faces if end == begin else -1
+
+
+@inlined_kernel
+def _set_face(state, f, i, j, k, scale):
+    """Face ijk, counter-clockwise from outside: its normal, level and key."""
+    w, n, start = state["w"], state["normal"][f], state["start"]
+    start[4 * f], start[4 * f + 1], start[4 * f + 2] = i, j, k
+    x, y, z, square, longest = triangle_normal(w, i, j, k)
+    n[0], n[1], n[2] = x, y, z
+    offset = x * w[i, 0] + y * w[i, 1] + z * w[i, 2]
+    if square > (DEGENERATE_HEIGHT * scale) ** 2 * longest:
+        state["key"][f] = _signed_square(offset) / square
+        state["level"][f] = offset + DEGENERATE_HEIGHT * scale * sqrt(square)
+    else:
+        state["key"][f], state["level"][f] = NEVER, inf
+
+
+@kernel
+def _close(state, height, scale):
+    """Faces of the first four vertices; the sign of the fourth's height over the others tells outside."""
+    twin = state["twin"]
+    # the fourth vertex lies behind the face of the first three
+    i, j = (0, 1) if height < 0 else (1, 0)
+    _set_face(state, 0, i, j, 2, scale)
+    _set_face(state, 1, j, i, 3, scale)
+    _set_face(state, 2, i, 2, 3, scale)
+    _set_face(state, 3, 2, j, 3, scale)
+    twin[0], twin[4] = 4, 0
+    twin[1], twin[12] = 12, 1
+    twin[2], twin[8] = 8, 2
+    twin[5], twin[10] = 10, 5
+    twin[6], twin[13] = 13, 6
+    twin[9], twin[14] = 14, 9
+    for f in range(4):
+        state["open"][f] = f

@@ -1,0 +1,141 @@
+"""Convex pieces: pose in the world, bounding box, and support function of the core.
+
+A piece is a core plus a `radius` round it: a sphere is a point, a capsule a segment along z of half length
+`size[2]`. The other kinds have none.
+"""
+
+from math import inf, sqrt
+
+import numpy as np
+
+from reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, HULL
+from reference_impl.core.kernel import inlined_kernel, kernel
+from reference_impl.core.rotation import multiply, rotate
+
+FAINT, HUGE = 1e-290, 1e290
+"""Sums of a direction's components between which its shares are neither lost nor infinite [1]."""
+
+
+@kernel
+def place_piece(piece, body, vertices, margin):
+    """World pose and bounding box of a piece from its body's pose; the box is widened by `margin` [m]."""
+    multiply(body["rotation"], piece["rotation"], piece["world_rotation"])
+    rotate(body["rotation"], piece["position"], piece["world_position"])
+    position, rotation = piece["world_position"], piece["world_rotation"]
+    low, high, size = piece["low"], piece["high"], piece["size"]
+    for i in range(3):
+        position[i] += body["position"][i]
+    for i in range(3):
+        x, y, z = rotation[i, 0], rotation[i, 1], rotation[i, 2]
+        if piece["kind"] == HULL:
+            top = vertices[corner_of_hull(piece, vertices, x, y, z)]["position"]
+            bottom = vertices[corner_of_hull(piece, vertices, -x, -y, -z)]["position"]
+            greatest = x * top[0] + y * top[1] + z * top[2]
+            least = x * bottom[0] + y * bottom[1] + z * bottom[2]
+            low[i], high[i] = position[i] + least - margin, position[i] + greatest + margin
+        else:
+            x, y, z = x * size[0], y * size[1], z * size[2]
+            reach = abs(x) + abs(y) + abs(z) if piece["kind"] == BOX else sqrt(x * x + y * y + z * z)
+            reach += piece["radius"] + margin
+            low[i], high[i] = position[i] - reach, position[i] + reach
+
+
+@inlined_kernel
+def corner_of_hull(piece, vertices, u, v, w):
+    """Row of the hull's vertex farthest along (u, v, w), piece frame; the first of equally far ones.
+
+    Tries all vertices, or the candidates of the direction's cell: see `adapters/hull_table.py`.
+    """
+    # known not to be negative: spares Numba's check for negative indices
+    first, count = np.int64(piece["first_vertex"]), np.int64(piece["vertex_count"])
+    cells, size = np.int64(piece["cells"]), piece["size"]
+    p, q = abs(u) * size[0], abs(v) * size[1]
+    total = p + q + abs(w) * size[2]
+    best = first
+    if cells == 0 or not FAINT < total < HUGE:
+        most = _along(vertices, first, u, v, w)
+        for k in range(first + 1, first + count):
+            along = _along(vertices, k, u, v, w)
+            if along > most:
+                most, best = along, k
+        return best
+    scale = cells / total
+    octant = (1 if u < 0 else 0) + (2 if v < 0 else 0) + (4 if w < 0 else 0)
+    place = (octant * cells + min(int(p * scale), cells - 1)) * cells + min(int(q * scale), cells - 1)
+    most = -inf
+    while True:
+        listed = vertices[first + count + (place >> 2)]["lists"][place & 3]
+        # a fourth that is no vertex numbers the list that goes on
+        place = np.int64(listed[3]) - count
+        more = place >= 0
+        i, j, k = first + listed[0], first + listed[1], first + listed[2]
+        m = k if more else first + listed[3]
+        along, other = _along(vertices, i, u, v, w), _along(vertices, j, u, v, w)
+        third, fourth = _along(vertices, k, u, v, w), _along(vertices, m, u, v, w)
+        # two by two: the processor needs not wait for one comparison to do the next
+        i, along = (j, other) if other > along else (i, along)
+        k, third = (m, fourth) if fourth > third else (k, third)
+        i, along = (k, third) if third > along else (i, along)
+        if along > most:
+            most, best = along, i
+        if not more:
+            return best
+
+
+@inlined_kernel
+def _along(vertices, row, u, v, w):
+    """Height of a vertex along (u, v, w) [m]."""
+    position = vertices[row]["position"]
+    return u * position[0] + v * position[1] + w * position[2]
+
+
+@inlined_kernel
+def local_support(piece, vertices, u, v, w):
+    """Point of the core farthest along (u, v, w), piece frame [m].
+
+    Returns:
+        (corner, x, y, z): the point, and which corner it is: the hull's vertex, the box' octant (bits: x, y,
+        z not negative; a capsule's end alike), 0 for a point, -1 on a smooth core.
+    """
+    kind, size = piece["kind"], piece["size"]
+    if kind == HULL:
+        row = corner_of_hull(piece, vertices, u, v, w)
+        position = vertices[row]["position"]
+        return row - piece["first_vertex"], position[0], position[1], position[2]
+    if kind == BOX:
+        corner = (1 if u >= 0 else 0) + (2 if v >= 0 else 0) + (4 if w >= 0 else 0)
+        x = size[0] if u >= 0 else -size[0]
+        y = size[1] if v >= 0 else -size[1]
+        return corner, x, y, size[2] if w >= 0 else -size[2]
+    if kind == CAPSULE:
+        return (4, 0.0, 0.0, size[2]) if w >= 0 else (0, 0.0, 0.0, -size[2])
+    if kind == ELLIPSOID:
+        x, y, z = u * size[0], v * size[1], w * size[2]
+        length = sqrt(x * x + y * y + z * z)
+        scale = 1 / length if length > 0 else 0.0
+        return -1, x * size[0] * scale, y * size[1] * scale, z * size[2] * scale
+    return 0, 0.0, 0.0, 0.0
+
+
+@kernel
+def local_corner(piece, vertices, corner):
+    """A corner as `support` tells it, piece frame [m]: (x, y, z)."""
+    size = piece["size"]
+    if piece["kind"] == HULL:
+        position = vertices[piece["first_vertex"] + corner]["position"]
+        return position[0], position[1], position[2]
+    if piece["kind"] == BOX or piece["kind"] == CAPSULE:
+        u = size[0] if corner & 1 else -size[0]
+        v = size[1] if corner & 2 else -size[1]
+        return u, v, size[2] if corner & 4 else -size[2]
+    return 0.0, 0.0, 0.0
+
+
+@kernel
+def turned(rotation, u, v, w):
+    """A vector (u, v, w) turned by a rotation matrix: (x, y, z)."""
+    return (
+        rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w,
+        rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w,
+        rotation[2, 0] * u + rotation[2, 1] * v + rotation[2, 2] * w,
+    )

@@ -1,0 +1,142 @@
+"""A contact between two bodies: velocities and mobility at its point, and what an impulse does to both."""
+
+from reference_impl.core.kernel import kernel
+from reference_impl.driven.skeleton import move_links
+
+
+@kernel
+def surface_velocity(body, point, out_velocity):
+    """World velocity of a body's surface at a world point."""
+    out_velocity[0], out_velocity[1], out_velocity[2] = _velocity_at(body, point)
+
+
+@kernel
+def _velocity_at(body, point):
+    v, w, c = body["velocity"], body["omega"], body["center"]
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    return v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x
+
+
+@kernel
+def relative_velocity(bodies, pair, state):
+    """Velocities of both surfaces and of B against A at a pair's contact point, to `state`; returns n . v."""
+    a, b, v, n = state["velocity_a"], state["velocity_b"], state["velocity"], pair["normal"]
+    surface_velocity(bodies[pair["body_a"]], pair["point"], a)
+    surface_velocity(bodies[pair["body_b"]], pair["point"], b)
+    for i in range(3):
+        v[i] = b[i] - a[i]
+    return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
+
+
+@kernel
+def meeting_velocity(bodies, pair):
+    """Velocity of B against A at a pair's contact point."""
+    x, y, z = _velocity_at(bodies[pair["body_b"]], pair["point"])
+    u, v, w = _velocity_at(bodies[pair["body_a"]], pair["point"])
+    return x - u, y - v, z - w
+
+
+@kernel
+def contact_point(pair, out_point):
+    """Contact point between the two witnesses: their midpoint, or on the face of a patch.
+
+    The points of a patch then lie in one plane, and a body that turns about an edge can stick to all of them.
+    """
+    s = pair["level"]
+    for i in range(3):
+        out_point[i] = (1 - s) * pair["point_a"][i] + s * pair["point_b"][i]
+
+
+@kernel
+def approach_speed(bodies, pair, state):
+    """Contact point of a pair, and its approach speed beyond that at which it may close."""
+    contact_point(pair, pair["point"])
+    pair["key"] = -relative_velocity(bodies, pair, state) - pair["speculative_speed"]
+
+
+@kernel
+def contact_mobility(bodies, drivers, pair, point, out_mobility):
+    """Velocity of B against A per impulse on B at `point` (3, 3) [1/kg]: the denominator of Eq. 9 is n.M n.
+
+    A driven link moves with the whole of its driver: mass and inertia of the coupled body.
+    """
+    out_mobility[:] = 0.0
+    for side in range(2):
+        body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
+        if body["driver"] >= 0:
+            driver = drivers[body["driver"]]
+            if driver["inverse_mass"] == 0:
+                continue
+            _add_mobility(
+                driver["inverse_mass"], driver["inverse_inertia"], driver["center"], point, out_mobility
+            )
+        elif body["inverse_mass"] > 0:
+            _add_mobility(body["inverse_mass"], body["inverse_inertia"], body["center"], point, out_mobility)
+
+
+@kernel
+def _add_mobility(inverse_mass, inverse_inertia, center, point, out_mobility):
+    """Add 1/m - [r] I^-1 [r], the velocity at `point` per impulse there."""
+    x, y, z = point[0] - center[0], point[1] - center[1], point[2] - center[2]
+    for j in range(3):
+        # r x e_j
+        cx = -z if j == 1 else (y if j == 2 else 0.0)
+        cy = z if j == 0 else (-x if j == 2 else 0.0)
+        cz = -y if j == 0 else (x if j == 1 else 0.0)
+        m = inverse_inertia
+        sx = m[0, 0] * cx + m[0, 1] * cy + m[0, 2] * cz
+        sy = m[1, 0] * cx + m[1, 1] * cy + m[1, 2] * cz
+        sz = m[2, 0] * cx + m[2, 1] * cy + m[2, 2] * cz
+        # (I^-1 (r x e_j)) x r
+        out_mobility[0, j] += sy * z - sz * y
+        out_mobility[1, j] += sz * x - sx * z
+        out_mobility[2, j] += sx * y - sy * x
+        out_mobility[j, j] += inverse_mass
+
+
+@kernel
+def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
+    """Impulse (px, py, pz) [N s] on body b at `point`; a driven link passes it to its driver's coupling."""
+    body = bodies[b]
+    if body["driver"] >= 0:
+        driver = drivers[body["driver"]]
+        if driver["inverse_mass"] == 0:
+            return
+        c, v, w = driver["center"], driver["velocity"], driver["omega"]
+        m, inverse_inertia = driver["inverse_mass"], driver["inverse_inertia"]
+        dx, dy, dz = _kick(m, inverse_inertia, c, point, px, py, pz, v, w)
+        # its velocity is that of its root's origin
+        reference = driver["position"]
+        x, y, z = reference[0] - c[0], reference[1] - c[1], reference[2] - c[2]
+        v[0] += dy * z - dz * y
+        v[1] += dz * x - dx * z
+        v[2] += dx * y - dy * x
+        move_links(bodies, joints, driver)
+    elif body["inverse_mass"] > 0:
+        c, v, w = body["center"], body["velocity"], body["omega"]
+        _kick(body["inverse_mass"], body["inverse_inertia"], c, point, px, py, pz, v, w)
+
+
+@kernel
+def apply_to_both(bodies, joints, drivers, pair, point, p):
+    """Equal and opposite impulses on both bodies of a pair."""
+    apply_impulse(bodies, joints, drivers, pair["body_b"], point, p[0], p[1], p[2])
+    apply_impulse(bodies, joints, drivers, pair["body_a"], point, -p[0], -p[1], -p[2])
+
+
+@kernel
+def _kick(inverse_mass, inverse_inertia, c, point, px, py, pz, out_v, out_w):
+    """Change the velocity of the centre of mass c, and omega; returns the change of omega."""
+    m = inverse_inertia
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    tx, ty, tz = y * pz - z * py, z * px - x * pz, x * py - y * px
+    dx = m[0, 0] * tx + m[0, 1] * ty + m[0, 2] * tz
+    dy = m[1, 0] * tx + m[1, 1] * ty + m[1, 2] * tz
+    dz = m[2, 0] * tx + m[2, 1] * ty + m[2, 2] * tz
+    out_v[0] += inverse_mass * px
+    out_v[1] += inverse_mass * py
+    out_v[2] += inverse_mass * pz
+    out_w[0] += dx
+    out_w[1] += dy
+    out_w[2] += dz
+    return dx, dy, dz

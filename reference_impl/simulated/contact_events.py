@@ -1,0 +1,114 @@
+"""Moments within a substep at which a touching pair changes: back from a flight, or stopped in its sliding.
+
+Both are read off the velocities before and after the hold, while bodies still have their first places. Not
+under FLIGHT_EULER, which takes the last velocity for the mean, nor in a crowded substep.
+"""
+
+from math import sqrt
+
+from reference_impl.core.conventions import (
+    EVENT_CAP,
+    FLIGHT_EULER,
+    NO_FLOOR,
+    SLIDE_MIN,
+    SLIP_MIN,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.simulated.contact import relative_velocity
+
+
+@kernel
+def first_return(bodies, pairs, count, state):
+    """Fraction of the substep at which the first contact that flies is back where it left, at most 1.
+
+    Its speed falls evenly from v to v', so it is back after 2 v / (v - v') of the substep.
+    """
+    first = 1.0
+    for k in range(count):
+        pair = pairs[k]
+        if pair["floor"] == NO_FLOOR:
+            left, now = _separation(pair), relative_velocity(bodies, pair, state)
+            if now < -left:
+                first = min(first, 2 * left / (left - now))
+    return first
+
+
+@kernel
+def note_free_slip(bodies, pairs, count, state):
+    """After forces, before impulses: each row's sliding speed along the direction it slid in before."""
+    for k in range(count):
+        pair = pairs[k]
+        relative_velocity(bodies, pair, state)
+        slip = _slip(pair)
+        pair["free_slip"] = _along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
+
+
+@kernel
+def first_stop(bodies, pairs, count, state):
+    """Fraction of the substep at which the first sliding contact stops or turns round, at most 1."""
+    first = 1.0
+    if state["flight"] != FLIGHT_EULER and state["dense_substep"] == 0:
+        for k in range(count):
+            if pairs[k]["manifold"] < 0 or pairs[k]["manifold"] == k:
+                first = min(first, _stop(bodies, pairs, k, state))
+    return first
+
+
+@kernel
+def _stop(bodies, pairs, k, state):
+    """`first_stop` of one patch as a whole, or of one row without.
+
+    Along the sliding before, its speed u goes to f without friction, and to u' with the friction p. At the
+    cone's limit L friction changes it by (u' - f) L / p, so it stops after u / (u - f + (f - u') L / p) of
+    the substep. Friction that stops it just at the end is less than L; one that turns it round points ahead.
+    """
+    fastest, last, turns = 0.0, 0.0, False
+    u = f = end = p = limit = 0.0
+    v = state["velocity"]
+    while k >= 0:
+        pair = pairs[k]
+        n, held, slip = pair["normal"], pair["resting_impulse"], _slip(pair)
+        j = n[0] * held[0] + n[1] * held[1] + n[2] * held[2]
+        if j > 0 and slip > SLIP_MIN:
+            v_n = relative_velocity(bodies, pair, state)
+            along = _along_slip(pair, v) / slip
+            rest = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - v_n * v_n
+            fastest, last = max(fastest, slip), max(last, rest)
+            turns = turns or along < -SLIP_MIN
+            u, f, end = u + slip, f + pair["free_slip"], end + along
+            p, limit = p - _along_slip(pair, held) / slip, limit + pair["friction"] * j
+        k = pair["next_point"]
+    if fastest <= SLIDE_MIN or limit == 0 or not (turns or last <= SLIP_MIN * SLIP_MIN):
+        return 1.0
+    # no friction at all lies between the answers on both sides
+    time = u - f + (f - end) * limit / p if p != 0 else 2 * u
+    # what stops in a moment is left to the hold
+    return min(1.0, u / time) if 0 < time < EVENT_CAP * u else 1.0
+
+
+@kernel
+def _separation(pair):
+    """Speed along the normal before the hold [m/s]."""
+    n, a, b = pair["normal"], pair["before_a"], pair["before_b"]
+    return n[0] * (b[0] - a[0]) + n[1] * (b[1] - a[1]) + n[2] * (b[2] - a[2])
+
+
+@kernel
+def before_across(pair):
+    """Sliding velocity before the hold [m/s]."""
+    n, a, b, v_n = pair["normal"], pair["before_a"], pair["before_b"], _separation(pair)
+    return b[0] - a[0] - v_n * n[0], b[1] - a[1] - v_n * n[1], b[2] - a[2] - v_n * n[2]
+
+
+@kernel
+def _slip(pair):
+    """Sliding speed before the hold [m/s]."""
+    x, y, z = before_across(pair)
+    return sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def _along_slip(pair, vector):
+    """A vector times the sliding velocity before the hold."""
+    x, y, z = before_across(pair)
+    return vector[0] * x + vector[1] * y + vector[2] * z

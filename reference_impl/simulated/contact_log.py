@@ -1,0 +1,57 @@
+"""The log of a frame's contacts: one row per impulse, with the surface velocities before and after it."""
+
+from reference_impl.core.conventions import COUNT_LOST
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import copy_vector
+from reference_impl.simulated.contact import surface_velocity
+
+
+@kernel
+def log_contact(contacts, state, pair, point, time):
+    """Open a row of the frame's contact log; returns its index, or -1 (counted) when the log is full."""
+    row = state["contact_count"]
+    if row == len(contacts):
+        state["counters"][COUNT_LOST] += 1
+        return -1
+    contact = contacts[row]
+    contact["time"] = time
+    contact["body_a"], contact["body_b"] = pair["body_a"], pair["body_b"]
+    contact["distance"] = pair["distance"]
+    copy_vector(point, contact["position"])
+    copy_vector(pair["normal"], contact["normal"])
+    state["contact_count"] = row + 1
+    return row
+
+
+@kernel
+def close_row(bodies, contact, p):
+    copy_vector(p, contact["impulse"])
+    surface_velocity(bodies[contact["body_a"]], contact["position"], contact["velocity_a_after"])
+    surface_velocity(bodies[contact["body_b"]], contact["position"], contact["velocity_b_after"])
+
+
+@kernel
+def log_held(bodies, pairs, count, contacts, state, time):
+    """Log the impulses of the rows `pairs[:count]`, where there are any."""
+    for k in range(count):
+        pair = pairs[k]
+        p = pair["resting_impulse"]
+        if p[0] == 0 and p[1] == 0 and p[2] == 0:
+            continue
+        row = log_contact(contacts, state, pair, pair["point"], time)
+        if row >= 0:
+            copy_vector(pair["before_a"], contacts[row]["velocity_a_before"])
+            copy_vector(pair["before_b"], contacts[row]["velocity_b_before"])
+            close_row(bodies, contacts[row], p)
+
+
+@kernel
+def shorten_resting_contacts(contacts, first, end, fraction):
+    """Held contacts acted for a fraction of their substep: cut what rows `first` to `end` log of them."""
+    for k in range(first, end):
+        row = contacts[k]
+        for i in range(3):
+            row["impulse"][i] *= fraction
+            a, b = row["velocity_a_before"][i], row["velocity_b_before"][i]
+            row["velocity_a_after"][i] = a + fraction * (row["velocity_a_after"][i] - a)
+            row["velocity_b_after"][i] = b + fraction * (row["velocity_b_after"][i] - b)

@@ -1,0 +1,111 @@
+"""Impacts solved as one per island, and the energy guard that judges an island as a whole."""
+
+from reference_impl.core.conventions import (
+    APPROACH_MIN,
+    COUNT_GUARDED,
+    COUNT_IMPULSES,
+    ENERGY_ROUNDING,
+    RESTITUTION_GUARDED,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import copy_vector
+from reference_impl.simulated.contact import apply_to_both, relative_velocity
+from reference_impl.simulated.impulse import lossless_share
+from reference_impl.solver.contact_solver import solve_island
+from reference_impl.solver.islands import is_head, join_islands
+
+
+@kernel
+def strike_together(bodies, joints, drivers, pairs, count, state):
+    """Impulses of all rows that have a floor, island by island.
+
+    n.v+ >= -e n.v-, with an impulse only where equality holds: for one e, (v+ + e v-) / (1 + e) is then the
+    projection of v- on the velocities that do not approach, and without friction the energy never rises. With
+    friction, or different e, the guard of `impulse.py` applies to all impulses of the island together.
+    """
+    join_islands(bodies, drivers, pairs, count, False)
+    for k in range(count):
+        if not is_head(bodies, pairs, k):
+            continue
+        solve_island(bodies, joints, drivers, pairs, k, False, state)
+        gain, work = _energy_change(bodies, pairs, k, state)
+        if state["restitution_law"] == RESTITUTION_GUARDED and gain > ENERGY_ROUNDING * work:
+            _guard(bodies, joints, drivers, pairs, k, gain, state)
+        state["counters"][COUNT_IMPULSES] += 1
+
+
+@kernel
+def _energy_change(bodies, pairs, head, state):
+    """Change of kinetic energy by the impulses of an island, and the size of their work against v- [J]."""
+    gain = work = 0.0
+    v, k = state["velocity"], head
+    while k >= 0:
+        pair = pairs[k]
+        relative_velocity(bodies, pair, state)
+        for i in range(3):
+            before = pair["before_b"][i] - pair["before_a"][i]
+            gain += pair["resting_impulse"][i] * (before + v[i]) / 2
+            work += abs(pair["resting_impulse"][i] * before)
+        k = pair["next_row"]
+    return gain, work
+
+
+@kernel
+def _guard(bodies, joints, drivers, pairs, head, gain, state):
+    """Go back from an island's impulses towards those at e = 0 until the kinetic energy does not rise."""
+    v, k = state["velocity"], head
+    while k >= 0:
+        pair = pairs[k]
+        copy_vector(pair["resting_impulse"], pair["spare"])
+        _add_impulse(bodies, joints, drivers, pair, -1.0, state)
+        pair["resting_impulse"][:] = 0.0
+        pair["floor"] = 0.0
+        k = pair["next_row"]
+    solve_island(bodies, joints, drivers, pairs, head, False, state)
+    start, _ = _energy_change(bodies, pairs, head, state)
+    slope = 0.0
+    k = head
+    while k >= 0:
+        relative_velocity(bodies, pairs[k], state)
+        for i in range(3):
+            slope += (pairs[k]["spare"][i] - pairs[k]["resting_impulse"][i]) * v[i]
+        k = pairs[k]["next_row"]
+    share = lossless_share(min(0.0, start), slope, gain)
+    k = head
+    while k >= 0:
+        pair = pairs[k]
+        held, spare = pair["resting_impulse"], pair["spare"]
+        # `spare` becomes what is added to the answer at e = 0
+        for i in range(3):
+            spare[i] = share * (spare[i] - held[i])
+            held[i] += spare[i]
+        apply_to_both(bodies, joints, drivers, pair, pair["point"], spare)
+        k = pair["next_row"]
+    state["counters"][COUNT_GUARDED] += 1
+
+
+@kernel
+def _add_impulse(bodies, joints, drivers, pair, share, state):
+    """Apply a share of a row's impulse `held` to its bodies."""
+    p = state["impulse"]
+    for i in range(3):
+        p[i] = share * pair["resting_impulse"][i]
+    apply_to_both(bodies, joints, drivers, pair, pair["point"], p)
+
+
+@kernel
+def to_middle(pairs, pair):
+    """Move the contact point of a row to the middle of the points of its patch that approach as fast, to
+    APPROACH_MIN: one at a time a pair is struck at one point, and where a face or an edge meets another
+    flatly, all of its points are the deepest."""
+    point, count, k = pair["point"], 0, pair["manifold"]
+    point[0] = point[1] = point[2] = 0.0
+    while k >= 0:
+        other = pairs[k]
+        if other["key"] >= pair["key"] - APPROACH_MIN:
+            count += 1
+            for i in range(3):
+                point[i] += (other["point_a"][i] + other["point_b"][i]) / 2
+        k = other["next_point"]
+    for i in range(3):
+        point[i] /= count

@@ -1,0 +1,106 @@
+"""Contacts that hold: impulses over a substep that keep touching pairs from approaching (section 5)."""
+
+from reference_impl.core.conventions import (
+    APPROACH_MIN,
+    FLIGHT_BALLISTIC,
+    IMPULSE_CAP,
+    IMPULSES_TOGETHER,
+    NO_FLOOR,
+    RESTING_CONTACT_ROUNDS,
+    SEPARATION_MIN,
+    STOP_SHARE,
+    STOP_SHORT,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.simulated.contact import approach_speed
+from reference_impl.simulated.contact_events import first_stop, note_free_slip
+from reference_impl.simulated.contact_log import log_held
+from reference_impl.simulated.impact import fastest_row, rest_speed, strike
+from reference_impl.simulated.integrate import apply_forces, begin_again
+from reference_impl.solver.contact_solver import begin_row, solve_contacts
+from reference_impl.solver.warm_start import load_impulse, store_impulses
+
+
+@kernel
+def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, h):
+    """Forces over a substep, and impulses in the friction cone that keep touching pairs from approaching.
+
+    Args:
+        time, h: start of the substep in the frame, and its length [s].
+    Returns:
+        (h, converged): the length for which it holds, shorter where a sliding contact stops before, and
+        whether the impulses converged.
+    """
+    converged = True
+    for k in range(RESTING_CONTACT_ROUNDS):
+        _prepare_resting_contacts(bodies, pairs, count, state)
+        apply_forces(bodies, state["gravity"], h, state["flight"])
+        if state["impulses"] == IMPULSES_TOGETHER:
+            converged = _solve_together(bodies, joints, drivers, pairs, count, state, h)
+        else:
+            converged = _solve_in_turn(bodies, joints, drivers, pairs, count, state)
+        # impulses that did not converge tell no moment
+        share = (
+            first_stop(bodies, pairs, count, state) if converged and k < RESTING_CONTACT_ROUNDS - 1 else 1.0
+        )
+        if share >= STOP_SHARE:
+            break
+        begin_again(bodies, joints, drivers)
+        h *= STOP_SHORT * share
+    log_held(bodies, pairs, count, contacts, state, time)
+    return h, converged
+
+
+@kernel
+def _prepare_resting_contacts(bodies, pairs, count, state):
+    """Before forces act: surface velocities of the touching pairs, and no impulse yet."""
+    patch_flight = max(APPROACH_MIN, rest_speed(state))
+    for k in range(count):
+        pair = pairs[k]
+        approach_speed(bodies, pair, state)
+        begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["manifold"] < 0 else patch_flight))
+
+
+@kernel
+def _floor(pair, state, flight):
+    """Speed along the normal that a hold leaves a row at least [m/s].
+
+    What separates faster than `flight` flies (`first_return`). What is slower may come back as fast as it
+    left: its mean velocity over the substep is 0 then, and so is the work of its impulse. A near pair closes
+    its gap at most. (Under FLIGHT_EULER the last velocity is taken for the mean.)
+    """
+    ballistic = state["flight"] == FLIGHT_BALLISTIC
+    if pair["speculative_speed"] > 0:
+        return pair["key"] - pair["speculative_speed"] if ballistic else -pair["speculative_speed"]
+    separation = -pair["key"]
+    if not ballistic or separation <= SEPARATION_MIN:
+        return 0.0
+    flies = separation > flight and state["dense_substep"] == 0 and state["impulses"] == IMPULSES_TOGETHER
+    return NO_FLOOR if flies else -separation
+
+
+@kernel
+def _solve_together(bodies, joints, drivers, pairs, count, state, h):
+    """Hold all rows at once, from the forces of the last hold; returns whether the impulses converged."""
+    note_free_slip(bodies, pairs, count, state)
+    for k in range(count):
+        load_impulse(bodies, pairs[k], state, h)
+    converged = solve_contacts(bodies, joints, drivers, pairs, count, True, state)
+    store_impulses(bodies, pairs, count, state, h)
+    return converged
+
+
+@kernel
+def _solve_in_turn(bodies, joints, drivers, pairs, count, state):
+    """Hold one point at a time, the fastest approach first, as an impact without restitution; returns whether
+    IMPULSE_CAP of them sufficed."""
+    note_free_slip(bodies, pairs, count, state)
+    k = -1
+    for _ in range(IMPULSE_CAP):
+        k = fastest_row(bodies, drivers, pairs, count, k, state)
+        if k < 0 or pairs[k]["key"] <= APPROACH_MIN:
+            return True
+        strike(bodies, joints, drivers, pairs[k], 0.0, state)
+        for i in range(3):
+            pairs[k]["resting_impulse"][i] += state["impulse"][i]
+    return False

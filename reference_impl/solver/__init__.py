@@ -1,0 +1,1 @@
+"""The contact solver: islands, rows, sweeps and Newton's method."""

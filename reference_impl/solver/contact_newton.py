@@ -1,0 +1,324 @@
+"""Newton's method for the contacts of one island: exact to rounding where sweeps crawl.
+
+Coulomb's law as an equation (natural map, Alart & Curnier 1991), regularised by the proximal point method
+(Rockafellar 1976): with x the change of the movers' velocities,
+
+    g(x) = M x - sum of J^T P(z) = 0,  z = centre - k (u(x) - floor n),  k = mass / compliance,
+
+P cutting an impulse off at its cone: no pull, friction at most mu times the pressure. Its derivative is not
+symmetric: friction follows the pressure. The centre is the last answer, so that at the end of the outer
+iterations the impulses meet the law itself, whatever the compliance. The first iterations have soft
+contacts, whose solution is unique; the later ones are stiffer.
+"""
+
+from math import sqrt
+
+from reference_impl.core.conventions import (
+    COMPLIANCE_FALL,
+    COMPLIANCE_FIRST,
+    COMPLIANCE_LAST,
+    COMPLIANCE_LEAST,
+    COMPLIANCE_RISE,
+    COMPLIANCE_ROUNDING,
+    COUNT_FACTORS,
+    EXTRAPOLATION_MOST,
+    EXTRAPOLATION_RISE,
+    INNER_SHARE,
+    LINE_HALVES,
+    LINE_SHARE,
+    NEWTON_ALLOWANCE,
+    NEWTON_FACTORS,
+    NEWTON_INNER,
+    NEWTON_STALLS,
+    RESIDUAL_ACCEPTED,
+    RESIDUAL_FALL,
+    RESIDUAL_ROUNDING,
+    RESIDUAL_TARGET,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import copy_vector, invert_symmetric
+from reference_impl.solver.contact_rows import (
+    changed_velocity,
+    into_cone,
+    keep_best,
+    rebuild,
+    residual_of,
+)
+from reference_impl.solver.envelope import add_block, factorise, lay_out, solve_factors
+
+
+@kernel
+def newton(solver, state):
+    """Improve the impulses of an island until they reach RESIDUAL_TARGET or improve no more; `keep_best`."""
+    work = lay_out(solver)
+    if work < 0:
+        return
+    rows, count = solver["rows"], solver["row_count"]
+    for m in range(solver["mover_count"]):
+        invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
+    last, stalled = solver["best_residual"], 0
+    compliance = min(COMPLIANCE_FIRST, sqrt(last))
+    left = min(NEWTON_FACTORS, int(max(state["newton_work"], NEWTON_ALLOWANCE) / work))
+    while left > 0:
+        for k in range(count):
+            rows[k]["stiffness"] = rows[k]["mass"] / compliance
+            copy_vector(rows[k]["impulse"], rows[k]["centre"])
+        used, solved = _solve_soft(solver, compliance * max(RESIDUAL_ROUNDING, INNER_SHARE * last))
+        state["counters"][COUNT_FACTORS] += used
+        state["newton_work"] -= used * work
+        left -= used
+        if not solved:
+            rebuild(solver)
+            compliance = min(1.0, compliance * COMPLIANCE_RISE)
+            continue
+        for k in range(count):
+            p, q, d = rows[k]["impulse"], rows[k]["centre"], rows[k]["direction"]
+            p[0], p[1], p[2] = _project(rows[k], 0.0)
+            # rounding of a large z leaves the cone
+            into_cone(rows[k])
+            for i in range(3):
+                d[i] = p[i] - q[i]
+        rebuild(solver)
+        residual, _ = residual_of(solver)
+        keep_best(solver, residual)
+        if residual <= RESIDUAL_TARGET:
+            return
+        if residual > RESIDUAL_FALL * last:
+            stalled += 1
+            if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
+                return
+            if not _extrapolate(solver, residual):
+                least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
+                compliance = max(least, compliance * COMPLIANCE_FALL)
+        last = residual
+
+
+@kernel
+def _extrapolate(solver, residual):
+    """Extrapolate the last change of the impulses, at most until a normal impulse vanishes, if the residual
+    does not rise; returns whether it was done.
+
+    Where the points of a face are nearly redundant, the residual stays constant while load moves between
+    them, until one of them is open; the proximal iteration alone takes thousands of steps to get there.
+    """
+    rows, count, length = solver["rows"], solver["row_count"], EXTRAPOLATION_MOST
+    for k in range(count):
+        p, d, n = rows[k]["impulse"], rows[k]["direction"], rows[k]["normal"]
+        load = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
+        change = d[0] * n[0] + d[1] * n[1] + d[2] * n[2]
+        if load > 0 and change < 0:
+            length = min(length, load / -change)
+        copy_vector(p, rows[k]["swept"])
+    while length >= 1:
+        for k in range(count):
+            p, q, d = rows[k]["impulse"], rows[k]["swept"], rows[k]["direction"]
+            for i in range(3):
+                p[i] = q[i] + length * d[i]
+            into_cone(rows[k])
+        rebuild(solver)
+        changed, _ = residual_of(solver)
+        if changed <= EXTRAPOLATION_RISE * residual:
+            keep_best(solver, changed)
+            return True
+        length /= 4
+    for k in range(count):
+        copy_vector(rows[k]["swept"], rows[k]["impulse"])
+    rebuild(solver)
+    return False
+
+
+@kernel
+def _project(row, s):
+    """Impulse of a row at fraction s of the step `rate`: z cut off at its cone."""
+    c, n, u, d, k = row["centre"], row["normal"], row["velocity"], row["rate"], row["stiffness"]
+    x = c[0] - k * (u[0] + s * d[0])
+    y = c[1] - k * (u[1] + s * d[1])
+    z = c[2] - k * (u[2] + s * d[2])
+    normal = x * n[0] + y * n[1] + z * n[2]
+    x, y, z = x - normal * n[0], y - normal * n[1], z - normal * n[2]
+    j = max(0.0, normal + k * row["floor"])
+    size, limit = sqrt(x * x + y * y + z * z), row["friction"] * j
+    scale = limit / size if size > limit else 1.0
+    return j * n[0] + scale * x, j * n[1] + scale * y, j * n[2] + scale * z
+
+
+@kernel
+def _derivative(row, out_kernel):
+    """k P'(z) at the row's velocity [kg]; returns whether it is not zero."""
+    c, n, u, k, mu = row["centre"], row["normal"], row["velocity"], row["stiffness"], row["friction"]
+    x, y, z = c[0] - k * u[0], c[1] - k * u[1], c[2] - k * u[2]
+    normal = x * n[0] + y * n[1] + z * n[2]
+    j = normal + k * row["floor"]
+    if j <= 0:
+        return False
+    x, y, z = x - normal * n[0], y - normal * n[1], z - normal * n[2]
+    size = sqrt(x * x + y * y + z * z)
+    # sticking: the identity; sliding: friction turns with z, and grows with the pressure
+    across = radial = 1.0
+    mixed = 0.0
+    if size > mu * j:
+        across, radial, mixed = mu * j / size, 0.0, mu
+        x, y, z = x / size, y / size, z / size
+    t = (x, y, z)
+    for i in range(3):
+        for m in range(3):
+            value = (1 - across) * n[i] * n[m] + (across if i == m else 0.0)
+            if radial == 0:
+                value += t[i] * (mixed * n[m] - across * t[m])
+            out_kernel[i, m] = k * value
+    return True
+
+
+@kernel
+def _solve_soft(solver, tolerance):
+    """Solve g(x) = 0 from the impulses' velocities; leaves the rows' `velocity` there.
+
+    Args:
+        tolerance: change of a row's velocity in a step that ends it [m/s].
+    Returns:
+        Factorisations, and whether it ended there.
+    """
+    rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
+    for k in range(count):
+        row = rows[k]
+        x, y, z = changed_velocity(row, movers)
+        u, f = row["velocity"], row["free"]
+        u[0], u[1], u[2] = x + f[0], y + f[1], z + f[2]
+        row["rate"][:] = 0.0
+    for i in range(6 * solver["mover_count"]):
+        solver["step"][i] = 0.0
+    size = _gradient(solver, 0.0)
+    for used in range(1, NEWTON_INNER + 1):
+        _assemble(solver)
+        factorise(solver)
+        solve_factors(solver)
+        _set_rates(solver)
+        # half the step until the equation is nearer to its solution
+        fraction = 1.0
+        for _ in range(LINE_HALVES):
+            changed = _gradient(solver, fraction)
+            if changed <= (1 - LINE_SHARE * fraction) * size:
+                break
+            fraction /= 2
+        size = changed
+        if _advance(solver, fraction) <= tolerance:
+            return used, True
+    return NEWTON_INNER, False
+
+
+@kernel
+def _gradient(solver, s):
+    """g at fraction s of the step; returns g.M^-1 g [J]."""
+    g, step, movers = solver["gradient"], solver["step"], solver["movers"]
+    for m in range(solver["mover_count"]):
+        mover = movers[m]
+        base, inertia = 6 * mover["place"], mover["inertia"]
+        v, w = mover["velocity"], mover["omega"]
+        x, y, z = w[0] + s * step[base + 3], w[1] + s * step[base + 4], w[2] + s * step[base + 5]
+        for i in range(3):
+            g[base + i] = (v[i] + s * step[base + i]) / mover["inverse_mass"]
+            g[base + 3 + i] = inertia[i, 0] * x + inertia[i, 1] * y + inertia[i, 2] * z
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        px, py, pz = _project(row, s)
+        if row["b"] >= 0:
+            _subtract(g, 6 * movers[row["b"]]["place"], row["r_b"], px, py, pz)
+        if row["a"] >= 0:
+            _subtract(g, 6 * movers[row["a"]]["place"], row["r_a"], -px, -py, -pz)
+    size = 0.0
+    for m in range(solver["mover_count"]):
+        base, inverse = 6 * movers[m]["place"], movers[m]["inverse_inertia"]
+        for i in range(3):
+            size += movers[m]["inverse_mass"] * g[base + i] * g[base + i]
+            for j in range(3):
+                size += g[base + 3 + i] * inverse[i, j] * g[base + 3 + j]
+    return size
+
+
+@kernel
+def _assemble(solver):
+    """The derivative of g in its envelope: M + sum of J^T k P' J."""
+    movers, lower, upper, offset = solver["movers"], solver["lower"], solver["upper"], solver["offset"]
+    last = 6 * solver["mover_count"] - 1
+    for i in range(offset[last] + last + 1):
+        lower[i] = upper[i] = 0.0
+    for m in range(solver["mover_count"]):
+        base, inertia = 6 * movers[m]["place"], movers[m]["inertia"]
+        for i in range(3):
+            lower[offset[base + i] + base + i] = 1 / movers[m]["inverse_mass"]
+            row = offset[base + 3 + i] + base + 3
+            for j in range(i + 1):
+                lower[row + j] = upper[row + j] = inertia[i, j]
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        if not _derivative(row, solver["kernel"]):
+            continue
+        p = movers[row["b"]]["place"] if row["b"] >= 0 else -1
+        q = movers[row["a"]]["place"] if row["a"] >= 0 else -1
+        for transposed in (False, True):
+            half = upper if transposed else lower
+            if p >= 0:
+                add_block(solver, half, transposed, p, p, row["r_b"], row["r_b"], 1.0)
+            if q >= 0:
+                add_block(solver, half, transposed, q, q, row["r_a"], row["r_a"], 1.0)
+            if p >= 0 and q >= 0:
+                if p > q:
+                    add_block(solver, half, transposed, p, q, row["r_b"], row["r_a"], -1.0)
+                else:
+                    add_block(solver, half, transposed, q, p, row["r_a"], row["r_b"], -1.0)
+
+
+@kernel
+def _subtract(g, base, r, px, py, pz):
+    """Subtract J^T p of one side from the gradient."""
+    g[base] -= px
+    g[base + 1] -= py
+    g[base + 2] -= pz
+    g[base + 3] -= r[1] * pz - r[2] * py
+    g[base + 4] -= r[2] * px - r[0] * pz
+    g[base + 5] -= r[0] * py - r[1] * px
+
+
+@kernel
+def _set_rates(solver):
+    """Change of the rows' velocities along the step."""
+    step, movers = solver["step"], solver["movers"]
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        d = row["rate"]
+        d[:] = 0.0
+        if row["b"] >= 0:
+            _add_rate(step, 6 * movers[row["b"]]["place"], row["r_b"], 1.0, d)
+        if row["a"] >= 0:
+            _add_rate(step, 6 * movers[row["a"]]["place"], row["r_a"], -1.0, d)
+
+
+@kernel
+def _add_rate(step, base, r, sign, out_rate):
+    """Add the change of a row's velocity by one side's step."""
+    x, y, z = step[base + 3], step[base + 4], step[base + 5]
+    out_rate[0] += sign * (step[base] + y * r[2] - z * r[1])
+    out_rate[1] += sign * (step[base + 1] + z * r[0] - x * r[2])
+    out_rate[2] += sign * (step[base + 2] + x * r[1] - y * r[0])
+
+
+@kernel
+def _advance(solver, s):
+    """Take a fraction of the step; returns the largest change of a row's velocity [m/s]."""
+    step = solver["step"]
+    for m in range(solver["mover_count"]):
+        mover = solver["movers"][m]
+        base = 6 * mover["place"]
+        for i in range(3):
+            mover["velocity"][i] += s * step[base + i]
+            mover["omega"][i] += s * step[base + 3 + i]
+    largest = 0.0
+    for k in range(solver["row_count"]):
+        u, d = solver["rows"][k]["velocity"], solver["rows"][k]["rate"]
+        size = 0.0
+        for i in range(3):
+            u[i] += s * d[i]
+            size += d[i] * d[i]
+            d[i] = 0.0
+        largest = max(largest, s * sqrt(size))
+    return largest

@@ -1,0 +1,316 @@
+"""Rows of one island: their velocities, Coulomb's law at one contact point, and the residual of all.
+
+Conventions: u = free + J x is the velocity of B against A at a contact point, x the change of the movers'
+velocities by the impulses. Coulomb's law: u.n >= floor, impulse.n >= 0, one of both with equality; friction
+at most mu times impulse.n, against the sliding where there is some.
+"""
+
+from math import sqrt
+
+from reference_impl.core.conventions import RESIDUAL_ACCEPTED, SLIDE_ROUNDING, SLIDE_STEPS, SLIP_MIN
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import copy_vector
+
+
+@kernel
+def changed_velocity(row, movers):
+    """Change of a row's velocity by all impulses of its island [m/s]."""
+    x = y = z = 0.0
+    if row["b"] >= 0:
+        v, w, r = movers[row["b"]]["velocity"], movers[row["b"]]["omega"], row["r_b"]
+        x, y, z = _point_velocity(v, w, r)
+    if row["a"] >= 0:
+        v, w, r = movers[row["a"]]["velocity"], movers[row["a"]]["omega"], row["r_a"]
+        p, q, s = _point_velocity(v, w, r)
+        x, y, z = x - p, y - q, z - s
+    return x, y, z
+
+
+@kernel
+def _point_velocity(v, w, r):
+    return (
+        v[0] + w[1] * r[2] - w[2] * r[1],
+        v[1] + w[2] * r[0] - w[0] * r[2],
+        v[2] + w[0] * r[1] - w[1] * r[0],
+    )
+
+
+@kernel
+def push_movers(row, movers, px, py, pz):
+    """Change the velocities of a row's movers by an impulse (px, py, pz) on B [N s]."""
+    if row["b"] >= 0:
+        _push(movers[row["b"]], row["r_b"], px, py, pz)
+    if row["a"] >= 0:
+        _push(movers[row["a"]], row["r_a"], -px, -py, -pz)
+
+
+@kernel
+def _push(mover, r, px, py, pz):
+    m, s, v, w = mover["inverse_inertia"], mover["inverse_mass"], mover["velocity"], mover["omega"]
+    tx, ty, tz = r[1] * pz - r[2] * py, r[2] * px - r[0] * pz, r[0] * py - r[1] * px
+    v[0] += s * px
+    v[1] += s * py
+    v[2] += s * pz
+    w[0] += m[0, 0] * tx + m[0, 1] * ty + m[0, 2] * tz
+    w[1] += m[1, 0] * tx + m[1, 1] * ty + m[1, 2] * tz
+    w[2] += m[2, 0] * tx + m[2, 1] * ty + m[2, 2] * tz
+
+
+@kernel
+def rebuild(solver):
+    """Velocities of the movers from the impulses of all rows."""
+    movers = solver["movers"]
+    for m in range(solver["mover_count"]):
+        movers[m]["velocity"][:] = 0.0
+        movers[m]["omega"][:] = 0.0
+    for k in range(solver["row_count"]):
+        p = solver["rows"][k]["impulse"]
+        if p[0] != 0 or p[1] != 0 or p[2] != 0:
+            push_movers(solver["rows"][k], movers, p[0], p[1], p[2])
+
+
+@kernel
+def into_cone(row):
+    """Cut a row's impulse off at its cone: no pull, friction at most mu times the pressure."""
+    p, n = row["impulse"], row["normal"]
+    j = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
+    x, y, z = p[0] - j * n[0], p[1] - j * n[1], p[2] - j * n[2]
+    size, limit = sqrt(x * x + y * y + z * z), row["friction"] * max(0.0, j)
+    scale = limit / size if size > limit else 1.0
+    j = max(0.0, j)
+    p[0], p[1], p[2] = j * n[0] + scale * x, j * n[1] + scale * y, j * n[2] + scale * z
+
+
+@kernel
+def residual_of(solver):
+    """Largest violation of Coulomb's law over all rows [m/s], and the row that has it.
+
+    Of the impulse p that is the change by one projected step: |p_n - max(0, p_n - m (u_n - floor))| / m, and
+    for friction |p_t - (p_t - m u_t, cut off at mu times that)| / m (Alart & Curnier 1991).
+    """
+    largest, worst = 0.0, -1
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        change = _violation(row, solver["movers"])
+        if not change <= largest:
+            largest, worst = change, k
+    return largest, worst
+
+
+@kernel
+def _violation(row, movers):
+    f, n, p, m = row["free"], row["normal"], row["impulse"], row["mass"]
+    x, y, z = changed_velocity(row, movers)
+    x, y, z = x + f[0], y + f[1], z + f[2]
+    u_n = x * n[0] + y * n[1] + z * n[2]
+    j = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
+    wanted = max(0.0, j - m * (u_n - row["floor"]))
+    tx, ty, tz = p[0] - j * n[0], p[1] - j * n[1], p[2] - j * n[2]
+    sx, sy, sz = tx - m * (x - u_n * n[0]), ty - m * (y - u_n * n[1]), tz - m * (z - u_n * n[2])
+    size, limit = sqrt(sx * sx + sy * sy + sz * sz), row["friction"] * wanted
+    scale = limit / size if size > limit else 1.0
+    tx, ty, tz, j = tx - scale * sx, ty - scale * sy, tz - scale * sz, j - wanted
+    return sqrt(j * j + tx * tx + ty * ty + tz * tz) / m
+
+
+@kernel
+def keep_best(solver, residual):
+    """Keep the impulses of all rows where their residual is the least so far."""
+    if residual < solver["best_residual"]:
+        solver["best_residual"] = residual
+        for k in range(solver["row_count"]):
+            copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["best"])
+
+
+@kernel
+def take_best(solver):
+    """Go back to the best impulses kept."""
+    for k in range(solver["row_count"]):
+        copy_vector(solver["rows"][k]["best"], solver["rows"][k]["impulse"])
+    rebuild(solver)
+
+
+@kernel
+def _work_terms(solver):
+    """-p.(v + u), p.W p and the sum of |p| over all rows: twice the contacts' work is the second less the
+    first."""
+    driving = damping = size = 0.0
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        p, f, before = row["impulse"], row["free"], row["before"]
+        x, y, z = changed_velocity(row, solver["movers"])
+        damping += p[0] * x + p[1] * y + p[2] * z
+        size += sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+        for i in range(3):
+            driving -= p[i] * (before[i] + f[i])
+    return driving, damping, size
+
+
+@kernel
+def pushes_along(solver):
+    """Whether the contacts do work on the island, beyond what the residual explains."""
+    driving, damping, size = _work_terms(solver)
+    return damping - driving > RESIDUAL_ACCEPTED * size
+
+
+@kernel
+def reverse_slip(solver):
+    """Take friction against the mean sliding of the hold: against the velocity after it, seen from the
+    reverse of the sliding before."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        n, f, before = row["normal"], row["free"], row["before"]
+        along = n[0] * before[0] + n[1] * before[1] + n[2] * before[2]
+        for i in range(3):
+            f[i] += before[i] - along * n[i]
+            before[i] = along * n[i]
+
+
+@kernel
+def make_passive(solver):
+    """Scale all impulses down until contacts do no work on the island (`contact_solver`)."""
+    driving, damping, _ = _work_terms(solver)
+    scale = 0.0
+    if driving > 0:
+        scale = 1.0 if damping <= driving else driving / damping
+    if scale < 1.0:
+        for k in range(solver["row_count"]):
+            for i in range(3):
+                solver["rows"][k]["impulse"][i] *= scale
+        rebuild(solver)
+
+
+@kernel
+def prepare_row(row):
+    """Axes across a row's normal, and its mobility along and across it, the normal impulse eliminated."""
+    n, t, s, w = row["normal"], row["across_1"], row["across_2"], row["mobility"]
+    ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
+    least = 0 if ax <= ay and ax <= az else (1 if ay <= az else 2)
+    size = sqrt(1 - n[least] * n[least])
+    for i in range(3):
+        t[i] = ((1.0 if i == least else 0.0) - n[least] * n[i]) / size
+    s[0], s[1], s[2] = n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2], n[0] * t[1] - n[1] * t[0]
+    row["mass"] = 3 / (w[0, 0] + w[1, 1] + w[2, 2])
+    row["along"], along_1, along_2 = _form(w, n, n), _form(w, n, t), _form(w, n, s)
+    row["share_1"], row["share_2"] = along_1 / row["along"], along_2 / row["along"]
+    row["across_11"] = _form(w, t, t) - along_1 * row["share_1"]
+    row["across_12"] = _form(w, t, s) - along_1 * row["share_2"]
+    row["across_22"] = _form(w, s, s) - along_2 * row["share_2"]
+
+
+@kernel
+def _form(w, a, b):
+    """a.W b"""
+    total = 0.0
+    for i in range(3):
+        total += a[i] * (w[i, 0] * b[0] + w[i, 1] * b[1] + w[i, 2] * b[2])
+    return total
+
+
+@kernel
+def solve_row(row, movers, always):
+    """Impulse of one row that meets Coulomb's law while the others stay; returns its change over m [m/s].
+
+    Args:
+        always: friction is mu times the pressure against any sliding (Eq. 10), not at most that.
+    """
+    f, p, w = row["free"], row["impulse"], row["mobility"]
+    n, t, s = row["normal"], row["across_1"], row["across_2"]
+    x, y, z = changed_velocity(row, movers)
+    # the velocity without this row's impulse
+    x += f[0] - w[0, 0] * p[0] - w[0, 1] * p[1] - w[0, 2] * p[2]
+    y += f[1] - w[1, 0] * p[0] - w[1, 1] * p[1] - w[1, 2] * p[2]
+    z += f[2] - w[2, 0] * p[0] - w[2, 1] * p[1] - w[2, 2] * p[2]
+    missing = row["floor"] - (x * n[0] + y * n[1] + z * n[2])
+    j = u = v = 0.0
+    if missing > 0:
+        across_1, across_2 = x * t[0] + y * t[1] + z * t[2], x * s[0] + y * s[1] + z * s[2]
+        j, u, v = _coulomb(row, missing / row["along"], across_1, across_2, always)
+    x = j * n[0] + u * t[0] + v * s[0] - p[0]
+    y = j * n[1] + u * t[1] + v * s[1] - p[1]
+    z = j * n[2] + u * t[2] + v * s[2] - p[2]
+    if x == 0 and y == 0 and z == 0:
+        return 0.0
+    p[0], p[1], p[2] = p[0] + x, p[1] + y, p[2] + z
+    push_movers(row, movers, x, y, z)
+    return sqrt(x * x + y * y + z * z) / row["mass"]
+
+
+@kernel
+def _coulomb(row, plain, x, y, always):
+    """Impulse along and across the normal by Coulomb's law.
+
+    With the normal impulse j = plain - share.q eliminated, friction q leaves the sliding c + A q. Sticking:
+    that is 0. Sliding: c + A q = -alpha q with the alpha > 0 for which |q| = mu j: 1 - mu j / |q| falls from
+    above 0, where sticking is outside the cone, without bound, so there is one however strong the coupling.
+
+    Args:
+        plain: impulse along the normal without friction [N s].
+        x, y: velocity across the normal without any [m/s].
+    """
+    mu, a, b, d = row["friction"], row["across_11"], row["across_12"], row["across_22"]
+    g, h, along = row["share_1"], row["share_2"], row["along"]
+    if mu == 0:
+        return plain, 0.0, 0.0
+    if always:
+        # against the sliding that the present impulse leaves
+        p, n = row["impulse"], row["normal"]
+        q, r = _dot(p, row["across_1"]), _dot(p, row["across_2"])
+        j = _dot(p, n) + g * q + h * r
+        u, v = x + along * g * j + a * q + b * r, y + along * h * j + b * q + d * r
+        q, r = q - 2 * u / (a + d), r - 2 * v / (a + d)
+        size = sqrt(q * q + r * r)
+        if size > SLIP_MIN / (a + d):
+            bend = 1 + mu * (g * q + h * r) / size
+            j = plain / bend if bend > 0 else plain
+            return j, mu * j * q / size, mu * j * r / size
+    x, y = x + along * g * plain, y + along * h * plain
+    q, r = _friction(a, b, d, x, y, 0.0)
+    j, size = plain - g * q - h * r, sqrt(q * q + r * r)
+    if size <= mu * j:
+        return j, q, r
+    early, value_early = 0.0, 1 - mu * j / size
+    late = sqrt(x * x + y * y) / (mu * plain)
+    value_late = value_early
+    for _ in range(SLIDE_STEPS):
+        q, r = _friction(a, b, d, x, y, late)
+        j, size = plain - g * q - h * r, sqrt(q * q + r * r)
+        value_late = 1 - mu * j / size
+        if value_late <= 0:
+            break
+        early, value_early, late = late, value_late, 2 * late
+    side = 0
+    for _ in range(SLIDE_STEPS):
+        alpha = (early * value_late - late * value_early) / (value_late - value_early)
+        q, r = _friction(a, b, d, x, y, alpha)
+        j, size = plain - g * q - h * r, sqrt(q * q + r * r)
+        value = 1 - mu * j / size
+        if abs(value) <= SLIDE_ROUNDING:
+            break
+        if value > 0:
+            early, value_early = alpha, value
+            if side == 1:
+                value_late /= 2
+            side = 1
+        else:
+            late, value_late = alpha, value
+            if side == -1:
+                value_early /= 2
+            side = -1
+    # in the cone whatever is left of the value
+    j = max(0.0, j)
+    scale = min(1.0, mu * j / size)
+    return j, scale * q, scale * r
+
+
+@kernel
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _friction(a, b, d, x, y, alpha):
+    """-(A + alpha)^-1 (x, y)"""
+    a, d = a + alpha, d + alpha
+    bottom = a * d - b * b
+    return (b * y - d * x) / bottom, (b * x - a * y) / bottom

@@ -1,0 +1,188 @@
+"""Contacts that resolve together: impulses that meet Coulomb's law in all rows of an island.
+
+From the impulses of the last hold, sweeps of projected Gauss-Seidel with conjugate directions (Silcowitz,
+Niebe & Erleben 2010) and, where these do not converge, Newton's method on the proximal problem
+(`contact_newton`). The impulses of the least residual are kept.
+
+Impulses that did not converge are scaled down until contacts do no work. With u the velocities without
+impulses p, v those before the hold, W the map from impulses to velocities, that work is
+
+    p.(v + u + W p) / 2 <= 0  for  p scaled by  s <= -p.(v + u) / p.W p.
+
+This holds for any p, so no cap, stall or start can add energy. It makes an answer safe, not right: what is
+left of the approach lets bodies sink, and is recorded as the frame's residual.
+
+An answer that converged may do work too, where friction stops a row that slid the other way before: its mean
+force then points along that sliding. In such an island friction is taken against the mean sliding (v + u) / 2
+instead, and does none.
+"""
+
+from math import inf
+
+from reference_impl.core.conventions import (
+    COUNT_SWEEPS,
+    COUNT_UNCONVERGED,
+    DENSE_SWEEPS,
+    DENSE_VISITS,
+    FIRST_SWEEPS,
+    FLIGHT_BALLISTIC,
+    FRICTION_PAPER,
+    MOST_SWEEPS,
+    MOST_VISITS,
+    RESIDUAL_ACCEPTED,
+    RESIDUAL_TARGET,
+)
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import copy_vector
+from reference_impl.simulated.contact import surface_velocity
+from reference_impl.solver.contact_newton import newton
+from reference_impl.solver.contact_rows import (
+    into_cone,
+    keep_best,
+    make_passive,
+    pushes_along,
+    rebuild,
+    residual_of,
+    reverse_slip,
+    solve_row,
+    take_best,
+)
+from reference_impl.solver.islands import is_head, join_islands, load_island, store_island
+
+
+@kernel
+def begin_row(bodies, pair, floor):
+    """A row without impulse yet: its floor and surface velocities."""
+    pair["resting_impulse"][:] = 0.0
+    pair["floor"] = floor
+    surface_velocity(bodies[pair["body_a"]], pair["point"], pair["before_a"])
+    surface_velocity(bodies[pair["body_b"]], pair["point"], pair["before_b"])
+
+
+@kernel
+def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
+    """Impulses `held` of the rows `pairs[:count]`, from those they have, which have not acted yet.
+
+    Args:
+        lasting: they act evenly from the velocities before the hold to those after it, not in a moment.
+    Returns:
+        Whether every island converged.
+    """
+    join_islands(bodies, drivers, pairs, count, False)
+    converged = True
+    for k in range(count):
+        if pairs[k]["island"] < 0:
+            pairs[k]["resting_impulse"][:] = 0.0
+        elif is_head(bodies, pairs, k):
+            converged = solve_island(bodies, joints, drivers, pairs, k, lasting, state) and converged
+    return converged
+
+
+@kernel
+def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
+    """Solve the island whose first row is `head`; returns whether it converged, which is counted if not."""
+    load_island(bodies, drivers, pairs, head, state)
+    solver = state["solver"]
+    rows = solver["rows"]
+    for k in range(solver["row_count"]):
+        into_cone(rows[k])
+    _solve_loaded(solver, state)
+    if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
+        reverse_slip(solver)
+        _solve_loaded(solver, state)
+    residual = solver["best_residual"]
+    converged = residual <= RESIDUAL_ACCEPTED
+    if not converged:
+        make_passive(solver)
+        state["counters"][COUNT_UNCONVERGED] += 1
+    if residual > state["residual"]:
+        _, worst = residual_of(solver)
+        pair = pairs[rows[max(worst, 0)]["pair"]]
+        state["residual"] = residual
+        state["residual_body_a"], state["residual_body_b"] = pair["body_a"], pair["body_b"]
+    store_island(bodies, joints, drivers, pairs, state)
+    return converged
+
+
+@kernel
+def _solve_loaded(solver, state):
+    """The best impulses found for the rows of the solver, from those they have."""
+    for k in range(solver["row_count"]):
+        copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
+    rebuild(solver)
+    make_passive(solver)
+    residual = inf
+    # under Eq. 10 as printed the residual of Coulomb's law means nothing
+    if state["friction"] != FRICTION_PAPER:
+        residual, _ = residual_of(solver)
+    solver["best_residual"] = inf
+    keep_best(solver, residual)
+    if not residual <= RESIDUAL_TARGET:
+        _iterate(solver, state)
+        take_best(solver)
+
+
+@kernel
+def _iterate(solver, state):
+    """Sweeps, Newton's method, and sweeps again, as far as they are needed."""
+    rows = solver["row_count"]
+    if rows > 1 and state["friction"] != FRICTION_PAPER:
+        if _sweep(solver, state, FIRST_SWEEPS):
+            return
+        newton(solver, state)
+        take_best(solver)
+        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            return
+    if state["dense_substep"] == 1:
+        _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))
+    else:
+        _sweep(solver, state, max(MOST_SWEEPS, MOST_VISITS // rows))
+
+
+@kernel
+def _sweep(solver, state, most):
+    """At most so many sweeps over all rows; returns whether they reached RESIDUAL_TARGET."""
+    rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
+    always = state["friction"] == FRICTION_PAPER
+    last = 0.0
+    for k in range(count):
+        rows[k]["direction"][:] = 0.0
+    for sweep in range(most):
+        change = size = 0.0
+        for k in range(count):
+            row = rows[k]
+            copy_vector(row["impulse"], row["swept"])
+            change = max(change, solve_row(row, movers, always))
+        state["counters"][COUNT_SWEEPS] += 1
+        # a residual costs half a sweep
+        if change < 2 * solver["best_residual"] or sweep == most - 1:
+            residual = change
+            if not always:
+                residual, _ = residual_of(solver)
+            keep_best(solver, residual)
+            if residual <= RESIDUAL_TARGET:
+                return True
+        for k in range(count):
+            p, q, m = rows[k]["impulse"], rows[k]["swept"], rows[k]["mass"]
+            for i in range(3):
+                size += (p[i] - q[i]) ** 2 / m
+        # the conjugate direction; a growing step starts it again
+        share = size / last if last > 0 else 0.0
+        last = size
+        _conjugate(solver, share if share <= 1 else 0.0)
+    return False
+
+
+@kernel
+def _conjugate(solver, share):
+    """Add a share of the last direction to the impulses, and the sweep's step to the direction."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        p, q, d = row["impulse"], row["swept"], row["direction"]
+        for i in range(3):
+            step = p[i] - q[i]
+            d[i] *= share
+            p[i] += d[i]
+            d[i] += step
+    if share > 0:
+        rebuild(solver)

@@ -1,0 +1,145 @@
+"""Matrix of six unknowns a mover, in an envelope that is symmetric: order, L U, and solution.
+
+Row i of the lower half and column i of the upper one hold their entries from `begin[i]` to the diagonal;
+factors fill nothing outside (Jennings 1966).
+Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969), which keeps rows short.
+"""
+
+from reference_impl.core.kernel import inlined_kernel, kernel
+from reference_impl.core.solver_dtypes import NEWTON_ENTRIES, NEWTON_MOVERS, NEWTON_ROWS
+
+
+@kernel
+def lay_out(solver):
+    """Order the movers and lay out the envelope; returns the multiplications of a factorisation, or -1 where
+    the island is too large."""
+    movers, count = solver["movers"], solver["mover_count"]
+    if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
+        return -1.0
+    # the last of a first pass is an end of the island
+    end = _order_from(solver, 0)
+    _order_from(solver, end)
+    for m in range(count):
+        movers[m]["first_place"] = movers[m]["place"]
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        if row["a"] >= 0 and row["b"] >= 0:
+            a, b = movers[row["a"]], movers[row["b"]]
+            a["first_place"] = min(a["first_place"], b["place"])
+            b["first_place"] = min(b["first_place"], a["place"])
+    used, work = 0, 0.0
+    for place in range(count):
+        begin = 6 * movers[solver["order"][place]]["first_place"]
+        for i in range(6 * place, 6 * place + 6):
+            length = i - begin + 1
+            if used + length > NEWTON_ENTRIES:
+                return -1.0
+            solver["begin"][i], solver["offset"][i] = begin, used - begin
+            used += length
+            work += length * length
+    return work
+
+
+@kernel
+def _order_from(solver, first):
+    """Breadth-first order of the movers from one of them; returns the last."""
+    movers, order, count = solver["movers"], solver["order"], solver["mover_count"]
+    for m in range(count):
+        movers[m]["place"] = -1
+    order[0], movers[first]["place"], listed = first, 0, 1
+    for place in range(count):
+        m = order[place]
+        for k in range(solver["row_count"]):
+            a, b = solver["rows"][k]["a"], solver["rows"][k]["b"]
+            other = b if a == m else (a if b == m else -1)
+            if other >= 0 and movers[other]["place"] < 0:
+                order[listed], movers[other]["place"] = other, listed
+                listed += 1
+    return order[count - 1]
+
+
+@kernel
+def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
+    """Add sign J_p^T K J_q of one row, K being `kernel`, to the block of places p >= q; with K transposed to
+    the upper half, which is stored by columns."""
+    matrix, block, offset = solver["kernel"], solver["block"], solver["offset"]
+    for j in range(3):
+        if transposed:
+            x, y, z = matrix[j, 0], matrix[j, 1], matrix[j, 2]
+        else:
+            x, y, z = matrix[0, j], matrix[1, j], matrix[2, j]
+        x, y, z = sign * x, sign * y, sign * z
+        block[0, j], block[1, j], block[2, j] = x, y, z
+        block[3, j] = r_p[1] * z - r_p[2] * y
+        block[4, j] = r_p[2] * x - r_p[0] * z
+        block[5, j] = r_p[0] * y - r_p[1] * x
+    for i in range(6):
+        x, y, z = block[i, 0], block[i, 1], block[i, 2]
+        start = offset[6 * p + i] + 6 * q
+        # of a diagonal block one half
+        stop = i + 1 if p == q else 6
+        for j in range(stop):
+            if j == 0:
+                value = x
+            elif j == 1:
+                value = y
+            elif j == 2:
+                value = z
+            elif j == 3:
+                value = r_q[1] * z - r_q[2] * y
+            elif j == 4:
+                value = r_q[2] * x - r_q[0] * z
+            else:
+                value = r_q[0] * y - r_q[1] * x
+            entries[start + j] += value
+
+
+@inlined_kernel
+def _dot(one, p, two, q, count):
+    """Sum of one[p + k] two[q + k]; four sums that do not wait for each other."""
+    a = b = c = d = 0.0
+    k = 0
+    while k + 4 <= count:
+        a += one[p + k] * two[q + k]
+        b += one[p + k + 1] * two[q + k + 1]
+        c += one[p + k + 2] * two[q + k + 2]
+        d += one[p + k + 3] * two[q + k + 3]
+        k += 4
+    while k < count:
+        a += one[p + k] * two[q + k]
+        k += 1
+    return (a + b) + (c + d)
+
+
+@kernel
+def factorise(solver):
+    """L U in place, without pivots: L has ones on its diagonal."""
+    lower, upper, offset, begin = solver["lower"], solver["upper"], solver["offset"], solver["begin"]
+    for i in range(6 * solver["mover_count"]):
+        row, first = offset[i], begin[i]
+        for j in range(first, i):
+            low, other = max(first, begin[j]), offset[j]
+            upper[row + j] -= _dot(lower, other + low, upper, row + low, j - low)
+            value = lower[row + j] - _dot(lower, row + low, upper, other + low, j - low)
+            lower[row + j] = value / lower[other + j]
+        whole = lower[row + i]
+        pivot = whole - _dot(lower, row + first, upper, row + first, i - first)
+        # what rounding takes below the masses is put back
+        lower[row + i] = pivot if abs(pivot) > 1e-16 * whole else 1e-16 * whole
+
+
+@kernel
+def solve_factors(solver):
+    """The step: minus the inverse times the gradient."""
+    lower, upper, offset = solver["lower"], solver["upper"], solver["offset"]
+    begin, x = solver["begin"], solver["step"]
+    size = 6 * solver["mover_count"]
+    for i in range(size):
+        total = -solver["gradient"][i]
+        for k in range(begin[i], i):
+            total -= lower[offset[i] + k] * x[k]
+        x[i] = total
+    for i in range(size - 1, -1, -1):
+        x[i] /= lower[offset[i] + i]
+        for k in range(begin[i], i):
+            x[k] -= upper[offset[i] + k] * x[i]

@@ -1,0 +1,169 @@
+"""Islands: groups of movers that contacts connect; each is solved on its own.
+
+A mover is what an impulse on a body moves: a simulated body, or all links of a driver.
+"""
+
+from reference_impl.core.conventions import COUNT_LOST, NO_FLOOR
+from reference_impl.core.kernel import kernel
+from reference_impl.core.rotation import copy_vector
+from reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY
+from reference_impl.driven.skeleton import move_links
+from reference_impl.simulated.contact import contact_mobility, meeting_velocity
+from reference_impl.solver.contact_rows import prepare_row
+
+
+@kernel
+def mover_of(bodies, drivers, b):
+    """Row of `bodies` that an impulse on body b moves: that body or its driver's root; -1 for none."""
+    body = bodies[b]
+    if body["driver"] >= 0:
+        driver = drivers[body["driver"]]
+        return driver["root"] if driver["inverse_mass"] > 0 else -1
+    return b if body["inverse_mass"] > 0 else -1
+
+
+@kernel
+def join_islands(bodies, drivers, pairs, count, flying):
+    """Chain the rows `pairs[:count]` of each island, by `next_row` from the row for which `is_head` holds.
+
+    Rows between bodies that nothing moves are in no island.
+
+    Args:
+        flying: take rows whose floor is NO_FLOOR in, too.
+    """
+    for k in range(count):
+        pair = pairs[k]
+        pair["island"] = -1
+        for side in range(2):
+            m = mover_of(bodies, drivers, pair["body_a"] if side == 0 else pair["body_b"])
+            if m >= 0:
+                bodies[m]["island"], bodies[m]["first_row"] = m, -1
+    for k in range(count):
+        pair = pairs[k]
+        if pair["floor"] == NO_FLOOR and not flying:
+            continue
+        a, b = mover_of(bodies, drivers, pair["body_a"]), mover_of(bodies, drivers, pair["body_b"])
+        pair["island"] = b if a < 0 else a
+        if a >= 0 and b >= 0:
+            bodies[island_of(bodies, a)]["island"] = island_of(bodies, b)
+    # backwards, so that rows keep their order
+    for k in range(count - 1, -1, -1):
+        pair = pairs[k]
+        if pair["island"] >= 0:
+            pair["island"] = island_of(bodies, pair["island"])
+            root = bodies[pair["island"]]
+            pair["next_row"], root["first_row"] = root["first_row"], k
+
+
+@kernel
+def is_head(bodies, pairs, k):
+    """Whether row k is the first of an island."""
+    return pairs[k]["island"] >= 0 and bodies[pairs[k]["island"]]["first_row"] == k
+
+
+@kernel
+def island_of(bodies, m):
+    """Mover that stands for the island of mover m (union-find with path halving)."""
+    while bodies[m]["island"] != m:
+        bodies[m]["island"] = bodies[bodies[m]["island"]]["island"]
+        m = bodies[m]["island"]
+    return m
+
+
+@kernel
+def load_island(bodies, drivers, pairs, head, state):
+    """Copy the rows and movers of an island to the solver; their impulses `held` have not acted yet."""
+    solver = state["solver"]
+    rows = solver["rows"]
+    k = head
+    while k >= 0:
+        for side in range(2):
+            m = mover_of(bodies, drivers, pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"])
+            if m >= 0:
+                bodies[m]["mover"] = -1
+        k = pairs[k]["next_row"]
+    solver["row_count"] = solver["mover_count"] = 0
+    k = head
+    while k >= 0:
+        pair, own = pairs[k], k
+        k = pair["next_row"]
+        n = solver["row_count"]
+        if n == ROW_CAPACITY or solver["mover_count"] + 2 > MOVER_CAPACITY:
+            state["counters"][COUNT_LOST] += 1
+            continue
+        row = rows[n]
+        solver["row_count"] = n + 1
+        row["pair"] = own
+        row["friction"], row["floor"] = pair["friction"], pair["floor"]
+        row["a"] = _load_mover(bodies, drivers, pair["body_a"], pair["point"], solver, row["r_a"])
+        row["b"] = _load_mover(bodies, drivers, pair["body_b"], pair["point"], solver, row["r_b"])
+        copy_vector(pair["normal"], row["normal"])
+        copy_vector(pair["resting_impulse"], row["impulse"])
+        u = row["free"]
+        u[0], u[1], u[2] = meeting_velocity(bodies, pair)
+        for i in range(3):
+            row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
+        contact_mobility(bodies, drivers, pair, pair["point"], row["mobility"])
+        prepare_row(row)
+
+
+@kernel
+def _load_mover(bodies, drivers, b, point, solver, out_r):
+    """Index of the mover of body b in the solver, and where a contact point is from its centre of mass."""
+    m = mover_of(bodies, drivers, b)
+    if m < 0:
+        out_r[:] = 0.0
+        return -1
+    index = bodies[m]["mover"]
+    if index < 0:
+        index = solver["mover_count"]
+        solver["mover_count"] = index + 1
+        bodies[m]["mover"] = index
+        mover = solver["movers"][index]
+        mover["body"] = m
+        if bodies[m]["driver"] >= 0:
+            driver = drivers[bodies[m]["driver"]]
+            mover["inverse_mass"] = driver["inverse_mass"]
+            _copy_mass(driver["inverse_inertia"], driver["center"], mover)
+        else:
+            mover["inverse_mass"] = bodies[m]["inverse_mass"]
+            _copy_mass(bodies[m]["inverse_inertia"], bodies[m]["center"], mover)
+    center = solver["movers"][index]["center"]
+    for i in range(3):
+        out_r[i] = point[i] - center[i]
+    return index
+
+
+@kernel
+def _copy_mass(inverse_inertia, center, mover):
+    for i in range(3):
+        mover["center"][i] = center[i]
+        for j in range(3):
+            mover["inverse_inertia"][i, j] = inverse_inertia[i, j]
+
+
+@kernel
+def store_island(bodies, joints, drivers, pairs, state):
+    """Let the solver's impulses act: `held` of its rows, and the velocities of its movers."""
+    solver = state["solver"]
+    for n in range(solver["row_count"]):
+        copy_vector(solver["rows"][n]["impulse"], pairs[solver["rows"][n]["pair"]]["resting_impulse"])
+    for m in range(solver["mover_count"]):
+        mover = solver["movers"][m]
+        dv, dw = mover["velocity"], mover["omega"]
+        body = bodies[mover["body"]]
+        if body["driver"] < 0:
+            for i in range(3):
+                body["velocity"][i] += dv[i]
+                body["omega"][i] += dw[i]
+            continue
+        # a driver's velocity is that of its root's origin
+        driver = drivers[body["driver"]]
+        v, w, c, o = driver["velocity"], driver["omega"], driver["center"], driver["position"]
+        x, y, z = o[0] - c[0], o[1] - c[1], o[2] - c[2]
+        v[0] += dv[0] + dw[1] * z - dw[2] * y
+        v[1] += dv[1] + dw[2] * x - dw[0] * z
+        v[2] += dv[2] + dw[0] * y - dw[1] * x
+        for i in range(3):
+            w[i] += dw[i]
+        move_links(bodies, joints, driver)

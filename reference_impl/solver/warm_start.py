@@ -1,0 +1,50 @@
+"""Forces that held contact points last: the next hold starts from them.
+
+Each body has a list of the points it remembers, so that finding one costs the contacts of a body, not all.
+"""
+
+from reference_impl.core.conventions import SIMULATED, WARM_START_CAPACITY
+from reference_impl.core.kernel import kernel
+
+
+@kernel
+def load_impulse(bodies, pair, state, h):
+    """Set `held` from the force that held the nearest contact point of the pair, if any did."""
+    body = bodies[_anchor(bodies, pair)]
+    nearest, least, m = -1, 0.0, body["memory"] - 1
+    while m >= 0:
+        if (
+            state["warm_start_pieces"][m, 0] == pair["piece_a"]
+            and state["warm_start_pieces"][m, 1] == pair["piece_b"]
+        ):
+            distance = 0.0
+            for i in range(3):
+                distance += (state["warm_start_point"][m, i] - pair["point"][i] + body["center"][i]) ** 2
+            if nearest < 0 or distance < least:
+                nearest, least = m, distance
+        m = state["warm_start_next"][m] - 1
+    if nearest >= 0:
+        for i in range(3):
+            pair["resting_impulse"][i] = h * state["warm_start_force"][nearest, i]
+
+
+@kernel
+def store_impulses(bodies, pairs, count, state, h):
+    """Remember the forces at the contact points after a hold of length h."""
+    for b in range(len(bodies)):
+        bodies[b]["memory"] = 0
+    for k in range(min(count, WARM_START_CAPACITY)):
+        pair = pairs[k]
+        body = bodies[_anchor(bodies, pair)]
+        state["warm_start_pieces"][k, 0], state["warm_start_pieces"][k, 1] = pair["piece_a"], pair["piece_b"]
+        for i in range(3):
+            state["warm_start_point"][k, i] = pair["point"][i] - body["center"][i]
+            state["warm_start_force"][k, i] = pair["resting_impulse"][i] / h
+        state["warm_start_next"][k] = body["memory"]
+        body["memory"] = k + 1
+
+
+@kernel
+def _anchor(bodies, pair):
+    """Body that remembers a pair: the later of those that are simulated, for it has few contacts."""
+    return pair["body_b"] if bodies[pair["body_b"]]["kind"] == SIMULATED else pair["body_a"]

@@ -1,0 +1,134 @@
+"""Rooms: what keeps to its room can meet nothing, and what leaves it is looked at again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from adapters.engine import Settings
+from adapters.reference_engine import ReferenceEngine
+from reference_impl.broad_phase.detection import place_pieces
+from reference_impl.broad_phase.fat_bounds import inside_fat_bounds, update_fat_bounds
+from reference_impl.core.conventions import DRIVEN, SIMULATED
+from reference_impl.pipeline import step
+from scenarios.catalogue import catalogue
+from scenarios.scenario import Scenario
+
+FRAME = 1 / 60
+
+
+def build(scenario: Scenario, rooms: bool = True, profile: str = "balanced"):
+    """A reference engine's world."""
+    return ReferenceEngine().build(scenario, Settings(profile, FRAME, rooms=rooms))
+
+
+def play(world, frames: int, start: int = 0):
+    """Play frames; returns the arrays."""
+    for number in range(start, start + frames):
+        world.drive(number)
+        world.step()
+    return world._world
+
+
+def seek(arrays) -> None:
+    """Rooms from the present poses, at once."""
+    arrays.state["fat_bounds_wait"] = 0
+    update_fat_bounds(
+        arrays.bodies, arrays.pieces, arrays.vertices, arrays.drivers, arrays.pairs, arrays.state[0]
+    )
+
+
+def test_what_is_in_its_room_is_within_it():
+    """Move the links of a person at random: where they are told to be in their rooms, their boxes are."""
+    arrays = play(build(catalogue()["two_arms"]), 3)
+    links = np.flatnonzero(arrays.bodies["isolated"] == 1)
+    mine = np.isin(arrays.pieces["body"], links)
+    assert len(links) > 5
+    rng, kept = np.random.default_rng(1), 0
+    start = arrays.bodies[["position", "rotation"]].copy()
+    for size in np.geomspace(1e-4, 1, 300):
+        for k in links:
+            turn = Rotation.from_rotvec(size * rng.normal(size=3)).as_matrix()
+            arrays.bodies["rotation"][k] = turn @ start["rotation"][k]
+            arrays.bodies["position"][k] = start["position"][k] + 0.1 * size * rng.normal(size=3)
+        place_pieces(arrays.bodies, arrays.pieces, arrays.vertices, DRIVEN)
+        rows = arrays.pieces[mine]
+        within = (rows["low"] >= rows["fat_low"]).all() and (rows["high"] <= rows["fat_high"]).all()
+        told = inside_fat_bounds(arrays.bodies, arrays.pieces, arrays.state[0])
+        assert within or not told
+        kept += told
+    assert 50 < kept < 250
+
+
+@pytest.mark.parametrize("profile", ["balanced", "paper"])
+def test_a_flight_keeps_to_its_room(lab: SimpleNamespace, profile: str):
+    """Throw a spinning block: for as many frames as its room was made for it is within."""
+    block = lab.block(
+        "block", (0.2, 0.05, 0.03), (0, 0, 9), linear_velocity=(1, 0.5, 2), angular_velocity=(9, 5, -7)
+    )
+    world = build(lab.scene(block, lab.ball("other", (9.0, 0.0, 9.0))), profile=profile)
+    arrays, number = play(world, 1), 1
+    assert arrays.state[0]["simulated_isolated"] == 1
+    for frames in (2, 5, 16):
+        arrays.state["flight_horizon"], arrays.state["simulated_isolated"] = frames, 0
+        seek(arrays)
+        assert arrays.state[0]["simulated_isolated"] == 1
+        room = arrays.pieces[["room_low", "fat_high"]].copy()
+        for _ in range(frames):
+            arrays, number = play(world, 1, number), number + 1
+            place_pieces(arrays.bodies, arrays.pieces, arrays.vertices, SIMULATED)
+            assert (arrays.pieces["low"] >= room["fat_low"]).all()
+            assert (arrays.pieces["high"] <= room["fat_high"]).all()
+
+
+def test_what_meets_is_not_clear(lab: SimpleNamespace):
+    """Clear is neither a ball at rest on a ground nor, of a person who stands, what is near another."""
+    arrays = play(build(lab.scene(lab.ground(), lab.ball(position=(0, 0, 0.05)))), 20)
+    assert arrays.state[0]["simulated_isolated"] == 0
+    arrays = play(build(catalogue()["wall_push"]), 200)
+    names = [catalogue()["wall_push"].bodies[k].name for k in np.flatnonzero(arrays.bodies["isolated"] == 0)]
+    assert arrays.state[0]["driven_isolated"] == 0
+    assert {"left_hand", "right_hand"} & set(names)
+    assert arrays.bodies["isolated"].sum() > 5
+
+
+def test_a_leap_out_of_a_room_is_seen(lab: SimpleNamespace):
+    """Put a tracker, and what flies, into a wall at one blow: the next frame is as without rooms."""
+    wall = lab.block("wall", (0.1, 1.0, 1.0), (2.0, 0.0, 1.0), kind="fixed")
+    hand = replace(lab.ball("hand", (0.0, 0.0, 0.0)), kind="driven")
+    bodies = (wall, hand, lab.ball("ball", (0.0, 0.5, 5.0)))
+    scene = lab.scene(*bodies, trackers=(lab.still("hand", (0.0, 0.0, 1.0)),))
+    ends = []
+    for rooms in (True, False):
+        arrays = play(build(scene, rooms), 5)
+        assert arrays.state[0]["driven_isolated"] == arrays.state[0]["simulated_isolated"] == rooms
+        for name in ("old_target_position", "target_position"):
+            arrays.drivers[name] = (1.87, 0.0, 1.0)
+        arrays.drivers["position"] = (1.87, 0.0, 1.0)
+        arrays.bodies["center"][2] = arrays.bodies["position"][2] = (1.8, 0.5, 1.0)
+        arrays.bodies["velocity"][2] = (20.0, 0.0, 0.0)
+        step(*arrays)
+        ends.append(arrays)
+    one, two = ends
+    assert one.state[0]["has_fat_bounds"] == 0 or one.state[0]["driven_isolated"] == 0
+    assert two.bodies["position"][1, 0] == pytest.approx(1.85, abs=1e-5)
+    assert two.bodies["velocity"][2, 0] <= 0
+    for name in ("position", "orientation", "velocity", "omega"):
+        assert np.array_equal(one.bodies[name], two.bodies[name])
+
+
+def test_rooms_are_for_the_plan_alone(registry: SimpleNamespace):
+    """Seek rooms where no effects are asked for, never for sweeps; the manifest tells."""
+    from adapters.record import ready
+
+    told = {}
+    for profile, effects in (("balanced", None), ("balanced", ("contact", "gravity")), ("accurate", None)):
+        player = ready(
+            ReferenceEngine(), catalogue()["bounce_e05"], Settings(profile, FRAME, effects=effects)
+        )
+        told[profile, effects] = player.world.describe().settings["has_fat_bounds"]
+    assert list(told.values()) == [True, False, False]

@@ -1,0 +1,302 @@
+"""The compile cache, and one signature per kernel."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+import reference_impl
+from reference_impl.core.kernel_cache import remove_old_folders, source_key
+
+SOURCE = Path(reference_impl.__file__).parent
+ROOT = SOURCE.parent
+
+INNER = """
+from reference_impl.core.kernel import kernel
+
+
+@kernel
+def inner(x):
+    return x + 1.0
+"""
+OUTER = """
+from reference_impl.inner import inner
+from reference_impl.core.kernel import kernel
+
+
+@kernel
+def outer(x):
+    return inner(x)
+"""
+
+SIGNATURES = """
+import json
+from adapters.engine import Settings
+from adapters.record import Player
+from adapters.reference_engine import ReferenceEngine
+from reference_impl.core import kernel
+from reports.studies.inverse_kinematics import rows
+from scenarios.catalogue import catalogue
+
+engine, scenario = ReferenceEngine(), catalogue()["ball_snip"]
+for profile, dt in engine.profiles.items():
+    player = Player(engine.build(scenario, Settings(profile, dt)), scenario, Settings(profile, dt))
+    player.play(scenario.frame_count)
+    player.world.cross()
+rows(30, 0, lambda label, count: None)
+found = {}
+for one in kernel.KERNELS:
+    # the cache's index knows every signature, also of kernels that were compiled into others
+    index = one._cache._cache_file._load_index()
+    signatures = {signature for caller, (signature, *_) in index}
+    found[f"{one.py_func.__module__}.{one.py_func.__name__}"] = len(signatures)
+print(json.dumps(found))
+"""
+
+
+def run(code: str, **environment: str) -> str:
+    """Standard output of Python code in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=environment["PYTHONPATH"],  # `-c` puts the working folder before the path
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> dict[str, str]:
+    """A package of `kernel*.py` and two kernels, one calling the other; the environment that finds it."""
+    folder = tmp_path / "reference_impl"
+    core = folder / "core"
+    core.mkdir(parents=True)
+    (folder / "__init__.py").touch()
+    (core / "__init__.py").touch()
+    for source in (SOURCE / "core").glob("kernel*.py"):
+        (core / source.name).write_bytes(source.read_bytes())
+    (folder / "inner.py").write_text(INNER)
+    (folder / "outer.py").write_text(OUTER)
+    return {"PYTHONPATH": str(tmp_path), "TOUCHSTONE_CACHE": str(tmp_path / "cache")}
+
+
+CALL = "from reference_impl.outer import outer; from reference_impl.core import kernel; print(outer(1.0)); "
+FOLDER = "print(kernel.CACHE_FOLDER)"
+COUNT = "print(kernel.compile_count())"
+
+
+@pytest.fixture
+def named(package: dict[str, str]) -> dict[str, str]:
+    """The package with every kernel named, though it is small, and a third one between the two, inlined."""
+    folder = Path(package["PYTHONPATH"]) / "reference_impl"
+    linking = folder / "core" / "kernel_linking.py"
+    linking.write_text(re.sub(r"LINES_COPIED = \d+", "LINES_COPIED = 0", linking.read_text()))
+    (folder / "middle.py").write_text(
+        OUTER.replace("import kernel", "import inlined_kernel").replace("@kernel", "@inlined_kernel")
+    )
+    (folder / "outer.py").write_text(OUTER.replace("inner import inner", "middle import outer as inner"))
+    return package
+
+
+SYMBOLS = "from reference_impl.core import kernel_linking; print(*sorted(kernel_linking._owners)); "
+
+
+def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> None:
+    """Compile the caller anew when a kernel in another file changes, and only then."""
+    assert run(CALL + COUNT, **package).split() == ["2.0", "2"]
+    assert run(CALL + COUNT, **package).split() == ["2.0", "0"]
+    inner = Path(package["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner.write_text(INNER.replace("1.0", "100.0"))
+    assert run(CALL + COUNT, **package).split() == ["101.0", "2"]
+    inner.write_text("# comment\n" + INNER.replace("1.0", "100.0"))
+    assert run(CALL + COUNT, **package).split() == ["101.0", "0"]
+
+
+def test_an_edit_between_imports_stays_out_of_the_cache(package: dict[str, str]) -> None:
+    """Keep code that was imported after an edit out of the folder of the sources before it."""
+    inner = Path(package["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    edit = f"from reference_impl.core import kernel; import pathlib; file = pathlib.Path({str(inner)!r}); "
+    edit += "file.write_text(file.read_text().replace('1.0', '100.0')); "
+    for _ in range(2):
+        assert run(edit + CALL, **package).split() == ["101.0"]
+        inner.write_text(INNER)
+        assert run(CALL, **package).split() == ["2.0"]
+
+
+def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
+    """Call a kernel by its symbol in the process that compiled it, and in one that loaded its caller."""
+    first = run(CALL + COUNT + ";" + SYMBOLS, **named).split()
+    assert first[:2] == ["2.0", "3"]
+    assert [symbol.rpartition(".")[0] for symbol in first[2:]] == ["reference_impl.inner.inner"]
+    assert run(CALL + COUNT + ";" + SYMBOLS, **named).split() == ["2.0", "0", *first[2:]]
+
+
+def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> None:
+    """Call the edited kernel, not the one that the cache holds."""
+    assert run(CALL, **named).split() == ["2.0"]
+    inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner.write_text(INNER.replace("1.0", "100.0"))
+    assert run(CALL, **named).split() == ["101.0"]
+
+
+def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
+    """Compile a kernel that calls itself, called by another kernel."""
+    inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner.write_text(INNER.replace("return x", "if x < 3.0:\n        return inner(x + 1.0)\n    return x"))
+    for _ in range(2):
+        assert run(CALL, **named).split() == ["4.0"]
+
+
+def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
+    """Give a kernel a name of its own for every signature, the same in every process."""
+    middle = Path(named["PYTHONPATH"]) / "reference_impl" / "middle.py"
+    middle.write_text(middle.read_text().replace("inner(x)", "inner(x) + inner(int(x))"))
+    first = run(CALL + SYMBOLS, **named).split()
+    assert first[0] == "4.0"
+    assert len(set(first[1:])) == 2
+    assert run(CALL + SYMBOLS, **named).split() == first
+
+
+@pytest.mark.parametrize("lost", ["*.nbc", "*.nbi"])
+def test_a_lost_entry_is_compiled_again(named: dict[str, str], lost: str) -> None:
+    """Compile a named kernel whose entry is missing before its caller is loaded."""
+    folder = run(CALL + FOLDER, **named).split()[1]
+    for entry in Path(folder).glob(f"inner.{lost}"):
+        entry.unlink()
+    assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
+    assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
+
+
+def test_processes_share_a_cold_cache(named: dict[str, str]) -> None:
+    """Compile the same kernels in several processes at once, each with the right answer."""
+    with ThreadPoolExecutor() as pool:
+        answers = [pool.submit(run, CALL, **named) for _ in range(3)]
+        assert [one.result().split() for one in answers] == [["2.0"]] * 3
+    assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
+
+
+def test_numba_has_the_parts_that_naming_uses() -> None:
+    """Notice a version of Numba that lacks a private part, before compilation becomes slow."""
+    kernel_linking = pytest.importorskip("reference_impl.core.kernel_linking")
+    assert kernel_linking.missing_parts() == []
+    assert kernel_linking.missing_parts([(Path, "no_part")]) == ["Path.no_part"]
+
+
+PLAIN = """
+import warnings
+from numba.core import caching
+
+del caching.CompileResultCacheImpl
+with warnings.catch_warnings(record=True) as found:
+    warnings.simplefilter("always")
+    from reference_impl.outer import outer
+print(outer(1.0))
+for one in found:
+    print(one.message)
+"""
+
+
+def test_kernels_are_linked_plainly_without_a_part(named: dict[str, str]) -> None:
+    """Copy kernels into their callers, with one warning, where Numba lacks a part; mix no cache entries."""
+    for _ in range(2):
+        value, warning = run(PLAIN, **named).splitlines()
+        assert value == "2.0"
+        assert "numba has no" in warning
+        assert "CompileResultCacheImpl" in warning
+        assert run(CALL, **named).split() == ["2.0"]
+
+
+def test_kernels_run_uncompiled(named: dict[str, str]) -> None:
+    """Leave the naming of kernels out where nothing is compiled."""
+    code = CALL + "import sys; print('reference_impl.core.kernel_linking' in sys.modules)"
+    assert run(code, NUMBA_DISABLE_JIT="1", **named).split() == ["2.0", "False"]
+
+
+def test_constants_and_numbers_share_a_signature(package: dict[str, str]) -> None:
+    """Compile a kernel once for the constants that callers hand to it."""
+    outer = Path(package["PYTHONPATH"]) / "reference_impl" / "outer.py"
+    outer.write_text(OUTER.replace("return inner(x)", "return inner(1) + inner(2) + inner(int(x))"))
+    counted = "print(*(len(k.signatures) for k in kernel.KERNELS if k.py_func.__name__ == 'inner'))"
+    assert run(CALL + counted, **package).split() == ["7.0", "0", "1"]  # called by kernels only
+
+
+def test_an_unwritable_cache_falls_back(package: dict[str, str], tmp_path: Path) -> None:
+    """Take the next folder when one cannot be written, and compile without a cache when none can."""
+    blocked = tmp_path / "blocked"
+    blocked.touch()  # a file where a folder is wanted: unwritable for root too
+    home = tmp_path / "home"
+    environment = {**package, "TOUCHSTONE_CACHE": str(blocked), "XDG_CACHE_HOME": str(home)}
+    value, folder = run(CALL + FOLDER, **environment).split()
+    assert value == "2.0"
+    assert Path(folder).is_relative_to(home)
+    environment |= {"XDG_CACHE_HOME": str(blocked)}
+    nowhere = f"import tempfile; tempfile.tempdir = {str(blocked)!r}; "
+    assert run(nowhere + CALL + FOLDER, **environment).split() == ["2.0", "None"]
+
+
+def test_the_cache_is_keyed_by_source(tmp_path: Path) -> None:
+    """Change the key with any source's name or text."""
+    keys = set()
+    for name, text in (("a.py", "x = 1"), ("a.py", "x = 2"), ("b.py", "x = 2"), ("b.py", "x = '2'")):
+        for old in tmp_path.glob("*.py"):
+            old.unlink()
+        (tmp_path / name).write_text(text)
+        keys.add(source_key(tmp_path))
+    assert len(keys) == 4
+
+
+def test_comments_and_docstrings_are_no_part_of_the_key(tmp_path: Path) -> None:
+    """Keep the key when comments, docstrings or line breaks change, and nothing else."""
+    plain = "X = 1\ndef f(x):\n    return 'a', x\n"
+    laid_out = (
+        "X = 1\n\n\ndef f(x):\n    '''One.'''\n    # two\n    return (\n        'a',\n        x,\n    )\n"
+    )
+    keys = []
+    for text in (plain, f"'''Module.'''\n{laid_out}", plain.replace("'a'", "'b'")):
+        (tmp_path / "a.py").write_text(text)
+        keys.append(source_key(tmp_path))
+    assert keys[0] == keys[1] != keys[2]
+
+
+def test_a_source_with_a_syntax_error_has_a_key(tmp_path: Path) -> None:
+    """Find a key while a source that may not be imported is edited."""
+    (tmp_path / "a.py").write_text("def f(:\n")
+    assert source_key(tmp_path)
+
+
+def test_old_cache_folders_are_removed(tmp_path: Path) -> None:
+    """Keep the folders that were used last."""
+    for age in range(5):
+        folder = tmp_path / f"folder_{age}"
+        folder.mkdir()
+        (folder / "entry").touch()
+        os.utime(folder, (1e9 - age, 1e9 - age))
+    remove_old_folders(tmp_path, 3)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["folder_0", "folder_1", "folder_2"]
+
+
+@pytest.mark.slow
+def test_every_kernel_has_one_signature() -> None:
+    """Compile every kernel, each for one signature, by playing `ball_snip` in all profiles, and the
+    arm's inverse kinematics.
+
+    Runs on a cache of its own: other tests call kernels with other kinds of array.
+    """
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    found = json.loads(
+        run(SIGNATURES, TOUCHSTONE_CACHE=f"{home}/touchstone-signatures", PYTHONPATH=str(ROOT))
+    )
+    assert len(found) > 120
+    unused = sorted(name for name, count in found.items() if count == 0)
+    assert unused == []
+    assert {name: count for name, count in found.items() if count != 1} == {}

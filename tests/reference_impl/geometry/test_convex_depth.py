@@ -1,0 +1,299 @@
+"""Convex depth against the explicit Minkowski difference, closed forms and symmetry."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from adapters.oracles.minkowski import signed_distance
+from reference_impl.core.conventions import TOUCHING_DISTANCE_SHARE
+from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
+from scenarios.solids import elliptic_hull
+
+PAIRS = 250
+"""Random pairs of a seed: ten seeds, nine of them slow, make 10,000."""
+EXACT = 1e-11
+"""Allowed error over max(depth, a thousandth of the size): the oracle's own rounding is about 1e-13."""
+DEGENERATE = 1e-10
+"""Allowed error over the size where faces are coplanar or a millionth wide: rounding times 1e6 [1]."""
+AXES = np.vstack([np.eye(3), -np.eye(3)])
+
+
+def icosphere(rng: np.random.Generator) -> np.ndarray:
+    """162 vertices, 320 triangles: the icosphere of 80, subdivided once more."""
+    coarse = np.array(elliptic_hull((1.0, 1.0, 1.0)))
+    hull = ConvexHull(coarse)
+    edges = {tuple(sorted((s[i], s[j]))) for s in hull.simplices for i, j in ((0, 1), (1, 2), (2, 0))}
+    fine = np.vstack([coarse, [coarse[i] + coarse[j] for i, j in sorted(edges)]])
+    return fine / np.linalg.norm(fine, axis=1, keepdims=True) * np.exp(rng.normal(size=3) * 0.5)
+
+
+def random_shape(rng: np.random.Generator) -> Hull | Box:
+    """A box, an elliptic hull of 80 or 320 triangles or the hull of a few random points (8 triangles up)."""
+    kind = rng.choice(["box", "elliptic", "fine", "points"], p=[0.3, 0.3, 0.05, 0.35])
+    if kind == "box":
+        return Box(tuple(np.exp(rng.normal(size=3) * 0.5)))
+    if kind == "elliptic":
+        return Hull(elliptic_hull(tuple(np.exp(rng.normal(size=3) * 0.5))))
+    points = icosphere(rng) if kind == "fine" else rng.normal(size=(rng.integers(6, 50), 3))
+    return Hull(tuple(map(tuple, points[ConvexHull(points).vertices])))
+
+
+def random_turn(rng: np.random.Generator) -> Rotation:
+    """A random rotation; none in a quarter of all cases, so that faces are parallel too."""
+    return Rotation.from_quat(rng.normal(size=4)) if rng.random() < 0.75 else Rotation.identity()
+
+
+def assert_consistent(depth, size: float) -> None:
+    """Witnesses differ by the distance along a unit normal."""
+    assert abs(np.linalg.norm(depth.normal) - 1) < 1e-14
+    gap = depth.point_b - depth.point_a - depth.distance * depth.normal
+    # the direction is known to rounding over APART = 1e-3 of the size
+    assert np.linalg.norm(gap) <= 1e-11 * size
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 40))])
+def test_random_pairs_equal_the_explicit_minkowski_difference(lab: SimpleNamespace, seed: int) -> None:
+    """Agree with the oracle on pairs of hulls and boxes of 8 to 320 triangles, overlapping and apart."""
+    rng = np.random.default_rng((20041, seed))
+    outside = 0
+    for _ in range(PAIRS):
+        a = lab.piece(random_shape(rng), rng.normal(size=3) * rng.choice([0.3, 1, 2]), random_turn(rng))
+        b = lab.piece(random_shape(rng), (0, 0, 0), random_turn(rng))
+        outside += assert_true(lab, a, b)
+    assert 0.1 < outside / PAIRS < 0.9
+
+
+def assert_true(lab: SimpleNamespace, a: Piece, b: Piece) -> bool:
+    """Depth, normal and witnesses agree with the explicit Minkowski difference; returns whether apart."""
+    points_a, points_b = lab.corners(a), lab.corners(b)
+    truth, normal = signed_distance(points_a, points_b)
+    found = lab.measure(a, b)
+    size = float(np.ptp(np.vstack([points_a, points_b]), axis=0).max())
+    assert found.converged
+    assert abs(found.distance - truth) <= EXACT * max(-truth, 1e-3 * size)
+    assert_consistent(found, size)
+    for points, witness in ((points_a, found.point_a), (points_b, found.point_b)):
+        beyond = ConvexHull(points).equations @ [*witness, 1]
+        assert beyond.max() <= 1e-11 * size, "the witness does not lie on its piece"
+    # normals may differ only where two faces are equally deep
+    apart = (points_b @ found.normal).min() - (points_a @ found.normal).max()
+    assert abs(apart - truth) <= EXACT * size
+    if truth > 0:
+        # the nearest point of a convex body is unique; its direction is good to rounding over distance
+        assert found.normal @ normal > 1 - 1e-12 * (size / truth) ** 2
+    return truth > 0
+
+
+@pytest.mark.parametrize("distance", [0.3, 1.0, 1.5, 1.7, 4.0])
+def test_spheres(lab: SimpleNamespace, distance: float) -> None:
+    """Give two spheres the distance of their centres less their radii."""
+    direction = np.array([2.0, -1.0, 2.0]) / 3
+    found = lab.measure(lab.piece(Sphere(1.0)), lab.piece(Sphere(0.5), direction * distance))
+    assert found.converged
+    assert found.distance == pytest.approx(distance - 1.5, abs=1e-15)
+    np.testing.assert_allclose(found.normal, direction, atol=1e-15)
+    np.testing.assert_allclose(found.point_a, direction, atol=1e-15)
+    np.testing.assert_allclose(found.point_b, direction * (distance - 0.5), atol=1e-15)
+
+
+def test_concentric_spheres(lab: SimpleNamespace) -> None:
+    """Part spheres with one centre by the sum of their radii, along any unit normal."""
+    found = lab.measure(lab.piece(Sphere(1.0), (1, 2, 3)), lab.piece(Sphere(0.5), (1, 2, 3)))
+    assert found.converged
+    assert found.distance == -1.5
+    assert_consistent(found, 2.0)
+
+
+@pytest.mark.parametrize("turn", [Rotation.identity(), Rotation.from_rotvec([0.3, -0.7, 0.4])])
+@pytest.mark.parametrize(
+    ("center", "distance", "normal"),
+    [
+        ((2.0, 0.3, -0.1), 0.8, (1, 0, 0)),  # before a face
+        ((1.1, 0.0, 0.0), -0.1, (1, 0, 0)),  # sunk into a face
+        ((1.3, 2.4, 0.0), 0.3, (0.6, 0.8, 0)),  # before an edge
+        ((0.9, 0.1, 0.2), -0.3, (1, 0, 0)),  # centre inside
+        ((0.1, 0.2, -2.8), -0.4, (0, 0, -1)),  # centre inside
+    ],
+)
+def test_sphere_and_box(lab: SimpleNamespace, turn, center, distance, normal) -> None:
+    """Measure a sphere against a box before a face, an edge, and with its centre inside."""
+    found = lab.measure(
+        lab.piece(Box((1.0, 2.0, 3.0)), (0, 0, 0), turn), lab.piece(Sphere(0.2), turn.apply(center))
+    )
+    assert found.converged
+    assert found.distance == pytest.approx(distance, abs=1e-14)
+    np.testing.assert_allclose(found.normal, turn.apply(normal), atol=1e-12)
+    assert_consistent(found, 6.0)
+
+
+def boxes_apart(half_a, half_b, shift) -> float:
+    """Signed distance of two boxes with common axes."""
+    gap = np.abs(shift) - (np.array(half_a) + half_b)
+    return float(np.linalg.norm(np.maximum(gap, 0)) if gap.max() > 0 else gap.max())
+
+
+def parallel_boxes(lab, half_a, half_b, shift, turn, as_hulls) -> tuple[Piece, Piece]:
+    """Two boxes with common axes, as boxes or as hulls of their corners."""
+    shapes = [Box(tuple(map(float, half))) for half in (half_a, half_b)]
+    if as_hulls:
+        shapes = [Hull(tuple(map(tuple, lab.corners(lab.piece(shape)).tolist()))) for shape in shapes]
+    return lab.piece(shapes[0], (0, 0, 0), turn), lab.piece(shapes[1], turn.apply(shift), turn)
+
+
+TURNS = st.sampled_from([Rotation.identity()] + [Rotation.random(random_state=k) for k in range(6)])
+GRID = st.sampled_from([0.5, 1.0, 2.0])
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(
+    half_a=st.tuples(GRID, GRID, GRID),
+    half_b=st.tuples(GRID, GRID, GRID),
+    steps=st.tuples(*[st.integers(-8, 8)] * 3),
+    turn=TURNS,
+    as_hulls=st.booleans(),
+)
+def test_parallel_boxes_on_a_grid(lab: SimpleNamespace, half_a, half_b, steps, turn, as_hulls) -> None:
+    """Measure boxes with coplanar faces, shared edges and vertices, or in one place, by the closed form."""
+    shift = np.array(steps) * 0.5
+    truth = boxes_apart(half_a, half_b, shift)
+    found = lab.measure(*parallel_boxes(lab, half_a, half_b, shift, turn, as_hulls))
+    assert found.converged
+    assert abs(found.distance - truth) <= EXACT * max(-truth, 4e-3)
+    assert_consistent(found, 4.0)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(
+    powers=st.tuples(*[st.integers(-3, 0)] * 6),
+    share=st.tuples(*[st.integers(-5, 5)] * 3),
+    turn=TURNS,
+    as_hulls=st.booleans(),
+)
+def test_needles_and_plates(lab: SimpleNamespace, powers, share, turn, as_hulls) -> None:
+    """Measure boxes as thin as a thousandth of their length, in degenerate poses too."""
+    half_a, half_b = 10.0 ** np.array(powers[:3]), 10.0 ** np.array(powers[3:])
+    shift = np.array(share) / 4 * (half_a + half_b)
+    truth = boxes_apart(half_a, half_b, shift)
+    found = lab.measure(*parallel_boxes(lab, half_a, half_b, shift, turn, as_hulls))
+    size = 2 * max(*half_a, *half_b)
+    assert abs(found.distance - truth) <= DEGENERATE * size
+    assert np.linalg.norm(found.point_b - found.point_a - found.distance * found.normal) <= DEGENERATE * size
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(
+    ratio=st.integers(0, 6),
+    corner=st.tuples(*[st.sampled_from([-1, 0, 1])] * 3),
+    share=st.tuples(*[st.floats(-1.5, 1.5)] * 3),
+    turn=TURNS,
+)
+def test_ratios_of_size(lab: SimpleNamespace, ratio, corner, share, turn) -> None:
+    """Measure a small box at the faces, edges and corners of one up to a million times its size."""
+    half_a, half_b = np.array([1.0, 0.5, 0.7]), np.array([0.3, 0.6, 0.4]) * 10.0**-ratio
+    shift = np.array(corner) * half_a + np.array(share) * half_b
+    found = lab.measure(*parallel_boxes(lab, half_a, half_b, shift, turn, False))
+    assert abs(found.distance - boxes_apart(half_a, half_b, shift)) <= DEGENERATE * 2
+
+
+COUNTEREXAMPLES = {
+    # GJK ended 2e-15 m from an origin that lies 1 cm inside: reported as touching
+    "sliver": (
+        ((0.01, 1.0, 0.001), (0.01, 1.0, 0.1), (0.01, 0.0, 0.0)),
+        (0.1687487853463431, -0.8895397612815367, -0.1947561892812019, 0.3772438035011115),
+    ),
+    # EPA added four vertices for ever, for an edge of a micrometre had no area; depth 1 m instead of 1e-6 m
+    "corner": (
+        ((1.0, 0.5, 0.5), (5e-7, 2e-6, 2e-6), (0.9999995, 0.499998, 0.500001)),
+        (0.6888177461068713, 0.5009393730583447, -0.47337447054103476, -0.2247364407659725),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COUNTEREXAMPLES)
+def test_counterexamples(lab: SimpleNamespace, name: str) -> None:
+    """Keep right what was once wrong."""
+    (half_a, half_b, shift), quaternion = COUNTEREXAMPLES[name]
+    turn = Rotation.from_quat(quaternion, scalar_first=True)
+    found = lab.measure(*parallel_boxes(lab, half_a, half_b, np.array(shift), turn, False))
+    assert abs(found.distance - boxes_apart(half_a, half_b, shift)) <= DEGENERATE * 2
+    assert found.iterations < 32
+
+
+def test_a_tiny_box_in_an_edge(lab: SimpleNamespace) -> None:
+    """Measure 5e-6 m at an edge of a box 2e5 times the size: rounding once won, and gave 1e-5 m or 0.3 m."""
+    half, small, shift = (1.0, 0.5, 0.5), (5e-6, 5e-6, 5e-6), np.array([0.999995, 5e-6, -0.5])
+    found = lab.measure(*parallel_boxes(lab, half, small, shift, Rotation.identity(), True))
+    truth = boxes_apart(half, small, shift)
+    assert truth == pytest.approx(-5e-6)
+    assert found.converged
+    assert abs(found.distance - truth) <= 1e-15
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6))
+def test_swapping_turns_the_normal_round(lab: SimpleNamespace, seed: int) -> None:
+    """Give the same distance with A and B swapped, and where it is unique the opposite normal."""
+    rng = np.random.default_rng(seed)
+    a = lab.piece(random_shape(rng), rng.normal(size=3), random_turn(rng))
+    b = lab.piece(random_shape(rng), rng.normal(size=3), random_turn(rng))
+    one, two = lab.measure(a, b), lab.measure(b, a)
+    assert abs(one.distance - two.distance) <= EXACT * max(-one.distance, 4e-3)
+    if one.distance > TOUCHING_DISTANCE_SHARE:
+        np.testing.assert_allclose(one.normal, -two.normal, atol=1e-13 / one.distance + 1e-13)
+
+
+def test_a_pose_that_is_no_number_is_told(lab: SimpleNamespace) -> None:
+    """Answer in finite numbers that nothing converged where a pose is not finite."""
+    for bad in (np.nan, np.inf):
+        for shapes in ((Box((1.0, 1.0, 1.0)), Sphere(1.0)), (Hull(elliptic_hull((1.0, 0.5, 0.5))),) * 2):
+            found = lab.measure(lab.piece(shapes[0]), lab.piece(shapes[1], (bad, 0.0, 0.0)))
+            assert not found.converged
+            assert np.isfinite([found.distance, *found.normal, *found.point_a, *found.point_b]).all()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_hull_in_itself(lab: SimpleNamespace, seed: int) -> None:
+    """Part a hull from its twin by its own width."""
+    rng = np.random.default_rng(seed)
+    one = lab.piece(random_shape(rng), (0, 0, 0), random_turn(rng))
+    points = lab.corners(one)
+    truth, _ = signed_distance(points, points)
+    found = lab.measure(one, one)
+    assert found.converged
+    assert abs(found.distance - truth) <= -EXACT * truth
+    assert_consistent(found, 4.0)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("gap", [-0.05, -1e-4, -1e-6, 0.0, 1e-6, 0.1, 2.0])
+def test_ellipsoids_on_an_axis(lab: SimpleNamespace, axis: int, gap: float) -> None:
+    """Measure ellipsoids whose tips face each other by the closed form."""
+    half_a, half_b = np.array([1.0, 0.7, 0.5]), np.array([1.0, 0.8, 0.6])
+    shift = np.eye(3)[axis] * (half_a[axis] + half_b[axis] + gap)
+    found = lab.measure(lab.piece(Ellipsoid(tuple(half_a))), lab.piece(Ellipsoid(tuple(half_b)), shift))
+    assert found.converged
+    # ROUND_TOLERANCE times the size is 4e-13 m, once for each bound
+    assert abs(found.distance - gap) <= 1e-12
+    # a smooth face's normal is good to the root of that over its curvature
+    np.testing.assert_allclose(found.normal, np.eye(3)[axis], atol=3e-6)
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_ellipsoids_part_at_their_depth(lab: SimpleNamespace, seed: int) -> None:
+    """Part overlapping ellipsoids by their depth: then they touch."""
+    rng = np.random.default_rng(seed)
+    shapes = [Ellipsoid(tuple(np.exp(rng.normal(size=3) * 0.4))) for _ in range(2)]
+    turns = [Rotation.from_quat(rng.normal(size=4)) for _ in range(2)]
+    shift = rng.normal(size=3) * 0.6
+    one, two = lab.piece(shapes[0], (0, 0, 0), turns[0]), lab.piece(shapes[1], shift, turns[1])
+    found = lab.measure(one, two)
+    parted = lab.measure(one, lab.piece(shapes[1], shift - found.distance * found.normal, turns[1]))
+    # EPA's room for 256 vertices ends a few deep pairs at a gap of about 1e-8 m
+    assert abs(parted.distance) <= (1e-11 if found.converged else 1e-7)

@@ -1,0 +1,90 @@
+"""What is remembered of pairs from frame to frame, and a scene detected with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adapters.translation import translate
+from reference_impl.broad_phase.detection import detect
+from reference_impl.core import conventions
+from reference_impl.core.state_dtype import STATE
+from reference_impl.geometry.depth_cache import find_entry
+from reference_impl.pipeline import prepare, step
+from scenarios.catalogue import catalogue
+
+
+def test_a_bucket_forgets_what_was_unused_for_longest() -> None:
+    """Find a pair again while its bucket has room; a newcomer takes the oldest record, emptied."""
+    state = np.zeros(1, STATE)
+    walks = state[0]["depth_cache"]
+    find_entry(state[0], 0, 1)
+    first = int(np.flatnonzero(walks["used"])[0])
+    walks["count"][first], walks["cone"][first] = 2, 0.5
+    others = []
+    for b in range(2, 100_000):
+        if len(others) == conventions.DEPTH_CACHE_WAYS:
+            break
+        before = walks["used"].copy()
+        find_entry(state[0], 0, b)
+        slot = int(np.flatnonzero(walks["used"] != before)[0])
+        if slot // conventions.DEPTH_CACHE_WAYS == first // conventions.DEPTH_CACHE_WAYS:
+            others.append(slot)
+            if len(others) < conventions.DEPTH_CACHE_WAYS:
+                find_entry(state[0], 0, 1)
+                assert walks["count"][first] == 2
+                assert slot != first
+        else:
+            walks["used"][slot] = 0
+    # the bucket holds the pair and three others; the fourth took the place of the oldest, the first of these
+    assert len(set(others[:3])) == 3
+    assert others[3] == others[0]
+    assert walks["count"][first] == 2
+
+
+def test_more_pairs_than_the_memory_holds() -> None:
+    """Answer every pair, some of them anew, when records run out; common sets find room."""
+    state, count = np.zeros(1, STATE), 2 * conventions.DEPTH_CACHE_SIZE
+    for _ in range(2):
+        for k in range(count):
+            find_entry(state[0], k, k + 1)
+    assert (state[0]["depth_cache"]["used"] > 0).mean() > 0.9
+    # fifteen parts of a hand against forty pieces: no bucket overflows
+    state = np.zeros(1, STATE)
+    for a in range(40):
+        for b in range(40, 55):
+            find_entry(state[0], a, b)
+    assert (state[0]["depth_cache"]["used"] > 0).sum() > 0.98 * 600
+
+
+@pytest.mark.parametrize("depth", [conventions.DEPTH_WALK, conventions.DEPTH_CERTIFIED])
+def test_a_scene_is_detected_alike(depth: int) -> None:
+    """Find the same touching pairs and distances as exact depth in every frame of a flick."""
+    world = translate(catalogue()["ball_snip"])
+    world.state["dt"], world.state["gravity"] = 1 / 60, (0.0, 0.0, -9.81)
+    world.state["friction"], world.state["flight"] = (
+        conventions.FRICTION_COULOMB,
+        conventions.FLIGHT_BALLISTIC,
+    )
+    prepare(*world)
+    state, methods = world.state[0], np.zeros(3, int)
+    for _ in range(60):
+        found = {}
+        for method in (conventions.DEPTH_EXACT, depth):
+            state["depth"] = method
+            state["counters"][:] = 0
+            end, _ = detect(
+                world.bodies, world.pieces, world.vertices, world.pairs, state, conventions.SIMULATED, 0
+            )
+            found[method] = world.pairs[:end].copy()
+            counted = state["counters"][
+                [conventions.COUNT_WALKED, conventions.COUNT_CERTIFIED, conventions.COUNT_EXACT]
+            ]
+            assert counted.sum() == state["counters"][conventions.COUNT_PAIRS]
+        methods += counted
+        exact, walked = found.values()
+        np.testing.assert_array_equal(exact["piece_a"], walked["piece_a"])
+        np.testing.assert_allclose(walked["distance"], exact["distance"], atol=1e-12)
+        step(*world)
+    # the ball rests on the table: one query anew, one certified a frame
+    assert methods[1] > 10 * methods[2] > 0

@@ -1,0 +1,68 @@
+"""Print a digest of every scene's recording in every profile of the reference.
+
+Before and after a change that must not change results, in each checkout:
+
+    .venv/bin/python tests/shared/recording_digests.py > digests.txt
+
+and compare the two files with `diff`. Times are no part of a digest.
+
+Arguments: names of scenes (default: those with at most MOST_BODIES bodies, and SEEDS random ones).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from adapters.engine import AdapterError, Settings
+from adapters.record import record
+from adapters.registry import ENGINES, load
+from scenarios.catalogue import catalogue
+from scenarios.random_scenes import random_scene
+from scenarios.scenario import Scenario
+
+MOST_BODIES = 40
+SEEDS = range(10)
+FIELDS = (
+    "position",
+    "orientation",
+    "linear_velocity",
+    "angular_velocity",
+    "joint_angle",
+    "joint_rate",
+    "contacts",
+    "work",
+)
+"""What is compared: the state of each frame, the contacts, and what the engine counted."""
+
+
+def digest(scenario: Scenario, profile: str) -> str:
+    """Hash of what the reference does with a scene, or why it stops (hex)."""
+    settings = Settings(profile, ENGINES["reference"].profiles[profile])
+    found = hashlib.sha256()
+    try:
+        recording = record(load("reference"), scenario, settings)
+    except AdapterError as error:
+        return f"error: {error}"
+    for name in FIELDS:
+        found.update(np.ascontiguousarray(getattr(recording, name)).tobytes())
+    return found.hexdigest()[:16]
+
+
+def chosen(names: list[str]) -> Iterator[Scenario]:
+    """The scenes to play."""
+    scenes = catalogue()
+    if names:
+        yield from (scenes[name] for name in names)
+        return
+    yield from (scene for scene in scenes.values() if len(scene.bodies) <= MOST_BODIES)
+    yield from (random_scene(seed) for seed in SEEDS)
+
+
+if __name__ == "__main__":
+    for scenario in chosen(sys.argv[1:]):
+        for profile in ENGINES["reference"].profiles:
+            print(f"{scenario.name:28} {profile:10} {digest(scenario, profile)}", flush=True)
