@@ -111,7 +111,7 @@ _TABLE: tuple[Setting, ...] = (
         0,
         1e3,
         "m/s",
-        ("1000.0", "1000.0", "0.001"),
+        ("1000.0", "0.05", "0.001"),
         "approach speed up to which nothing bounces, where 2 g h of a frame is not less",
         whole=False,
     ),

@@ -12,7 +12,6 @@ ALWAYS_MU = (
 )
 CREEPING = "some solves of twenty and more boxes end just over the 1e-9 m/s that count as converged"
 EULER = "semi-implicit Euler in steps of 1/60 s meets the floor up to v h deep"
-FADES = "restitution fades from 0.65 m/s on and is gone at 0.33 m/s (2 g h of a frame): method, section 5"
 HEAP = (
     "islands hold more bodies than Newton's method takes, and 40 sweeps a dense substep leave "
     "wedged balls a residual; they creep on"
@@ -25,7 +24,6 @@ LAGS = (
     "a chain follows its tracker with a lag of 0.1 s and comes free link by link: for much of the time in "
     "which the tracker is in the wall, the hand is not at it yet, or no longer"
 )
-ROLLING = "a coin that turns sinks over a substep, by up to 1.5e-6 m at the displayed frame"
 SLIDING = (
     "several contacts slide at once between bodies that lean on each other: some solves end at 1e-9 "
     "to 1e-8 m/s, over what counts as converged; a row of dominoes multiplies that, or rounding, to its sides"
@@ -106,16 +104,6 @@ CAUSES: tuple[Cause, ...] = (
     ),
     Cause(
         "reference",
-        FADES,
-        {
-            "balanced": {
-                "bounce.height": "bounce_e05:#3",
-                "truth.position": "bounce_e03 bounce_e05",
-            },
-        },
-    ),
-    Cause(
-        "reference",
         HEAP,
         {
             "balanced accurate": {
@@ -153,24 +141,14 @@ CAUSES: tuple[Cause, ...] = (
     ),
     Cause(
         "reference",
-        ROLLING,
-        {
-            "accurate": {
-                "overlap.max": "coin_spins",
-            },
-        },
-    ),
-    Cause(
-        "reference",
         SLIDING,
         {
             "balanced accurate": {
-                "solver.caps": "dominoes",
+                "solver.caps": "arch_thin dominoes",
                 "symmetry.mirror": "dominoes",
             },
             "accurate": {
-                "overlap.max": "arch_slides dominoes",
-                "solver.caps": "arch_slides arch_thin tip_falls",
+                "solver.caps": "arch_slides tip_falls",
             },
         },
     ),
