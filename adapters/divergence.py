@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.bounds import extent
-from adapters.engine import Array, State
-from adapters.rotation import turned, turned_back
+from adapters.contract import Array, State
+from adapters.motion_bounds import extent
+from adapters.vector_products import turned, turned_back
+from scenarios.avatar.tracking import sample
 from scenarios.effects import Plan
 from scenarios.scenario import Scenario, Tracker
-from scenarios.tracking import sample
 
 SPEED_MAX = 1e6
 """Speed [m/s] and angular speed [rad/s] beyond which a run has diverged. Scenes measure metres and last

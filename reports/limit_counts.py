@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from reports.results import CONSTRUCTION, UNAPPLIED, UNJUDGED, Row
-from reports.tables import Column
+from reports.views.tables import Column
 
 WORST_LAST = ("pass", "known", UNJUDGED, "fail", "error")
 """Verdicts that count."""

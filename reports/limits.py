@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from math import isnan
 
 from adapters.registry import ENGINES
-from reports.known import KNOWN, Known
-from reports.known_bounds import bound_of, is_measured
-from reports.metrics.contact import DRIVEN_AUDIT_LIMIT
+from reports.known_failures.bounds import bound_of, is_measured
+from reports.known_failures.table import KNOWN, Known
+from reports.metrics.contacts.contact import DRIVEN_AUDIT_LIMIT
 from reports.results import CONSTRUCTION, Row
 from scenarios.effects import PLANNED
 
@@ -352,7 +352,7 @@ def _excused(row: Row, known: Known) -> tuple[str, str]:
     if bound is None and not is_measured(row):
         return "known", f"{known.reason} (no bound yet)"
     if bound is None:
-        return "fail", f"a known failing without a bound: run reports.known_bounds ({known.reason})"
+        return "fail", f"a known failing without a bound: run reports.known_failures.bounds ({known.reason})"
     if abs(row.value) > bound:
         return "fail", f"a known failing has grown past {bound:g} ({known.reason})"
     return "known", known.reason

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import nan
 
 from reports import limits
-from reports.known_record import NOISY
+from reports.known_failures.cause import NOISY
 from reports.results import CONSTRUCTION, UNAPPLIED, Row
 
 OF_THE_TRACKER = (

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapters.engine import MISSING, UNIMPORTABLE
+from adapters.contract import MISSING, UNIMPORTABLE
 
 UNJUDGED = "unjudged"
 NOT_RUN = ("skipped", MISSING, UNIMPORTABLE)
@@ -101,7 +101,7 @@ def save(frame: pd.DataFrame, folder: Path) -> None:
 
 def save_manifest(folder: Path, facts: Mapping[str, object]) -> None:
     """Write `manifest.json`: the machine, and what was run on it."""
-    from reports.doctor import machine
+    from reports.cli.doctor import machine
 
     text = json.dumps({"machine": machine(), **facts}, indent=1)
     write_beside(folder / "manifest.json", lambda part: part.write_text(text))

@@ -11,22 +11,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.children import Children, Job, Outcome
-from adapters.engine import DRIVES, MISSING, Settings
+from adapters.contract import DRIVES, MISSING, Settings
+from adapters.engines.reference.settings import changes
 from adapters.recording import Recording, load
-from adapters.reference_settings import changes
 from adapters.registry import ENGINES, installed, missing_reason
+from adapters.workers.children import Children, Job, Outcome
+from reports.bootstrap import time_ratio
+from reports.cli.progress import Progress
 from reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
-from reports.metrics.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
-from reports.metrics.course import Course, course
-from reports.metrics.events import subjects
-from reports.metrics.evidence import ROUNDING, Evidence, JudgeMissing, NotMeasured, Value
+from reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
+from reports.metrics.context import ROUNDING, Evidence, JudgeMissing, NotMeasured, Value
+from reports.metrics.motion.events import subjects
+from reports.metrics.motion.time_series import Course, course
 from reports.noisy_limits import judged
-from reports.output import OutputError, output_folder
-from reports.progress import Progress
-from reports.ratios import time_ratio
+from reports.output_folder import OutputError, output_folder
 from reports.results import UNAUDITED, UNJUDGED, Row, save, save_manifest, table, write_beside
-from reports.unresolved import warning
+from reports.views.unresolved import warning
 from scenarios.scenario import Scenario
 
 STUDY = "run"
@@ -119,9 +119,9 @@ def run(request: Request, progress: Progress) -> Results:
             },
         }
         save_manifest(folder, manifest)
-        from reports.frame_budget_picture import write_picture
-        from reports.markdown import report
-        from reports.pictures_differences import draw
+        from reports.views.comparison_pictures import draw
+        from reports.views.frame_budget_picture import write_picture
+        from reports.views.markdown import report
 
         write_picture(results.recordings, folder)
         draw(request, results, folder)

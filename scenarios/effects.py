@@ -1,7 +1,7 @@
 """Which effects a scene calls for, and why: from bounds on its motion, never by playing it.
 
 An effect is left out only where nothing it does could change the outcome while the bounds hold; a run watches
-them (`Plan.broken`). `adapters/bounds.py` works the bounds out.
+them (`Plan.broken`). `adapters/motion_bounds.py` works the bounds out.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from scenarios.chains import check_chains
+from scenarios.avatar.chains import check_chains
 from scenarios.scenario import (
     EFFECTS,
     EVENTS,

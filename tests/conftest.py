@@ -17,12 +17,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from session_cache import SessionCache
 
-from adapters.engine import CONTACT_FIELDS, Engine, Settings, Unsupported
-from adapters.record import record, scenario_json
+from adapters.contract import CONTACT_FIELDS, Engine, Settings, Unsupported
+from adapters.engines.reference.reference_world import piece_arrays, translate
+from adapters.engines.reference.settings import configure
+from adapters.recorder import record, scenario_json
 from adapters.recording import Recording, RunEnded
-from adapters.reference_settings import configure
 from adapters.registry import ENGINES, installed, load, missing_reason
-from adapters.translation import piece_arrays, translate
 from reference_impl.core import conventions
 from reference_impl.core.kernel_cache import CACHE_FOLDER
 from reference_impl.core.state_dtype import STATE
@@ -33,7 +33,7 @@ from reference_impl.pipeline import prepare, step
 from reports.limits import judged
 from reports.results import Row
 from reports.run import measured
-from scenarios.avatar import Parts, avatar_parts, standing_tracker
+from scenarios.avatar.avatar import Parts, avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.materials import TABLE_1
 from scenarios.scenario import (

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.engine import AdapterError, Array, Scalar, Unsupported
+from adapters.contract import AdapterError, Array, Scalar, Unsupported
 from scenarios.scenario import Piece, Sphere
 
 Pair = tuple[Piece, Piece]

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pybullet
 
+from adapters.contract import Array, Scalar, Unsupported
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from adapters.engine import Array, Scalar, Unsupported
 from scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
 
 FAR = 100.0

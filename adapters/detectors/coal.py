@@ -12,10 +12,10 @@ from typing import Any
 import coal
 import numpy as np
 
+from adapters.contract import Array, Scalar
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from adapters.engine import Array, Scalar
+from adapters.engines.reference.reference_world import matrix
 from adapters.oracles.overlap import ITERATIONS, TOLERANCE, coal_shape
-from adapters.translation import matrix
 from scenarios.scenario import Piece
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from adapters.dart_model import add_piece, isometry
+from adapters.contract import Array, Scalar
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from adapters.engine import Array, Scalar
+from adapters.engines.dart.model import add_piece, isometry
 from scenarios.scenario import Piece, Shape
 
 CONTACTS = 1000

@@ -14,9 +14,9 @@ import fcl
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from adapters.contract import Array, Scalar, Unsupported
 from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
-from adapters.engine import Array, Scalar, Unsupported
-from adapters.translation import matrix
+from adapters.engines.reference.reference_world import matrix
 from scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
 
 

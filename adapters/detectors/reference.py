@@ -12,9 +12,9 @@ from importlib.metadata import version
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from adapters.contract import Array, Scalar
 from adapters.detectors import UNCONVERGED, Answers, Failure, Pair
-from adapters.engine import Array, Scalar
-from adapters.translation import piece_arrays
+from adapters.engines.reference.reference_world import piece_arrays
 from reference_impl.core import conventions
 from reference_impl.core.kernel import clock, kernel
 from reference_impl.core.state_dtype import STATE

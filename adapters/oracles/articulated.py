@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import Array
+from adapters.contract import Array
 from scenarios.scenario import Body, Chain, Joint, Scenario, Tracker, Vector
 
 

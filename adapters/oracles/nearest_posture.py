@@ -17,7 +17,7 @@ import pinocchio
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import Array
+from adapters.contract import Array
 from adapters.oracles.articulated import Articulated
 from adapters.oracles.overlap import Pose, coal_shape, signed_distance
 from scenarios.scenario import Piece, Scenario, Tracker

@@ -16,7 +16,7 @@ import fcl
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import AdapterError, Array
+from adapters.contract import AdapterError, Array
 from adapters.recording import Recording
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
 

@@ -44,7 +44,7 @@ def place_piece(piece, body, vertices, margin):
 def corner_of_hull(piece, vertices, u, v, w):
     """Row of the hull's vertex farthest along (u, v, w), piece frame; the first of equally far ones.
 
-    Tries all vertices, or the candidates of the direction's cell: see `adapters/hull_table.py`.
+    Tries all vertices, or the candidates of the direction's cell: see `support_table.py`.
     """
     # known not to be negative: spares Numba's check for negative indices
     first, count = np.int64(piece["first_vertex"]), np.int64(piece["vertex_count"])

@@ -10,7 +10,7 @@ from typing import Protocol
 import pandas as pd
 from rich.console import Console
 
-from reports.progress import Progress
+from reports.cli.progress import Progress
 
 BENCHES = {
     "geometry": "convex depth: time per query of detectors, on single pairs and on a sliding hand",

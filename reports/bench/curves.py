@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from adapters.cloud import Cloud
+from adapters.contract import MISSING, Array, Settings
 from adapters.detectors import DETECTORS, UNCONVERGED, Pair
 from adapters.detectors import load as load_detector
 from adapters.detectors.children import Loader as DetectorLoader
-from adapters.engine import MISSING, Array, Settings
-from adapters.record import undisturbed
+from adapters.engines.reference.box_cloud import Cloud
+from adapters.recorder import undisturbed
 from adapters.registry import ENGINES, installed, load, missing_reason
-from adapters.stepping import Loader, Stepper
+from adapters.workers.stepping import Loader, Stepper
 from reports.bench.poses import hull_slide
-from reports.progress import Progress
-from reports.studies.turns import Stretch, measure
+from reports.cli.progress import Progress
+from reports.studies.interleaved_timing import Stretch, measure
 from scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.engine import Array
+from adapters.contract import Array
 from adapters.registry import ENGINES
 from reports.bench.frame_table import show
-from reports.output import output_folder
-from reports.progress import Progress
-from reports.ratios import median_interval, time_ratio
+from reports.bootstrap import median_interval, time_ratio
+from reports.cli.progress import Progress
+from reports.output_folder import output_folder
 from reports.results import Row, rows_of, save, save_manifest, table
 from reports.run import REFERENCE, Request, Results, columns_of
 from reports.run import run as play

@@ -15,8 +15,8 @@ from reports.bench.tables import (
 )
 from reports.results import Row, rows_of
 from reports.run import REFERENCE, step_text
-from reports.tables import exact_number
-from reports.terminal import table_of
+from reports.views.tables import exact_number
+from reports.views.terminal import table_of
 
 MILLI = 1e3
 JUDGED = ("scene", "over the fastest", "frame [µs]", "ratio", "95 % interval", "limit", "overlap")

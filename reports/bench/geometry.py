@@ -20,13 +20,13 @@ from adapters.detectors.children import Loader
 from adapters.oracles.minkowski import signed_distance
 from reports.bench.geometry_table import show
 from reports.bench.poses import FAMILIES, hand_slide
+from reports.cli.progress import Progress
 from reports.limits import judged
-from reports.output import output_folder
-from reports.progress import Progress
+from reports.output_folder import output_folder
 from reports.results import Row, save, save_manifest, table
-from reports.studies.narrow_phase_rows import Mask, Truth, depth_errors, with_median, with_ratio
+from reports.studies.interleaved_timing import Measured, Stretch, measure
+from reports.studies.narrow_phase.rows import Mask, Truth, depth_errors, with_median, with_ratio
 from reports.studies.poses import corners, size_of
-from reports.studies.turns import Measured, Stretch, measure
 
 __all__ = ["Plan", "run", "show", "steps"]
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from adapters.detectors import REFERENCE
 from reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
 from reports.results import Row, rows_of
-from reports.terminal import table_of
+from reports.views.terminal import table_of
 
 HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")
 NOTES = (

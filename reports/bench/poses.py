@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from adapters.contract import Array
 from adapters.detectors import REFERENCE, Pair, load
-from adapters.engine import Array
-from adapters.postures import driven_pieces, moved
+from adapters.driven_poses import driven_pieces, moved
 from reports.studies.poses import corners, elliptic, parted_pair, random_box
-from scenarios.hand import FINGERS, hand_parts
+from scenarios.avatar.hand import FINGERS, hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector
 

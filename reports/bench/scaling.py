@@ -17,13 +17,13 @@ import pandas as pd
 from adapters.detectors import load as load_detector
 from adapters.detectors.children import Loader as DetectorLoader
 from adapters.registry import ENGINES, load
-from adapters.stepping import Loader
+from adapters.workers.stepping import Loader
 from reports.bench.curves import Curve, balls_at_rest, broad_phase, hull_vertices
 from reports.bench.scaling_table import show
+from reports.bootstrap import exponent, median_interval
+from reports.cli.progress import Progress
 from reports.limits import judged
-from reports.output import output_folder
-from reports.progress import Progress
-from reports.ratios import exponent, median_interval
+from reports.output_folder import output_folder
 from reports.results import Row, save, save_manifest, table, write_beside
 
 __all__ = ["Plan", "run", "show", "steps"]

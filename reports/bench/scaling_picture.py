@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
 from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
-from reports.pictures import COLOURS, INK, MARKERS, PALE
 from reports.results import Row, rows_of
+from reports.views.pictures import COLOURS, INK, MARKERS, PALE
 
 TITLES = {
     BROAD_PHASE: ("Broad phase", "moving boxes in a cloud of constant density"),

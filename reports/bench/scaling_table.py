@@ -7,7 +7,7 @@ from rich.console import Console
 
 from reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
 from reports.results import rows_of
-from reports.terminal import table_of
+from reports.views.terminal import table_of
 
 NOTES = ("exponent: of the power law that fits the medians by least squares, with its 95 % interval",)
 

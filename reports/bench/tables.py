@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.text import Text
 
 from reports.results import NOT_RUN, Row, rows_of
-from reports.tables import exact_number
-from reports.terminal import STYLES, print_notes
+from reports.views.tables import exact_number
+from reports.views.terminal import STYLES, print_notes
 
 MICRO = 1e6
 

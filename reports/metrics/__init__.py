@@ -2,24 +2,10 @@
 
 from __future__ import annotations
 
-from reports.metrics import (
-    contact,
-    energy,
-    events,
-    flight,
-    friction,
-    momentum,
-    overlap,
-    posture,
-    posture_optimum,
-    rest,
-    sliding,
-    solver,
-    symmetry,
-    timing,
-    truth,
-)
-from reports.metrics.evidence import Metric
+from reports.metrics import posture, posture_optimum, solver, timing
+from reports.metrics.contacts import contact, friction, overlap, rest, sliding
+from reports.metrics.context import Metric
+from reports.metrics.motion import energy, events, flight, momentum, symmetry, truth
 
 _MM, _MS, _US = ("mm", 1e3), ("ms", 1e3), ("us", 1e6)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import Array
-from reports.metrics.evidence import Evidence, NotMeasured, Value, Values
-from scenarios.chains import hinge_axes, shortest_rotations
+from adapters.contract import Array
+from reports.metrics.context import Evidence, NotMeasured, Value, Values
+from scenarios.avatar.chains import hinge_axes, shortest_rotations
 from scenarios.scenario import Joint, ReachCone
 
 

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import Array
-from reports.metrics.evidence import Evidence, NotMeasured, Values, judging
+from adapters.contract import Array
+from reports.metrics.context import Evidence, NotMeasured, Values, judging
 from reports.metrics.tracked import pressed
+from scenarios.avatar.tracking import sample
 from scenarios.scenario import Tracker
-from scenarios.tracking import sample
 
 FRAMES = 6
 """Pressed frames, spread evenly, whose best posture is searched for: 0.2 s each. Twelve change 0.2 %."""

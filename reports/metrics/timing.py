@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reports.metrics.evidence import Evidence, NotMeasured, Values
+from reports.metrics.context import Evidence, NotMeasured, Values
 from reports.metrics.solver import UNRESOLVED
 
 STATISTICS: dict[str, tuple[str, float]] = {

@@ -9,10 +9,10 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.engine import Array
+from adapters.contract import Array
 from adapters.recording import Recording
-from reports.metrics.evidence import Evidence, judging
-from scenarios.kinematics import tracked_poses
+from reports.metrics.context import Evidence, judging
+from scenarios.avatar.kinematics import tracked_poses
 from scenarios.scenario import Scenario, Tracker
 
 Mask = NDArray[np.bool_]

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from adapters.contract import Array
 from adapters.detectors import Pair
-from adapters.engine import Array
 from adapters.oracles.minkowski import signed_distance
 from scenarios.scenario import Box, Hull, Piece, Shape
 from scenarios.solids import elliptic_hull

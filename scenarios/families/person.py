@@ -11,13 +11,13 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, between, hanging, person_tracker, reach, step
+from scenarios.avatar.tracking import ease
 from scenarios.catalogue import scene
 from scenarios.gallery import EAST, NORTH, gallery
 from scenarios.materials import TABLE_1
-from scenarios.postures import CLEARANCE, LEFT, RIGHT, between, hanging, person_tracker, reach, step
 from scenarios.scenario import Expectation, Scenario, Tracker, Vector
-from scenarios.tracking import ease
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarios.avatar.hand import hand_parts
 from scenarios.catalogue import scene
 from scenarios.gallery import TABLE_TOP, gallery
-from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.scenario import IDENTITY, Expectation, Scenario, Tracker
 

@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from scenarios.avatar.hand import hand_parts
+from scenarios.avatar.tracking import ease
 from scenarios.catalogue import scene
 from scenarios.gallery import DOOR, TABLE_TOP, gallery
-from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.scenario import Expectation, Scenario, Tracker, Vector, vector
 from scenarios.solids import ball
-from scenarios.tracking import ease
 
 DURATION, FRAME_RATE = 8.0, 60
 BACKWARDS = (0.0, 0.0, 0.0, 1.0)

@@ -9,14 +9,14 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, hanging, person_tracker, reach
+from scenarios.avatar.tracking import ease
 from scenarios.catalogue import scene
 from scenarios.gallery import NORTH, gallery
 from scenarios.materials import TABLE_1
-from scenarios.postures import CLEARANCE, LEFT, RIGHT, hanging, person_tracker, reach
 from scenarios.scenario import GRAVITY, Body, Expectation, Scenario, Tracker, Vector, vector
 from scenarios.solids import ball
-from scenarios.tracking import ease
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 A scene is of one of KINDS, which is its second tag. No two bodies overlap at the start: they stand on each
 other or beside planes by their support functions (a gap of exactly 0 is frequent), or their bounding balls
-are apart. Nothing here is tuned to any engine; `reports/studies/robustness.py` plays these scenes and checks
+are apart. Nothing here is tuned to any engine; `touchstone study robustness` plays these scenes and checks
 what needs no truth: energy, momentum, overlap, finiteness.
 """
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from scenarios.hand import hand_parts
+from scenarios.avatar.hand import hand_parts
 from scenarios.random_scenes.bodies import (
     MATERIAL,
     random_direction,

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reference_impl.driven.skeleton import joint_space_inertia, move_links, pose_links
-from scenarios.avatar import HAND_LENGTH, arm_with_hand_parts
+from scenarios.avatar.avatar import HAND_LENGTH, arm_with_hand_parts
 from scenarios.catalogue import catalogue
 
 pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")

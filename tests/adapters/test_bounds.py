@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bounds import bounds
-from adapters.engine import AdapterError
-from adapters.translation import translate
+from adapters.contract import AdapterError
+from adapters.engines.reference.reference_world import translate
+from adapters.motion_bounds import bounds
 from reference_impl.driven.skeleton import pose_links
-from scenarios.avatar import avatar_parts, standing_tracker
+from scenarios.avatar.avatar import avatar_parts, standing_tracker
+from scenarios.avatar.kinematics import link_poses
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue
 from scenarios.effects import plan
-from scenarios.kinematics import link_poses
-from scenarios.tracking import sample
 
 
 def left(positions, scenario) -> list[str]:

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.engine import Settings, State
+from adapters.contract import Settings, State
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Scenario
 from scenarios.solids import hull
 
 pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")
-from adapters.bullet_engine import BulletEngine  # noqa: E402
+from adapters.engines.bullet.engine import BulletEngine  # noqa: E402
 
 RIGID = "bodies in maximal coordinates"
 CORNERS = ((0.1, 0.1, 0.1), (0.1, -0.1, -0.1), (-0.1, 0.1, -0.1), (-0.1, -0.1, 0.1))

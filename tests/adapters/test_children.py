@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.children import SLICE, Children, Job
-from adapters.engine import Settings
+from adapters.contract import Settings
 from adapters.recording import load
+from adapters.workers.children import SLICE, Children, Job
 from scenarios.effects import PLANNED
 
 FRAMES = 75

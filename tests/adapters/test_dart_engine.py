@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import Settings, State, Unsupported
-from scenarios.hand import hand_parts
+from adapters.contract import Settings, State, Unsupported
+from scenarios.avatar.hand import hand_parts
+from scenarios.avatar.tracking import sample
 from scenarios.materials import TABLE_1
 from scenarios.scenario import (
     Body,
@@ -25,10 +26,9 @@ from scenarios.scenario import (
     Tracker,
 )
 from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
-from scenarios.tracking import sample
 
 pytest.importorskip("dartpy", reason="dartpy is not installed")
-from adapters import dart_engine
+from adapters.engines.dart import engine as dart_engine
 
 DT = dart_engine.DartEngine.profiles["recommended"]
 SETTINGS = Settings("recommended", DT)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adapters.contract import AdapterError, Unsupported
 from adapters.detectors import (
     DETECTORS,
     REFERENCE,
@@ -21,7 +22,6 @@ from adapters.detectors import (
     missing_reason,
 )
 from adapters.detectors.children import Child
-from adapters.engine import AdapterError, Unsupported
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull
 

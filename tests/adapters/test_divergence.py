@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.bounds import planned
+from adapters.contract import Manifest, Settings, State
 from adapters.divergence import EXPLODED, SPEED_MAX, Watch
-from adapters.engine import Manifest, Settings, State
-from adapters.record import RunEnded, record
+from adapters.motion_bounds import planned
+from adapters.recorder import RunEnded, record
 from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario
 

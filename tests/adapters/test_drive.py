@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from adapters.drive import INERTIA_RATIO, Drive, cut
-from adapters.translation import translate
+from adapters.engines.reference.reference_world import translate
+from adapters.servo import INERTIA_RATIO, Drive, cut
 from reference_impl.driven.skeleton import joint_space_inertia, pose_links
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Body, Box, Joint, Piece, Tracker

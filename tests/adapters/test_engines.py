@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.bounds import planned
-from adapters.engine import State
-from adapters.record import record
+from adapters.contract import State
+from adapters.motion_bounds import planned
+from adapters.recorder import record
 from adapters.registry import ENGINES
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Body, Box, Capsule, Hull, Piece, Sphere

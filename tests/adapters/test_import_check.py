@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from adapters import registry
-from adapters.import_check import Imported, try_imports
 from adapters.registry import Entry, missing_reason
+from adapters.workers.import_check import Imported, try_imports
 
 FATES = {
     "healthy": Imported("done", "1.2.3"),

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.engine import Unsupported
-from adapters.mixing import (
+from adapters.contract import Unsupported
+from adapters.material_combine import (
     MIX_TOLERANCE,
     check_range,
     frictions,

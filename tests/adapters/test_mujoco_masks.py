@@ -7,15 +7,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from adapters.bounds import planned
-from adapters.engine import Settings
+from adapters.contract import Settings
+from adapters.motion_bounds import planned
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 from adapters import mujoco_contacts, mujoco_engine  # noqa: E402
-from adapters.mujoco_masks import contact_filter  # noqa: E402
+from adapters.engines.mujoco.masks import contact_filter  # noqa: E402
 
 DT = 1 / 540
 SETTINGS = Settings("recommended", DT)

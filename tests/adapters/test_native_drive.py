@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.engine import Settings, State
-from adapters.record import record
+from adapters.contract import Settings, State
+from adapters.recorder import record
 from reports.metrics import METRICS
-from reports.metrics.evidence import Evidence
-from scenarios.hand import hand_parts
+from reports.metrics.context import Evidence
+from scenarios.avatar.hand import hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
 from scenarios.solids import box_inertia

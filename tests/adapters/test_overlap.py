@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip("fcl", reason="python-fcl is not installed")
 pytest.importorskip("coal", reason="coal (pin) is not installed")
+from adapters.engines.reference.reference_world import matrix
 from adapters.oracles import minkowski
 from adapters.oracles.overlap import (
     MARGIN,
@@ -17,7 +18,6 @@ from adapters.oracles.overlap import (
     measure,
     signed_distance,
 )
-from adapters.translation import matrix
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull, sphere_inertia

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bounds import planned
-from adapters.engine import AdapterError, Settings
-from adapters.record import Player, ready, record
-from scenarios.avatar import avatar_parts, standing_tracker
+from adapters.contract import AdapterError, Settings
+from adapters.motion_bounds import planned
+from adapters.recorder import Player, ready, record
+from scenarios.avatar.avatar import avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario

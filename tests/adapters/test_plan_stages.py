@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.bounds import planned
-from adapters.engine import Settings
-from adapters.record import ready, record
+from adapters.contract import Settings
+from adapters.motion_bounds import planned
+from adapters.recorder import ready, record
 from adapters.recording import Recording
-from scenarios.avatar import avatar_parts, standing_tracker
+from scenarios.avatar.avatar import avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.effects import PLANNED, STIFF
 from scenarios.scenario import Chain, Joint, Scenario

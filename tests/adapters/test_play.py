@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.children import Children
-from adapters.engine import AdapterError
-from adapters.play import play
-from adapters.record import record
+from adapters.contract import AdapterError
+from adapters.recorder import record
 from adapters.registry import Entry
+from adapters.workers.children import Children
+from adapters.workers.play import play
 from scenarios.effects import PLANNED
 
 FAKES = ("healthy", "speeds", "throws", "exits", "unsupported")

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.bounds import planned
-from adapters.engine import Settings, State
-from adapters.posed import Posed
+from adapters.contract import Settings, State
+from adapters.motion_bounds import planned
+from adapters.posed_drive import Posed
 from scenarios.catalogue import catalogue
 from scenarios.scenario import Scenario
 
@@ -62,7 +62,7 @@ def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenari
 def test_an_engine_itself_holds_the_links_there(snip: Scenario) -> None:
     """Find MuJoCo's own bodies at the shown poses, not just the state."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-    from adapters.mujoco_engine import MujocoEngine
+    from adapters.engines.mujoco.engine import MujocoEngine
 
     world = MujocoEngine().build(snip, Settings("equal-step", EQUAL, drive="posed"))
     world.drive(50)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.postures import driven_pieces, moved
+from adapters.driven_poses import driven_pieces, moved
 from scenarios.scenario import Body, Box, Joint, Piece, Tracker
 from scenarios.solids import sphere_inertia
 

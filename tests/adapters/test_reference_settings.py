@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.engine import Settings, Unsupported
-from adapters.reference_engine import ReferenceEngine
-from adapters.reference_settings import (
+from adapters.contract import Settings, Unsupported
+from adapters.engines.reference.engine import ReferenceEngine
+from adapters.engines.reference.settings import (
     PROFILES,
     SETTINGS,
     Choice,

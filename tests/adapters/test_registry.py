@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from adapters import registry as module
-from adapters.engine import AdapterError, NotInstalled
-from adapters.record import substeps
+from adapters.contract import AdapterError, NotInstalled
+from adapters.recorder import substeps
 from adapters.registry import ENGINES, Entry, installed, load, missing_reason
 from scenarios.catalogue import catalogue
 
@@ -48,7 +48,7 @@ def test_the_hint_names_something_pip_can_install(name):
 
 def test_a_missing_package_is_told_with_the_extra(monkeypatch):
     """An engine whose package is not there is not installed, and loading it says how to get it."""
-    entry = Entry("adapters.mujoco_engine:MujocoEngine", "no_such_package", {"recommended": 1 / 60})
+    entry = Entry("adapters.engines.mujoco.engine:MujocoEngine", "no_such_package", {"recommended": 1 / 60})
     monkeypatch.setitem(module.ENGINES, "mujoco", entry)
     assert not installed("mujoco")
     with pytest.raises(NotInstalled, match=r"pip install 'touchstone\[mujoco\]'"):

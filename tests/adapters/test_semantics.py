@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.engine import Settings, State
-from adapters.record import record
+from adapters.contract import Settings, State
+from adapters.recorder import record
 from adapters.registry import ACCURATE, ENGINES
-from reports.studies.calibration_children import motion_of
-from reports.studies.calibration_estimates import friction_of, rebound_of, restitution_of
-from reports.studies.calibration_scenes import G, Probe, scene
+from reports.studies.calibration.children import motion_of
+from reports.studies.calibration.estimates import friction_of, rebound_of, restitution_of
+from reports.studies.calibration.scenes import G, Probe, scene
 from scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from scenarios.solids import box_inertia, sphere_inertia
 

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.bounds import planned
-from adapters.engine import Settings
-from adapters.record import ready, record
+from adapters.contract import Settings
+from adapters.motion_bounds import planned
+from adapters.recorder import ready, record
 from adapters.recording import Recording
 from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario, Tracker

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.engine import AdapterError
-from adapters.record import record
+from adapters.contract import AdapterError
+from adapters.recorder import record
 from reference_impl.core.conventions import OVERLAP_TOLERANCE
 
 

@@ -9,11 +9,11 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from adapters.engine import Settings, State
-from adapters.record import record
+from adapters.contract import Settings, State
+from adapters.recorder import record
 from adapters.registry import ENGINES
 from reports.metrics import METRICS
-from reports.metrics.evidence import Evidence
+from reports.metrics.context import Evidence
 from scenarios.catalogue import catalogue
 from scenarios.families.rod import CLEARANCE
 from scenarios.scenario import ORIGIN, PairCoefficients, Scenario

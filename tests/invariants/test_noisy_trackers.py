@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.engine import Settings
-from adapters.record import record
+from adapters.contract import Settings
+from adapters.recorder import record
 from adapters.registry import ENGINES
 from reports.limit_counts import counted
 from reports.noisy_limits import judged
 from reports.results import UNAPPLIED, Row
 from reports.run import measured
+from scenarios.avatar.noisy_tracker import noisy
 from scenarios.catalogue import catalogue, tagged
-from scenarios.noisy_tracker import noisy
 
 QUICK = ("ball_snip", "volley")
 """A hand's scene and a person's; the rest of the gallery are slow tests."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.engine import Unsupported
+from adapters.contract import Unsupported
 from adapters.registry import ENGINES
 from reports.metrics import METRICS
 from reports.results import Row

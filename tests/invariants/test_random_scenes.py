@@ -10,10 +10,10 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from adapters.engine import Engine, Settings
+from adapters.contract import Engine, Settings
 from reports.limits import judged
-from reports.studies.robustness import Run, line, rows_of_runs
-from reports.studies.robustness_play import EXACT, Task, assess
+from reports.studies.robustness.play import EXACT, Task, assess
+from reports.studies.robustness.study import Run, line, rows_of_runs
 from scenarios.random_scenes.bodies import masses, random_orientation, random_shape, scattered, solid, support
 from scenarios.random_scenes.setup import DOWN
 from scenarios.scenario import Body, PairCoefficients, Scenario, vector

@@ -7,11 +7,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from adapters.record import record
+from adapters.recorder import record
 from adapters.recording import Recording
 from adapters.registry import ENGINES
 from reports.metrics import METRICS
-from reports.metrics.events import subjects
+from reports.metrics.motion.events import subjects
 from scenarios.catalogue import catalogue, tagged
 
 GALLERY = [scenario.name for scenario in tagged("gallery")]

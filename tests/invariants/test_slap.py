@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from adapters.engine import Settings
-from adapters.record import record
+from adapters.contract import Settings
+from adapters.recorder import record
 from adapters.recording import Recording
 from adapters.registry import ENGINES, load
-from reports.metrics.evidence import Evidence
-from reports.metrics.passages import passages
+from reports.metrics.contacts.passages import passages
+from reports.metrics.context import Evidence
+from scenarios.avatar.hand import hand_parts
 from scenarios.gallery import TABLE_TOP, gallery
-from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.random_scenes import random_scene
 from scenarios.scenario import Body, Box, Piece, Scenario, Tracker

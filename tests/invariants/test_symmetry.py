@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.engine import Settings
-from adapters.record import record
-from reports.metrics.energy import mechanical_energy
-from reports.metrics.evidence import Evidence
+from adapters.contract import Settings
+from adapters.recorder import record
+from reports.metrics.context import Evidence
+from reports.metrics.motion.energy import mechanical_energy
 from scenarios.catalogue import catalogue
 from scenarios.random_scenes.bodies import random_orientation, random_shape, scattered, solid
 from scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector, vector

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from reports.metrics import METRICS
-from reports.metrics.evidence import Evidence
+from reports.metrics.context import Evidence
+from scenarios.avatar.kinematics import tracked_poses
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue
 from scenarios.families.volley import HITS
-from scenarios.kinematics import tracked_poses
 from scenarios.scenario import GRAVITY
-from scenarios.tracking import sample
 
 BALLS = [f"ball_{k}" for k in range(1, len(HITS) + 1)]
 SWEPT = ("balanced", "accurate")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.translation import piece_arrays
+from adapters.engines.reference.reference_world import piece_arrays
 from reference_impl.continuous.free_rotation import rotate_freely
 from reference_impl.continuous.time_of_impact import distance_at, time_of_impact
 from reference_impl.core.conventions import FLIGHT_BALLISTIC, HULL, IMPACT_SLACK, IMPACT_TARGET, SIMULATED

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.engine import Settings
-from adapters.record import record
-from adapters.reference_engine import ReferenceEngine
+from adapters.contract import Settings
+from adapters.engines.reference.engine import ReferenceEngine
+from adapters.recorder import record
 from scenarios.catalogue import catalogue
 
 PROFILES = tuple(ReferenceEngine.profiles)

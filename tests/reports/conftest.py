@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from reports.metrics import METRICS
-from reports.metrics.evidence import Evidence
-from scenarios.truths import motion
+from reports.metrics.context import Evidence
+from scenarios.closed_form import motion
 
 G = 9.81
 RADIUS = 0.05

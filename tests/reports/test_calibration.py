@@ -10,17 +10,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from adapters.engine import Settings
-from adapters.record import record
+from adapters.contract import Settings
+from adapters.recorder import record
 from adapters.registry import ACCURATE, ENGINES, Entry
 from reports.results import COLUMNS
-from reports.studies.calibration import Grid, jobs_of, run, steps
-from reports.studies.calibration_children import motion_of
-from reports.studies.calibration_estimates import friction_of, lowest_speed, rebound_of, restitution_of
-from reports.studies.calibration_findings import findings, report
-from reports.studies.calibration_rows import subject_of
-from reports.studies.calibration_scenes import DROP, HEIGHT, SHAPES, SLIDE_TIME, G, Probe, scene
-from reports.studies.calibration_table import NOTES, Values, grids, remarks
+from reports.studies.calibration.children import motion_of
+from reports.studies.calibration.estimates import friction_of, lowest_speed, rebound_of, restitution_of
+from reports.studies.calibration.findings import findings, report
+from reports.studies.calibration.rows import subject_of
+from reports.studies.calibration.scenes import DROP, HEIGHT, SHAPES, SLIDE_TIME, G, Probe, scene
+from reports.studies.calibration.study import Grid, jobs_of, run, steps
+from reports.studies.calibration.table import NOTES, Values, grids, remarks
 
 TINY = Grid(
     pairs=("sphere-box", "box-box"),
@@ -274,7 +274,7 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     """Print a row per column under the values asked for, and the reason of a skipped engine."""
     from rich.console import Console
 
-    from reports.studies.calibration_table import show
+    from reports.studies.calibration.table import show
 
     frame = results[0]
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from adapters.registry import ENGINES
-from reports.differences import TOPICS, command, not_played, sections, worst_lines
-from reports.markdown import report
 from reports.metrics import METRICS
-from reports.metrics.course import Course, course
-from reports.metrics.evidence import Evidence
-from reports.pictures_differences import PICTURES, draw
+from reports.metrics.context import Evidence
+from reports.metrics.motion.time_series import Course, course
 from reports.results import Row, table
 from reports.run import Request, Results, columns_of
+from reports.views.comparison import TOPICS, command, not_played, sections, worst_lines
+from reports.views.comparison_pictures import PICTURES, draw
+from reports.views.markdown import report
 from scenarios.catalogue import catalogue
 
 PROFILES = {engine: next(iter(entry.profiles)) for engine, entry in ENGINES.items()}

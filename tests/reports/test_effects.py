@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from adapters.engine import Settings
-from adapters.variants import Pace, Variant, play
+from adapters.contract import Settings
+from adapters.workers.variants import Pace, Variant, play
 from reports.results import Row, rows_of
-from reports.studies import effects, effects_table
-from reports.studies.effects import ALL, IDENTICAL, MATTERS, WITHIN
+from reports.studies.effects import study as effects
+from reports.studies.effects import table as effects_table
+from reports.studies.effects.study import ALL, IDENTICAL, MATTERS, WITHIN
 from scenarios.catalogue import catalogue
 from scenarios.effects import PLANNED
 

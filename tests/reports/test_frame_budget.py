@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from reports.frame_budget import HEADS, budget_rows, budgets
-from reports.frame_budget_picture import write_picture
-from reports.terminal import console, show_budget
+from reports.views.frame_budget import HEADS, budget_rows, budgets
+from reports.views.frame_budget_picture import write_picture
+from reports.views.terminal import console, show_budget
 from scenarios.catalogue import tagged
 
 

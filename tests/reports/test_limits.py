@@ -10,25 +10,26 @@ import pytest
 
 from adapters.detectors import DETECTORS
 from adapters.registry import ENGINES
-from reports import known_bounds
 from reports import limits as module
 from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
 from reports.bench.geometry import MOTION
 from reports.bench.poses import FAMILIES
-from reports.known import CAUSES
-from reports.known_bounds import UNMEASURED
-from reports.known_record import NOISY
+from reports.known_failures import bounds as known_bounds
+from reports.known_failures.bounds import UNMEASURED
+from reports.known_failures.cause import NOISY
+from reports.known_failures.table import CAUSES
 from reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
 from reports.metrics import METRICS
 from reports.results import VERDICTS, Row
-from reports.studies import effects, robustness
-from reports.studies.calibration_rows import ALL, LARGEST
-from reports.studies.calibration_scenes import SHAPES
-from reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
-from reports.studies.predictability import ERROR
+from reports.studies.calibration.rows import ALL, LARGEST
+from reports.studies.calibration.scenes import SHAPES
+from reports.studies.effects import study as effects
+from reports.studies.inverse_kinematics.study import MEASURED, SOLVERS, STARTS
+from reports.studies.predictability.study import ERROR
+from reports.studies.robustness import study as robustness
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue, tags
 from scenarios.effects import PLANNED
-from scenarios.tracking import sample
 
 BENCH_METRICS = ("ratio.time", "certificate.open", "certificate.false", "scaling.exponent")
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")

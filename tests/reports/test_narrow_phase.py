@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
-from reports.output import OutputError
+from reports.output_folder import OutputError
 from reports.results import COLUMNS
-from reports.studies.narrow_phase import PairsError, run, truth_of
-from reports.studies.narrow_phase_rows import Measured, depth_errors, normal_errors
+from reports.studies.narrow_phase.rows import Measured, depth_errors, normal_errors
+from reports.studies.narrow_phase.study import PairsError, run, truth_of
 from reports.studies.poses import FAMILIES, TOUCH, draw
 
 PAIRS = 3 * len(FAMILIES)
@@ -99,7 +99,7 @@ def test_the_terminal_shows_every_detector(results) -> None:
     """Print a row per detector and the reason of a skipped one."""
     from rich.console import Console
 
-    from reports.studies.narrow_phase_table import show
+    from reports.studies.narrow_phase.table import show
 
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
     show(results[0], console)

@@ -7,9 +7,9 @@ from math import isnan
 
 import pytest
 
-from adapters.engine import Settings
+from adapters.contract import Settings
 from reports import limits
-from reports.known_record import NOISY, Cause
+from reports.known_failures.cause import NOISY, Cause
 from reports.limit_counts import counted
 from reports.noisy_limits import NOT_IDEAL, judged
 from reports.results import UNAPPLIED, Row

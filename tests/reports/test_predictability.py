@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from adapters.children import Outcome
-from reports.studies import predictability as study
-from reports.studies.predictability import (
+from adapters.workers.children import Outcome
+from reports.studies.predictability import study as study
+from reports.studies.predictability.picture import amplifications
+from reports.studies.predictability.study import (
     CLOSED_FORM,
     DRAWS,
     SCENES,
@@ -17,10 +18,9 @@ from reports.studies.predictability import (
     run,
     touching,
 )
-from reports.studies.predictability_picture import amplifications
-from reports.studies.predictability_table import show
+from reports.studies.predictability.table import show
 from scenarios.catalogue import catalogue
-from scenarios.outcomes import final_positions
+from scenarios.closed_form_ends import final_positions
 
 FACTORS = {"reference": 1.0, "dart": 0.5, "bullet": 40.0, "mujoco": 1.0}
 """By which the player of an engine multiplies perturbations."""

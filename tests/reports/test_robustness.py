@@ -11,13 +11,13 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from adapters.engine import Settings
+from adapters.contract import Settings
 from adapters.registry import ENGINES
-from reports.studies import robustness as study
-from reports.studies.robustness import ALL, line, run, table_of_runs, tasks
-from reports.studies.robustness_picture import rise_over_residual
-from reports.studies.robustness_play import EXACT, Task, assess, available
-from reports.studies.robustness_table import short, show
+from reports.studies.robustness import study as study
+from reports.studies.robustness.picture import rise_over_residual
+from reports.studies.robustness.play import EXACT, Task, assess, available
+from reports.studies.robustness.study import ALL, line, run, table_of_runs, tasks
+from reports.studies.robustness.table import short, show
 from scenarios.random_scenes import random_scene
 from scenarios.scenario import PairCoefficients, Scenario
 from scenarios.solids import ball, block, slab

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.markdown import report
 from reports.metrics import METRICS
 from reports.results import Row, table
 from reports.run import Request, Results
-from reports.tables import HIDDEN, MARKS, grid, number
+from reports.views.markdown import report
+from reports.views.tables import HIDDEN, MARKS, grid, number
 from scenarios.catalogue import catalogue
 
 COLUMNS = (

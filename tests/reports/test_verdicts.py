@@ -8,11 +8,11 @@ from math import nan
 import numpy as np
 import pytest
 
-from adapters.children import Job, Outcome
 from adapters.registry import ENGINES
+from adapters.workers.children import Job, Outcome
 from reports import metrics
 from reports import run as study
-from reports.metrics.evidence import JudgeMissing
+from reports.metrics.context import JudgeMissing
 from reports.results import Row, table
 
 COLUMNS = (("reference", "balanced"), ("mujoco", "recommended"))

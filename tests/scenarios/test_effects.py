@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.bounds import bounds
+from adapters.motion_bounds import bounds
 from scenarios.effects import PLANNED, Plan, plan
 from scenarios.scenario import Scenario
 

@@ -12,12 +12,12 @@ from scipy.spatial import ConvexHull
 
 from reference_impl.driven.skeleton import pose_links
 from reports.metrics.posture import cone_excess, limit_excess
-from scenarios.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
+from scenarios.avatar.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
+from scenarios.avatar.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue, tagged
 from scenarios.gallery import DOORWAY, gallery
-from scenarios.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step
 from scenarios.scenario import Box, Hull
-from scenarios.tracking import sample
 
 BUILDING = {"floor", "north_wall", "south_wall", "west_wall", "east_wall", "partition"}
 SCENES = [scene.name for scene in tagged("gallery")]

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scenarios.avatar.kinematics import joint_space_inertia, link_poses, piece_box, tracked_poses
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue
-from scenarios.kinematics import joint_space_inertia, link_poses, piece_box, tracked_poses
 from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
-from scenarios.tracking import sample
 
 SAMPLES = 5
 ROUNDING = 1e-13
@@ -107,9 +107,9 @@ def test_an_engines_child_loads_nothing_of_the_reference() -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     code = """
 import sys
-from adapters.children import _Run
-from adapters.engine import Settings
-from adapters.record import ready
+from adapters.workers.children import _Run
+from adapters.contract import Settings
+from adapters.recorder import ready
 from adapters.registry import load
 from scenarios.catalogue import catalogue
 player = ready(load("mujoco"), catalogue()["ball_snip"], Settings("recommended", 1 / 540))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scenarios.avatar.noisy_tracker import JITTER, JITTER_ANGLE, LOSS, RATE, noisy, noisy_tracker
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue
-from scenarios.noisy_tracker import JITTER, JITTER_ANGLE, LOSS, RATE, noisy, noisy_tracker
 from scenarios.scenario import IDENTITY, ScenarioError, Tracker
-from scenarios.tracking import sample
 
 LONG = 200.0
 """A recording of 12,001 samples [s]: standard deviations are good to a percent, chances to a tenth."""

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from scenarios.catalogue import catalogue
-from scenarios.outcomes import final_positions
+from scenarios.closed_form import motion
+from scenarios.closed_form_ends import final_positions
 from scenarios.scenario import vector
-from scenarios.truths import motion
 
 COVERED = [name for name, scenario in catalogue().items() if final_positions(scenario) is not None]
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.engine import State
+from adapters.contract import State
 from scenarios.random_scenes import KINDS, random_scene
 from scenarios.random_scenes.bodies import SHAPES, random_orientation, random_shape, support
 from scenarios.scenario import Capsule, Ellipsoid, Hull, Scenario

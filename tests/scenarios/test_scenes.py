@@ -12,12 +12,12 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from scenarios import families
+from scenarios.avatar.hand import HAND_MASS, hand_parts
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import built, catalogue, scene, tagged, tags
-from scenarios.families import snip
-from scenarios.hand import HAND_MASS, hand_parts
+from scenarios.families import ball_snip as snip
 from scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
 from scenarios.solids import box_inertia, capsule_inertia, ellipsoid_inertia, elliptic_hull, sphere_inertia
-from scenarios.tracking import sample
 
 
 def test_the_hand_has_its_mass_and_parts() -> None:

@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue, tagged
+from scenarios.closed_form import flips, motion
 from scenarios.scenario import Arc, Scenario, Truth
-from scenarios.tracking import sample
-from scenarios.truths import flips, motion
 
 ALL = [
     (scenario.name, truth.body)

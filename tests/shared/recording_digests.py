@@ -17,8 +17,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from adapters.engine import AdapterError, Settings
-from adapters.record import record
+from adapters.contract import AdapterError, Settings
+from adapters.recorder import record
 from adapters.registry import ENGINES, load
 from scenarios.catalogue import catalogue
 from scenarios.random_scenes import random_scene

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import Settings
-from adapters.reference_engine import ReferenceEngine
+from adapters.contract import Settings
+from adapters.engines.reference.engine import ReferenceEngine
 from reference_impl.broad_phase.detection import place_pieces
 from reference_impl.broad_phase.fat_bounds import inside_fat_bounds, update_fat_bounds
 from reference_impl.core.conventions import DRIVEN, SIMULATED
@@ -123,7 +123,7 @@ def test_a_leap_out_of_a_room_is_seen(lab: SimpleNamespace):
 
 def test_rooms_are_for_the_plan_alone(registry: SimpleNamespace):
     """Seek rooms where no effects are asked for, never for sweeps; the manifest tells."""
-    from adapters.record import ready
+    from adapters.recorder import ready
 
     told = {}
     for profile, effects in (("balanced", None), ("balanced", ("contact", "gravity")), ("accurate", None)):

@@ -16,7 +16,7 @@ from reference_impl.core.conventions import (
     PASSES_PLAIN,
 )
 from reference_impl.driven.skeleton import pose_links
-from reports.studies.inverse_kinematics import POINT, Arm, draw
+from reports.studies.inverse_kinematics.study import POINT, Arm, draw
 
 SETTINGS = [(angle, passes) for angle in (ANGLE_ACOS, ANGLE_ATAN2) for passes in (0, 1)]
 

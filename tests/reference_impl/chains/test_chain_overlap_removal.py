@@ -16,24 +16,24 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from adapters.engine import AdapterError, Settings
+from adapters.contract import AdapterError, Settings
+from adapters.engines.reference.engine import ReferenceEngine
+from adapters.engines.reference.reference_world import translate
+from adapters.engines.reference.settings import PROFILES
 from adapters.oracles.overlap import measure
-from adapters.record import record
+from adapters.recorder import record
 from adapters.recording import Recording
-from adapters.reference_engine import ReferenceEngine
-from adapters.reference_settings import PROFILES
-from adapters.translation import translate
 from reference_impl.chains.chain_overlap_removal import shuffle_chains
 from reference_impl.core.conventions import ATTRACTION_TIME, OVERLAP_TOLERANCE
 from reference_impl.core.driver_dtypes import DRIVER
 from reference_impl.core.state_dtype import STATE
 from reference_impl.driven.reach_cone import keep_in_cone
 from reference_impl.driven.skeleton import pose_links
-from scenarios.avatar import avatar_parts
-from scenarios.chains import hinge_axes
+from scenarios.avatar.avatar import avatar_parts
+from scenarios.avatar.chains import hinge_axes
+from scenarios.avatar.tracking import sample
 from scenarios.materials import TABLE_1
 from scenarios.scenario import IDENTITY, Body, Scenario, Tracker
-from scenarios.tracking import sample
 
 ROOT = Path(__file__).parents[2]
 FRAME = 1 / 60
@@ -358,8 +358,8 @@ INTERPRETED = """
 import json, sys
 sys.path.insert(0, "tests/reference_impl")
 from test_chain_removal import arms_cross, FRAME
-from adapters.engine import Settings
-from adapters.reference_engine import ReferenceEngine
+from adapters.contract import Settings
+from adapters.engines.reference.engine import ReferenceEngine
 scenario = arms_cross()
 world = ReferenceEngine().build(scenario, Settings("balanced", FRAME))
 for frame in range(30, 60):

@@ -8,17 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.engine import Settings
+from adapters.contract import Settings
+from adapters.engines.reference.engine import ReferenceEngine
 from adapters.oracles.overlap import measure
-from adapters.record import record
-from adapters.reference_engine import ReferenceEngine
+from adapters.recorder import record
 from reference_impl.core.conventions import OVERLAP_TOLERANCE
 from reference_impl.pipeline import step
-from scenarios.avatar import SHOULDER, arm_with_hand_parts
+from scenarios.avatar.avatar import SHOULDER, arm_with_hand_parts
+from scenarios.avatar.hand import hand_parts
+from scenarios.avatar.postures import person_tracker, reach
 from scenarios.effects import PLANNED
-from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
-from scenarios.postures import person_tracker, reach
 from scenarios.scenario import ORIGIN, Body, Piece, Scenario, Sphere, Tracker
 from scenarios.solids import sphere_inertia
 

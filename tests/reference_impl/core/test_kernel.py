@@ -38,11 +38,11 @@ def outer(x):
 
 SIGNATURES = """
 import json
-from adapters.engine import Settings
-from adapters.record import Player
-from adapters.reference_engine import ReferenceEngine
+from adapters.contract import Settings
+from adapters.recorder import Player
+from adapters.engines.reference.engine import ReferenceEngine
 from reference_impl.core import kernel
-from reports.studies.inverse_kinematics import rows
+from reports.studies.inverse_kinematics.study import rows
 from scenarios.catalogue import catalogue
 
 engine, scenario = ReferenceEngine(), catalogue()["ball_snip"]

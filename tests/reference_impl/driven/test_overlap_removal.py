@@ -7,15 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.engine import Settings
-from adapters.reference_engine import ReferenceEngine
+from adapters.contract import Settings
+from adapters.engines.reference.engine import ReferenceEngine
 from reference_impl.broad_phase.detection import place_pieces
 from reference_impl.core.conventions import OVERLAP_TOLERANCE, SEPARATION_DEPTH, SIMULATED
 from reference_impl.driven.overlap_removal import remove_overlap
 from reference_impl.driven.skeleton import pose_links
 from reference_impl.simulated.separation import separate_simulated
+from scenarios.avatar.hand import hand_parts
 from scenarios.catalogue import catalogue
-from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.scenario import Body, Piece, Scenario, Sphere, Tracker
 from scenarios.solids import sphere_inertia

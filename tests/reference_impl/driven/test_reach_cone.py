@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.translation import translate
+from adapters.engines.reference.reference_world import translate
 from reference_impl.driven.reach_cone import (
     carry,
     is_inside,

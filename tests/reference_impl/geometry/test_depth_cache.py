@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.translation import translate
+from adapters.engines.reference.reference_world import translate
 from reference_impl.broad_phase.detection import detect
 from reference_impl.core import conventions
 from reference_impl.core.state_dtype import STATE

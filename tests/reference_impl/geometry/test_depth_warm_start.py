@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.translation import piece_arrays
+from adapters.engines.reference.reference_world import piece_arrays
 from reference_impl.core import conventions
 from reference_impl.core.state_dtype import STATE
 from reference_impl.core.world import BODY, PAIR

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.hull_table import BRUTE, hull_rows
-from adapters.translation import piece_arrays, translate
+from adapters.engines.reference.reference_world import piece_arrays, translate
+from adapters.engines.reference.support_table import BRUTE, hull_rows
 from reference_impl.geometry.shapes import corner_of_hull, local_support, place_piece
 from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from scenarios.solids import elliptic_hull, sphere_inertia

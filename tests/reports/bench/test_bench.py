@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from reports import cli, limits
+from reports import limits
 from reports.bench import BENCHES, load, scaling
 from reports.bench.curves import BROAD_PHASE
+from reports.cli import main as cli
 from reports.limits import Limit
-from reports.output import OutputError
+from reports.output_folder import OutputError
 from reports.results import Row, table
 
 

@@ -16,8 +16,8 @@ from reports.bench import geometry
 from reports.bench.geometry import MOTION, Plan, queries, rows_of_bench
 from reports.bench.poses import FAMILIES, STEP, TOUCH_DEPTH, hand_slide, hull_slide, spread_vertices
 from reports.results import COLUMNS
+from reports.studies.interleaved_timing import Measured
 from reports.studies.poses import corners
-from reports.studies.turns import Measured
 
 OTHER, ABSENT = "coal", "absent"
 TINY = Plan(pairs=2, frames=3, turns=1, passes=1)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from adapters.detectors import REFERENCE
-from adapters.record import warm_up
+from adapters.recorder import warm_up
 from reports import limits
 from reports.bench import scaling
 from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES, Curve, balls_at_rest, resting_balls
@@ -74,8 +74,8 @@ def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> 
 
 def test_balls_rest_on_the_floor_and_apart() -> None:
     """Touch the floor and nothing else, and stay where they are for a second."""
-    from adapters.engine import Settings
-    from adapters.reference_engine import ReferenceEngine
+    from adapters.contract import Settings
+    from adapters.engines.reference.engine import ReferenceEngine
 
     scenario = resting_balls(10)
     assert len(scenario.bodies) == 11

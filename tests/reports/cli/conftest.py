@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from adapters.children import Outcome
-from reports import cli
+from adapters.workers.children import Outcome
 from reports import run as study
+from reports.cli import main as cli
 from scenarios.catalogue import built, scene
-from scenarios.families import snip
+from scenarios.families import ball_snip as snip
 
 
 @pytest.fixture

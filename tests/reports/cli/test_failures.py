@@ -13,11 +13,11 @@ from math import nan
 import pytest
 import typer
 
-from adapters.children import Outcome
 from adapters.registry import missing_reason
+from adapters.workers.children import Outcome
 from reports import limits
 from reports import run as study
-from reports.command import exit_for
+from reports.cli.options import exit_for
 from reports.limits import Limit
 from scenarios.catalogue import catalogue
 

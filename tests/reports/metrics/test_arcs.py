@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports.metrics.arcs import TOUCH_GAP, bounces, first_closing, gap_of
-from reports.metrics.evidence import Evidence, NotMeasured
+from reports.metrics.context import Evidence, NotMeasured
+from reports.metrics.motion.ballistic_arcs import TOUCH_GAP, bounces, first_closing, gap_of
 from scenarios.scenario import Expectation
 
 BETWEEN_FRAMES = 1e-6

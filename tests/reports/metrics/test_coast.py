@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reports.metrics.evidence import NotMeasured
+from reports.metrics.context import NotMeasured
 from scenarios.scenario import Body, Piece, Scenario, Sphere
 from scenarios.solids import sphere_inertia
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.metrics.contact import REFERENCE_SPEED
-from reports.metrics.evidence import NotMeasured
+from reports.metrics.contacts.contact import REFERENCE_SPEED
+from reports.metrics.context import NotMeasured
 from scenarios.catalogue import catalogue
 
 UP = (0.0, 0.0, 1.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports.metrics.arcs import OPEN_GAP, TOUCH_GAP
-from reports.metrics.events import PART_GAP, ROLL_SLIP
-from reports.metrics.evidence import NotMeasured
+from reports.metrics.context import NotMeasured
+from reports.metrics.motion.ballistic_arcs import OPEN_GAP, TOUCH_GAP
+from reports.metrics.motion.events import PART_GAP, ROLL_SLIP
 from scenarios.scenario import Body, Expectation, Piece, Sphere
 from scenarios.solids import sphere_inertia
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.metrics.evidence import NotMeasured
+from reports.metrics.context import NotMeasured
 from scenarios.scenario import Body, Piece, Sphere
 from scenarios.solids import sphere_inertia
 

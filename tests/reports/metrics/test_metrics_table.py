@@ -10,7 +10,7 @@ import pytest
 
 from adapters.registry import ENGINES
 from reports.metrics import IMPULSE_METRICS, METRICS, SOLVER_METRICS, posture_optimum
-from reports.metrics.evidence import Evidence, JudgeMissing, NotMeasured, Value
+from reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
 from scenarios.catalogue import catalogue, tagged
 
 UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad", "rad/s"}

@@ -8,11 +8,11 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from adapters.postures import driven_pieces
-from reports.metrics.evidence import Evidence, Value
-from reports.metrics.passages import passages
+from adapters.driven_poses import driven_pieces
+from reports.metrics.contacts.passages import passages
+from reports.metrics.context import Evidence, Value
+from scenarios.avatar.hand import hand_parts
 from scenarios.gallery import TABLE_HALF
-from scenarios.hand import hand_parts
 from scenarios.materials import TABLE_1
 from scenarios.scenario import Body, Box, Capsule, Piece, Scenario, Tracker
 from scenarios.solids import box_inertia

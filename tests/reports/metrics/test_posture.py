@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reports.metrics.evidence import Evidence
+from reports.metrics.context import Evidence
 from reports.metrics.posture import cone_excess, limit_excess
-from scenarios.chains import hinge_axes
+from scenarios.avatar.chains import hinge_axes
 
 
 @pytest.fixture

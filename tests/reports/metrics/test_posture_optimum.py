@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from reports.metrics import posture_optimum
-from reports.metrics.evidence import Evidence, NotMeasured
+from reports.metrics.context import Evidence, NotMeasured
+from scenarios.avatar.tracking import sample
 from scenarios.catalogue import catalogue
-from scenarios.tracking import sample
 
 pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from reports import limits
-from reports.known import Known
+from reports.known_failures.table import Known
 from reports.limits import judged
 from reports.metrics import METRICS, SOLVER_METRICS
-from reports.metrics.evidence import Evidence, NotMeasured
+from reports.metrics.context import Evidence, NotMeasured
 from reports.metrics.solver import CAPS, Place, worst_place
 from reports.results import Row
 from reports.run import measured_of
-from reports.unresolved import warning
+from reports.views.unresolved import warning
 from scenarios.catalogue import catalogue
 
 NAMES = (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reports.metrics.evidence import NotMeasured
+from reports.metrics.context import NotMeasured
 from scenarios.catalogue import catalogue, tagged
 
 PROBES = [scenario.name for scenario in tagged("probe")]
@@ -103,7 +103,7 @@ def test_flips_that_come_late_or_never(recordings, known):
         scenario, bodies=(replace(scenario.bodies[0], angular_velocity=(0.1 / 1.01, 6 / 1.01, 0.1 / 1.01)),)
     )
     late = known.ideal(recordings, slow)
-    from scenarios.truths import flips
+    from scenarios.closed_form import flips
 
     last = flips(scenario, scenario.truths[0])[-1]
     assert known.value("rotation.flip", late, scenario)["box"] == pytest.approx(0.01 * last, abs=1e-5)

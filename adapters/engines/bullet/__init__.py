@@ -1,0 +1,1 @@
+"""Bullet through pybullet."""

@@ -1,0 +1,1 @@
+"""DART 6 through dartpy."""

@@ -1,0 +1,361 @@
+"""DART 6 through dartpy: one World per scene, one Skeleton per body or per driven hand.
+
+Conventions: rotations are matrices; `Quaternion.wxyz()` is ours. A BodyNode's frame is our body frame, the
+centre of mass beside it; its velocities are asked for in world axes. A free joint's coordinates are angular,
+then linear. A contact's normal goes from body 2 to body 1 and its force (world axes, friction included) acts
+on body 1; depth is positive in overlap; the pair comes in any order. Contacts are those of the step's start;
+force times dt is the impulse. Its point is the witnesses' midpoint with FCL (primitives; with meshes and
+ellipsoids it may be off by the depth) and body 1's witness with Bullet, from which the midpoint follows.
+External and joint forces act for one step: DART clears them at its end. Coefficients sit on shapes and mix
+by product (restitution) and by minimum (friction). Boxes and ellipsoids are given by full sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import dartpy
+import numpy as np
+
+from adapters.contract import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
+from adapters.engines.dart.model import (
+    ROOT_DOFS,
+    add_body,
+    add_driven,
+    add_kinematic,
+    add_piece,
+    add_servos,
+    detector_of,
+    isometry,
+    reason_for_bullet,
+    set_mass,
+)
+from adapters.material_combine import check_range, frictions, minimum_factors, product_factors, restitutions
+from adapters.posed_drive import posed_of
+from adapters.registry import ACCURATE, ENGINES, require_profile
+from adapters.servo import Drive
+from scenarios.scenario import Scenario
+
+COEFFICIENT_MIN = 1e-3
+"""Restitution and friction up to here are none to DART (ContactSurface.hpp) [1]."""
+FRICTION_CONES = {
+    "DantzigBoxedLcpSolver": "two directions, each within mu times the normal force",
+    "NsgsFrictionSolver": "circular",
+}
+"""The cone of a contact under each solver."""
+HINGE_DRIVES = {
+    "native": "implicit springs and dampers",
+    "torque": "explicit torques",
+    "posed": "none: links have prescribed velocities",
+}
+UNREADABLE: dict[str, Scalar] = {
+    # compiled in, no getter or setter in dartpy; from DART's ContactConstraint.cpp
+    "contact_error_reduction": 0.01,
+    "contact_error_reduction_velocity_max [m/s]": 0.001,
+    "contact_force_mixing": 1e-5,
+    "contact_error_allowance [m]": 0.0,
+    "bounce_threshold, e v [m/s]": 0.1,
+    "integrator": "semi-implicit Euler",
+    "warm_starting": False,
+}
+
+
+class DartEngine:
+    """DART with its default solver at its own step (1/1020: DART's 1 ms, fitted) or another's; `accurate`
+    with the exact friction cone."""
+
+    name: ClassVar[str] = "dart"
+    profiles: ClassVar[Mapping[str, float]] = ENGINES["dart"].profiles
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported where DART cannot represent it."""
+        require_profile(self.name, settings)
+        return World(scenario, settings)
+
+    def version(self) -> str:
+        """The version of the loaded package."""
+        return str(dartpy.__version__)
+
+
+def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
+    """Every default on purpose: DART's own, but sleeping off unless it is asked for."""
+    world.setTimeStep(settings.dt)
+    world.setGravity(np.array(scenario.acting_gravity))
+    world.setNumSimulationThreads(1)
+    deactivation = world.getDeactivationOptions()
+    deactivation.mEnabled = settings.sleeping
+    world.setDeactivationOptions(deactivation)
+    world.setCollisionDetector(detector_of(scenario, settings.profile))
+    solver = world.getConstraintSolver()
+    solver.setSplitImpulseEnabled(False)
+    if settings.profile == ACCURATE:
+        # one of two opt-in friction solvers (DART 6.20 release notes): Coulomb's circular cone by nonsmooth
+        # Gauss-Seidel in place of two boxed directions
+        solver.setBoxedLcpSolver(dartpy.constraint.NsgsFrictionSolver())
+
+
+def _filter(world: Any, scenario: Scenario, nodes: list[Any]) -> None:
+    """Blacklist every pair of bodies that may not touch."""
+    # the option is handed out as a copy, the filter in it is the world's own
+    blacklist = world.getConstraintSolver().getCollisionOption().collisionFilter
+    allowed = set(scenario.touching_pairs())
+    for b, second in enumerate(nodes):
+        for a, first in enumerate(nodes[:b]):
+            if (a, b) not in allowed:
+                blacklist.addBodyNodePairToBlackList(first, second)
+
+
+class World:
+    """A dartpy World; `_nodes` holds a BodyNode per body of the scenario."""
+
+    def __init__(self, scenario: Scenario, settings: Settings) -> None:
+        self._scenario, self._settings = scenario, settings
+        self._world = dartpy.simulation.World(scenario.name)
+        _set_solver(self._world, scenario, settings)
+        asked = {"restitution": restitutions(scenario), "friction": frictions(scenario)}
+        for kind, wanted in asked.items():
+            check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
+        restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
+        friction = minimum_factors("dart", "friction", scenario, asked["friction"])
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
+        by_name = {joint.name: joint for joint in scenario.joints}
+        nodes: dict[int, Any] = {}
+        for one, _ in self._posed:
+            nodes |= {link: add_kinematic(self._world, scenario.bodies[link]) for link in one.links}
+        for drive, tracker in zip(self._drives, scenario.trackers):
+            nodes |= add_driven(self._world, scenario, drive, [by_name[name] for name in tracker.joints])
+        for k, body in enumerate(scenario.bodies):
+            if body.kind != "driven":
+                nodes[k] = add_body(self._world, body)
+        self._nodes = [nodes[k] for k in range(len(scenario.bodies))]
+        self._moving = [(k, nodes[k]) for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
+        # where fixed bodies are: read once
+        poses = [node.getWorldTransform() for node in self._nodes]
+        self._position = np.array([pose.translation() for pose in poses])
+        self._orientation = np.array([pose.quaternion().wxyz() for pose in poses])
+        self._owner: dict[str, int] = {}
+        for k, (node, body) in enumerate(zip(self._nodes, scenario.bodies)):
+            set_mass(node, body)
+            for i, piece in enumerate(body.pieces):
+                add_piece(node, piece, f"{k}.{i}", restitution[k], friction[k])
+                self._owner[f"{k}.{i}"] = k
+        _filter(self._world, scenario, self._nodes)
+        detector = self._world.getConstraintSolver().getCollisionDetector().getType()
+        self._to_midpoint = 0.5 if detector == "bullet" else 0.0
+        self._roots = [self._nodes[drive.links[0]] for drive in self._drives]
+        self._hands = [root.getSkeleton() for root in self._roots]
+        self._force = np.full((len(self._drives), 3), np.nan)
+        self._torque = np.full((len(self._drives), 3), np.nan)
+        self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in scenario.trackers]
+        self._native = settings.drive == "native"
+        self._changed = [np.zeros(ROOT_DOFS + len(one)) for one in self._hinge_torque]
+        self._set_point = [(np.full_like(one, np.nan),) * 2 for one in self._hinge_torque]
+        if self._native:
+            for drive, hand in zip(self._drives, self._hands):
+                add_servos(hand, drive)
+
+    def drive(self, step: int) -> None:
+        """Force and torque at the root's origin in world axes, and the hinges' servos or torques; or the
+        links' poses and velocities."""
+        self._moment = step + 1
+        self._move_posed()
+        for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
+            pose = root.getWorldTransform()
+            self._force[k], self._torque[k] = drive.wrench(
+                step,
+                pose.translation(),
+                pose.quaternion().wxyz(),
+                root.getLinearVelocity(),
+                root.getAngularVelocity(),
+            )
+            root.addExtForce(self._force[k])
+            root.addExtTorque(self._torque[k], False)
+            angle, rate = hand.getPositions()[ROOT_DOFS:], hand.getVelocities()[ROOT_DOFS:]
+            if self._native:
+                self._changed[k] = np.array(hand.getVelocityChanges())
+                self._set_point[k] = drive.target.angle[step], drive.target.rate[step]
+                for number, target in enumerate(drive.target.angle[step], start=1):
+                    # DART refuses a rest position beyond the limits
+                    joint = hand.getJoint(number)
+                    low, high = joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0)
+                    joint.setRestPosition(0, min(max(target, low), high))
+                torques = drive.servo_damping * drive.target.rate[step]
+            else:
+                torques = self._hinge_torque[k] = drive.hinge_torques(step, angle, rate)
+            hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), torques]))
+
+    def _move_posed(self) -> None:
+        """Let kinematic links move from where they are shown at the step's start to where at its end."""
+        step = self._moment - 1
+        for posed, _ in self._posed:
+            for k, link in enumerate(posed.links):
+                joint = self._nodes[link].getParentJoint()
+                joint.setTransform(isometry(posed.place[k, step], posed.orientation[k, step]))
+                joint.setAngularVelocity(posed.omega[k, step])
+                joint.setLinearVelocity((posed.place[k, step + 1] - posed.place[k, step]) / self._settings.dt)
+                joint.setCommands(joint.getVelocities())
+
+    def step(self) -> None:
+        """One World.step."""
+        self._world.step()
+
+    def read(self, state: State) -> None:
+        """Poses and velocities of the step's end, contacts of its start."""
+        state.position[:], state.orientation[:] = self._position, self._orientation
+        for k, node in self._moving:
+            pose = node.getWorldTransform()
+            state.position[k], state.orientation[k] = pose.translation(), pose.quaternion().wxyz()
+            state.linear_velocity[k] = node.getCOMLinearVelocity()
+            state.angular_velocity[k] = node.getAngularVelocity()
+        for one, hinges in self._posed:
+            one.show(self._moment, state, hinges)
+        if self._hands:
+            state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
+            state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
+            state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
+            state.force[:], state.torque[:] = self._force, self._torque
+        state.clear_contacts()
+        for contact in self._world.getLastCollisionResult().getContacts():
+            first = self._owner[contact.collisionObject1.getShapeFrame().getName()]
+            second = self._owner[contact.collisionObject2.getShapeFrame().getName()]
+            normal, depth = contact.normal, contact.penetrationDepth
+            point = contact.point + self._to_midpoint * depth * normal
+            impulse = -self._settings.dt * contact.force
+            state.add_contact(first, second, point, -normal, -depth, impulse)
+
+    def _hinge_torques(self, tracker: int) -> Array:
+        """What drove the hinges of a tracker during the step just made (j,) [N m]: DART takes its springs and
+        dampers at the end of the step as it would be without the impulses of contacts and limits."""
+        if not self._native:
+            return self._hinge_torque[tracker]
+        hand, drive, dt = self._hands[tracker], self._drives[tracker], self._settings.dt
+        angle, rate = self._set_point[tracker]
+        changed = np.array(hand.getVelocityChanges())
+        # a step without impulses leaves those of an earlier step
+        changed = np.where(np.array_equal(changed, self._changed[tracker]), 0.0, changed)[ROOT_DOFS:]
+        error = angle - hand.getPositions()[ROOT_DOFS:] + dt * changed
+        error_rate = rate - hand.getVelocities()[ROOT_DOFS:] + changed
+        return drive.servo_stiffness * error + drive.servo_damping * error_rate
+
+    def describe(self) -> Manifest:
+        """The manifest, as DART tells it."""
+        names = [body.name for body in self._scenario.bodies]
+        aspects = {k: self._aspect(k) for pair in self._scenario.touching_pairs() for k in pair}
+        return Manifest(
+            engine=DartEngine.name,
+            version=str(dartpy.__version__),
+            profile=self._settings.profile,
+            dt=self._world.getTimeStep(),
+            settings=self._facts(),
+            bodies={
+                body.name: _body_facts(node)
+                for body, node in zip(self._scenario.bodies, self._nodes)
+                if body.kind != "fixed"
+            },
+            pairs=tuple(
+                PairFacts(
+                    names[a],
+                    names[b],
+                    aspects[a].getRestitutionCoeff() * aspects[b].getRestitutionCoeff(),
+                    min(aspects[a].getFrictionCoeff(), aspects[b].getFrictionCoeff()),
+                )
+                for a, b in self._scenario.touching_pairs()
+            ),
+            drives={tracker.root: d.gains() for tracker, d in zip(self._scenario.trackers, self._drives)},
+            limits=self._limits(),
+            pieces={name: node.getNumShapeNodes() for name, node in zip(names, self._nodes)},
+            freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons()),
+        )
+
+    def _skeletons(self) -> list[Any]:
+        return [self._world.getSkeleton(k) for k in range(self._world.getNumSkeletons())]
+
+    def _limits(self) -> dict[str, tuple[float, float]]:
+        found = {}
+        for hand, tracker in zip(self._hands, self._scenario.trackers):
+            for k, name in enumerate(tracker.joints, start=1):
+                joint = hand.getJoint(k)
+                found[name] = (joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0))
+        return found
+
+    def _aspect(self, body: int) -> Any:
+        return self._nodes[body].getShapeNode(0).getDynamicsAspect()
+
+    def _facts(self) -> dict[str, Scalar]:
+        world, solver = self._world, self._world.getConstraintSolver()
+        detector, option = solver.getCollisionDetector(), solver.getCollisionOption()
+        deactivation = world.getDeactivationOptions()
+        hinges = [hand.getJoint(k) for hand in self._hands for k in range(1, hand.getNumJoints())]
+        dofs = [
+            (joint, k)
+            for hand in self._hands
+            for joint in hand.getJoints()
+            for k in range(joint.getNumDofs())
+        ]
+        facts: dict[str, Scalar] = {
+            "detector": detector.getType(),
+            "detector_reason": reason_for_bullet(self._scenario, self._settings.profile) or "DART's default",
+            "solver": type(solver).__name__,
+            "lcp_solver": solver.getBoxedLcpSolver().getType(),
+            "friction_cone": FRICTION_CONES[solver.getBoxedLcpSolver().getType()],
+            "lcp_solver_fallback": solver.getSecondaryBoxedLcpSolver().getType(),
+            "matrix_free_solver": solver.getMatrixFreeContactSolverOptions().mEnabled,
+            "split_impulse": solver.isSplitImpulseEnabled(),
+            "contacts_max": option.maxNumContacts,
+            "contacts_per_pair_max": option.getEffectiveMaxNumContactsPerPair(),
+            "contacts_of_negative_depth": option.allowNegativePenetrationDepthContacts,
+            "deactivation": deactivation.mEnabled,
+            "deactivation_speed [m/s]": deactivation.mLinearSpeedThreshold,
+            "deactivation_rate [rad/s]": deactivation.mAngularSpeedThreshold,
+            "deactivation_time [s]": deactivation.mTimeUntilSleep,
+            "deactivation_wake_factor": deactivation.mWakeThresholdScale,
+            "threads": world.getNumSimulationThreads(),
+            "collision_shapes": sum(
+                shape.hasCollisionAspect()
+                for k in range(world.getNumSkeletons())
+                for body in world.getSkeleton(k).getBodyNodes()
+                for shape in body.getShapeNodes()
+            ),
+            "gravity": str(world.getGravity().tolist()),
+            "driven_feel_gravity": any(
+                n.getGravityMode() for hand in self._hands for n in hand.getBodyNodes()
+            ),
+            "joint_damping": max((joint.getDampingCoefficient(k) for joint, k in dofs), default=0.0),
+            "joint_friction": max((joint.getCoulombFriction(k) for joint, k in dofs), default=0.0),
+            "joint_stiffness": max((joint.getSpringStiffness(k) for joint, k in dofs), default=0.0),
+            "hinges": len(hinges),
+            "hinge_drive": HINGE_DRIVES[self._settings.drive],
+            "hinge_limits": sum(joint.areLimitsEnforced() for joint in hinges),
+            "hull_vertex_type": "float32, triangle soup",
+        }
+        if detector.getType() == "fcl":
+            facts["fcl_primitives"] = detector.getPrimitiveShapeType().name
+            facts["fcl_contact_points"] = detector.getContactPointComputationMethod().name
+        return facts | UNREADABLE
+
+    def cross(self) -> None:
+        """A getter of one number."""
+        self._world.getTime()
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """DART has no timers."""
+        return {}
+
+    def work(self) -> Mapping[str, float]:
+        """Contacts of the last step."""
+        return {"contacts": self._world.getLastCollisionResult().getNumContacts()}
+
+    def close(self) -> None:
+        """Drop every reference into DART; its memory goes with the last one."""
+        self._nodes, self._moving, self._roots, self._hands = [], [], [], []
+        self._world.removeAllSkeletons()
+
+
+def _body_facts(node: Any) -> BodyFacts:
+    rows: Array = node.getInertia().getMoment()
+    return BodyFacts(node.getMass(), tuple(node.getLocalCOM().tolist()), tuple(map(tuple, rows.tolist())))

@@ -1,0 +1,201 @@
+"""A scenario as DART skeletons: bodies, joints, shapes, and the detector that can tell the shapes.
+
+Hulls: dartpy 6.20 binds no ConvexMeshShape, and a MeshShape comes from a file only: the vertices pass through
+a temporary OBJ file, deleted at once, and end in single precision. Every detector takes a MeshShape as a
+triangle soup, a shell without an inside.
+
+Detector: FCL, DART's default, but in two cases DART's Bullet detector. The first: FCL 0.7 gives a sphere
+against a triangle its depth with the wrong sign and DART drops contacts of negative depth: a sphere passes
+through a hull; in place of a capsule DART hands it a ball of 10 cm, and only prints an error. So scenes in
+which a sphere can meet a hull, or a capsule anything, use the Bullet detector, exact for those; it makes
+ellipsoids 1 cm too large all round: a scene that needs both is Unsupported. The second, except in `default`:
+scenes in which nothing but spheres, boxes and capsules meet, as DART's maintainers advise (dart issue 1065:
+"change the collision detector to BulletCollisionDetector if the collision shapes are all primitive shapes";
+issue 1183: it returns up to four contacts per pair, FCL all triangles').
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import dartpy
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from adapters.contract import Unsupported
+from adapters.registry import DEFAULT
+from adapters.servo import Drive
+from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+
+ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
+ROOT_DOFS = 6
+"""Coordinates of a free joint; those of the hinges follow in the tracker's order."""
+
+
+def detector_of(scenario: Scenario, profile: str) -> Any:
+    """FCL, or Bullet where a sphere can meet a hull or a capsule anything, and where only primitives meet."""
+    reason = reason_for_bullet(scenario, profile)
+    if not reason:
+        return dartpy.collision.FCLCollisionDetector()
+    shapes = _meeting_shapes(scenario)
+    if any(Ellipsoid in a | b for a, b in shapes):
+        raise Unsupported(f"dart: {reason}, and no detector has both that and true ellipsoids")
+    return dartpy.collision.BulletCollisionDetector()
+
+
+def _meeting_shapes(scenario: Scenario) -> list[tuple[set[type], set[type]]]:
+    """Kinds of shape of the two bodies of each touching pair."""
+    kinds = [{type(piece.shape) for piece in body.pieces} for body in scenario.bodies]
+    return [(kinds[a], kinds[b]) for a, b in scenario.touching_pairs()]
+
+
+def fault_of_fcl(scenario: Scenario) -> str:
+    """What of a scene DART's default detector gets wrong, or ""."""
+    pairs = _meeting_shapes(scenario)
+    if any(Capsule in a | b for a, b in pairs):
+        return "capsules meet"
+    spheres_on_hulls = any((Sphere in a and Hull in b) or (Hull in a and Sphere in b) for a, b in pairs)
+    return "spheres meet hulls" if spheres_on_hulls else ""
+
+
+def reason_for_bullet(scenario: Scenario, profile: str) -> str:
+    """Why a scene is played with DART's Bullet detector, or "" where it is not."""
+    primitives = {Sphere, Box, Capsule}
+    plain = all(a | b <= primitives for a, b in _meeting_shapes(scenario))
+    return fault_of_fcl(scenario) or (ADVICE if plain and profile != DEFAULT else "")
+
+
+def isometry(position: Any, orientation: Any) -> Any:
+    """A pose, from a position [m] and a quaternion wxyz."""
+    return dartpy.math.Isometry3(dartpy.math.Quaternion(*orientation), np.array(position, dtype=float))
+
+
+def set_mass(node: Any, body: Body) -> None:
+    """Ours, not the shapes'; a fixed body has none and keeps DART's 1 kg, which nothing feels."""
+    if body.kind != "fixed":
+        center = np.array(body.center_of_mass)
+        node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
+
+
+def add_body(world: Any, body: Body) -> Any:
+    """A fixed or free body as a skeleton of its own."""
+    skeleton = dartpy.dynamics.Skeleton(body.name)
+    pose = isometry(body.position, body.orientation)
+    if body.kind == "fixed":
+        joint, node = skeleton.createWeldJointAndBodyNodePair()
+        joint.setTransformFromParentBodyNode(pose)
+    else:
+        joint, node = skeleton.createFreeJointAndBodyNodePair()
+        joint.setTransform(pose)
+        omega = np.array(body.angular_velocity)
+        arm = pose.rotation() @ np.array(body.center_of_mass)
+        joint.setAngularVelocity(omega)
+        joint.setLinearVelocity(np.array(body.linear_velocity) - np.cross(omega, arm))
+    world.addSkeleton(skeleton)
+    return node
+
+
+def add_kinematic(world: Any, body: Body) -> Any:
+    """A driven link as a skeleton of its own, whose velocity is prescribed."""
+    skeleton = dartpy.dynamics.Skeleton(body.name)
+    joint, node = skeleton.createFreeJointAndBodyNodePair()
+    joint.setActuatorType(dartpy.dynamics.ActuatorType.VELOCITY)
+    node.setGravityMode(False)
+    world.addSkeleton(skeleton)
+    return node
+
+
+def add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint]) -> dict[int, Any]:
+    """A driven body as one skeleton: its nodes per index in the scenario, weightless, posed at time 0."""
+    skeleton = dartpy.dynamics.Skeleton(scenario.bodies[drive.links[0]].name)
+    free, root = skeleton.createFreeJointAndBodyNodePair()
+    free.setTransform(isometry(drive.start_position[0], drive.start_orientation[0]))
+    free.setAngularVelocity(drive.start.angular_velocity[0])
+    free.setLinearVelocity(drive.start.linear_velocity[0])
+    nodes = {drive.links[0]: root}
+    for link, hinge in zip(drive.links[1:], hinges):
+        parent = nodes[scenario.body_index(hinge.parent)]
+        joint, nodes[link] = skeleton.createRevoluteJointAndBodyNodePair(parent)
+        # pose of the child = position, rotation(axis, q), orientation
+        joint.setTransformFromParentBodyNode(isometry(hinge.position, (1.0, 0.0, 0.0, 0.0)))
+        joint.setTransformFromChildBodyNode(isometry((0.0, 0.0, 0.0), hinge.orientation).inverse())
+        joint.setAxis(np.array(hinge.axis))
+        joint.setActuatorType(dartpy.dynamics.ActuatorType.FORCE)
+        joint.setPositionLowerLimit(0, hinge.lower)
+        joint.setPositionUpperLimit(0, hinge.upper)
+        joint.setLimitEnforcement(True)
+    dofs = range(ROOT_DOFS, ROOT_DOFS + len(hinges))
+    skeleton.setPositions(dofs, drive.start.angle[0])
+    skeleton.setVelocities(dofs, drive.start.rate[0])
+    for node in nodes.values():
+        node.setGravityMode(False)
+    if "self_collision" in scenario.effects:
+        skeleton.enableSelfCollisionCheck()
+    world.addSkeleton(skeleton)
+    return nodes
+
+
+def add_servos(skeleton: Any, drive: Drive) -> None:
+    """A spring and a damper on every hinge, which DART integrates implicitly (Tan, Liu & Turk 2011, "Stable
+    proportional-derivative controllers", as in DART's tutorials); the rest position is the set point."""
+    for number, (stiffness, damping) in enumerate(zip(drive.servo_stiffness, drive.servo_damping), start=1):
+        skeleton.getJoint(number).setSpringStiffness(0, stiffness)
+        skeleton.getJoint(number).setDampingCoefficient(0, damping)
+
+
+def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: float) -> None:
+    match piece.shape:
+        case Sphere():
+            shape = _add_sphere(node, piece.shape, name)
+        case Box():
+            shape = _add_box(node, piece.shape, name)
+        case Capsule():
+            shape = _add_capsule(node, piece.shape, name)
+        case Ellipsoid():
+            shape = _add_ellipsoid(node, piece.shape, name)
+        case Hull():
+            shape = _add_hull(node, piece.shape, name)
+        case _:
+            raise Unsupported(f"dart: no shape {type(piece.shape).__name__}")
+    shape.setRelativeTransform(isometry(piece.position, piece.orientation))
+    shape.createCollisionAspect()
+    shape.createDynamicsAspect()
+    # sets both friction directions
+    shape.getDynamicsAspect().setFrictionCoeff(friction)
+    shape.getDynamicsAspect().setRestitutionCoeff(restitution)
+
+
+def _add_sphere(node: Any, shape: Sphere, name: str) -> Any:
+    return node.createShapeNode(dartpy.dynamics.SphereShape(shape.radius), name)
+
+
+def _add_box(node: Any, shape: Box, name: str) -> Any:
+    return node.createShapeNode(dartpy.dynamics.BoxShape(2 * np.array(shape.half_extents)), name)
+
+
+def _add_capsule(node: Any, shape: Capsule, name: str) -> Any:
+    return node.createShapeNode(dartpy.dynamics.CapsuleShape(shape.radius, 2 * shape.half_length), name)
+
+
+def _add_ellipsoid(node: Any, shape: Ellipsoid, name: str) -> Any:
+    return node.createShapeNode(dartpy.dynamics.EllipsoidShape(2 * np.array(shape.half_axes)), name)
+
+
+def _add_hull(node: Any, shape: Hull, name: str) -> Any:
+    """A MeshShape of the hull's triangles, turned outwards, by way of a file that is deleted at once."""
+    hull = ConvexHull(np.array(shape.vertices))
+    lines = ["v {!r} {!r} {!r}".format(*vertex) for vertex in shape.vertices]
+    for triangle, outwards in zip(hull.simplices, hull.equations[:, :3]):
+        p, q, r = hull.points[triangle]
+        turned = triangle if np.cross(q - p, r - p) @ outwards > 0 else triangle[::-1]
+        lines.append("f {} {} {}".format(*(turned + 1)))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "hull.obj"
+        path.write_text("\n".join(lines) + "\n")
+        mesh = f'<mesh filename="{path.as_uri()}"/>'
+        link = f'<link name="l"><collision><geometry>{mesh}</geometry></collision></link>'
+        urdf = f'<robot name="r">{link}</robot>'
+        loaded = dartpy.utils.DartLoader().parseSkeletonString(urdf, dartpy.common.Uri(""))
+        return node.createShapeNode(loaded.getBodyNode(0).getShapeNode(0).getShape(), name)

@@ -1,0 +1,174 @@
+"""How MuJoCo is told e and mu: by masks and priorities of geoms (`mujoco_masks.py`), else by explicit pairs.
+
+MuJoCo has springs instead of e: a contact is told its stiffness and damping per unit mass in the direct form
+solref = (-stiffness, -damping).
+
+By default zeta = -ln e / sqrt(pi^2 + ln^2 e), the ratio at which a spring that may also pull has this e, and
+solref = (-w^2, -2 zeta w) with w = 1 / max(0.02 zeta, 2 dt): the default time constant of 20 ms (e = 0 is
+MuJoCo's default contact), but never stiffer than the floor MuJoCo itself keeps for a critically damped
+contact (timeconst >= 2 dt; the positive form has no such floor for zeta < 1 and gains energy). Friction is
+given per pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal cone share the pair's
+damping: friction is Coulomb's for e up to about .8, fades above, and is none at e = 1.
+
+In `accurate`, zeta allows for a contact's letting go while still compressed, where its force would turn
+negative (Schwager & Poeschel 2007): with zeta = cos t, or cosh t beyond critical damping, that leaves
+e = exp(-2 t cot t), or exp(-2 t coth t). Contacts are as stiff as the step allows. Stiffness and damping are
+those whose *steps* have the spring's decay and frequency, for MuJoCo's are explicit in both; the impedance
+does not depend on depth, so that the spring is linear. Friction is damped by itself (solreffriction, which
+only the elliptic cone has) and no more than by default: as stiffly as the normal force it would throw a
+sliding body off the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import combinations
+from math import acos, acosh, cos, cosh, exp, hypot, log, pi, sqrt, tan, tanh
+from typing import Any
+
+from scipy.optimize import brentq
+
+from adapters.contract import Array, Settings
+from adapters.engines.mujoco.masks import GeomFilter, contact_filter
+from adapters.material_combine import check_range, frictions, restitutions
+from adapters.registry import ACCURATE
+from scenarios.scenario import Scenario
+
+TIME_CONSTANT = 0.02
+"""MuJoCo's default time constant of a contact, 1 / (zeta w) [s]."""
+FLOOR_STEPS = 2.0
+"""MuJoCo's floor of a contact's time constant [steps] (its flag refsafe)."""
+FRICTION_MIN = 1e-5
+"""Least friction of a contact with condim > 1 (mjMINMU) [1]: smaller values are raised to it."""
+ACCURATE_STIFFNESS = 0.2
+"""Frequency of an accurate contact times the step [rad]: a bounce takes some 15 steps, and where within a
+step it begins changes e by at most 0.02."""
+ACCURATE_RESTITUTION_MIN = 0.02
+"""Least restitution of an accurate contact [1], and what it has for 0: that would need infinite damping."""
+ACCURATE_IMPEDANCE = (0.95, 0.95, 0.001, 0.5, 2.0)
+"""MuJoCo's default solimp, its largest impedance at any depth."""
+ROUNDING = 1e-9
+"""Of a restitution that goes through a solref and back, relative."""
+FRICTION_REFERENCE = (-1.0, -2 / TIME_CONSTANT)
+"""(-stiffness, -damping [1/s]) of friction in an accurate contact: MuJoCo's default; stiffness is unused."""
+
+
+def solref_of(restitution: float, settings: Settings) -> tuple[float, float]:
+    """(-stiffness, -damping) per unit mass of a contact with restitution e."""
+    if settings.profile == ACCURATE:
+        zeta = releasing_ratio(max(restitution, ACCURATE_RESTITUTION_MIN))
+        return _sampled(zeta, ACCURATE_STIFFNESS / settings.dt, settings.dt)
+    zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
+    w = 1 / max(TIME_CONSTANT * zeta, FLOOR_STEPS * settings.dt)
+    return -w * w, -2 * zeta * w
+
+
+def restitution_of(solref: Array, settings: Settings) -> float:
+    """Restitution e of a contact with (-stiffness, -damping), the inverse of `solref_of`."""
+    if settings.profile == ACCURATE:
+        e = releasing_restitution(_damping_ratio(solref, settings.dt))
+        return e if e > ACCURATE_RESTITUTION_MIN * (1 + ROUNDING) else 0.0
+    zeta = -solref[1] / (2 * sqrt(-solref[0]))
+    return exp(-pi * zeta / sqrt(1 - zeta * zeta)) if zeta < 1 else 0.0
+
+
+def releasing_restitution(zeta: float) -> float:
+    """Restitution of a damped spring that may not pull, at a damping ratio."""
+    if zeta == 1:
+        return exp(-2)
+    angle = acos(zeta) if zeta < 1 else acosh(zeta)
+    return exp(-2 * angle / (tan(angle) if zeta < 1 else tanh(angle)))
+
+
+def releasing_ratio(restitution: float) -> float:
+    """Damping ratio of a damped spring that may not pull, for a restitution in (0, 1]."""
+    lost = -log(restitution) / 2
+    if lost == 0:
+        return 0.0
+    if lost == 1:
+        return 1.0
+    if lost < 1:
+        return cos(brentq(lambda t: t / tan(t) - lost, 1e-12, pi / 2))
+    return cosh(brentq(lambda t: t / tanh(t) - lost, 1e-12, lost))
+
+
+def _sampled(zeta: float, w: float, dt: float) -> tuple[float, float]:
+    """(-stiffness, -damping) whose semi-implicit steps have the damped spring's decay and frequency."""
+    decay, root = exp(-zeta * w * dt), w * dt * sqrt(abs(1 - zeta * zeta))
+    turn = cos(root) if zeta < 1 else cosh(root)
+    return -(1 + decay * decay - 2 * decay * turn) / dt**2, -(1 - decay * decay) / dt
+
+
+def _damping_ratio(solref: Array, dt: float) -> float:
+    """The damping ratio that `_sampled` was given."""
+    decay = sqrt(1 + solref[1] * dt)
+    turn = (1 + decay * decay + solref[0] * dt**2) / (2 * decay)
+    root = acos(turn) if turn < 1 else acosh(turn)
+    square = root * root if turn < 1 else -root * root
+    return -log(decay) / sqrt(log(decay) ** 2 + square)
+
+
+def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, settings: Settings) -> None:
+    """Let MuJoCo find the contacts of all touching pairs, with their coefficients.
+
+    Args:
+        bodies: the spec's body per index in the scenario; their geoms have masks of zero.
+    """
+    check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
+    if settings.profile == ACCURATE:
+        # a geom has no solreffriction
+        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=ACCURATE_RESTITUTION_MIN)
+        explicit = tuple(scenario.touching_pairs())
+        add_pairs(spec, scenario, settings, explicit)
+        return
+    found = contact_filter(scenario)
+    for k, told in found.geoms.items():
+        for geom in bodies[k].geoms:
+            _set_geom(geom, told, settings)
+    for a, b in found.excluded:
+        spec.add_exclude(bodyname1=bodies[a].name, bodyname2=bodies[b].name)
+    add_pairs(spec, scenario, settings, found.explicit)
+
+
+def _set_geom(geom: Any, told: GeomFilter, settings: Settings) -> None:
+    """Masks and contact parameters of a geom."""
+    e, mu = told.coefficients
+    geom.contype, geom.conaffinity, geom.priority = told.contype, told.conaffinity, told.priority
+    geom.condim, geom.friction, geom.solref = 3 if mu > 0 else 1, (mu, 0.0, 0.0), solref_of(e, settings)
+
+
+def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable[tuple[int, int]]) -> None:
+    """An explicit pair for every two geoms of pairs of bodies; MuJoCo takes it in place of masks."""
+    told: dict[str, tuple[float, ...]] = {}
+    if settings.profile == ACCURATE:
+        told = {"solimp": ACCURATE_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
+    for a, b in pairs:
+        e, mu = scenario.pair_coefficients(a, b)
+        for first in range(len(scenario.bodies[a].pieces)):
+            for second in range(len(scenario.bodies[b].pieces)):
+                spec.add_pair(
+                    geomname1=f"{a}.{first}",
+                    geomname2=f"{b}.{second}",
+                    condim=3 if mu > 0 else 1,
+                    friction=(mu, mu, 0.0, 0.0, 0.0),
+                    solref=solref_of(e, settings),
+                    **told,
+                )
+
+
+def contact_parameters(model: Any) -> dict[tuple[int, int], tuple[int, Array, float]]:
+    """The condim, solref and sliding friction of each two of a compiled model's bodies (a < b) that may meet:
+    those of their explicit pairs, else of the geom that the masks and priorities choose."""
+    found = {}
+    geoms = [k for k in range(model.ngeom) if model.geom_contype[k] or model.geom_conaffinity[k]]
+    first = {int(model.geom_bodyid[k]): k for k in reversed(geoms)}
+    for (a, one), (b, two) in combinations(sorted(first.items()), 2):
+        masks = model.geom_contype[[one, two]] & model.geom_conaffinity[[two, one]]
+        if masks.any():
+            # at equal priority both geoms have the same parameters
+            k = one if model.geom_priority[one] >= model.geom_priority[two] else two
+            found[a, b] = int(model.geom_condim[k]), model.geom_solref[k], float(model.geom_friction[k, 0])
+    for k, geoms_of in enumerate(zip(model.pair_geom1, model.pair_geom2)):
+        a, b = sorted(int(model.geom_bodyid[geom]) for geom in geoms_of)
+        found[a, b] = int(model.pair_dim[k]), model.pair_solref[k], float(model.pair_friction[k, 0])
+    return found

@@ -1,0 +1,324 @@
+"""MuJoCo 4 behind the contract.
+
+Conventions: quaternions wxyz and half sizes as ours; distances negative in overlap as ours. A contact's
+normal goes from geom[0] to geom[1] and its force, in the axes (normal, tangent, tangent), acts on geom[1];
+MuJoCo orders the two geoms by type (a sphere comes before a box), so each geom is mapped back to its body and
+`State.add_contact` turns the contact round. `pos` is the midpoint of the witnesses. Contacts and forces are
+those of the start of the step: force times dt is the impulse. A free joint's qvel holds the world velocity of
+the body's *origin* and the angular velocity along the *body's* axes; `cvel` is taken at the subtree's centre
+of mass. A hinge's axis lies in the child's frame. `xpos` lags behind `qpos` after a step: `read` runs the
+kinematics again, which leaves the state alone. How e and mu are told stands in `mujoco_contacts.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import mujoco
+import numpy as np
+
+from adapters.contract import (
+    AdapterError,
+    Array,
+    BodyFacts,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+    Unsupported,
+)
+from adapters.engines.mujoco.contacts import add_contacts, contact_parameters, restitution_of
+from adapters.engines.mujoco.model import add_bodies, add_servos, inverse, set_options, turned
+from adapters.posed_drive import posed_of
+from adapters.registry import ENGINES, require_profile
+from adapters.servo import Drive
+from scenarios.scenario import Scenario
+
+OPTIONS = (
+    *("timestep", "iterations", "tolerance", "ls_iterations", "ls_tolerance", "noslip_iterations"),
+    *("noslip_tolerance", "impratio", "ccd_iterations", "ccd_tolerance", "density", "viscosity"),
+    "sleep_tolerance",
+)
+FLAGS = (
+    # option field, its bits, their prefix, whether a set bit means on
+    ("disableflags", mujoco.mjtDisableBit, "mjDSBL_", False),
+    ("enableflags", mujoco.mjtEnableBit, "mjENBL_", True),
+)
+LARGEST = (
+    *("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness"),
+    *("pair_margin", "pair_gap", "geom_margin", "geom_gap"),
+)
+DISTINCT = (
+    *("pair_solref", "pair_solreffriction", "pair_solimp", "pair_dim"),
+    *("geom_solref", "geom_solimp", "geom_condim"),
+)
+KINDS = ("integrator", "solver", "cone", "jacobian")
+HINGE_DRIVES = {
+    "native": "position actuators",
+    "torque": "explicit torques",
+    "posed": "none: links are mocap bodies",
+}
+TIMER = mujoco.mjtTimer
+IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
+LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWARN_CNSTRFULL))
+"""Warnings of MuJoCo that mean contacts were dropped for want of memory."""
+
+
+def _write_no_log_file() -> None:
+    """Warnings go to stderr alone; by default MuJoCo also writes MUJOCO_LOG.TXT into the current folder."""
+    log = mujoco.MjLogConfig.get()
+    log.logto_file = False
+    mujoco.MjLogConfig.set(log)
+
+
+class MujocoEngine:
+    """MuJoCo with the integrator and the cone that its documentation recommends; `default` with those that it
+    comes with; `accurate` with stiffer contacts."""
+
+    name: ClassVar[str] = "mujoco"
+    profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported where MuJoCo cannot represent it."""
+        require_profile(self.name, settings)
+        _write_no_log_file()
+        spec = mujoco.MjSpec()
+        set_options(spec, scenario, settings)
+        posed = settings.drive == "posed"
+        bodies = add_bodies(spec, scenario, posed)
+        add_contacts(spec, bodies, scenario, settings)
+        driven = () if posed else scenario.trackers
+        drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
+        if settings.drive == "native":
+            for drive, tracker in zip(drives, scenario.trackers):
+                add_servos(spec, tracker.joints, drive)
+        try:
+            model = spec.compile()
+        except ValueError as error:
+            raise Unsupported(f"mujoco: {error}") from error
+        ids = [bodies[k].id for k in range(len(scenario.bodies))]
+        return World(model, ids, scenario, settings, drives)
+
+    def version(self) -> str:
+        """The version of the loaded library."""
+        return mujoco.mj_versionString()
+
+
+class World:
+    """A compiled model and its data. `body` maps the scenario's index to MuJoCo's, `index` back."""
+
+    def __init__(
+        self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
+    ) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        self._scenario, self._settings = scenario, settings
+        self._body = np.array(body)
+        self._index = np.full(model.nbody, -1)
+        self._index[self._body] = np.arange(len(body))
+        self._drives = drives
+        self._native = settings.drive == "native"
+        posed = settings.drive == "posed"
+        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._moment = 0
+        driven = () if posed else scenario.trackers
+        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in driven]
+        self._hinge_qpos = [model.jnt_qposadr[ids].astype(int) for ids in hinges]
+        self._hinge_dof = [model.jnt_dofadr[ids].astype(int) for ids in hinges]
+        counts = [len(tracker.joints) for tracker in scenario.trackers]
+        self._servos = [slice(sum(counts[:k]), sum(counts[: k + 1])) for k in range(len(counts))]
+        self._root = [int(self._body[drive.links[0]]) for drive in self._drives]
+        self._force = np.zeros((len(self._drives), 3))
+        self._torque = np.zeros((len(self._drives), 3))
+        self._timers = np.zeros(int(TIMER.mjNTIMER))
+        self._set_initial_state()
+
+    def _free_joint(self, body: int) -> tuple[Array, Array, slice]:
+        """qpos (7,) and qvel (6,) of a free body as views, and its degrees of freedom."""
+        joint = self._model.body_jntadr[body]
+        first, dof = int(self._model.jnt_qposadr[joint]), int(self._model.jnt_dofadr[joint])
+        dofs = slice(dof, dof + 6)
+        return self._data.qpos[first : first + 7], self._data.qvel[dofs], dofs
+
+    def _set_initial_state(self) -> None:
+        for body, source in zip(self._body, self._scenario.bodies):
+            if source.kind == "simulated":
+                qpos, qvel, _ = self._free_joint(body)
+                omega = np.array(source.angular_velocity)
+                arm = turned(source.center_of_mass, qpos[3:])
+                qvel[:3] = source.linear_velocity - np.cross(omega, arm)
+                qvel[3:] = turned(omega, inverse(qpos[3:]))
+        for drive, root, angles, dofs in zip(self._drives, self._root, self._hinge_qpos, self._hinge_dof):
+            qpos, qvel, _ = self._free_joint(root)
+            qpos[:3], qpos[3:] = drive.start_position[0], drive.start_orientation[0]
+            qvel[:3] = drive.start.linear_velocity[0]
+            qvel[3:] = turned(drive.start.angular_velocity[0], inverse(qpos[3:]))
+            self._data.qpos[angles], self._data.qvel[dofs] = drive.start.angle[0], drive.start.rate[0]
+        self._place_posed()
+
+    def drive(self, step: int) -> None:
+        """On the root a force in world and a torque in body axes; on hinges the servos' set points, moved
+        ahead by damping / stiffness times the rate (a position actuator has no set point of it); or torques.
+        """
+        data = self._data
+        self._moment = step + 1
+        self._place_posed()
+        for k, drive in enumerate(self._drives):
+            qpos, qvel, root = self._free_joint(self._root[k])
+            omega = turned(qvel[3:], qpos[3:])
+            force, torque = drive.wrench(step, qpos[:3], qpos[3:], qvel[:3], omega)
+            self._force[k], self._torque[k] = force, torque
+            data.qfrc_applied[root] = *force, *turned(torque, inverse(qpos[3:]))
+            dofs = self._hinge_dof[k]
+            if self._native:
+                lead = drive.servo_damping / drive.servo_stiffness
+                data.ctrl[self._servos[k]] = drive.target.angle[step] + lead * drive.target.rate[step]
+            else:
+                angle, rate = data.qpos[self._hinge_qpos[k]], data.qvel[dofs]
+                data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
+
+    def _place_posed(self) -> None:
+        """Put kinematic links where they are shown at the present moment."""
+        for posed, _ in self._posed:
+            mocap = self._model.body_mocapid[self._body[list(posed.links)]]
+            self._data.mocap_pos[mocap] = posed.place[:, self._moment]
+            self._data.mocap_quat[mocap] = posed.orientation[:, self._moment]
+
+    def step(self) -> None:
+        """One mj_step."""
+        mujoco.mj_step(self._model, self._data)
+
+    def read(self, state: State) -> None:
+        """Contacts of the step's start, then poses and velocities of its end."""
+        model, data, body = self._model, self._data, self._body
+        self._read_contacts(state)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        state.position[:], state.orientation[:] = data.xpos[body], data.xquat[body]
+        omega = data.cvel[body, :3]
+        arm = data.xipos[body] - data.subtree_com[model.body_rootid[body]]
+        state.linear_velocity[:] = data.cvel[body, 3:] + np.cross(omega, arm)
+        state.angular_velocity[:] = omega
+        for posed, hinges in self._posed:
+            posed.show(self._moment, state, hinges)
+        if self._drives:
+            angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
+            state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
+            state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._drives))])
+            state.force[:], state.torque[:] = self._force, self._torque
+
+    def _hinge_torques(self, tracker: int) -> Array:
+        """What drove the hinges of a tracker during the step just made (j,) [N m]: MuJoCo takes the damping
+        of joints at the end of a step."""
+        dofs = self._hinge_dof[tracker]
+        torque: Array = self._data.qfrc_applied[dofs] + self._data.qfrc_actuator[dofs]
+        return torque - self._model.dof_damping[dofs] * self._data.qvel[dofs]
+
+    def _read_contacts(self, state: State) -> None:
+        model, data = self._model, self._data
+        if data.warning.number[LOSSES,].any():
+            raise AdapterError("mujoco: out of memory for contacts; some were dropped")
+        state.clear_contacts()
+        contact, force = data.contact, np.zeros(6)
+        bodies = self._index[model.geom_bodyid[contact.geom]]
+        rows = zip(bodies.tolist(), contact.pos, contact.frame.reshape(-1, 3, 3), contact.dist.tolist())
+        for k, ((a, b), position, axes, distance) in enumerate(rows):
+            mujoco.mj_contactForce(model, data, k, force)
+            impulse = self._settings.dt * (force[:3] @ axes)
+            state.add_contact(a, b, position, axes[0], distance, impulse)
+
+    def describe(self) -> Manifest:
+        """The manifest, from the compiled model."""
+        scenario = self._scenario
+        return Manifest(
+            engine=MujocoEngine.name,
+            version=mujoco.mj_versionString(),
+            profile=self._settings.profile,
+            dt=float(self._model.opt.timestep),
+            settings=self._facts(),
+            bodies={source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
+            pairs=self._pair_facts(),
+            drives={tracker.root: d.gains() for tracker, d in zip(scenario.trackers, self._drives)},
+            limits={
+                j.name: tuple(self._model.joint(j.name).range.tolist())
+                for j in (scenario.joints if not self._posed else ())
+            },
+            pieces={b.name: int(self._model.body_geomnum[k]) for k, b in zip(self._body, scenario.bodies)},
+            freedom=int(self._model.nv),
+        )
+
+    def _facts(self) -> dict[str, Scalar]:
+        """Options, flags (true = on) and what the compiled model holds: largest values, distinct values."""
+        model, option = self._model, self._model.opt
+        facts: dict[str, Scalar] = {}
+        for name in KINDS:
+            facts[name] = getattr(mujoco, f"mjt{name.capitalize()}")(getattr(option, name)).name
+        facts |= {name: getattr(option, name) for name in OPTIONS}
+        for field, bits, prefix, on in FLAGS:
+            for name, bit in bits.__members__.items():
+                if name.startswith(prefix):
+                    facts[name.removeprefix(prefix).lower()] = bool(getattr(option, field) & int(bit)) == on
+        for name in LARGEST:
+            facts[f"{name}_max"] = float(np.abs(getattr(model, name)).max(initial=0.0))
+        for name in DISTINCT:
+            facts[name] = str(np.unique(getattr(model, name), axis=0).tolist())
+        hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        return facts | {
+            "gravity_vector": str(option.gravity.tolist()),
+            "hinge_limits": f"{int(model.jnt_limited[hinge].sum())} of {int(hinge.sum())}, soft",
+            "hinge_limit_solref": str(np.unique(model.jnt_solref[hinge], axis=0).tolist()),
+            "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
+            "actuators": int(model.nu),
+            "hinge_drive": HINGE_DRIVES[self._settings.drive],
+            "collision_shapes": int(model.ngeom),
+            "explicit_pairs": int(model.npair),
+            "excluded_body_pairs": int(model.nexclude),
+            "shapes_that_pair_by_mask": int(np.count_nonzero(model.geom_contype | model.geom_conaffinity)),
+            "hull_vertex_type": str(model.mesh_vert.dtype),
+            "threads": "one" if self._data.threadpool == 0 else "pool",
+        }
+
+    def _body_facts(self, body: int) -> BodyFacts:
+        model = self._model
+        flat = np.zeros(9)
+        mujoco.mju_quat2Mat(flat, model.body_iquat[body])
+        axes = flat.reshape(3, 3)
+        rows = tuple(tuple(row) for row in (axes * model.body_inertia[body] @ axes.T).tolist())
+        return BodyFacts(float(model.body_mass[body]), tuple(model.body_ipos[body].tolist()), rows)
+
+    def _pair_facts(self) -> tuple[PairFacts, ...]:
+        """Per touching pair of bodies; all pairs of their geoms are alike by construction."""
+        told = contact_parameters(self._model)
+        facts = []
+        for a, b in self._scenario.touching_pairs():
+            bodies = int(self._body[a]), int(self._body[b])
+            size, solref, mu = told[min(bodies), max(bodies)]
+            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
+            facts.append(PairFacts(*names, restitution_of(solref, self._settings), mu if size > 1 else 0.0))
+        return tuple(facts)
+
+    def cross(self) -> None:
+        """The cheapest call into the library."""
+        mujoco.mj_version()
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """From MuJoCo's timers. `impulses` is making, projecting and solving constraints; `integration` all
+        else: kinematics, mass matrix, bias and passive forces, advance."""
+        timers = self._data.timer.duration.copy()
+        spent, self._timers = timers - self._timers, timers
+        collision = float(spent[TIMER.mjTIMER_POS_COLLISION])
+        impulses = float(sum(spent[k] for k in IMPULSE_TIMERS))
+        rest = float(spent[TIMER.mjTIMER_STEP]) - collision - impulses
+        return {"collision": collision, "impulses": impulses, "integration": rest}
+
+    def work(self) -> Mapping[str, float]:
+        """Contacts, constraint rows and solver iterations (summed over islands) of the last step."""
+        data = self._data
+        iterations = data.solver_niter[: max(1, data.nisland)].sum()
+        return {"contacts": data.ncon, "rows": data.nefc, "iterations": int(iterations)}
+
+    def close(self) -> None:
+        """Drop the model and its data; their memory goes with the last reference."""
+        del self._data, self._model

@@ -1,0 +1,166 @@
+"""A scenario as a MuJoCo spec: options, bodies, joints and pieces; contacts are in `mujoco_contacts.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from adapters.contract import Array, Settings, Unsupported
+from adapters.registry import ACCURATE, DEFAULT
+from adapters.servo import Drive
+from scenarios.scenario import (
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Piece,
+    Quaternion,
+    Scenario,
+    Sphere,
+    Vector,
+)
+
+SOLVER_TOLERANCE = 1e-10
+"""Where MuJoCo's Newton solver stops, accurate [1]."""
+IMPEDANCE_RATIO = 10.0
+"""Impedance of friction over that of the normal force, accurate [1]: a body that sticks creeps a tenth as
+fast (MuJoCo's modeling guide, on preventing slip)."""
+
+
+def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
+    """Every hidden default on purpose; what is not named here keeps MuJoCo's default and is published."""
+    spec.compiler.degree = False
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    spec.compiler.balanceinertia = spec.compiler.fusestatic = spec.compiler.alignfree = False
+    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
+    spec.option.timestep = settings.dt
+    spec.option.gravity = scenario.acting_gravity
+    spec.option.density = spec.option.viscosity = 0.0
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    spec.option.enableflags = int(mujoco.mjtEnableBit.mjENBL_SLEEP) if settings.sleeping else 0
+    if settings.profile == DEFAULT:
+        return
+    # "the recommended integrator" (MuJoCo's documentation, "Numerical integration" and "Performance tuning")
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    if "friction" in scenario.effects:
+        # "elliptic cones correspond more closely to physical reality ... we recommend trying the elliptic
+        # cones" ("Modeling: Solver settings")
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    if settings.profile == ACCURATE:
+        # friction's own damping needs it, whatever mu
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        # "used with aggressive tolerance values, say 1e-10" (same place)
+        spec.option.tolerance = SOLVER_TOLERANCE
+        spec.option.impratio = IMPEDANCE_RATIO
+
+
+def add_bodies(spec: Any, scenario: Scenario, posed: bool = False) -> dict[int, Any]:
+    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree, or its
+    links as mocap bodies."""
+    bodies: dict[int, Any] = {}
+    for index, body in enumerate(scenario.bodies):
+        if body.kind != "driven":
+            bodies[index] = spec.worldbody.add_body(name=f"{index}", pos=body.position, quat=body.orientation)
+            if body.kind == "simulated":
+                _add_free_joint(bodies[index])
+    hinges = {joint.name: joint for joint in scenario.joints}
+    for link in (k for tracker in scenario.trackers if posed for k in scenario.links(tracker)):
+        bodies[link] = spec.worldbody.add_body(name=f"{link}", mocap=True)
+    for tracker in scenario.trackers if not posed else ():
+        root, *children = scenario.links(tracker)
+        bodies[root] = spec.worldbody.add_body(name=f"{root}", gravcomp=1.0)
+        _add_free_joint(bodies[root])
+        for child, joint in zip(children, (hinges[name] for name in tracker.joints)):
+            parent = bodies[scenario.body_index(joint.parent)]
+            bodies[child] = parent.add_body(
+                name=f"{child}", pos=joint.position, quat=joint.orientation, gravcomp=1.0
+            )
+            bodies[child].add_joint(
+                name=joint.name,
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=turned(joint.axis, inverse(joint.orientation)),
+                limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+                range=(joint.lower, joint.upper),
+            )
+    for index, body in enumerate(scenario.bodies):
+        if body.kind != "fixed":
+            _set_mass(bodies[index], body)
+        for k, piece in enumerate(body.pieces):
+            add_piece(spec, bodies[index], piece, f"{index}.{k}")
+    return bodies
+
+
+def add_servos(spec: Any, joints: Sequence[str], drive: Drive) -> None:
+    """A position actuator and damping on every hinge: stiffness (set point - q) - damping q'. Integrators in
+    use take the damping of joints implicitly, Euler not that of actuators (MuJoCo's documentation,
+    "Numerical integration")."""
+    for name, stiffness, damping in zip(joints, drive.servo_stiffness, drive.servo_damping):
+        servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=stiffness)
+        spec.joint(name).damping = (damping, 0.0, 0.0)
+
+
+def _add_free_joint(body: Any) -> None:
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE, align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+
+
+def _set_mass(target: Any, body: Body) -> None:
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
+    target.explicitinertial = True
+    target.mass, target.ipos, target.fullinertia = body.mass, body.center_of_mass, (xx, yy, zz, xy, xz, yz)
+
+
+def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
+    """A geom that touches nothing (contype and conaffinity 0) until contacts are added."""
+    geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
+    match piece.shape:
+        case Sphere():
+            _add_sphere(geom, piece.shape)
+        case Box():
+            _add_box(geom, piece.shape)
+        case Capsule():
+            _add_capsule(geom, piece.shape)
+        case Ellipsoid():
+            _add_ellipsoid(geom, piece.shape)
+        case Hull():
+            _add_hull(spec, geom, piece.shape)
+        case _:
+            raise Unsupported(f"mujoco: no shape {type(piece.shape).__name__}")
+
+
+def _add_sphere(geom: Any, shape: Sphere) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, (shape.radius, 0.0, 0.0)
+
+
+def _add_box(geom: Any, shape: Box) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, shape.half_extents
+
+
+def _add_capsule(geom: Any, shape: Capsule) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CAPSULE, (shape.radius, shape.half_length, 0.0)
+
+
+def _add_ellipsoid(geom: Any, shape: Ellipsoid) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_ELLIPSOID, shape.half_axes
+
+
+def _add_hull(spec: Any, geom: Any, shape: Hull) -> None:
+    """A mesh of its own; MuJoCo keeps its vertices in single precision, in the mesh's inertial frame."""
+    mesh = spec.add_mesh(name=geom.name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+    mesh.uservert = np.ravel(shape.vertices)
+    geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
+
+
+def inverse(quaternion: Quaternion | Array) -> Array:
+    return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
+
+
+def turned(vector: Vector | Array, quaternion: Quaternion | Array) -> Array:
+    """`vector` rotated by `quaternion`."""
+    out = np.zeros(3)
+    mujoco.mju_rotVecQuat(out, np.array(vector), np.array(quaternion))
+    return out

@@ -1,0 +1,272 @@
+"""The reference behind the engine contract: scenario to arrays, one compiled step a frame, arrays to state.
+
+Conventions: the reference's are ours. Its step is a whole frame and contains its drive; its hinges are posed
+as the glove shows them, so the drive's work is not known (NaN). Its contacts carry the moment of the impulse
+and the velocities before and after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import ClassVar
+
+import numpy as np
+from numpy.lib.recfunctions import structured_to_unstructured
+
+from adapters.contract import (
+    AdapterError,
+    BodyFacts,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+    contact_overflow,
+)
+from adapters.engines.reference.reference_world import translate
+from adapters.engines.reference.settings import configure, describe
+from adapters.registry import ENGINES
+from reference_impl.broad_phase.detection import detect
+from reference_impl.core import conventions
+from reference_impl.core.conventions import DRIVEN, SIMULATED
+from reference_impl.core.kernel import CACHE_FOLDER, JIT, kernel
+from reference_impl.core.world import World
+from reference_impl.pipeline import prepare, step
+from scenarios.avatar.tracking import TrackerMotion, sample
+from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
+from scenarios.solids import sphere_inertia
+
+STAGES = ("drive", "removal", "contact", "rotation")
+"""Stages that the compiled step can skip."""
+TARGETS = ("old_target_position", "old_target_orientation", "target_position", "target_orientation")
+"""Fields of a driver that hold its tracker, in the order in which they lie."""
+INEXACT = {
+    "residual": "residual",
+    "residual.body_a": "residual_body_a",
+    "residual.body_b": "residual_body_b",
+    "dropped_time": "dropped_time",
+    "parted_energy": "parted_energy",
+}
+"""Counter -> field of the state that holds what a frame left unresolved: 0, or -1 for bodies, where nothing
+was."""
+COMPILE_NOTE = "compile_seconds.txt"
+"""File of the kernel cache that tells what filling it cost."""
+
+
+def compile_seconds() -> float:
+    """Seconds the compilation of all kernels took [s]; done now, on a small world, if the cache has none."""
+    note = CACHE_FOLDER / COMPILE_NOTE if CACHE_FOLDER else None
+    if note and note.exists():
+        return float(note.read_text())
+    ball = Body(
+        "ball", "simulated", "m", (Piece("ball", Sphere(1.0)),), mass=1.0, inertia=sphere_inertia(1.0, 1.0)
+    )
+    scenario = Scenario("compile", "", (), (ball,), 1 / 60, (PairCoefficients("m", "m", 0.0, 0.0),))
+    start = perf_counter()
+    world = _World(scenario, Settings("balanced", 1 / 60), "")
+    world.step()
+    world.cross()
+    seconds = perf_counter() - start
+    if note:
+        note.write_text(f"{seconds:.2f}")
+    return seconds
+
+
+@kernel
+def _nothing(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):  # type: ignore[no-untyped-def]
+    """Cross the compiled border and come back."""
+
+
+class ReferenceEngine:
+    """The method of `reference_impl`."""
+
+    name: ClassVar[str] = "reference"
+    profiles: ClassVar[Mapping[str, float]] = ENGINES["reference"].profiles
+
+    def version(self) -> str:
+        """The project's version."""
+        from importlib.metadata import version
+
+        return version("touchstone")
+
+    def build(self, scenario: Scenario, settings: Settings) -> _World:
+        """Translate a scenario."""
+        compile_seconds()
+        return _World(scenario, settings, self.version())
+
+
+def _unturned(bodies: np.ndarray) -> bool:
+    """Whether a turn by nothing leaves the orientations of simulated bodies as they are, to the bit: it
+    scales them to length 1."""
+    q = bodies["orientation"][bodies["kind"] == SIMULATED]
+    size = np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
+    return bool((q / size[:, None] == q).all())
+
+
+def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What a frame is told of the trackers: views of drivers and of joints, and for each what to copy there
+    frame by frame. One copy for all drivers, one for all hinges: each takes a third of a microsecond."""
+    if not motions:
+        return []
+    poses = np.stack([np.hstack([m.position, m.orientation]) for m in motions], axis=1)
+    shown = np.concatenate([poses[:-1], poses[1:]], axis=2)
+    found = [(structured_to_unstructured(world.drivers[list(TARGETS)], copy=False), shown)]
+    if len(world.joints):
+        angles, rates = (np.hstack([getattr(m, name)[1:] for m in motions]) for name in ("angle", "rate"))
+        joints = structured_to_unstructured(world.joints[["target_angle", "target_rate"]], copy=False)
+        found.append((joints, np.stack([angles, rates], axis=2)))
+    return found
+
+
+class _World:
+    def __init__(self, scenario: Scenario, settings: Settings, version: str) -> None:
+        self._scenario, self._settings, self._version = scenario, settings, version
+        self._world = translate(scenario)
+        self._state = self._world.state[0]
+        self._state["dt"] = settings.dt
+        self._state["gravity"] = scenario.acting_gravity
+        configure(self._state, settings.profile, settings.changes)
+        self._state["update_fat_bounds"] = settings.rooms
+        for stage in settings.skipped:
+            if stage == "sweep":
+                self._state["detection"] = conventions.DETECTION_DISCRETE
+            else:
+                self._state[f"skip_{stage}"] = 1
+        if not _unturned(self._world.bodies):
+            self._state["skip_rotation"] = 0
+        times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
+        times = np.minimum(times, scenario.duration)
+        self._targets = _targets(self._world, [sample(tracker, times) for tracker in scenario.trackers])
+        self._next = 0
+        self._stages = np.zeros(len(conventions.STAGES))
+        prepare(*self._world)
+        if not self._world.drivers["has_free"].all():
+            self._refuse_stuck()
+
+    def _refuse_stuck(self) -> None:
+        """Refuse a tracker that starts in an overlap which the first frame does not resolve."""
+        self._aim_at(0)
+        trial = World(*(array.copy() for array in self._world))
+        step(*trial)
+        for driver in np.flatnonzero(trial.drivers["is_free"] == 0).tolist():
+            end, _ = detect(
+                trial.bodies, trial.pieces, trial.vertices, trial.pairs, trial.state[0], DRIVEN, 0
+            )
+            mine = [
+                pair
+                for pair in trial.pairs[:end]
+                if driver in trial.bodies["driver"][[pair["body_a"], pair["body_b"]]]
+            ]
+            deepest = min(mine, key=lambda pair: pair["distance"])
+            a, b = (self._scenario.bodies[deepest[side]].name for side in ("body_a", "body_b"))
+            raise AdapterError(
+                f"reference: trackers[{driver}] starts stuck: in frame 1 {a!r} and {b!r} overlap by "
+                f"{-deepest['distance']:.3g} m and no way out is found; start it free of overlap"
+            )
+
+    def drive(self, step: int) -> None:
+        """Choose the frame; its targets are read inside the step, which contains the reference's drive."""
+        self._next = step
+
+    def step(self) -> None:
+        """One frame: hand the tracker over, then the compiled step."""
+        self._aim_at(self._next)
+        step(*self._world)
+
+    def _aim_at(self, frame: int) -> None:
+        """Hand over the trackers at a frame's start and end."""
+        for target, shown in self._targets:
+            target[:] = shown[frame]
+
+    def read(self, state: State) -> None:
+        """Copy the arrays out."""
+        bodies, joints = self._world.bodies, self._world.joints
+        self._stages += self._state["stage_seconds"]
+        state.position[:], state.orientation[:] = bodies["position"], bodies["orientation"]
+        state.linear_velocity[:], state.angular_velocity[:] = bodies["velocity"], bodies["omega"]
+        state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
+        count = int(self._state["contact_count"])
+        lost = int(self._state["counters"][conventions.COUNT_LOST])
+        if lost:
+            full = "contacts" if count >= len(self._world.contacts) else "pairs"
+            room = len(getattr(self._world, full))
+            raise AdapterError(f"reference: more than {room} {full} in one step: {lost} were dropped")
+        if count > len(state.contacts):
+            raise AdapterError(f"reference: {contact_overflow(len(state.contacts))}")
+        rows, log = state.contacts[:count], self._world.contacts[:count]
+        for name in self._world.contacts.dtype.names or ():
+            rows[name] = log[name]
+        state.contact_count = count
+
+    def describe(self) -> Manifest:
+        """Masses, inertias, coefficients and settings as they stand in the arrays."""
+        scenario, world = self._scenario, self._world
+        settings: dict[str, Scalar] = {
+            **describe(self._state),
+            "gravity": str(self._state["gravity"].tolist()),
+            "compiled": JIT,
+            "collision_shapes": len(self._world.pieces),
+            "rooms": bool(self._state["update_fat_bounds"]),
+            "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
+        }
+        for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):
+            settings[name.lower().replace("_", " ")] = getattr(conventions, name)
+        rows = zip(scenario.bodies, world.bodies)
+        facts = {
+            body.name: BodyFacts(
+                float(row["mass"]),
+                tuple(row["center_of_mass"].tolist()),
+                tuple(map(tuple, row["inertia"].tolist())),
+            )
+            for body, row in rows
+            if body.kind != "fixed"
+        }
+        drives = {
+            tracker.root: {name: float(row[name]) for name in ("mass", "stiffness", "damping")}
+            for tracker, row in zip(scenario.trackers, world.drivers)
+        }
+        names = [name for tracker in scenario.trackers for name in tracker.joints]
+        pairs = tuple(self._pair(a, b) for a, b in scenario.touching_pairs())
+        return Manifest(
+            ReferenceEngine.name,
+            self._version,
+            self._settings.label,
+            self._settings.dt,
+            settings,
+            facts,
+            pairs,
+            drives,
+            limits={j: (float(row["lower"]), float(row["upper"])) for j, row in zip(names, world.joints)},
+            pieces={b.name: int((world.pieces["body"] == k).sum()) for k, b in enumerate(scenario.bodies)},
+            freedom=6 * (int((world.bodies["kind"] == conventions.SIMULATED).sum()) + len(world.drivers))
+            + len(names),
+        )
+
+    def _pair(self, a: int, b: int) -> PairFacts:
+        one, two = (self._world.bodies[k]["material"] for k in (a, b))
+        return PairFacts(
+            self._scenario.bodies[a].name,
+            self._scenario.bodies[b].name,
+            float(self._state["restitution"][one, two]),
+            float(self._state["friction_coefficient"][one, two]),
+        )
+
+    def cross(self) -> None:
+        """What is handed to a step, and an empty kernel with its arguments."""
+        self._aim_at(self._next)
+        _nothing(*self._world)
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """Seconds per stage since the last call."""
+        told = dict(zip(conventions.STAGES, self._stages.tolist()))
+        self._stages[:] = 0.0
+        return told
+
+    def work(self) -> Mapping[str, float]:
+        """Counters of the last frame."""
+        counted = dict(zip(conventions.COUNTERS, map(float, self._state["counters"].tolist())))
+        return counted | {name: float(self._state[field]) for name, field in INEXACT.items()}
+
+    def close(self) -> None:
+        """Nothing is held."""

@@ -1,0 +1,244 @@
+"""Scenario -> the reference's arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Unsupported
+from adapters.engines.reference.support_table import hull_rows, hull_width
+from reference_impl.core import conventions
+from reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
+from reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
+from reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
+from scenarios.avatar.chains import hinge_axes
+from scenarios.avatar.tracking import sample
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
+
+KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
+CONTACT_CAPACITY = 32_768
+PAIRS_PER_PIECE = 32
+"""Room for pairs per piece in large scenes: a sphere among equals has 12 neighbours, at the start of a
+substep and again at its end."""
+PAIRS_AT_LEAST = 4096
+PATCH_POINTS = 4
+"""Rows a touching pair may take."""
+FRICTION_LEAST = 1e-100
+"""Coefficient of friction below which there is none [1]: the square of the cone's radius, mu times the normal
+impulse, would underflow, and the solver would not converge."""
+
+
+@lru_cache(maxsize=4096)
+def matrix(quaternion: tuple[float, ...]) -> np.ndarray:
+    """Rotation matrix of a quaternion wxyz; not to be written to, for most pieces share theirs."""
+    found = Rotation.from_quat(np.array(quaternion), scalar_first=True).as_matrix()
+    found.flags.writeable = False
+    return found
+
+
+def translate(scenario: Scenario) -> World:
+    """The scenario as arrays; driven bodies stand where their trackers are at time 0, settings are unset."""
+    pieces, vertices = _pieces(scenario)
+    joints = _joints(scenario)
+    world = World(
+        bodies=_bodies(scenario, pieces),
+        pieces=pieces,
+        joints=joints,
+        drivers=_drivers(scenario),
+        vertices=vertices,
+        pairs=np.zeros(pair_capacity(scenario), PAIR),
+        contacts=np.zeros(CONTACT_CAPACITY, CONTACT),
+        state=np.zeros(1, STATE),
+    )
+    world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
+    world.state["self_collision"] = "self_collision" in scenario.effects
+    others = world.bodies["kind"] != conventions.DRIVEN
+    world.state["least_width"] = world.bodies["width"][others].min(initial=np.inf)
+    _set_chains(scenario, world)
+    _set_links(scenario, world)
+    _set_coefficients(scenario, world)
+    return world
+
+
+def pair_capacity(scenario: Scenario) -> int:
+    """Rows for pairs: all that can meet at the start of a substep, with their patches, and at its end; in
+    large scenes, where not all can at once, a number per piece."""
+    fixed = sum(len(body.pieces) for body in scenario.bodies if body.kind == "fixed")
+    pieces = sum(len(body.pieces) for body in scenario.bodies)
+    meeting = (pieces * (pieces - 1) - fixed * (fixed - 1)) // 2
+    return min((PATCH_POINTS + 1) * meeting, max(PAIRS_AT_LEAST, PAIRS_PER_PIECE * pieces))
+
+
+def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
+    bodies = np.zeros(len(scenario.bodies), BODY)
+    materials = _materials(scenario)
+    for row, body, group in zip(bodies, scenario.bodies, scenario.groups()):
+        row["kind"] = KINDS[body.kind]
+        row["driver"] = group
+        row["chain"] = row["hinge"] = row["above"] = -1
+        row["material"] = materials.index(body.material)
+        row["mass"] = body.mass
+        row["inverse_mass"] = 1 / body.mass if body.kind == "simulated" else 0.0
+        row["center_of_mass"], row["inertia"] = body.center_of_mass, body.inertia
+        row["axis"] = np.linalg.eigh(row["inertia"])[1][:, 0]
+        row["position"], row["orientation"] = body.position, body.orientation
+        row["rotation"] = matrix(body.orientation)
+        row["center"] = row["position"] + row["rotation"] @ row["center_of_mass"]
+        row["velocity"], row["omega"] = body.linear_velocity, body.angular_velocity
+    bodies["width"] = np.inf
+    np.minimum.at(bodies["width"], pieces["body"], pieces["width"])
+    offset = np.linalg.norm(pieces["position"] - bodies["center_of_mass"][pieces["body"]], axis=1)
+    np.maximum.at(bodies["reach"], pieces["body"], offset + pieces["reach"])
+    return bodies
+
+
+def _pieces(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    return piece_arrays([(i, piece) for i, b in enumerate(scenario.bodies) for piece in b.pieces])
+
+
+def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.ndarray]:
+    """Pieces with the index of their body as rows of PIECE, and rows of VERTEX: those of equal hulls once."""
+    pieces = np.zeros(len(owned), PIECE)
+    hulls: list[np.ndarray] = []
+    first: dict[tuple[Vector, ...], int] = {}
+    count = 0
+    for row, (body, piece) in zip(pieces, owned):
+        row["body"] = body
+        row["position"], row["rotation"] = piece.position, matrix(piece.orientation)
+        match piece.shape:
+            case Sphere(radius):
+                row["kind"], row["radius"] = conventions.SPHERE, radius
+                row["width"] = 2 * radius
+            case Box(half_extents):
+                row["kind"], row["size"] = conventions.BOX, half_extents
+                row["width"], row["reach"] = 2 * min(half_extents), np.linalg.norm(half_extents)
+            case Capsule(radius, half_length):
+                row["kind"], row["radius"] = conventions.CAPSULE, radius
+                row["size"] = (0.0, 0.0, half_length)
+                row["width"], row["reach"] = 2 * radius, half_length
+            case Ellipsoid(half_axes):
+                row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
+                row["width"], row["reach"] = 2 * min(half_axes), max(half_axes)
+            case Hull(corners):
+                rows, row["cells"], row["size"] = hull_rows(corners)
+                if corners not in first:
+                    first[corners] = count
+                    hulls.append(rows.view(f"V{VERTEX.itemsize}"))
+                    count += len(rows)
+                row["kind"], row["first_vertex"] = conventions.HULL, first[corners]
+                row["vertex_count"] = len(corners)
+                row["center"] = np.mean(corners, axis=0)
+                row["width"], row["reach"] = hull_width(corners), np.linalg.norm(corners, axis=1).max()
+            case _:
+                raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
+    return pieces, np.concatenate(hulls).view(VERTEX) if hulls else np.zeros(1, VERTEX)
+
+
+def _joints(scenario: Scenario) -> np.ndarray:
+    by_name = {joint.name: joint for joint in scenario.joints}
+    names = [name for tracker in scenario.trackers for name in tracker.joints]
+    joints = np.zeros(len(names), JOINT)
+    for row, joint in zip(joints, (by_name[name] for name in names)):
+        row["parent"], row["child"] = scenario.body_index(joint.parent), scenario.body_index(joint.child)
+        row["position"], row["axis"], row["rest"] = joint.position, joint.axis, matrix(joint.orientation)
+        row["lower"], row["upper"] = joint.lower, joint.upper
+        row["chain"] = -1
+    for tracker, first in zip(scenario.trackers, _first_joints(scenario)):
+        rows = joints[first : first + len(tracker.joints)]
+        motion = sample(tracker, np.zeros(1))
+        for name in ("angle", "shown_angle", "free_angle", "target_angle", "last_target_angle"):
+            rows[name] = motion.angle[0]
+        for name in ("rate", "target_rate"):
+            rows[name] = motion.rate[0]
+    return joints
+
+
+def _first_joints(scenario: Scenario) -> list[int]:
+    counts = [len(tracker.joints) for tracker in scenario.trackers]
+    return [sum(counts[:k]) for k in range(len(counts))]
+
+
+def _drivers(scenario: Scenario) -> np.ndarray:
+    drivers = np.zeros(len(scenario.trackers), DRIVER)
+    for row, tracker, first in zip(drivers, scenario.trackers, _first_joints(scenario)):
+        links = scenario.links(tracker)
+        row["root"], row["first_joint"], row["joint_count"] = links[0], first, len(tracker.joints)
+        row["mass"] = sum(scenario.bodies[link].mass for link in links)
+        row["inverse_mass"] = 1 / row["mass"]
+        row["stiffness"], row["damping"] = tracker.stiffness, tracker.damping
+        motion = sample(tracker, np.zeros(1))
+        for prefix in ("", "target_", "old_target_"):
+            row[f"{prefix}position"] = motion.position[0]
+            row[f"{prefix}orientation"] = motion.orientation[0]
+        row["velocity"], row["omega"] = motion.linear_velocity[0], motion.angular_velocity[0]
+    return drivers
+
+
+def _set_chains(scenario: Scenario, world: World) -> None:
+    """Chains as ranges of joints, reach cones in the axes of their ball joints' hinges."""
+    by_name = {joint.name: joint for joint in scenario.joints}
+    names = [name for tracker in scenario.trackers for name in tracker.joints]
+    for chain in scenario.chains:
+        first, count = names.index(chain.joints[0]), len(chain.joints)
+        driver = world.drivers[world.bodies[world.joints[first]["child"]]["driver"]]
+        if driver["chain_count"] == CHAIN_CAPACITY:
+            raise Unsupported(f"reference: more than {CHAIN_CAPACITY} chains in one driven body")
+        if count > conventions.CHAIN_JOINTS:
+            raise Unsupported(f"reference: {count} joints in a chain, at most {conventions.CHAIN_JOINTS}")
+        driver["chains"][driver["chain_count"]] = first, first + count - 1
+        world.joints["chain"][first : first + count] = driver["chain_count"]
+        driver["chain_count"] += 1
+        driver["inverse_mass"] = 0.0
+        for cone in chain.cones:
+            if len(cone.swing) > CONE_CORNERS:
+                raise Unsupported(f"reference: {len(cone.swing)} corners of a cone, at most {CONE_CORNERS}")
+            row = world.joints[names.index(cone.joints[0])]
+            axes = hinge_axes(tuple(by_name[name] for name in cone.joints))
+            row["cone_count"], row["cone_center"] = len(cone.swing), np.array(cone.center) @ axes
+            row["cone_axes"] = axes
+            row["cone"][: len(cone.swing)] = np.array(cone.swing) @ axes
+            # the first axis, carried from the bone's rest to the centre
+            x, y, z = row["cone_center"]
+            row["cone_mark"] = np.array((1.0, 0.0, 0.0)) - x / (1 + z) * np.array((x, y, 1 + z))
+            corners = row["cone"][: len(cone.swing)]
+            normals = np.cross(corners, np.roll(corners, -1, axis=0))
+            heights = normals @ row["cone_center"] / np.linalg.norm(normals, axis=1)
+            # the nearest plane of an edge is no nearer than the edge
+            row["cone_cap"] = np.sqrt(1 - heights.min() ** 2)
+            row["twist_lower"], row["twist_upper"] = cone.twist
+
+
+def _set_links(scenario: Scenario, world: World) -> None:
+    """What moves each link beyond a chain's root, and the nearest link with pieces that it hangs on."""
+    bodies = world.bodies
+    parent: dict[int, int] = {}
+    for k, joint in enumerate(world.joints):
+        link, inner = int(joint["child"]), int(joint["parent"])
+        parent[link] = inner
+        if joint["chain"] >= 0:
+            bodies["chain"][link], bodies["hinge"][link] = joint["chain"], k
+        else:
+            bodies["chain"][link], bodies["hinge"][link] = bodies["chain"][inner], bodies["hinge"][inner]
+        while not scenario.bodies[inner].pieces and inner in parent:
+            inner = parent[inner]
+        bodies["above"][link] = inner
+
+
+def _materials(scenario: Scenario) -> list[str]:
+    materials = sorted({body.material for body in scenario.bodies})
+    if len(materials) > MATERIAL_CAPACITY:
+        raise Unsupported(f"reference: {len(materials)} materials in one scene, at most {MATERIAL_CAPACITY}")
+    return materials
+
+
+def _set_coefficients(scenario: Scenario, world: World) -> None:
+    materials = _materials(scenario)
+    for a, b in scenario.touching_pairs():
+        row, column = (materials.index(scenario.bodies[k].material) for k in (a, b))
+        restitution, friction = scenario.pair_coefficients(a, b)
+        for i, j in ((row, column), (column, row)):
+            world.state[0]["restitution"][i, j] = restitution
+            world.state[0]["friction_coefficient"][i, j] = friction if friction >= FRICTION_LEAST else 0.0

@@ -1,0 +1,252 @@
+"""Every setting of the reference, a row each, with its value in every profile (method, section 6).
+
+A setting is a field of the reference's state, branched on at run time. A profile is the column of its values,
+nothing more. Imports no kernel: the command line checks `--set KEY=VALUE` against this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+from adapters.contract import AdapterError, Scalar
+from reference_impl.core import conventions
+
+PROFILES = ("paper", "balanced", "accurate")
+"""The columns of the table."""
+
+
+class SettingError(AdapterError):
+    """An unknown setting, or a value it cannot take; the message names the valid ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A setting with named values, and which of them each of PROFILES takes.
+
+    `field` is the state's, where it is not called like the setting.
+    """
+
+    name: str
+    values: Mapping[str, int]
+    profiles: tuple[str, str, str]
+    summary: str
+    field: str = ""
+
+    @property
+    def valid(self) -> str:
+        """What may be asked for."""
+        return "|".join(self.values)
+
+    def number(self, text: str) -> int:
+        """What the state holds for a named value."""
+        if text not in self.values:
+            raise SettingError(f"found {text!r}")
+        return self.values[text]
+
+    def word(self, number: float) -> str:
+        """The named value behind what the state holds."""
+        return {value: name for name, value in self.values.items()}[int(number)]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """A number [unit] from `least` to `most`, whole or not, and its value in each of PROFILES."""
+
+    name: str
+    least: float
+    most: float
+    unit: str
+    profiles: tuple[str, str, str]
+    summary: str
+    whole: bool = True
+    field: str = ""
+
+    @property
+    def valid(self) -> str:
+        """What may be asked for."""
+        kind = "whole, " if self.whole else ""
+        return f"{kind}{self.least:g} to {self.most:g} {self.unit}".rstrip()
+
+    def number(self, text: str) -> float:
+        """What the state holds for a number in words."""
+        try:
+            number = float(text)
+        except ValueError:
+            number = inf
+        if not self.least <= number <= self.most or (self.whole and number % 1):
+            raise SettingError(f"found {text!r}")
+        return int(number) if self.whole else number
+
+    def word(self, number: float) -> float:
+        """The number that the state holds."""
+        return int(number) if self.whole else float(number)
+
+
+Setting = Choice | Range
+_TABLE: tuple[Setting, ...] = (
+    Choice(
+        "friction",
+        {"always": conventions.FRICTION_PAPER, "stick": conventions.FRICTION_COULOMB},
+        ("always", "stick", "stick"),
+        "always mu j (Eq. 10), or at most what stops the sliding",
+    ),
+    Choice(
+        "restitution",
+        {"newton": conventions.RESTITUTION_NEWTON, "guarded": conventions.RESTITUTION_GUARDED},
+        ("newton", "guarded", "guarded"),
+        "Newton's e whatever it does to the energy (Eq. 8), or less for an impact where that would rise",
+        field="restitution_law",
+    ),
+    Choice(
+        "impulses",
+        {"sequential": conventions.IMPULSES_SEQUENTIAL, "together": conventions.IMPULSES_TOGETHER},
+        ("sequential", "together", "together"),
+        "contacts that hold one after the other, or all together to a residual; impacts are always in turn",
+    ),
+    Range(
+        "v_rest",
+        0,
+        1e3,
+        "m/s",
+        ("1000.0", "0.05", "0.001"),
+        "approach speed up to which nothing bounces, where 2 g h of a frame is not less",
+        whole=False,
+    ),
+    Choice(
+        "flight",
+        {"euler": conventions.FLIGHT_EULER, "exact": conventions.FLIGHT_BALLISTIC},
+        ("euler", "exact", "exact"),
+        "semi-implicit Euler, or exact for constant forces and free rotation",
+    ),
+    Choice(
+        "detection",
+        {
+            "discrete": conventions.DETECTION_DISCRETE,
+            "sweep_fast": conventions.DETECTION_FAST,
+            "sweep": conventions.DETECTION_SWEEP,
+        },
+        ("discrete", "sweep_fast", "sweep"),
+        "overlap at the end of a substep; sweeps too of pairs that move farther than both are thick; of all",
+    ),
+    Range(
+        "impact_gap",
+        1e-13,
+        5e-7,
+        "m",
+        ("5e-07", "5e-07", "2e-12"),
+        "gap at which an impact is found, free of overlap",
+        whole=False,
+    ),
+    Choice(
+        "removal",
+        {"eq1": conventions.REMOVAL_EQ1, "least_motion": conventions.REMOVAL_LEAST_MOTION},
+        ("eq1", "eq1", "least_motion"),
+        "translation out of several overlaps: Eq. 1, or the smallest",
+    ),
+    Choice(
+        "depth",
+        {
+            "walk": conventions.DEPTH_WALK,
+            "certified": conventions.DEPTH_CERTIFIED,
+            "exact": conventions.DEPTH_EXACT,
+        },
+        ("walk", "certified", "certified"),
+        "walked from the frame before, only where that is proved to be exact, or found anew",
+    ),
+    Choice(
+        "posture",
+        {"ccd": conventions.POSTURE_CCD, "least_turn": conventions.POSTURE_LEAST_TURN},
+        ("ccd", "least_turn", "least_turn"),
+        "chains come free link by link by inverse kinematics, or by the smallest turns for all links at once",
+    ),
+    Range(
+        "attraction_time",
+        0,
+        1e3,
+        "s",
+        ("0.1", "0.0", "0.0"),
+        "lag of the attraction: in which the way to a tracker that stands still falls to 1 / e",
+        whole=False,
+    ),
+    Range(
+        "attraction_parts",
+        1,
+        64,
+        "",
+        ("1", "8", "8"),
+        "parts of a frame in which chains go towards the tracker, each with its own overlap removal",
+    ),
+    Choice(
+        "angle",
+        {"acos": conventions.ANGLE_ACOS, "atan2": conventions.ANGLE_ATAN2},
+        ("acos", "atan2", "atan2"),
+        "turn of a joint in inverse kinematics (Eq. 5): arc cosine with the axis' sign, or sine and cosine",
+    ),
+    Choice(
+        "passes",
+        {"plain": conventions.PASSES_PLAIN, "extrapolated": conventions.PASSES_EXTRAPOLATED},
+        ("plain", "extrapolated", "extrapolated"),
+        "passes of inverse kinematics as they are, or carried on to where their series would end",
+    ),
+    Range(
+        "event_rows",
+        0,
+        1e9,
+        "",
+        ("512", "512", "16384"),
+        "contacts that the substeps of a frame hold in total before it goes on in a few crowded ones",
+    ),
+)
+SETTINGS: Mapping[str, Setting] = {setting.name: setting for setting in _TABLE}
+
+
+def split(text: str) -> tuple[str, str]:
+    """Key and value of "key=value"; nothing after "=" where there is none."""
+    key, _, value = text.partition("=")
+    return key.strip(), value.strip()
+
+
+def parse(text: str) -> tuple[Setting, str]:
+    """A setting and "key=value", written the one way, from what was typed."""
+    key, value = split(text)
+    if key not in SETTINGS:
+        raise SettingError(f"unknown setting {key!r} (valid: {', '.join(SETTINGS)})")
+    setting = SETTINGS[key]
+    try:
+        return setting, f"{key}={setting.word(setting.number(value))}"
+    except SettingError as error:
+        raise SettingError(f"{key}: {error} (valid: {setting.valid})") from None
+
+
+def changes(profile: str, wanted: Iterable[str]) -> tuple[str, ...]:
+    """What "key=value" change in a profile, in the order of the table; raises SettingError."""
+    found: dict[str, str] = {}
+    for setting, text in map(parse, wanted):
+        if found.setdefault(setting.name, text) != text:
+            raise SettingError(f"{setting.name}: given as {found[setting.name]} and {text}")
+    column = _column(profile)
+    plain = {name: parse(f"{name}={setting.profiles[column]}")[1] for name, setting in SETTINGS.items()}
+    return tuple(found[name] for name in SETTINGS if name in found and found[name] != plain[name])
+
+
+def configure(state: Any, profile: str, changed: Sequence[str] = ()) -> None:
+    """Write a profile, with its changes ("key=value"), into the state record."""
+    column = _column(profile)
+    for setting in SETTINGS.values():
+        state[setting.field or setting.name] = setting.number(setting.profiles[column])
+    for setting, text in map(parse, changed):
+        state[setting.field or setting.name] = setting.number(split(text)[1])
+
+
+def describe(state: Any) -> dict[str, Scalar]:
+    """Every setting as it stands in the state record."""
+    return {name: setting.word(state[setting.field or name]) for name, setting in SETTINGS.items()}
+
+
+def _column(profile: str) -> int:
+    if profile not in PROFILES:
+        raise SettingError(f"reference: no profile {profile!r}; valid: {', '.join(PROFILES)}")
+    return PROFILES.index(profile)

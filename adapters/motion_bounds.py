@@ -1,0 +1,264 @@
+"""What the bodies of a scenario can reach at most, by kinematics and by energy.
+
+Fixed pieces stay. A driven body's links keep to their tracker's way, up to REACH; those of chains to a ball
+round the chain's root, in which they bend as they must. A simulated body that meets nothing flies in closed
+form. One that can meet others keeps within what its energy allows: impacts and friction take energy away, and
+gravity adds speed at most at g to all that can pass it on. One that a driven body can meet is not bounded at
+all; nor is one that is no ball and meets others with restitution and friction: Eqs. 8 and 10, taken as they
+are printed, add energy at every impact. A run watches that bodies keep to it: `Plan.broken`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapters.contract import AdapterError, Array
+from scenarios.avatar.kinematics import hinges, link_poses, matrix, piece_box
+from scenarios.avatar.tracking import sample
+from scenarios.effects import Bounds, Plan, box_gap, centred_ball, least_gap, plan
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Tracker
+
+Indices = NDArray[np.intp]
+
+REACH = 0.3
+"""How far a driven link may be off its tracker's way [m]: held back by objects, carried on by its mass."""
+POSTURE = 0.1
+"""How much nearer two links of one driven body may come than their tracker shows them [m]."""
+SLACK = 0.05
+"""How far a simulated body may be off its closed form or its energy's reach [m], beside the error g h T / 2
+of a first-order step of a displayed frame."""
+GAIN = 2.0
+"""Factor of a speed that laws which gain energy may add to balls [1]: mu j always."""
+TOUCH = 1e-6
+"""Distance at which bodies still touch [m]: to spare round fixed pieces."""
+MANY = 3000
+"""Pieces from which on everything is taken to meet: telling them apart would take seconds."""
+
+
+@lru_cache(maxsize=16)
+def planned(scenario: Scenario, effects: tuple[str, ...] | None = None) -> Plan:
+    """The plan of a scenario, by its bounds; `effects` as in `scenarios.effects.plan`."""
+    return plan(scenario, bounds(scenario), effects)
+
+
+def bounds(scenario: Scenario) -> Bounds:
+    """Boxes that bodies' origins keep to, and how far bodies then stay from pieces at least."""
+    world = _World(scenario)
+    body = world.body
+    n, p = len(scenario.bodies), len(body)
+    reach = np.zeros(n)
+    np.maximum.at(reach, body, [extent(piece) for b in scenario.bodies for piece in b.pieces])
+    low, high = world.position.copy(), world.position.copy()
+    if p > MANY:
+        return Bounds(body, reach, low - np.inf, high + np.inf, np.zeros((n, p)))
+    own = _follow(scenario, reach, low, high)
+    _fly(scenario, world, low, high)
+    gap = _settle(scenario, world, reach, low, high)
+    gap = np.where(np.isfinite(own[:, body]), own[:, body], gap)
+    return Bounds(body, reach, low, high, gap)
+
+
+def extent(piece: Piece) -> float:
+    """Distance of a piece's farthest point from its body's origin [m], or a bound on it."""
+    match piece.shape:
+        case Sphere(radius):
+            size = radius
+        case Box(half_extents):
+            size = float(np.linalg.norm(half_extents))
+        case Capsule(radius, half_length):
+            size = radius + half_length
+        case Ellipsoid(half_axes):
+            size = max(half_axes)
+        case Hull(vertices):
+            size = float(np.linalg.norm(vertices, axis=1).max())
+    return float(np.linalg.norm(piece.position)) + size
+
+
+def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
+    """Boxes of driven links' origins, from their trackers; returns what the links of one driven body stay
+    apart at least (n, n) [m], infinite elsewhere."""
+    own = np.full((len(reach), len(reach)), np.inf)
+    times = np.linspace(0.0, scenario.duration, scenario.frame_count + 1)
+    for tracker in scenario.trackers:
+        links = list(scenario.links(tracker))
+        motion = sample(tracker, times)
+        anchor, arm, chained = _anchors(scenario, tracker)
+        near, which = np.unique(anchor, return_inverse=True)
+        place, rotation = link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+        if chained.any() and "self_collision" not in scenario.effects:
+            _refuse_crossing(scenario, dict(zip(links, zip(place, rotation))), times)
+        way = place[near]
+        around = reach[links] + arm
+        between = np.array([np.sqrt(((way - one) ** 2).sum(axis=-1).min(axis=1)) for one in way])
+        # a link goes on between frames
+        stride = np.linalg.norm(np.diff(way, axis=1), axis=-1).max(initial=0.0)
+        own[np.ix_(links, links)] = (
+            between[np.ix_(which, which)] - around[:, None] - around - POSTURE - stride
+        )
+        spread = (REACH + stride + arm)[:, None]
+        low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
+    return np.maximum(own, 0.0)
+
+
+def _refuse_crossing(scenario: Scenario, shown: Mapping[int, tuple[Array, Array]], times: Array) -> None:
+    """Refuse a person whose tracker puts links through each other that are declared never to meet: where the
+    largest balls within two pieces overlap, nothing but contact between them keeps them apart."""
+    balls = {
+        k: [(place + rotation @ piece.position, _inner(piece)) for piece in scenario.bodies[k].pieces]
+        for k, (place, rotation) in shown.items()
+    }
+    declared = scenario.reduced(effects=(*scenario.effects, "self_collision"))
+    for a, b in declared.touching_pairs():
+        if a not in balls or b not in balls:
+            continue
+        for one, width in balls[a]:
+            for two, other in balls[b]:
+                gap = np.linalg.norm(one - two, axis=1) - width - other
+                if gap.min() < 0:
+                    names = f"{scenario.bodies[a].name!r} and {scenario.bodies[b].name!r}"
+                    raise AdapterError(
+                        f"effects: the tracker puts {names} {-gap.min():.2g} m into each other at "
+                        f"{times[int(gap.argmin())]:.2f} s; declare 'self_collision', or keep them apart"
+                    )
+
+
+def _inner(piece: Piece) -> float:
+    """Radius of a ball round a piece's origin that lies within the piece [m]; 0 where none is known."""
+    match piece.shape:
+        case Sphere(radius) | Capsule(radius, _):
+            return radius
+        case Box(half_extents):
+            return min(half_extents)
+        case Ellipsoid(half_axes):
+            return min(half_axes)
+        case Hull(_):
+            return 0.0
+
+
+def _anchors(scenario: Scenario, tracker: Tracker) -> tuple[Indices, Array, NDArray[np.bool_]]:
+    """What each link's origin stays near, by index in `links`, and how near [m]: itself where its tracker
+    poses it, the root of its chain where inverse kinematics does, at most stretched; and whether it does."""
+    named = {name for chain in scenario.chains for name in chain.joints}
+    count = 1 + len(tracker.joints)
+    anchor, arm, chained = np.arange(count), np.zeros(count), np.zeros(count, bool)
+    for joint, inner, link in hinges(scenario, tracker):
+        if chained[inner]:
+            anchor[link] = anchor[inner]
+            arm[link] = arm[inner] + np.linalg.norm(joint.position)
+        chained[link] = chained[inner] or joint.name in named
+    return anchor, arm, chained
+
+
+class _World:
+    """Arrays of n bodies and their p pieces: what the bounds are worked out from."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        bodies = scenario.bodies
+        self.body = np.array([k for k, body in enumerate(bodies) for _ in body.pieces], np.intp)
+        self.position = np.array([body.position for body in bodies])
+        self.rotation = matrix(np.array([body.orientation for body in bodies]))
+        self.arm = np.array([body.center_of_mass for body in bodies])
+        self.center = self.position + np.einsum("nij,nj->ni", self.rotation, self.arm)
+        self.velocity = np.array([body.linear_velocity for body in bodies])
+        self.omega = np.array([body.angular_velocity for body in bodies])
+        self.mass = np.array([body.mass for body in bodies])
+        self.inertia = np.array([body.inertia for body in bodies])
+        # boxes of fixed pieces
+        self.low, self.high = np.zeros((len(self.body), 3)), np.zeros((len(self.body), 3))
+        pieces = [piece for body in bodies for piece in body.pieces]
+        for row, (k, piece) in enumerate(zip(self.body, pieces)):
+            if bodies[k].kind == "fixed":
+                low, high = piece_box(piece, self.position[k], self.rotation[k])
+                self.low[row], self.high[row] = low - TOUCH, high + TOUCH
+
+
+def _fly(scenario: Scenario, world: _World, low: Array, high: Array) -> None:
+    """Boxes of simulated bodies' origins in free flight."""
+    g, end = np.array(scenario.acting_gravity), scenario.duration
+    slack = SLACK + float(np.linalg.norm(g)) * end / (2 * scenario.frame_rate)
+    for k in np.flatnonzero([b.kind == "simulated" for b in scenario.bodies]):
+        v = world.velocity[k]
+        top = np.clip(np.divide(-v, g, out=np.zeros(3), where=g != 0), 0.0, end)
+        way = np.array([np.zeros(3), v * top + g * top**2 / 2, v * end + g * end**2 / 2])
+        around = np.linalg.norm(world.arm[k]) + slack
+        low[k] = world.center[k] + way.min(axis=0) - around
+        high[k] = world.center[k] + way.max(axis=0) + around
+
+
+def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: Array) -> Array:
+    """Widen the boxes of simulated bodies that can meet something until nothing more can; returns how far
+    bodies stay from pieces (n, p) [m]."""
+    kind = np.array([b.kind for b in scenario.bodies])
+    body = world.body
+    may = np.zeros((len(kind), len(kind)), bool)
+    pairs = np.array(list(scenario.touching_pairs()), dtype=np.intp).reshape(-1, 2)
+    may[pairs[:, 0], pairs[:, 1]] = may[pairs[:, 1], pairs[:, 0]] = True
+    group = np.arange(len(kind))
+    state = np.zeros(len(kind), np.intp)  # of a group: 0 flies, 1 keeps within its energy, 2 is not bounded
+    while True:
+        gap = _gaps(world, kind, reach, low, high)
+        meets = may & (least_gap(gap, body) <= 0)
+        before = (group.copy(), state.copy())
+        for k in np.flatnonzero(kind == "simulated"):
+            others = np.flatnonzero(meets[k])
+            if len(others):
+                endless = (kind[others] == "driven").any() or _gains(scenario, int(k), others)
+                state[group[k]] = max(state[group[k]], 2 if endless else 1)
+            for other in others[kind[others] == "simulated"]:
+                one, two = group[k], group[other]
+                group[group == two] = one
+                state[one] = max(state[one], state[two])
+        if np.array_equal(before[0], group) and np.array_equal(before[1], state):
+            return gap
+        _spread(scenario, world, group, state, low, high)
+
+
+def _gains(scenario: Scenario, k: int, others: Indices) -> bool:
+    """Whether the printed laws can add energy where a body meets others: restitution and friction, and a
+    normal force that turns it. Newton's e with mu j makes a rod faster at every impact."""
+    if centred_ball(scenario.bodies[k]):
+        return False
+    return any(min(scenario.pair_coefficients(*sorted((k, int(other))))) > 0 for other in others)
+
+
+def _gaps(world: _World, kind: NDArray[np.str_], reach: Array, low: Array, high: Array) -> Array:
+    """Distances between the boxes of all bodies and all pieces (n, p) [m]; 0 where they overlap."""
+    body = world.body
+    fixed = (kind == "fixed")[body, None]
+    piece_low = np.where(fixed, world.low, low[body] - reach[body, None])
+    piece_high = np.where(fixed, world.high, high[body] + reach[body, None])
+    return box_gap(low - reach[:, None], high + reach[:, None], piece_low, piece_high)
+
+
+def _spread(
+    scenario: Scenario,
+    world: _World,
+    group: NDArray[np.intp],
+    state: NDArray[np.int_],
+    low: Array,
+    high: Array,
+) -> None:
+    """Boxes of simulated bodies by the energy of their group.
+
+    With V^2 = sum(m v^2 + w.I w) of a group, gravity adds at most g sqrt(M) t to V, impacts take away: a body
+    is no faster than V / sqrt(m).
+    """
+    g, end = float(np.linalg.norm(scenario.acting_gravity)), scenario.duration
+    for one in np.unique(group[state[group] > 0]):
+        members = np.flatnonzero(group == one)
+        spins = []
+        for k in members:
+            omega = world.omega[k] @ world.rotation[k]
+            spins.append(omega @ world.inertia[k] @ omega)
+        mass, center = world.mass[members], world.center[members]
+        total = np.sqrt(float((mass * (world.velocity[members] ** 2).sum(axis=1)).sum() + np.sum(spins)))
+        path = GAIN * (total * end + g * np.sqrt(mass.sum()) * end**2 / 2)
+        around = path / np.sqrt(mass) + np.linalg.norm(world.arm[members], axis=1) + SLACK
+        if state[one] == 2:
+            around[:] = np.inf
+        low[group == one] = center - around[:, None]
+        high[group == one] = center + around[:, None]

@@ -1,0 +1,61 @@
+"""Driven links as kinematic bodies: each is where its tracker shows it, whatever it meets (drive `posed`).
+
+It is what the reference does with a hand, and what its clock is like for like with: no link dynamics. Engines
+differ in what a kinematic link's motion does to what it meets: DART's contacts see its velocity, those of
+MuJoCo (mocap bodies) and of pybullet (bodies without mass) do not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import State
+from scenarios.avatar.kinematics import link_poses
+from scenarios.avatar.tracking import sample
+from scenarios.scenario import Scenario, Tracker
+
+
+class Posed:
+    """The links of one tracker over the native steps of a run; index 0 is the start, k + 1 the end of step k.
+
+    Attributes:
+        links: bodies, the root's first.
+        place, orientation: of their origins (n, steps + 1, 3) [m] and (n, steps + 1, 4) wxyz, world.
+        center: of their centres of mass (n, steps + 1, 3) [m], world.
+        velocity, omega: of the centres of mass [m/s] and of the links [rad/s] during each step (n, steps, 3).
+    """
+
+    def __init__(self, scenario: Scenario, tracker: Tracker, dt: float) -> None:
+        steps = round(scenario.duration / dt)
+        motion = sample(tracker, np.minimum(np.arange(steps + 1) * dt, scenario.duration))
+        self.links = scenario.links(tracker)
+        self.angle, self.rate = motion.angle, motion.rate
+        self.place, turn = link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+        flat = Rotation.from_matrix(turn.reshape(-1, 3, 3))
+        self.orientation = flat.as_quat(scalar_first=True).reshape(*turn.shape[:2], 4)
+        arms = np.array([scenario.bodies[link].center_of_mass for link in self.links])
+        self.center = self.place + np.einsum("ntij,nj->nti", turn, arms)
+        self.velocity = np.diff(self.center, axis=1) / dt
+        between = turn[:, 1:] @ np.swapaxes(turn[:, :-1], -1, -2)
+        turned = Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec()
+        self.omega = turned.reshape(len(self.links), steps, 3) / dt
+
+    def show(self, moment: int, state: State, hinges: slice) -> None:
+        """Write the links' poses and velocities at a moment, and the angles of their hinges, into a state."""
+        links, step = list(self.links), max(moment - 1, 0)
+        state.position[links], state.orientation[links] = self.place[:, moment], self.orientation[:, moment]
+        state.linear_velocity[links], state.angular_velocity[links] = (
+            self.velocity[:, step],
+            self.omega[:, step],
+        )
+        state.joint_angle[hinges], state.joint_rate[hinges] = self.angle[moment], self.rate[moment]
+
+
+def posed_of(scenario: Scenario, dt: float) -> tuple[tuple[Posed, slice], ...]:
+    """All trackers' links, each with its hinges among all hinges."""
+    found, first = [], 0
+    for tracker in scenario.trackers:
+        found.append((Posed(scenario, tracker, dt), slice(first, first + len(tracker.joints))))
+        first += len(tracker.joints)
+    return tuple(found)

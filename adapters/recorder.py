@@ -1,0 +1,329 @@
+"""The one loop and the one clock: plays a world frame by frame and keeps what it did."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Mapping
+from math import inf
+from resource import RUSAGE_THREAD, getrusage
+from time import perf_counter
+
+import numpy as np
+
+from adapters.contract import (
+    CONTACT_FIELDS,
+    RESIDUAL_COUNTERS,
+    AdapterError,
+    Array,
+    Engine,
+    Manifest,
+    Settings,
+    State,
+    World,
+)
+from adapters.divergence import Watch
+from adapters.motion_bounds import planned
+from adapters.recording import Recording, RunEnded
+from adapters.vector_products import cross, turned
+from scenarios.effects import STAGES_OF_OURS, Decision, Plan
+from scenarios.places import coinciding
+from scenarios.scenario import Scenario
+
+WARM_UP_FRAMES = 3
+"""Frames played and thrown away before the clock counts: compilers and caches."""
+TRIES = 10
+"""Frames until one is undisturbed: those of milliseconds are as long as a scheduler's slice."""
+CROSSINGS = 200
+"""Empty calls timed per run."""
+
+
+def scenario_json(scenario: Scenario) -> str:
+    """A scenario as JSON text."""
+    return json.dumps(dataclasses.asdict(scenario), allow_nan=False)
+
+
+def manifest_json(manifest: Manifest) -> str:
+    """A manifest as JSON text."""
+    return json.dumps(dataclasses.asdict(manifest))
+
+
+def substeps(scenario: Scenario, dt: float) -> int:
+    """Native steps per displayed frame; raises ValueError where `dt` does not divide the frame."""
+    frame = 1 / scenario.frame_rate
+    count = round(frame / dt) if dt > 0 else 0
+    if count < 1 or abs(count * dt - frame) > 1e-9 * frame:
+        raise ValueError(f"dt = {dt:g} s does not divide the frame of 1/{scenario.frame_rate} s")
+    return count
+
+
+def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
+    """A player of a world in which only those effects are simulated that the plan has.
+
+    Raises AdapterError where two bodies start in one place: what each engine makes of that is chance.
+    """
+    fault = coinciding(scenario)
+    if fault:
+        raise AdapterError(fault)
+    plan = planned(scenario, settings.effects)
+    settings = dataclasses.replace(
+        settings, skipped=plan.skipped, rooms=settings.effects is None, sleeping=plan.on("sleeping")
+    )
+    return Player(engine.build(plan.applied(scenario), settings), scenario, settings, plan)
+
+
+def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
+    """Play a few frames of a world that is thrown away."""
+    player = ready(engine, scenario, settings)
+    player.play(min(WARM_UP_FRAMES, scenario.frame_count))
+    player.world.close()
+
+
+def record(engine: Engine, scenario: Scenario, settings: Settings) -> Recording:
+    """Play a whole scene in this process, without warm-up.
+
+    Raises:
+        RunEnded: the run diverged, left its plan or failed in the engine; it holds the recording until then.
+    """
+    player = ready(engine, scenario, settings)
+    try:
+        player.play(scenario.frame_count)
+        return player.recording()
+    except AdapterError as error:
+        raise RunEnded(str(error), player.recording(str(error))) from error
+    finally:
+        player.world.close()
+
+
+def undisturbed(measure: Callable[[], float]) -> float:
+    """The first of TRIES measurements during which no other process was given the processor, or the least."""
+    seconds = []
+    for _ in range(TRIES):
+        before = getrusage(RUSAGE_THREAD).ru_nivcsw
+        seconds.append(measure())
+        if getrusage(RUSAGE_THREAD).ru_nivcsw == before:
+            return seconds[-1]
+    return min(seconds)
+
+
+def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: int) -> float:
+    """Seconds of the step calls of one displayed frame; nothing is read out."""
+    each = substeps(scenario, settings.dt)
+    seconds = 0.0
+    for substep in range(number * each, (number + 1) * each):
+        world.drive(substep)
+        start = perf_counter()
+        world.step()
+        seconds += perf_counter() - start
+    return seconds
+
+
+class Player:
+    """A world, the scene it plays and what it has done so far.
+
+    A run that diverges ends with an AdapterError, and so does one that leaves what its plan leans on, for a
+    dropped effect may matter there; `recording` then holds all whole frames before.
+    """
+
+    def __init__(
+        self, world: World, scenario: Scenario, settings: Settings, plan: Plan | None = None
+    ) -> None:
+        self.world = world
+        self._scenario = scenario
+        self._settings = settings
+        self._plan = plan
+        self._watch = Watch(scenario, plan)
+        self._substeps = substeps(scenario, settings.dt)
+        self._mass_center = np.array([body.center_of_mass for body in scenario.bodies])
+        self._roots = [scenario.body_index(tracker.root) for tracker in scenario.trackers]
+        self._before, self._state = State(scenario), State(scenario)
+        world.read(self._state)
+        self._work = 0.0
+        self._impulse = np.zeros((len(scenario.trackers), 3))
+        self._frames: list[dict[str, Array | float]] = []
+        self._timings: list[tuple[float, float, float]] = []
+        self._stages: list[Mapping[str, float]] = []
+        self._counters: list[dict[str, float]] = []
+        self._contacts: list[np.ndarray] = []
+        self._whole = 0  # steps with contacts, of whole frames
+        self._keep_frame()
+        world.stage_seconds()
+
+    @property
+    def frames_played(self) -> int:
+        """Displayed frames so far."""
+        return len(self._timings)
+
+    def play(self, frames: int, most: float = inf) -> int:
+        """Advance by a number of displayed frames, or one at least until `most` seconds are over; how many
+        are left."""
+        end = perf_counter() + most
+        for left in reversed(range(frames)):
+            seconds = np.zeros(3)
+            counters: dict[str, float] = {}
+            for substep in range(self._substeps):
+                seconds += self._step(len(self._timings) * self._substeps + substep)
+                _count(counters, self.world.work())
+            self._timings.append((seconds[0], seconds[1], seconds[2]))
+            self._stages.append(dict(self.world.stage_seconds()))
+            self._counters.append(counters)
+            self._keep_frame()
+            fault = self._watch.frame_fault(self._state)
+            if fault:
+                raise AdapterError(f"{fault}, {self._moment(len(self._timings) * self._substeps)}")
+            if perf_counter() > end:
+                return left
+        return 0
+
+    @property
+    def seconds_played(self) -> float:
+        """What the native steps so far took [s]."""
+        return sum(step for step, _, _ in self._timings)
+
+    def _step(self, number: int) -> tuple[float, float, float]:
+        """One native step; returns the seconds of step, drive and read."""
+        self._before, self._state = self._state, self._before
+        self._state.clear_contacts()
+        try:
+            start = perf_counter()
+            self.world.drive(number)
+            driven = perf_counter()
+            self.world.step()
+            stepped = perf_counter()
+            self.world.read(self._state)
+            done = perf_counter()
+        except AdapterError as error:
+            raise AdapterError(f"{error}, {self._moment(number + 1)}") from error
+        fault = self._watch.step_fault(self._state)
+        if fault:
+            raise AdapterError(f"{fault}, {self._moment(number + 1)}")
+        self._keep_contacts(number * self._settings.dt)
+        self._work += self._driver_work()
+        self._impulse += self._state.force * self._settings.dt
+        return stepped - driven, driven - start, done - stepped
+
+    def _moment(self, steps: int) -> str:
+        """When a number of native steps ends, in words; frame 0 is the initial state."""
+        frame = -(-steps // self._substeps)
+        return f"in frame {frame} at {steps * self._settings.dt:.4f} s"
+
+    def _keep_frame(self) -> None:
+        state = self._state
+        names = (
+            "position",
+            "orientation",
+            "linear_velocity",
+            "angular_velocity",
+            "joint_angle",
+            "joint_rate",
+        )
+        frame: dict[str, Array | float] = {name: getattr(state, name).copy() for name in names}
+        frame["driver_work"] = self._work
+        frame["driver_impulse"] = self._impulse.copy()
+        self._frames.append(frame)
+        self._whole = len(self._contacts)
+
+    def _keep_contacts(self, time: float) -> None:
+        """Keep the step's contacts; where the engine knows no moment of impact, the velocities are those at
+        the start and at the end of the step."""
+        rows = self._state.contacts[: self._state.contact_count].copy()
+        if not len(rows):
+            return
+        timeless = np.isnan(rows["time"])
+        rows["time"] = np.where(timeless, time, time + rows["time"])
+        for moment, state in (("before", self._before), ("after", self._state)):
+            for side in ("a", "b"):
+                column = rows[f"velocity_{side}_{moment}"]
+                velocity = self._point_velocity(state, rows[f"body_{side}"], rows["position"])
+                column[:] = np.where(np.isnan(column), velocity, column)
+        self._contacts.append(rows)
+
+    def _point_velocity(self, state: State, body: np.ndarray, point: Array) -> Array:
+        """World velocities of bodies at world points, under the geometry at the step's start."""
+        arm = point - self._world_center(self._before, body)
+        return state.linear_velocity[body] + cross(state.angular_velocity[body], arm)
+
+    def _world_center(self, state: State, body: np.ndarray) -> Array:
+        return state.position[body] + turned(state.orientation[body], self._mass_center[body])
+
+    def _driver_work(self) -> float:
+        """Work of the drives over the step: applied force and torque times the mean velocity."""
+        state, work = self._state, 0.0
+        for k, root in enumerate(self._roots):
+            index = np.array([root])
+            moved = [
+                s.linear_velocity[root]
+                + cross(s.angular_velocity[root], s.position[root] - self._world_center(s, index)[0])
+                for s in (self._before, state)
+            ]
+            turned = (self._before.angular_velocity[root] + state.angular_velocity[root]) / 2
+            work += float(state.force[k] @ (moved[0] + moved[1]) / 2 + state.torque[k] @ turned)
+        work += float(state.hinge_torque @ (self._before.joint_rate + state.joint_rate) / 2)
+        return work * self._settings.dt
+
+    def recording(self, ended: str = "") -> Recording:
+        """All whole frames so far; `ended`: why there will be no more, if the scene is longer."""
+        stage_names = sorted({name for stages in self._stages for name in stages})
+        work_names = sorted({name for counters in self._counters for name in counters})
+        timings = np.array(self._timings).reshape(-1, 3)
+        frames = {name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]}
+        return Recording(
+            scenario=scenario_json(self._scenario),
+            manifest=manifest_json(self._manifest()),
+            time=np.arange(len(self._frames)) / self._scenario.frame_rate,
+            contacts=np.concatenate([np.zeros(0, CONTACT_FIELDS), *self._contacts[: self._whole]]),
+            time_frame=timings[:, 0],
+            time_drive=timings[:, 1],
+            time_read=timings[:, 2],
+            time_crossing=self._time_crossing(),
+            stage_names=np.array(stage_names, dtype=str),
+            stage_seconds=_table(self._stages, stage_names),
+            work_names=np.array(work_names, dtype=str),
+            work=_table(self._counters, work_names),
+            ended=ended,
+            **frames,
+        )
+
+    def _manifest(self) -> Manifest:
+        """What the engine says it simulates, and the plan."""
+        told = self.world.describe()
+        if self._plan is None:
+            return told
+        effects = {
+            one.effect: f"{one.state}: {one.reason}{_beyond(told.engine, one)}"
+            for one in self._plan.decisions
+        }
+        return dataclasses.replace(told, effects=effects)
+
+    def _time_crossing(self) -> Array:
+        times = np.zeros(CROSSINGS)
+        for k in range(CROSSINGS):
+            start = perf_counter()
+            self.world.cross()
+            times[k] = perf_counter() - start
+        return times
+
+
+def _beyond(engine: str, decision: Decision) -> str:
+    """What an engine cannot do about an effect."""
+    if engine == "reference":
+        return "; no such stage" if decision.effect == "sleeping" else ""
+    if decision.effect in STAGES_OF_OURS:
+        return f"; {engine} has no such stage"
+    if decision.effect == "rotation" and decision.state == "not needed":
+        return f"; {engine} integrates it all the same"
+    return ""
+
+
+def _count(counters: dict[str, float], step: Mapping[str, float]) -> None:
+    """Add a native step's counters to those of its frame; of residuals the largest stays, with its bodies."""
+    largest = RESIDUAL_COUNTERS[0]
+    if largest in step and step[largest] >= counters.get(largest, 0.0):
+        counters.update({name: step[name] for name in RESIDUAL_COUNTERS if name in step})
+    for name, value in step.items():
+        if name not in RESIDUAL_COUNTERS:
+            counters[name] = counters.get(name, 0.0) + value
+
+
+def _table(rows: list[Mapping[str, float]] | list[dict[str, float]], names: list[str]) -> Array:
+    return np.array([[row.get(name, 0.0) for name in names] for row in rows]).reshape(len(rows), len(names))

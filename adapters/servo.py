@@ -1,0 +1,148 @@
+"""The same virtual coupling and the same hinge servo for every dynamics engine.
+
+Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6) and a torque that is critically damped at
+the same frequency, I (w^2 theta + 2 w (omega_t - omega)) with w = sqrt(K / m). Hinges: the torque
+M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the whole driven body's inertia about the root's origin in its
+first posture, M what the hinges feel in that posture with the root *free*, cut to at most `INERTIA_RATIO`
+times what they feel in any posture of the tracker (a bent arm's twist has thirty times the inertia of a
+stretched one's). With the root held, or not cut, the gains would be too high, and an explicit servo diverges
+at 1/240 s. Both are published as gains.
+
+By default (`native`) hinges follow an engine's own position servo, one gain per hinge (`servo_stiffness`,
+`servo_damping`); which servo it is stands in each adapter. Explicit torques held over a step feed energy
+where a limb is pressed; they stay as `torque`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Array
+from scenarios.avatar.kinematics import joint_space_inertia, link_poses
+from scenarios.avatar.tracking import TrackerMotion, sample
+from scenarios.scenario import Scenario, Tracker
+
+INERTIA_RATIO = 2.0
+"""Of a servo's inertia over that of the hinges, in any direction and posture [1]: at 70 rad/s and 1/240 s the
+loop diverges from 3.2 on."""
+POSTURES_PER_SECOND = 10
+"""Postures of a tracker at which its hinges' inertia is looked at [1/s]: fast ones take 0.1 s."""
+
+
+class Drive:
+    """Targets and gains of one tracker, for the native steps of one run."""
+
+    def __init__(self, scenario: Scenario, tracker: Tracker, dt: float) -> None:
+        steps = round(scenario.duration / dt)
+        self.target = sample(tracker, np.minimum(np.arange(1, steps + 1) * dt, scenario.duration))
+        self.start = sample(tracker, np.zeros(1))
+        self.links = scenario.links(tracker)
+        mass = sum(scenario.bodies[link].mass for link in self.links)
+        place, turn = self._poses(scenario, tracker, self.start)
+        inertia = joint_space_inertia(scenario, tracker, place[:, 0], turn[:, 0])
+        axes = turn[0, 0]
+        self.inertia = axes.T @ inertia[3:6, 3:6] @ axes
+        self.stiffness, self.damping = tracker.stiffness, tracker.damping
+        self.frequency = float(np.sqrt(tracker.stiffness / mass))
+        felt = _felt(inertia)
+        times = np.linspace(0.0, scenario.duration, 1 + round(POSTURES_PER_SECOND * scenario.duration))
+        if tracker.joints:
+            places, turns = self._poses(scenario, tracker, sample(tracker, times))
+            for k in range(len(times)):
+                own = joint_space_inertia(scenario, tracker, places[:, k], turns[:, k])
+                felt = cut(felt, _felt(own))
+        self.hinge_frequency = tracker.hinge_frequency
+        self._person = any(name in tracker.joints for chain in scenario.chains for name in chain.joints)
+        self.hinge_stiffness = tracker.hinge_frequency**2 * felt
+        self.hinge_damping = 2 * tracker.hinge_frequency * felt
+        self.start_position = place[:, 0]  # (n, 3) of the links, root first
+        self.start_orientation = Rotation.from_matrix(turn[:, 0]).as_quat(scalar_first=True)  # (n, 4)
+
+    @staticmethod
+    def _poses(scenario: Scenario, tracker: Tracker, motion: TrackerMotion) -> tuple[Array, Array]:
+        """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as a tracker shows them."""
+        return link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+
+    @property
+    def servo_stiffness(self) -> Array:
+        """Stiffness (j,) [N m/rad] of an engine's own servos, one per hinge."""
+        return self._per_hinge(self.hinge_stiffness)
+
+    @property
+    def servo_damping(self) -> Array:
+        """Damping (j,) [N m s/rad] of an engine's own servos."""
+        return self._per_hinge(self.hinge_damping)
+
+    def _per_hinge(self, gains: Array) -> Array:
+        """One gain for each hinge (j,) of a matrix (j, j): what it has where it turns alone; of a hand the
+        geometric mean of that and of what it has where all turn with it. A person's limbs, of which many hang
+        on one hinge, gain energy with the mean where they are pressed."""
+        alone = gains.diagonal()
+        if self._person:
+            return alone
+        found: Array = np.sqrt(alone * np.abs(gains).sum(axis=1))
+        return found
+
+    def largest_torques(self, step: int, angle: Array, rate: Array) -> Array:
+        """Bounds (j,) [N m] on `hinge_torques`, whatever the signs of the errors at the step's start."""
+        error = np.abs(self.target.angle[step] - angle)
+        error_rate = np.abs(self.target.rate[step] - rate)
+        return np.abs(self.hinge_stiffness) @ error + np.abs(self.hinge_damping) @ error_rate
+
+    def wrench(
+        self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array
+    ) -> tuple[Array, Array]:
+        """Force and torque on the root's origin for a native step.
+
+        Args:
+            step: number of the step; its target is the tracker at the step's end.
+            position, orientation: of the root's origin (3,) [m] and (4,) wxyz, at the step's start.
+            velocity, omega: of the root's origin [m/s] and about it [rad/s], world.
+        """
+        target = self.target
+        force = self.stiffness * (target.position[step] - position)
+        force += self.damping * (target.linear_velocity[step] - velocity)
+        turned = Rotation.from_quat(orientation, scalar_first=True)
+        error = (Rotation.from_quat(target.orientation[step], scalar_first=True) * turned.inv()).as_rotvec()
+        wanted = self.frequency**2 * error
+        wanted += 2 * self.frequency * (target.angular_velocity[step] - omega)
+        axes = turned.as_matrix()
+        return force, axes @ (self.inertia @ (axes.T @ wanted))
+
+    def hinge_torques(self, step: int, angle: Array, rate: Array) -> Array:
+        """Torques on the hinges (j,) [N m] for a native step, from their state at its start."""
+        error = self.target.angle[step] - angle
+        error_rate = self.target.rate[step] - rate
+        return self.hinge_stiffness @ error + self.hinge_damping @ error_rate
+
+    def gains(self) -> dict[str, object]:
+        """The published gains."""
+        return {
+            "stiffness [N/m]": self.stiffness,
+            "damping [N s/m]": self.damping,
+            "rotation frequency [rad/s]": self.frequency,
+            "rotation inertia [kg m^2]": self.inertia.tolist(),
+            "hinge stiffness [N m/rad]": self.hinge_stiffness.tolist(),
+            "hinge damping [N m s/rad]": self.hinge_damping.tolist(),
+        }
+
+
+def _felt(inertia: Array) -> Array:
+    """What the hinges (j, j) feel of a joint-space inertia (6 + j, 6 + j) whose root is free."""
+    root, across = inertia[:6, :6], inertia[:6, 6:]
+    felt: Array = inertia[6:, 6:] - across.T @ np.linalg.solve(root, across)
+    return felt
+
+
+def cut(servo: Array, felt: Array) -> Array:
+    """The servo's inertia (j, j), cut in the directions in which it has more than `INERTIA_RATIO` times what
+    the hinges feel; nowhere larger than before."""
+    root = np.linalg.cholesky(felt)
+    inverse = np.linalg.inv(root)
+    ratios, axes = np.linalg.eigh(inverse @ servo @ inverse.T)
+    if ratios[-1] <= INERTIA_RATIO:
+        return servo
+    kept = root @ axes
+    smaller: Array = kept * np.minimum(ratios, INERTIA_RATIO) @ kept.T
+    return smaller

@@ -1,0 +1,56 @@
+"""Whether engines can be imported, each tried in a child process: one that crashes or hangs is one answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from adapters.contract import MISSING, Engine
+from adapters.registry import ENGINES, installed, load, missing_reason
+from adapters.workers.process import ChildProcess
+
+Loader = Callable[[str], Engine]
+PATIENCE = 60.0
+"""Time after which an import counts as hung [s]: the slowest takes three."""
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """How an import ended: `done` with the engine's version, or `missing`, `unimportable` or `error` with the
+    reason."""
+
+    status: str
+    text: str
+
+
+def try_imports(
+    names: Sequence[str] = tuple(ENGINES), loader: Loader = load, patience: float = PATIENCE
+) -> dict[str, Imported]:
+    """Import engines in one child process each, all at the same time."""
+    found, children = {}, {}
+    with TemporaryDirectory() as folder:
+        for name in names:
+            if loader is load and not installed(name):
+                found[name] = Imported(MISSING, missing_reason(name))
+                continue
+            children[name] = ChildProcess(_Importer, (loader,), Path(folder, f"{name}.txt"), patience)
+            children[name].send("import", name)
+        for name, child in children.items():
+            version = child.receive()
+            found[name] = Imported(*child.failure) if child.failure else Imported("done", version)
+            child.stop()
+    return {name: found[name] for name in names}
+
+
+class _Importer:
+    """The child's end."""
+
+    def __init__(self, loader: Loader) -> None:
+        self._loader = loader
+
+    def handle(self, command: str, argument: Any) -> str:
+        """Import an engine; its version."""
+        return self._loader(argument).version()

@@ -1,0 +1,57 @@
+"""One spawned child per engine that steps worlds against the clock and reads nothing out: for benchmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adapters.contract import Array, Engine, Settings, World
+from adapters.recorder import frame_seconds, undisturbed
+from adapters.registry import load
+from adapters.workers.process import PATIENCE, ChildProcess
+from scenarios.scenario import Scenario
+
+Loader = Callable[[str], Engine]
+
+
+class Stepper(ChildProcess):
+    """The parent's end of one engine's process. Commands: `load`, `build` (scenario, settings, frames to warm
+    up), `frames` (name of the scenario, how many): the seconds of each, undisturbed ones."""
+
+    def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
+        super().__init__(_Server, (engine, loader), output, patience)
+        self.engine = engine
+
+
+class _Server:
+    """The child's end: an engine, and its worlds by the names of their scenarios."""
+
+    def __init__(self, name: str, loader: Loader) -> None:
+        self._name, self._loader = name, loader
+        self._worlds: dict[str, tuple[World, Scenario, Settings]] = {}
+        self._played: dict[str, int] = {}
+
+    def handle(self, command: str, argument: Any) -> object:
+        """Obey one command."""
+        match command:
+            case "load":
+                self._engine = self._loader(self._name)
+                return None
+            case "build":
+                scenario, settings, warm_up = argument
+                world = self._engine.build(scenario, settings)
+                self._worlds[scenario.name], self._played[scenario.name] = (world, scenario, settings), 0
+                self._frames(scenario.name, warm_up)
+                return None
+        return self._frames(*argument)
+
+    def _frames(self, name: str, count: int) -> Array:
+        return np.array([undisturbed(lambda: self._frame(name)) for _ in range(count)])
+
+    def _frame(self, name: str) -> float:
+        number = self._played[name]
+        self._played[name] += 1
+        return frame_seconds(*self._worlds[name], number)

@@ -1,0 +1,76 @@
+"""What this machine has: engines and their versions, processor, the compile cache and what it cost."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+from adapters.registry import ENGINES, installed, missing_reason
+from adapters.workers.import_check import try_imports
+from reports.judge import judge_faults
+from reports.results import UNJUDGED
+
+PACKAGES = {"reference": "touchstone", "dart": "dartpy", "bullet": "pybullet", "mujoco": "mujoco"}
+LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")
+
+
+def package_version(package: str) -> str | None:
+    """Version of an installed distribution, or None."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def machine() -> dict[str, str]:
+    """Facts of the machine that belong beside every time."""
+    return {
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": _processor(),
+        "cores": str(os.cpu_count()),
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo") as file:
+            names = [line.split(":", 1)[1].strip() for line in file if line.startswith("model name")]
+        return names[0] if names else platform.processor()
+    except OSError:
+        return platform.processor()
+
+
+def imports() -> list[tuple[str, str, str]]:
+    """(engine, status, what happened) of every engine, imported in a child process; the version where that
+    went well. Then the same of what judges."""
+    rows = [(name, one.status, one.text) for name, one in try_imports().items()]
+    faults = judge_faults()
+    return [*rows, *(("judge", UNJUDGED, fault) for fault in faults)]
+
+
+def engines() -> list[tuple[str, str, str]]:
+    """(engine, version, how to get it) of every engine; the last is empty where it is installed."""
+    rows = []
+    for name in ENGINES:
+        found = package_version(PACKAGES.get(name, name)) if installed(name) else None
+        rows.append((name, found or "-", "" if installed(name) else missing_reason(name)))
+    return rows
+
+
+def libraries() -> list[tuple[str, str]]:
+    """(library, version) of what results depend on."""
+    return [(name, package_version(name) or "not installed") for name in LIBRARIES]
+
+
+def compile_facts() -> dict[str, str]:
+    """Where compiled kernels are kept and what compiling them cost; compiles them if not yet done."""
+    from adapters.engines.reference.engine import compile_seconds
+    from reference_impl.core.kernel import CACHE_FOLDER
+
+    seconds = compile_seconds()
+    return {
+        "kernel cache": str(CACHE_FOLDER or "none: no folder is writable, kernels compile in every process"),
+        "compile time": f"{seconds:.1f} s cold, once per version of the sources",
+    }

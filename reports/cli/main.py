@@ -1,0 +1,339 @@
+"""`touchstone`: the only file that knows every layer. Heavy imports wait until a command needs them."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from reports.cli.options import (
+    BAD_INPUT,
+    INTERRUPTED,
+    Format,
+    FormatOption,
+    QuietOption,
+    changes_for,
+    columns_for,
+    effects_for,
+    exit_for,
+    folder_of_now,
+    known,
+    printed,
+    progress_for,
+    stop,
+)
+from reports.cli.studies import bench, study
+
+if TYPE_CHECKING:
+    from reports.run import Request
+    from scenarios.scenario import Scenario
+
+app = typer.Typer(
+    help="Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(study, name="study")
+app.command()(bench)
+
+
+UsageError: Any = typer.BadParameter.__base__
+"""Of all wrong usage; typer gives no name to it."""
+
+
+class Listing(StrEnum):
+    """What `list` can list."""
+
+    scenarios = "scenarios"
+    engines = "engines"
+    metrics = "metrics"
+    profiles = "profiles"
+    settings = "settings"
+
+
+def main() -> None:
+    """Entry point: every expected failure ends in one line on standard error."""
+    try:
+        code = app(prog_name="touchstone", standalone_mode=False)
+        sys.stdout.flush()
+    except UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # which has printed the help
+            sys.exit(BAD_INPUT)
+        what, context = " ".join(error.format_message().split()), getattr(error, "ctx", None)
+        command = context.command_path if context else "touchstone"
+        stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except OSError as error:
+        # what is still to be printed goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if error.errno == errno.EPIPE:
+            sys.exit(1)
+        stop(f"{error.filename or 'standard output'}: {error.strerror or error}", BAD_INPUT)
+    if code == INTERRUPTED:
+        stop("interrupted; nothing was written", INTERRUPTED)
+    sys.exit(code)
+
+
+@app.command()
+def run(
+    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes to play (default: --tag).")] = None,
+    tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "gallery",
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all installed).")] = None,
+    profile: Annotated[
+        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended, equal-step).")
+    ] = None,
+    metric: Annotated[list[str] | None, typer.Option(help="Report these metrics alone.")] = None,
+    dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240, in s.")] = None,
+    change: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="KEY=VALUE in the reference's profiles (touchstone list settings)."),
+    ] = None,
+    effects: Annotated[
+        str, typer.Option(help="auto: those that a scene calls for; all (without sleeping); or names.")
+    ] = "auto",
+    drive: Annotated[
+        str, typer.Option(help="Of engines' hinges: native (their own position servo), torque or posed.")
+    ] = "native",
+    tracker: Annotated[
+        str, typer.Option(help="ideal, or noisy: jitter, lost samples, 60 samples a second that are held.")
+    ] = "ideal",
+    hold_last: Annotated[
+        bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play scenes on engines and show where they differ."""
+    from adapters.contract import DRIVES
+    from reports.judge import judge_faults
+    from reports.output_folder import OutputError
+    from reports.run import run as run_study
+
+    scenarios = _tracked(_scenarios(scenario or [], tag, hold_last), tracker, drive)
+    request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
+    request = replace(
+        request,
+        changes=changes_for(request.columns, change or []),
+        effects=effects_for(effects),
+        drive=known("drive", drive, DRIVES),
+        tracker=tracker,
+    )
+    for line in [] if quiet else _held(scenarios):
+        print(line, file=sys.stderr)
+    try:
+        frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
+        with progress_for(frames, quiet) as progress:
+            results = run_study(request, progress)
+    except OutputError as error:
+        stop(str(error), BAD_INPUT)
+    for line in [] if quiet else [*judge_faults(), *results.warnings]:
+        print(line, file=sys.stderr)
+    if not printed(results.frame, output) and not quiet:
+        from reports.views.terminal import console, show, show_budget
+
+        played = zip(results.frame.engine, results.frame.profile)
+        shown = {column for column in played if profile or column[1] != "equal-step"}
+        show(results.frame, console(), shown)
+        show_budget(results.recordings, console())
+        print(f"results: {request.out}")
+    exit_for(results.frame.verdict, bool(engine))
+
+
+def _request(
+    scenarios: list[Scenario],
+    engines: list[str],
+    profiles: list[str],
+    metrics: list[str],
+    dt: str | None,
+    out: Path | None,
+) -> Request:
+    """The request behind the arguments; a wrong one ends the program with a line."""
+    from reports.metrics import METRICS
+    from reports.run import DEFAULT_PROFILES, Request
+
+    columns = columns_for(engines, profiles, DEFAULT_PROFILES)
+    spreads = [f"{name}.spread" for name in METRICS if name.startswith("events.")]
+    for name in metrics:
+        known("metric", name, [*METRICS, *spreads, "ratio.time"])
+    step = _step(dt, scenarios) if dt is not None else None
+    command = " ".join(["touchstone", *sys.argv[1:]])
+    return Request(tuple(scenarios), columns, out or folder_of_now(), step, tuple(metrics), command)
+
+
+def _scenarios(names: list[str], tag: str, hold_last: bool = False) -> list[Scenario]:
+    from scenarios.catalogue import catalogue, tagged, tags
+    from scenarios.scenario import ScenarioError
+
+    try:
+        if names:
+            valid = catalogue(hold_last)
+            return [valid[known("scenario", name, valid)] for name in dict.fromkeys(names)]
+        return list(tagged(known("tag", tag, tags(hold_last)), hold_last))
+    except ScenarioError as error:
+        stop(str(error), BAD_INPUT)
+
+
+def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenario]:
+    """The scenes with the trackers that were asked for; what cannot be ends with a line."""
+    from scenarios.avatar.noisy_tracker import TRACKERS, noisy
+
+    if known("tracker", tracker, TRACKERS) == TRACKERS[0]:
+        return scenarios
+    if not any(scenario.trackers for scenario in scenarios):
+        stop(f"--tracker {tracker}: no scene of this run has a tracker", BAD_INPUT)
+    if drive == "posed":
+        stop(f"--tracker {tracker}: kinematic links would jump; choose --drive native or torque", BAD_INPUT)
+    return [noisy(scenario) for scenario in scenarios]
+
+
+def _held(scenarios: Iterable[Scenario]) -> Iterator[str]:
+    """A line per tracker that holds its last good sample somewhere."""
+    for scenario in scenarios:
+        for i, tracker in enumerate(scenario.trackers):
+            if tracker.held:
+                yield (
+                    f"{scenario.name}: trackers[{i}] holds its last good sample at {tracker.held} of "
+                    f"{len(tracker.times)} keyframes"
+                )
+
+
+def _step(text: str, scenarios: Iterable[Scenario]) -> float:
+    """A step such as 1/240; it must divide the frame of every scene."""
+    from fractions import Fraction
+
+    from adapters.recorder import substeps
+
+    try:
+        value = float(Fraction(text))
+        for scenario in scenarios:
+            substeps(scenario, value)
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        stop(f"--dt {text}: {error}", BAD_INPUT)
+    return value
+
+
+@app.command("list")
+def list_things(what: Listing, output: FormatOption = Format.table) -> None:
+    """List scenarios, engines, metrics, profiles, or the settings of the reference."""
+    from adapters.registry import ENGINES
+    from reports.cli.listing import show_rows
+
+    rows: list[dict[str, object]]
+    if what is Listing.scenarios:
+        from scenarios.catalogue import catalogue
+
+        rows = [
+            {
+                "scenario": s.name,
+                "tags": " ".join(s.tags),
+                "duration [s]": s.duration,
+                "truth": " ".join(dict.fromkeys(truth.law for truth in s.truths)),
+                "summary": s.summary,
+            }
+            for s in catalogue().values()
+        ]
+    elif what is Listing.engines:
+        from reports.cli.doctor import engines
+
+        rows = [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
+    elif what is Listing.metrics:
+        from reports.metrics import METRICS
+
+        rows = [
+            {"metric": m.name, "unit": m.unit, "better": m.better, "definition": m.formula}
+            for m in METRICS.values()
+        ]
+    elif what is Listing.settings:
+        from adapters.engines.reference.settings import PROFILES, SETTINGS
+
+        rows = [
+            {"setting": s.name, "values": s.valid, **dict(zip(PROFILES, s.profiles)), "meaning": s.summary}
+            for s in SETTINGS.values()
+        ]
+    else:
+        from reports.run import step_text
+
+        rows = [
+            {"profile": profile, "engine": name, "step [s]": step_text(dt)}
+            for name, entry in ENGINES.items()
+            for profile, dt in entry.profiles.items()
+        ]
+    show_rows(rows, output)
+
+
+@app.command()
+def show(
+    scenario: str,
+    effects: Annotated[bool, typer.Option("--effects", help="Which effects it calls for, and why.")] = False,
+    model_card: Annotated[
+        bool, typer.Option("--model-card", help="The driven bodies as every engine holds them.")
+    ] = False,
+    output: FormatOption = Format.table,
+) -> None:
+    """Show what a scenario is made of."""
+    from adapters.recorder import scenario_json
+    from reports.cli.listing import effect_rows, show_rows, truth_lines
+
+    chosen = _scenarios([scenario], "")[0]
+    if effects:
+        show_rows(effect_rows(chosen), output)
+        return
+    if model_card:
+        from reports.views.model_card import NotDriven, card_rows
+
+        try:
+            show_rows(card_rows(chosen), output)
+        except NotDriven as error:
+            stop(str(error), BAD_INPUT)
+        return
+    if output is Format.json:
+        print(scenario_json(chosen))
+        return
+    rows: list[dict[str, object]] = [
+        {
+            "body": body.name,
+            "kind": body.kind,
+            "material": body.material,
+            "mass [kg]": f"{body.mass:.4g}" if body.kind != "fixed" else "",
+            "pieces": len(body.pieces),
+        }
+        for body in chosen.bodies
+    ]
+    if output is Format.table:
+        print(f"{chosen.name}: {chosen.summary}")
+        declared = ", ".join(chosen.effects)
+        print(f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {declared}")
+        for e in chosen.expectations:
+            print(f"expects {e.event} {e.body}-{e.other} from {e.earliest:g} to {e.latest:g} s")
+        for line in truth_lines(chosen):
+            print(line)
+    show_rows(rows, output)
+
+
+@app.command()
+def doctor() -> None:
+    """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
+    from reports.cli.doctor import compile_facts, imports, libraries, machine
+
+    for key, value in machine().items():
+        print(f"{key:14} {value}")
+    verdicts = []
+    for name, status, text in imports():
+        print(f"{name:14} {text if status == 'done' else f'{status}: {text}'}")
+        verdicts.append(status)
+    for name, found in libraries():
+        print(f"{name:14} {found}")
+    print("compiling the reference, once per version of its sources ...", file=sys.stderr)
+    for key, value in compile_facts().items():
+        print(f"{key:14} {value}")
+    exit_for(verdicts, by_name=False)

@@ -1,0 +1,181 @@
+"""What all commands of `touchstone` share: exit codes, formats, one line for wrong input, progress."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.console import Console
+
+    from reports.cli.progress import Progress
+
+LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, INTERRUPTED = 1, 2, 3, 4, 130
+"""Exit codes. A broken limit and a failed run come before what could not be judged, and that before an engine
+that is missing: a 3 or a 4 says that nothing else went wrong."""
+
+
+class Format(StrEnum):
+    """Formats of machine and human output."""
+
+    table = "table"
+    json = "json"
+    csv = "csv"
+
+
+FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress and no table.")]
+
+
+def stop(message: str, code: int) -> NoReturn:
+    """End with one line on standard error."""
+    print(f"touchstone: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+def known(kind: str, name: str, valid: Iterable[str]) -> str:
+    """The name, if valid; else one line with the nearest valid names, exit 2."""
+    names = list(valid)
+    if name in names:
+        return name
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f"; did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
+    stop(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})", BAD_INPUT)
+
+
+def columns_for(
+    engines: Iterable[str], profiles: Iterable[str], default: Iterable[str] = ()
+) -> tuple[tuple[str, str], ...]:
+    """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all)."""
+    from adapters.registry import ENGINES
+    from reports.run import columns_of
+
+    every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
+    names = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
+    wanted = [known("profile", name, every) for name in dict.fromkeys(profiles)]
+    asked = wanted or list(default)
+    # without names each engine has its profiles in its own order
+    columns = columns_of(names, asked) if asked else tuple((e, p) for e in names for p in ENGINES[e].profiles)
+    if not columns:
+        stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}", BAD_INPUT)
+    return columns
+
+
+def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tuple[str, ...]:
+    """Changed settings ("key=value") for columns of the reference; what it cannot take ends with a line."""
+    from adapters.engines.reference.settings import SETTINGS, Choice, SettingError, changes, split
+
+    texts = tuple(wanted)
+    for text in texts:
+        key, value = split(text)
+        setting = SETTINGS[known("setting", key, SETTINGS)]
+        if isinstance(setting, Choice):
+            known(f"value of {key}", value, setting.values)
+    try:
+        for engine, profile in columns if texts else ():
+            if engine != "reference":
+                stop(f"--set: {engine} has none of these settings; choose --engine reference", BAD_INPUT)
+            changes(profile, texts)
+    except SettingError as error:
+        stop(f"--set {error}", BAD_INPUT)
+    return texts
+
+
+def effects_for(text: str) -> tuple[str, ...] | None:
+    """The effects that were asked for: None for "auto", or names in the order of a plan."""
+    from scenarios.effects import PLANNED
+
+    if text == "auto":
+        return None
+    if text == "all":
+        return PLANNED
+    named = [known("effect", name.strip(), ["auto", "all", *PLANNED]) for name in text.split(",")]
+    return tuple(effect for effect in PLANNED if effect in named)
+
+
+def printed(frame: pd.DataFrame, output: Format) -> bool:
+    """Print the long table for machines; False where a human asked."""
+    if output is Format.json:
+        print(frame.to_json(orient="records", indent=1, double_precision=15))
+    elif output is Format.csv:
+        print(frame.to_csv(index=False), end="")
+    return output is not Format.table
+
+
+def folder_of_now(prefix: str = "") -> Path:
+    """Where results go by default: runs/<prefix><time>."""
+    from datetime import datetime
+
+    return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}"
+
+
+def exit_for(verdicts: Iterable[str], by_name: bool) -> None:
+    """End with the exit code that the verdicts call for; `by_name`: engines were asked for by name.
+
+    An engine that is installed but cannot be imported counts as asked for: it was meant to play.
+    """
+    from adapters.contract import MISSING, UNIMPORTABLE
+    from reports.results import UNJUDGED
+
+    found = set(verdicts)
+    if found & {"fail", "error"}:
+        raise typer.Exit(LIMIT_BROKEN)
+    if UNJUDGED in found:
+        raise typer.Exit(NOT_JUDGED)
+    if UNIMPORTABLE in found or (by_name and MISSING in found):
+        raise typer.Exit(ENGINE_MISSING)
+
+
+def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
+    """Progress on standard error over a total of steps."""
+    from reports.cli.progress import bar, lines, silence
+
+    if quiet:
+        return silence()
+    return bar(total) if sys.stderr.isatty() else lines(total)
+
+
+def require_judge() -> None:
+    """End with a line where the libraries are missing that judge what a study measures."""
+    from reports.judge import judge_faults
+
+    if faults := judge_faults():
+        stop("; ".join(faults), NOT_JUDGED)
+
+
+@contextmanager
+def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[Progress]:
+    """Progress over a total of steps; what a study refuses, or no disk takes, ends with one line."""
+    from reports.output_folder import OutputError
+
+    refused: tuple[type[Exception], ...] = (OutputError, *refusals)
+    try:
+        with progress_for(total, quiet) as progress:
+            yield progress
+    except refused as error:
+        stop(str(error), BAD_INPUT)
+
+
+def ended(
+    frame: pd.DataFrame,
+    show: Callable[[pd.DataFrame, Console], None],
+    folder: Path,
+    output: Format,
+    quiet: bool,
+    by_name: bool = False,
+) -> None:
+    """Print what was measured, and end with the exit code that its verdicts call for (`exit_for`)."""
+    if not printed(frame, output) and not quiet:
+        from reports.views.terminal import console
+
+        show(frame, console())
+        print(f"results: {folder}")
+    exit_for(frame.verdict, by_name)

@@ -1,0 +1,185 @@
+"""`touchstone study` and `touchstone bench`: what is measured beside the scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from reports.cli.options import (
+    Format,
+    FormatOption,
+    QuietOption,
+    columns_for,
+    ended,
+    folder_of_now,
+    known,
+    measuring,
+    require_judge,
+)
+
+study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
+
+
+@study.command("narrow-phase")
+def narrow_phase(
+    pairs: Annotated[int, typer.Option(help="Pairs of convex pieces, over all families.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/narrow-phase-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Send the same poses through every detector; compare with the explicit Minkowski difference."""
+    from reports.studies.narrow_phase.study import PairsError, run, steps
+    from reports.studies.narrow_phase.table import show
+
+    folder = out or folder_of_now("narrow-phase-")
+    with measuring(steps(pairs), quiet, PairsError) as progress:
+        frame = run(pairs, seed, folder, progress)
+    ended(frame, show, folder, output, quiet)
+
+
+@study.command("ik")
+def inverse_kinematics(
+    goals: Annotated[int, typer.Option(help="Random reachable goals of the avatar's left arm.")] = 10_000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random postures.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/ik-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
+    from reports.studies.inverse_kinematics.study import GoalsError, run, steps
+    from reports.studies.inverse_kinematics.table import show
+
+    folder = out or folder_of_now("ik-")
+    with measuring(steps(goals), quiet, GoalsError) as progress:
+        frame = run(goals, seed, folder, progress)
+    ended(frame, show, folder, output, quiet)
+
+
+@study.command("calibration")
+def calibration(
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: all).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/calibration-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure the restitution and friction that engines achieve, beside what they were asked for."""
+    from reports.studies.calibration.study import Grid, run, steps
+    from reports.studies.calibration.table import show
+
+    columns, folder = columns_for(engine or [], profile or []), out or folder_of_now("calibration-")
+    with measuring(steps(columns, Grid()), quiet) as progress:
+        frame = run(columns, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+
+
+@study.command("agreement")
+def agreement(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes with a closed form (default: one or two per family).")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/agreement-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play scenes at ever smaller steps: errors of step and of model, orders of convergence, the outlier."""
+    from reports.studies.agreement.study import SCENES, NoTruth, run, steps
+    from reports.studies.agreement.table import show
+    from scenarios.catalogue import catalogue
+
+    chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or SCENES]
+    folder = out or folder_of_now("agreement-")
+    with measuring(steps(chosen), quiet, NoTruth) as progress:
+        frame = run(chosen, folder, progress)
+    ended(frame, show, folder, output, quiet)
+
+
+@study.command("effects")
+def effects(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes (default: the gallery and the probes).")
+    ] = None,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/effects-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
+    from adapters.registry import ENGINES
+    from reports.studies.effects.study import run, scenes, steps
+    from reports.studies.effects.table import show
+    from scenarios.catalogue import catalogue
+
+    chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or ()] or scenes()
+    engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
+    folder = out or folder_of_now("effects-")
+    with measuring(steps(chosen, engines), quiet) as progress:
+        frame = run(chosen, engines, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+
+
+@study.command("predictability")
+def predictability(
+    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random directions.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/predictability-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
+    from reports.studies.predictability.study import SCENES, run, steps
+    from reports.studies.predictability.table import show
+    from scenarios.catalogue import catalogue
+
+    chosen = [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(scenario or SCENES)]
+    folder = out or folder_of_now("predictability-")
+    require_judge()
+    with measuring(steps(chosen), quiet) as progress:
+        frame = run(chosen, seed, folder, progress)
+    ended(frame, show, folder, output, quiet)
+
+
+@study.command("robustness")
+def robustness(
+    scenes: Annotated[int, typer.Option(min=1, help="Random scenes, of seeds from --seed on.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first scene.")] = 0,
+    kind: Annotated[str, typer.Option(help="Kind of all scenes (default: each as its seed says).")] = "",
+    perturbation: Annotated[float, typer.Option(min=0, help="Move each body by so many metres.")] = 0.0,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: reference).")] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/robustness-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
+    from reports.studies.robustness.study import PROFILES, run, tasks
+    from reports.studies.robustness.table import show
+    from scenarios.random_scenes import ALL_KINDS
+
+    columns = columns_for(engine or ["reference"], profile or [], PROFILES)
+    chosen = known("kind", kind, ALL_KINDS) if kind else None
+    asked = tasks(columns, scenes, seed, chosen, perturbation)
+    folder = out or folder_of_now("robustness-")
+    require_judge()
+    with measuring(len(asked), quiet) as progress:
+        frame = run(columns, asked, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+
+
+def bench(
+    name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
+    from reports.bench import BENCHES, load
+
+    chosen = load(known("bench", name, BENCHES))
+    folder = out or folder_of_now(f"bench-{name}-")
+    with measuring(chosen.steps(), quiet) as progress:
+        frame = chosen.run(folder, progress)
+    ended(frame, chosen.show, folder, output, quiet)

@@ -1,0 +1,1 @@
+"""Documented failings of engines, with causes and upper bounds."""

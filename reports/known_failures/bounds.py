@@ -1,0 +1,116 @@
+"""Upper bounds of documented failings: how large each may be before it counts as a new one.
+
+`bounds.csv` holds a bound per engine, profile, scene, metric and subject: MARGIN times what was
+measured. After engines or limits have changed, measure again by `touchstone run ... --profile ...` and
+
+    python -m reports.known_failures.bounds runs/<time>/results.csv ...
+
+which replaces the bounds of what those runs show, and drops those of what is no longer documented.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Iterable, Iterator
+from functools import cache
+from math import ceil, floor, isfinite, log10
+from pathlib import Path
+
+from reports.results import Row, write_beside
+
+FILE = Path(__file__).with_suffix(".csv")
+MARGIN = 1.25
+"""Bound over what was measured [1]: other processors and versions round otherwise."""
+UNMEASURED = frozenset({("mujoco", "balls_box")})
+"""Columns, and scenes of an engine, whose failings were not all measured since their metrics changed: there
+one may lack a bound, or be gone, until they are."""
+KEYS = ("engine", "profile", "scenario", "metric", "subject")
+Key = tuple[str, ...]
+
+
+def key_of(row: Row) -> Key:
+    """What a bound is filed under."""
+    return (row.engine, row.profile, row.scenario, row.metric, row.subject)
+
+
+def bound_of(row: Row) -> float | None:
+    """The largest size [SI] of a documented failing; None where none was measured."""
+    return _bounds().get(key_of(row))
+
+
+@cache
+def _bounds() -> dict[Key, float]:
+    return read(FILE)
+
+
+def is_measured(row: Row) -> bool:
+    """Whether the documented failings of a row's column and scene are all measured."""
+    return not UNMEASURED & {(row.engine, row.profile), (row.engine, row.scenario)}
+
+
+def read(path: Path) -> dict[Key, float]:
+    """The bounds of a file."""
+    with open(path, newline="") as file:
+        return {tuple(row[key] for key in KEYS): float(row["largest"]) for row in csv.DictReader(file)}
+
+
+def bounded(value: float) -> float:
+    """MARGIN times the size of a value, rounded up to two digits."""
+    size = abs(value) * MARGIN
+    step = 10.0 ** (floor(log10(size)) - 1)
+    return float(f"{ceil(size / step) * step:.1e}")
+
+
+def updated(old: dict[Key, float], rows: Iterable[Row], documented: Iterable[Key]) -> dict[Key, float]:
+    """Bounds after new measurements: those of `documented` rows, as measured or as they were."""
+    kept = set(documented)
+    measured = {key_of(row): bounded(row.value) for row in rows if isfinite(row.value) and row.value}
+    return {key: bound for key, bound in sorted((old | measured).items()) if key in kept}
+
+
+def write(bounds: dict[Key, float], path: Path) -> None:
+    """Write bounds, sorted."""
+
+    def fill(part: Path) -> None:
+        with open(part, "w", newline="") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow((*KEYS, "largest"))
+            table.writerows((*key, f"{bound:g}") for key, bound in sorted(bounds.items()))
+
+    write_beside(path, fill)
+
+
+def _rows(paths: Iterable[str]) -> Iterator[Row]:
+    import pandas as pd
+
+    from reports.results import rows_of
+
+    for path in paths:
+        frame = pd.read_csv(path, keep_default_na=False, na_values={"value": "", "limit": "", "dt": ""})
+        yield from rows_of(frame.astype({"value": float, "limit": float, "dt": float}))
+
+
+def main(paths: list[str]) -> None:
+    """Take the bounds of documented failings from tables of results."""
+    from reports.limits import failing_known
+
+    old = read(FILE) if FILE.exists() else {}
+    failing = [row for row in _rows(paths) if failing_known(row)]
+    now = updated(old, failing, [*map(key_of, failing), *(key for key in old if _documented(key))])
+    write(now, FILE)
+    print(f"{len(now)} bounds, {len(failing)} of them measured now")
+
+
+def _documented(key: Key) -> bool:
+    from reports.limits import known_of
+    from scenarios.catalogue import catalogue
+
+    engine, profile, scenario, metric, subject = key
+    scene = catalogue().get(scenario)
+    row = Row("run", scenario, engine, profile, 0.0, metric, subject=subject)
+    return known_of(row, scene.tags if scene else ()) is not None
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

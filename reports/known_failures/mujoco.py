@@ -1,0 +1,336 @@
+"""Documented failings of MuJoCo: one entry per cause.
+
+Figures are those of the scene that a reason names, with what was varied and nothing else.
+"""
+
+from __future__ import annotations
+
+from reports.known_failures.cause import Cause
+from reports.known_failures.shared import COARSE_SERVO
+
+CREEPS = (
+    "friction is soft and creeps: 1.8 mm/s on 20 degrees in closed form, more near the edge of "
+    "the cone; tip_holds by 5.5 mm in a second, 2.8 and 1.4 mm with time constants of 10 and 5 ms"
+    " in place of 20; arch_stands by 17, 9.0 and 4.1 mm"
+)
+DAMPED = "friction shares the contact's damping, and a contact of several steps turns with the bodies"
+ELLIPTIC = (
+    "a contact of the elliptic cone rests four times as deep as one of the pyramid, whose four edges share "
+    "its load: stack 0.56 mm, with the pyramid alone 0.13 mm, whatever integrator and impratio"
+)
+LETS_GO = (
+    "a damped spring that may not pull lets go while compressed, and it is sampled some ten "
+    "times: 0.397 for 0.3 and 0.55 for 0.5 in closed form (Schwager and Poeschel 2007)"
+)
+LIFT = (
+    "an edge of the pyramid brakes the slip through its own normal: with b = 2 / (0.95 0.02 s) it lifts "
+    "a sliding cube at b mu v h / (1 + mu^2) - 2 g h, 0.47 m/s at 2 ms; the cube hops and lands on an "
+    "edge. What slides hops under the elliptic cone too, by 4.9, 1.9 and 1.5 mm in slide_seed0 at "
+    "1/240, 1/480 and 1/960 s, and by 33 mm with four times that b"
+)
+PYRAMID = (
+    "the pyramid has mu along two fixed directions and 0.707 mu at 45 degrees, where a cube goes "
+    "1.4 times as far; its friction is not along the slip off its axes: 0.040 rad, but 0.002 with"
+    " the elliptic cone"
+)
+ROUNDING = (
+    "dominoes that lie on each other amplify where the solver stops: 0.18 at the manual's tolerance of "
+    "1e-10, 0.074 at 1e-8, 2e-5 at 1e-12, and 0.002 with Euler"
+)
+ROW = "balls in a row are springs in a row: they part together, at any step"
+RUBS = (
+    "arms that slide along each other under the pyramid gain 8.0 mJ, but 0.7 mJ with the elliptic cone "
+    "alone and 0.8 mJ with servos half as fast, 2.1 and 0.7 mJ at 1/1080 and 1/2160 s; integrator, "
+    "joint limits and contact's time constant change less than 0.1 mJ"
+)
+SAMPLED = (
+    "at e = 1 a contact lasts 2 pi steps of a first-order integrator, whatever the step, and "
+    "balls in a row are springs in a row"
+)
+SINKS = (
+    "a contact's spring is scaled by the masses of its two bodies, whatever load they bear: "
+    "tower_20 sinks by 6.2 mm, load_1e4 by 110 mm; by 1.8 and 62 mm with a time constant of 10 ms"
+    " in place of 20, by 0.45 and 15 mm with 5"
+)
+SOFT = (
+    "contact is a damped spring of 20 ms: v 0.02 s / 2.72 deep where bodies land (18 mm at 2.4 m/s; 2 v "
+    "h = 20 mm at e = 1 and 1/240 s), and it gives way while a glove or servo presses: wall_push 6.3 "
+    "mm, but 2.2 mm at 10 ms and 1.5 mm at 5 ms"
+)
+SOFT_LIMITS = (
+    "joint limits are springs of 20 ms, which give way where a hand is bent back: wall_push 0.157 rad, "
+    "but 0.062 at 10 ms and 0.018 at 5 ms"
+)
+
+STIFFEST = "contact is a damped spring as stiff as the step allows (w h = 0.2), into which 3.8 m/s sink"
+TIPS = (
+    "a tall box that should hold tips on its front edge: it moves by 0.21 m, with the pyramid instead of the "
+    "elliptic cone alone by 0.75 mm, whatever integrator and impratio"
+)
+PASSES = (
+    "contact is a damped spring of 20 ms, through which what is fast and thin passes whatever the step: "
+    "a ball of 30 m/s a plate of 1 mm, at 1/540 and at 1/4320 s, and fingers at 6 m/s a table of 4 cm; "
+    "in `accurate`, where the spring is as stiff as the step allows, no finger does"
+)
+JERKED = (
+    "a tracker that jumps by 1 mm and 0.5 degrees sixty times a second jerks the links by their servos: "
+    "they bend hinges farther into their springs, and turn a box as they let it go; with the ideal "
+    "tracker none of it is there"
+)
+
+CAUSES: tuple[Cause, ...] = (
+    Cause(
+        "mujoco",
+        COARSE_SERVO,
+        {
+            "equal-step": {
+                "energy.injected": "corner_slide wall_push",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        CREEPS,
+        {
+            "recommended equal-step default": {
+                "contact.gap": "arch_stands:floor-stone_1 arch_stands:floor-stone_11",
+                "friction.creep": "arch_stands incline_holds tip_holds tower_20_jittered",
+                "rest.moved": "arch_stands incline_holds tip_holds",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        DAMPED,
+        {
+            "recommended equal-step default accurate": {
+                "truth.velocity": "collide_sticks",
+            },
+            "recommended equal-step default": {
+                "truth.velocity": "collide_oblique collide_slips",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        ELLIPTIC,
+        {
+            "recommended equal-step": {
+                "contact.gap": (
+                    "bounce_e0 brick_wall:floor-brick_1_1 brick_wall:floor-brick_1_2 "
+                    "brick_wall:floor-brick_1_3 brick_wall:floor-brick_1_4 pyramid:floor-box_1_1 "
+                    "pyramid:floor-box_1_2 pyramid:floor-box_1_3 pyramid:floor-box_1_4 "
+                    "pyramid:floor-box_1_5 pyramid:floor-box_1_6 pyramid:floor-box_1_7 "
+                    "pyramid:floor-box_1_8 slide_seed0 slide_seed1 slide_seed2 stack:floor-box_1 "
+                    "tower_10:floor-box_1"
+                ),
+                "friction.creep": "tower_40",
+                "overlap.max": "arch_stands coin_falls tower_10",
+                "rest.moved": "stack",
+            },
+            "recommended": {
+                "overlap.max": "slide_seed1 tower_20 tower_20_jittered tower_40",
+                "rest.moved": "pyramid",
+            },
+            "equal-step": {
+                "friction.creep": "brick_wall",
+                "symmetry.mirror": "brick_wall",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        JERKED,
+        {
+            "equal-step+noisy": {
+                "friction.coast": "push_box",
+                "joint.limit": "arms_cross volley",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        LETS_GO,
+        {
+            "recommended equal-step default": {
+                "restitution.error": "ball_snip bounce_e05 shot_6 volley",
+            },
+            "recommended equal-step": {
+                "restitution.error": "table_slide",
+            },
+            "recommended default": {
+                "restitution.error": "bounce_e03",
+            },
+            "equal-step": {
+                "restitution.error": "collide_central",
+            },
+            "default": {
+                "restitution.error": "bounce_e08",
+            },
+            "accurate": {
+                "restitution.error": "shot_30",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        LIFT,
+        {
+            "recommended equal-step default accurate": {
+                "friction.lift": "slide",
+            },
+            "recommended equal-step default": {
+                "friction.tilt": "slide",
+                "overlap.max": "slide",
+            },
+            "equal-step": {
+                "overlap.max": "slide_seed0 slip_seed1",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        PASSES,
+        {
+            "recommended equal-step default accurate": {
+                "overlap.tunnelled": "shot_30 shot_300",
+                "restitution.error": "shot_300",
+            },
+            "recommended equal-step default": {
+                "overlap.tunnelled": "slap_6",
+                "restitution.error": "shot_30",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        PYRAMID,
+        {
+            "default": {
+                "friction.direction": "table_slide:table-ball",
+                "friction.stop": "slide:box_22.5 slide:box_45",
+                "rolling.time": "slip:ball_22.5 slip:ball_45",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        ROUNDING,
+        {
+            "accurate": {
+                "symmetry.mirror": "dominoes",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        ROW,
+        {
+            "recommended equal-step default accurate": {
+                "momentum.withheld": "cradle",
+                "rest.moved": "cradle",
+                "truth.velocity": "cradle",
+            },
+            "recommended equal-step default": {
+                "energy.gain": "cradle",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        RUBS,
+        {
+            "default": {
+                "energy.injected": "arms_cross",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        SAMPLED,
+        {
+            "recommended equal-step default accurate": {
+                "energy.injected": "rod_e1",
+            },
+            "recommended equal-step default": {
+                "energy.gain": "bounce_e1 break_15",
+                "energy.injected": "bounce_e1",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        SINKS,
+        {
+            "recommended equal-step default accurate": {
+                "overlap.max": "load_1e4 load_1e6",
+                "rest.moved": "load_1e4 load_1e6 tower_40",
+            },
+            "recommended equal-step default": {
+                "contact.gap": "tower_20:floor-box_1 tower_20_jittered:floor-box_1 tower_40:floor-box_1",
+                "rest.moved": "brick_wall tower_10 tower_20 tower_20_jittered",
+            },
+            "equal-step": {
+                "overlap.max": "tower_20 tower_20_jittered tower_40",
+                "rest.moved": "pyramid",
+            },
+            "default": {
+                "contact.impulse_balance": "load_1e6:box_1",
+            },
+            "accurate": {
+                "friction.creep": "load_1e4",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        SOFT,
+        {
+            "recommended equal-step default": {
+                "contact.gap": (
+                    "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
+                    "table_slide:table-palm two_arms:east_wall-torso wall_push:east_wall-torso"
+                ),
+                "overlap.max": (
+                    "arch_slides arch_thin arms_cross ball_snip balls_box bounce_e0 corner_slide dominoes "
+                    "push_box slap_2.5 slap_3 slap_6 table_slide two_arms volley wall_push"
+                ),
+            },
+            "equal-step": {
+                "overlap.max": (
+                    "bounce_e08 bounce_e1 break_15 collide_central collide_oblique collide_ratio_1e3 "
+                    "collide_ratio_1e6 collide_slips collide_sticks rod_e1 shot_6"
+                ),
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        SOFT_LIMITS,
+        {
+            "recommended equal-step default accurate": {
+                "joint.limit": "corner_slide push_box two_arms wall_push",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        STIFFEST,
+        {
+            "accurate": {
+                "overlap.max": "ball_snip slap_2.5 slap_3 slap_6 volley",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        TIPS,
+        {
+            "recommended equal-step": {
+                "friction.creep": "tall_holds",
+                "friction.tilt": "tall_holds",
+                "rest.moved": "tall_holds",
+            },
+        },
+    ),
+)

@@ -1,0 +1,1 @@
+"""Metrics of contact: overlap, passages, friction, rest."""

@@ -1,0 +1,93 @@
+"""Coulomb's law, contact by contact; impulses are the engine's word, velocities and normals are audited."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adapters.contract import Array
+from reports.metrics.context import ROUNDING as STARTS
+from reports.metrics.context import Evidence, NotMeasured, Values, worst
+
+SLIDING_SPEED = 0.05
+"""Slip above which a contact slides [m/s]."""
+
+ROUNDING = 1e-15
+"""Share of an impulse that rounding of its normal may turn across it [1]: some five roundings."""
+
+
+def friction_cone(evidence: Evidence) -> Values:
+    """Largest max(0, sum |j_t| - mu sum j_n) / (mu sum j_n + j_0) of a pair in a native step [1]; truth 0.
+
+    The sums are over the pair's points, whose shares of the load are not determined. The excess of a step in
+    which the pair does not press (sum j_n <= j_0) is divided by the pair's median load: no ratio to nothing.
+    """
+    rows = evidence.recording.contacts
+    if not len(rows):
+        raise NotMeasured("no contact")
+    limit, tangential = _bounds(evidence)
+    normal = np.maximum(evidence.impulses[0], 0.0)
+    step = np.floor(rows["time"] / float(evidence.recording.facts["dt"]) + STARTS).astype(np.int64)
+    found = {}
+    for pair in sorted(set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))):
+        mine = (rows["body_a"] == pair[0]) & (rows["body_b"] == pair[1])
+        _, group = np.unique(step[mine], return_inverse=True)
+        load, bound, friction = (np.bincount(group, x[mine]) for x in (normal, limit, tangential))
+        least = evidence.least_impulse[mine][0]
+        usual = float(np.median(bound[load > least])) if (load > least).any() else 0.0
+        excess = np.maximum(0.0, friction - bound) / (np.where(load > least, bound, usual) + least)
+        found[evidence.pair_name(*pair)] = float(excess.max())
+    return worst(found)
+
+
+def friction_cone_point(evidence: Evidence) -> Values:
+    """Largest max(0, |j_t| - mu j_n) / (mu j_n + j_0) of any contact point [relative]; truth 0."""
+    if not len(evidence.recording.contacts):
+        raise NotMeasured("no contact")
+    limit, tangential = _bounds(evidence)
+    excess = np.maximum(0.0, tangential - limit)
+    return {"": float(np.max(excess / (limit + evidence.least_impulse)))}
+
+
+def _bounds(evidence: Evidence) -> tuple[Array, Array]:
+    """Per contact row mu j_n, and |j_t| without what rounding leaves across a frictionless impulse [N s]."""
+    normal, tangential = evidence.impulses
+    limit = evidence.friction * np.maximum(normal, 0.0)
+    rounding = ROUNDING * np.linalg.norm(evidence.recording.contacts["impulse"], axis=1)
+    return limit, np.asarray(np.maximum(0.0, np.linalg.norm(tangential, axis=1) - rounding))
+
+
+def friction_deficit(evidence: Evidence) -> Values:
+    """1 - |j_t| / (mu j_n) on sliding contacts, weighted by j_n, per pair [1]; truth 0."""
+    normal, tangential = evidence.impulses
+    found = {}
+    for pair, chosen in _sliding(evidence).items():
+        limit = (evidence.friction * normal)[chosen].sum()
+        found[pair] = float(1 - np.linalg.norm(tangential[chosen], axis=1).sum() / limit)
+    return found
+
+
+def friction_direction(evidence: Evidence) -> Values:
+    """Angle between j_t and the reverse sliding velocity, same contacts, weighted by j_n [rad]; truth 0."""
+    normal, tangential = evidence.impulses
+    found = {}
+    for pair, chosen in _sliding(evidence).items():
+        against = -evidence.slip("after")[chosen]
+        across = np.linalg.norm(np.cross(tangential[chosen], against), axis=1)
+        along = np.einsum("ij,ij->i", tangential[chosen], against)
+        found[pair] = float(np.average(np.arctan2(across, along), weights=normal[chosen]))
+    return found
+
+
+def _sliding(evidence: Evidence) -> dict[str, Array]:
+    """Rows that press and slide before and after, with friction in the pair; links by their root's name."""
+    rows = evidence.recording.contacts
+    normal, _ = evidence.impulses
+    before = np.linalg.norm(evidence.slip("before"), axis=1)
+    after = np.linalg.norm(evidence.slip("after"), axis=1)
+    sliding = np.minimum(before, after) > SLIDING_SPEED
+    sliding &= (normal > evidence.least_impulse) & (evidence.friction > 0)
+    names = np.array([evidence.owner_pair(int(a), int(b)) for a, b in zip(rows["body_a"], rows["body_b"])])
+    found = {str(name): sliding & (names == name) for name in np.unique(names[sliding])}
+    if not found:
+        raise NotMeasured(f"no contact slides faster than {SLIDING_SPEED} m/s")
+    return found

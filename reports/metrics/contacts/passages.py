@@ -1,0 +1,152 @@
+"""Passages: a piece that was apart from another, or touched it, is so again on its other side.
+
+Judged by the frames, not by the engine's contacts. To end inside is not a passage; neither is a bounce within
+a frame, a graze, or a way round an edge. Where the deep part lies between two frames, the way is not known,
+and it counts as a passage only if
+
+- the bodies are too slow to have gone round, or
+- the velocities before lead in on one side and the velocities after lead back in on the other, or
+- the velocities before lead in and the engine reports no contact: its word may convict, never acquit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, floor, hypot
+
+import numpy as np
+
+from reports.metrics.contacts.swept_boxes import Motions, Pair, Sample, Step
+from reports.metrics.contacts.swept_pairs import SweptPairs
+from reports.metrics.context import Evidence, judging
+
+THROUGH = 0.5
+"""Depth of a passage over the sum of both pieces' inner radii, at least [1]: less is a graze. A ball passes
+another's centre within half the sum of their radii."""
+ENTERED = 0.25
+"""Depth over the same sum at which the sides of entry and exit are determined [1]."""
+TOUCHING = 1 / 64
+"""Depth over the same sum up to which pieces count as apart: what stands on a table touches it [1]."""
+LANDING = 1 / 64
+"""Share of that sum by which a sample at ENTERED may miss it [1]: sampling lands there to rounding."""
+SPARE = 1.001
+"""Share of the way by which rounding may lengthen it [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """A body (by index) that passed through another, and when it was in the middle [s]."""
+
+    a: int
+    b: int
+    time: float
+
+
+def passages(evidence: Evidence) -> list[Passage]:
+    """All passages of a recording in order of time; pieces of two bodies that pass together are one.
+
+    Raises JudgeMissing where the overlap oracle cannot be imported.
+    """
+    with judging():
+        import adapters.oracles.overlap  # noqa: F401
+    motions = Motions(evidence)
+    found: list[tuple[float, float, Passage]] = []
+    for pair, steps in SweptPairs(evidence, motions).pairs(THROUGH):
+        for start, end, middle in _through(evidence, pair, set(steps.tolist())):
+            found.append((start, end, Passage(*pair.bodies, middle * evidence.frame)))
+    kept: list[tuple[float, float, Passage]] = []
+    for start, end, passage in sorted(found, key=lambda row: row[2].time):
+        same = (k for k in kept if (k[2].a, k[2].b) == (passage.a, passage.b))
+        if not any(start <= k[1] and k[0] <= end for k in same):
+            kept.append((start, end, passage))
+    return [passage for _, _, passage in kept]
+
+
+def _through(evidence: Evidence, pair: Pair, steps: set[int]) -> Iterator[tuple[float, float, float]]:
+    """Start, end and middle [frames] of every passage of a pair that can be deep in those steps."""
+    level = -ENTERED * pair.thickness
+    for samples in _encounters(pair, steps, level):
+        inside = [sample for sample in samples if sample.distance <= level + LANDING * pair.thickness]
+        deepest = min(samples, key=lambda sample: sample.distance)
+        if not inside or deepest.distance > -THROUGH * pair.thickness:
+            continue
+        if inside[0].normal @ inside[-1].normal >= 0:
+            continue
+        recorded = any(sample.time == floor(sample.time) for sample in inside)
+        if recorded or _sure(evidence, pair, floor(deepest.time), deepest):
+            yield samples[0].time, samples[-1].time, deepest.time
+
+
+def _encounters(pair: Pair, steps: set[int], level: float) -> Iterator[list[Sample]]:
+    """Samples of a pair from a moment apart to the next moment apart, where a step in between can be deep."""
+    last, touching = len(pair.motions.rotation) - 1, -TOUCHING * pair.thickness
+    done = 0
+    for step in sorted(steps):
+        if step < done:
+            continue
+        first, done = step, step + 1
+        while first > 0 and pair.at_frame(first).distance <= touching:
+            first -= 1
+        while done < last and pair.at_frame(done).distance <= touching:
+            done += 1
+        samples: list[Sample] = []
+        for k in range(first, done):
+            samples += pair.samples(pair.chords(k), level, float(k)) if k in steps else [pair.at_frame(k)]
+        samples.append(pair.at_frame(done))
+        apart = [k for k, sample in enumerate(samples) if sample.distance > touching]
+        for one, two in pairwise(apart):
+            if two > one + 1:
+                yield samples[one : two + 1]
+
+
+def _sure(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
+    """Whether the bodies went through each other between two frames that show them apart."""
+    if _cannot_go_round(evidence, pair, frame, deepest):
+        return True
+    motions, (a, b) = pair.motions, pair.bodies
+    before = _entry(pair, (motions.onward(a, frame), motions.onward(b, frame)))
+    if before is None:
+        return False
+    after = _entry(pair, (motions.backward(a, frame + 1), motions.backward(b, frame + 1)))
+    if after is not None:
+        return bool(before.normal @ after.normal < 0)
+    rows = evidence.recording.contacts
+    reported = (rows["body_a"] == a) & (rows["body_b"] == b) & (evidence.contact_frame == frame)
+    return not reported.any()
+
+
+def _entry(pair: Pair, steps: tuple[Step, Step]) -> Sample | None:
+    """Where the pair goes in along steps of both bodies."""
+    level = -ENTERED * pair.thickness
+    return next((sample for sample in pair.samples(steps, level) if sample.distance <= level), None)
+
+
+def _cannot_go_round(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
+    """Whether the way round is longer than the bodies' speeds allow.
+
+    A way round passes the deepest point of the chord by the depth there, at least. Ways are those of A's
+    material at that point, seen from B.
+    """
+    motions, steps, share = pair.motions, pair.chords(frame), deepest.time - frame
+    _, point = pair.sample(steps, share, deepest.time)
+    locals_ = []
+    for body, step in zip(pair.bodies, steps):
+        turned, origin = motions.pose(body, step, share)
+        locals_.append(turned.T @ (point - origin))
+    seen, speeds = [], []
+    for moment in (0.0, share, 1.0):
+        (turn_a, origin_a), (turn_b, origin_b) = (
+            motions.pose(body, step, moment) for body, step in zip(pair.bodies, steps)
+        )
+        place = turn_a @ locals_[0] + origin_a
+        seen.append(turn_b.T @ (place - origin_b))
+        if moment in (0.0, 1.0):
+            at = frame + ceil(moment)
+            one, two = (motions.point_velocity(body, at, place) for body in pair.bodies)
+            speeds.append(float(np.linalg.norm(one - two)))
+    ahead, rest = (float(np.linalg.norm(y - x)) for x, y in pairwise(seen))
+    fastest = max(speeds) + float(np.linalg.norm(evidence.gravity)) * evidence.frame
+    budget = max(fastest * evidence.frame, ahead + rest) * SPARE
+    return hypot(ahead, deepest.distance) + hypot(rest, deepest.distance) > budget

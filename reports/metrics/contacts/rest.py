@@ -1,0 +1,66 @@
+"""Whether everything comes to rest where it should."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Array
+from reports.metrics.context import Evidence, NotMeasured, Values, worst
+from scenarios.scenario import Body, Box, Piece
+
+LAST = 0.5
+"""End of a run over which speeds are told [s]: a body that is pushed for a moment rests all the same."""
+
+
+def rest_speed(evidence: Evidence) -> Values:
+    """Largest distance of a body from where it was half a second before the end, over that time [m/s]."""
+    _require(evidence)
+    c, names = evidence.mass_centers, [body.name for body in evidence.scenario.bodies]
+    before = c[-1 - round(LAST / evidence.frame)]
+    away = np.linalg.norm(c[-1] - before, axis=1) / LAST
+    return worst({names[k]: float(away[k]) for k in evidence.simulated})
+
+
+def rest_lost(evidence: Evidence) -> Values:
+    """Number of bodies that end outside the bounding box of the fixed ones [1]."""
+    _require(evidence)
+    corners = np.concatenate([_corners(body) for body in evidence.scenario.bodies if body.kind == "fixed"])
+    end = evidence.mass_centers[-1, evidence.simulated]
+    inside = (end > corners.min(axis=0)) & (end < corners.max(axis=0))
+    return {"": float((~inside.all(axis=1)).sum())}
+
+
+def rest_moved(evidence: Evidence) -> Values:
+    """Largest distance of the centre of mass of a body that must rest from where it must be [m]; truth 0."""
+    found = {}
+    for truth in evidence.scenario.truths:
+        if truth.arcs and not any(any((*arc.velocity, *arc.acceleration)) for arc in truth.arcs):
+            body = evidence.scenario.body_index(truth.body)
+            error = evidence.mass_centers[:, body] - evidence.truths[body].position
+            found[truth.body] = float(np.linalg.norm(error, axis=1).max())
+    if not found:
+        raise NotMeasured("by the scene's truth no body rests all the time")
+    return worst(found)
+
+
+def _require(evidence: Evidence) -> None:
+    if "settles" not in evidence.scenario.tags:
+        raise NotMeasured("nothing has to come to rest")
+    if len(evidence.recording.time) <= evidence.scenario.frame_count:
+        raise NotMeasured("the end was not played")
+
+
+def _corners(body: Body) -> Array:
+    """World corners (8 n, 3) of a body's boxes [m]."""
+    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
+    found = [np.zeros((0, 3))]
+    for piece in body.pieces:
+        if isinstance(piece.shape, Box):
+            found.append(_posed(body, _posed(piece, signs * piece.shape.half_extents)))
+    return np.concatenate(found)
+
+
+def _posed(pose: Body | Piece, points: Array) -> Array:
+    turned = Rotation.from_quat(np.array(pose.orientation), scalar_first=True)
+    return np.asarray(turned.apply(points) + pose.position)

@@ -1,0 +1,188 @@
+"""What a body that slides, rolls or sticks on a fixed one does, against its closed form."""
+
+from __future__ import annotations
+
+from math import atan2, cos, sin
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Array
+from reports.metrics.context import Evidence, NotMeasured, Values, worst
+from scenarios.scenario import Arc, Box, Sphere
+
+SUPPORTED = 1e-4
+"""Gap at the start within which a body lies on a fixed one [m]."""
+ALONG = 1e-9
+"""Part of a motion across the support's face up to which it is along it [1]: rounding."""
+STOPPED = 0.05
+"""Speed below which a body that slid has stopped [m/s]: what creeps is slower."""
+COASTS = 0.3
+"""Speed from which the way of a body that is let go is told [m/s]: 1.5 cm with mu = 0.3."""
+TURNED = 0.1
+"""Turn beyond which a box no longer slides as a point does [rad]: its corners take 1 % of the friction
+aside."""
+SLIDING = 0.1
+"""Share of its first slip down to which a ball surely slides [1]: the line of slip over time ends there."""
+
+
+def friction_stop(evidence: Evidence) -> Values:
+    """Stopping distance of the centre of mass against the closed form [relative]; truth 0."""
+    found = {}
+    for name, body, arcs in _paths(evidence):
+        if not _rests(arcs[-1]) or np.dot(arcs[0].velocity, arcs[0].acceleration) >= 0:
+            continue
+        way = np.array(arcs[-1].position) - np.array(arcs[0].position)
+        c = evidence.mass_centers[:, body]
+        found[name] = float((c[-1] - c[0]) @ way / (way @ way) - 1)
+    return _measured(found, "no body slides until it stops")
+
+
+def friction_coast(evidence: Evidence) -> Values:
+    """Way of a box from where a driven body lets it go to where it stops, over v^2 / (2 mu g), less 1 [1].
+
+    Truth 0 for a box that slides flat on a level floor. v is its speed at the end of the last frame in which
+    it is driven. A box that is slower than COASTS then, that tilts or turns by more than TURNED from then on,
+    or that does not stop, tells nothing.
+    """
+    rows, driven = evidence.recording.contacts, np.array(evidence.kind) == "driven"
+    by_hand = driven[rows["body_a"]] | driven[rows["body_b"]]
+    velocity, centers = evidence.recording.linear_velocity, evidence.mass_centers
+    found, reason = {}, "no box that a driven body pushed slides on by itself"
+    for body in evidence.simulated:
+        pieces = evidence.scenario.bodies[body].pieces
+        mine = (rows["body_a"] == body) | (rows["body_b"] == body)
+        if len(pieces) > 1 or not isinstance(pieces[0].shape, Box) or not (mine & by_hand).any():
+            continue
+        free = int(evidence.contact_frame[mine & by_hand].max()) + 1
+        mu = np.unique(evidence.friction[mine & (evidence.contact_frame >= free)])
+        speed = float(np.linalg.norm(velocity[free, body]))
+        if len(mu) != 1 or speed <= COASTS or np.linalg.norm(velocity[-1, body]) >= STOPPED:
+            continue
+        turned = Rotation.from_quat(evidence.recording.orientation[free:, body], scalar_first=True)
+        if (turned * turned[0].inv()).magnitude().max() > TURNED:
+            reason = "the box turns or topples after it is let go"
+            continue
+        way = float(np.linalg.norm(centers[-1, body] - centers[free, body]))
+        gravity = float(np.linalg.norm(evidence.gravity))
+        found[evidence.scenario.bodies[body].name] = float(way * 2 * mu[0] * gravity / speed**2 - 1)
+    return _measured(found, reason)
+
+
+def friction_lift(evidence: Evidence) -> Values:
+    """Largest rise of the centre of mass of a body that should lie or slide flat [m]; truth 0."""
+    found = {}
+    for name, body, normal in _flat(evidence):
+        c = evidence.mass_centers[:, body]
+        found[name] = float(np.max((c - c[0]) @ normal))
+    return worst(_measured(found, "no body slides or lies flat on a fixed one"))
+
+
+def friction_tilt(evidence: Evidence) -> Values:
+    """Largest angle by which a body that should stay flat leaves the support's normal [rad]; truth 0."""
+    found = {}
+    for name, body, normal in _flat(evidence):
+        turned = Rotation.from_quat(evidence.recording.orientation[:, body], scalar_first=True)
+        up = (turned * turned[0].inv()).apply(normal)
+        found[name] = float(np.max(np.arctan2(np.linalg.norm(np.cross(up, normal), axis=1), up @ normal)))
+    return worst(_measured(found, "no body slides or lies flat on a fixed one"))
+
+
+def friction_creep(evidence: Evidence) -> Values:
+    """Mean speed over the second half of the time since a body that should stick has stopped [m/s]; truth 0.
+
+    A body that should slide first has stopped once it is slower than STOPPED for good; how far it slid until
+    then is `friction.stop`. One that should stick from the start counts however fast it goes.
+    """
+    found, slides = {}, []
+    time = evidence.recording.time
+    for name, body, arcs in _paths(evidence):
+        if not _rests(arcs[-1]) or "impact" in evidence.scenario.tags:
+            continue
+        start, c = arcs[-1].start, evidence.mass_centers[:, body]
+        if start > 0:
+            fast = np.linalg.norm(np.diff(c, axis=0), axis=1) > STOPPED * evidence.frame
+            start = max([start, *time[1:][fast]])
+        first = int(np.searchsorted(time, (start + time[-1]) / 2))
+        if first >= len(time) - 1:
+            slides.append(name)
+            continue
+        found[name] = float(np.linalg.norm(c[-1] - c[first]) / (time[-1] - time[first]))
+    reason = f"{', '.join(slides)} still slides at the end" if slides else "no body should stick"
+    return worst(_measured(found, reason))
+
+
+def friction_heading(evidence: Evidence) -> Values:
+    """Largest difference between ways that are equal but for their heading, over the way [1]; truth 0."""
+    if "headings" not in evidence.scenario.tags:
+        raise NotMeasured("the scene has one heading")
+    ways = []
+    for _, body, arcs in _paths(evidence):
+        turn = -atan2(arcs[0].velocity[1], arcs[0].velocity[0])
+        back = np.array([[cos(turn), -sin(turn), 0.0], [sin(turn), cos(turn), 0.0], [0.0, 0.0, 1.0]])
+        c = evidence.mass_centers[:, body]
+        ways.append((c - c[0]) @ back.T)
+    apart = np.linalg.norm(np.ptp(ways, axis=0), axis=1)
+    return {"": float(apart.max() / np.linalg.norm(np.mean(ways, axis=0)[-1]))}
+
+
+def rolling_time(evidence: Evidence) -> Values:
+    """Time at which slip ends, by the line through it while it lasts, against the closed form [relative]."""
+    found = {}
+    time = evidence.recording.time
+    for name, body, arcs in _paths(evidence):
+        shape = evidence.scenario.bodies[body].pieces[0].shape
+        if len(arcs) != 2 or not isinstance(shape, Sphere) or not any(arcs[0].angular_acceleration):
+            continue
+        down = evidence.gravity / np.linalg.norm(evidence.gravity) * shape.radius
+        v, w = evidence.recording.linear_velocity[:, body], evidence.recording.angular_velocity[:, body]
+        slip = np.linalg.norm(v + np.cross(w, down), axis=1)
+        ends = np.flatnonzero(slip <= SLIDING * slip[0])
+        last = int(ends[0]) if len(ends) else len(slip)
+        # a line through few frames is exact where friction is constant, as it should be
+        slope, start = np.polyfit(time[:last], slip[:last], 1) if last > 1 else (0.0, slip[0])
+        found[name] = float(-start / slope / arcs[1].start - 1) if slope < 0 else float("inf")
+    return _measured(found, "no ball slides until it rolls")
+
+
+def _paths(evidence: Evidence) -> list[tuple[str, int, tuple[Arc, ...]]]:
+    """Name, index and arcs of the bodies whose closed form consists of arcs."""
+    truths = [truth for truth in evidence.scenario.truths if truth.law == "arcs"]
+    return [(t.body, evidence.scenario.body_index(t.body), t.arcs) for t in truths]
+
+
+def _rests(arc: Arc) -> bool:
+    return not any((*arc.velocity, *arc.acceleration, *arc.angular_velocity, *arc.angular_acceleration))
+
+
+def _flat(evidence: Evidence) -> list[tuple[str, int, Array]]:
+    """Name, index and the support's normal of bodies that lie on a fixed box and by their truth never turn
+    nor leave it."""
+    found = []
+    d = evidence.distances
+    for name, body, arcs in _paths(evidence):
+        for (a, b), gap in d.distance.items():
+            other = b if a == body else a
+            if body not in (a, b) or evidence.kind[other] != "fixed" or abs(gap[0]) > SUPPORTED:
+                continue
+            normal = _face(evidence, other, d.normal[a, b][0] * (1 if b == body else -1))
+            motion = np.array([(arc.velocity, arc.acceleration) for arc in arcs]).reshape(-1, 3)
+            turns = any(any((*arc.angular_velocity, *arc.angular_acceleration)) for arc in arcs)
+            if not turns and np.all(np.abs(motion @ normal) <= ALONG * np.linalg.norm(motion, axis=1)):
+                found.append((name, body, normal))
+    return found
+
+
+def _face(evidence: Evidence, body: int, near: Array) -> Array:
+    """The axis of a box nearest to a direction: the oracle's normal of faces that touch is good to 1e-3."""
+    turned = Rotation.from_quat(evidence.recording.orientation[0, body], scalar_first=True)
+    piece = Rotation.from_quat(evidence.scenario.bodies[body].pieces[0].orientation, scalar_first=True)
+    axes = (turned * piece).as_matrix()
+    k = int(np.argmax(np.abs(axes.T @ near)))
+    return np.asarray(axes[:, k] * np.sign(axes[:, k] @ near))
+
+
+def _measured(found: dict[str, float], reason: str) -> dict[str, float]:
+    if not found:
+        raise NotMeasured(reason)
+    return found

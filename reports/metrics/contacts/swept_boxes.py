@@ -1,0 +1,220 @@
+"""Signed distance of two pieces while their bodies move from one displayed frame to the next.
+
+A recording holds poses at frames only. Between two frames a body is taken to move on a straight line and to
+turn about a fixed axis (`chord`), or to go on from a frame with the velocities it has there (`onward`,
+`backward`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property
+from math import inf, isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Array
+from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+
+if TYPE_CHECKING:
+    from reports.metrics.context import Evidence
+
+STEPS_PER_THICKNESS = 16
+"""Steps in which a motion through two pieces is sampled, per sum of their inner radii [1]."""
+UNBOUNDED = 1e3
+"""Depth from which the oracle found none [m]: it says 1.8e308 of some bodies that lie within each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A moment of a motion: `time` in frames, signed distance [m], and the unit normal from piece P to
+    piece Q in the axes of one of their bodies."""
+
+    time: float
+    distance: float
+    normal: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """How a body moves from `frame` on: where its mass centre goes [m] and how it turns [rotation vector]."""
+
+    frame: int
+    way: Array
+    turn: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """A piece's centre in its body's frame [m], the ball round that centre that holds it, the ball in it, and
+    the distance of its farthest point from the body's mass centre [m]."""
+
+    center: Array
+    outer: float
+    inner: float
+    reach: float
+
+
+class Motions:
+    """The motions of all bodies of a recording between its frames."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self._recording, self.frame = evidence.recording, evidence.frame
+        self.bodies = evidence.scenario.bodies
+        self.center = evidence.mass_centers
+        turns = Rotation.from_quat(self._recording.orientation.reshape(-1, 4), scalar_first=True)
+        frames, count = self._recording.orientation.shape[:2]
+        self.rotation = turns.as_matrix().reshape(frames, count, 3, 3)
+
+    @cached_property
+    def turn(self) -> Array:
+        """Rotation vectors (f - 1, n, 3) that take a frame's orientation to the next, world axes.
+
+        Of the turns that end there the one nearest to what the angular velocity makes of a frame: a body may
+        turn by more than half a revolution.
+        """
+        steps, count = len(self.rotation) - 1, self.rotation.shape[1]
+        between = self.rotation[1:] @ self.rotation[:-1].swapaxes(2, 3)
+        least = Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec().reshape(steps, count, 3)
+        spin = self._recording.angular_velocity
+        expected = (spin[1:] + spin[:-1]) / 2 * self.frame
+        angle = np.linalg.norm(least, axis=2, keepdims=True)
+        pace = np.linalg.norm(expected, axis=2, keepdims=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            axis = np.where(angle > 1e-9, least / angle, np.where(pace > 0, expected / pace, 0.0))
+        rounds = np.round((np.sum(axis * expected, axis=2, keepdims=True) - angle) / (2 * np.pi))
+        return np.asarray(least + 2 * np.pi * rounds * axis)
+
+    def chord(self, body: int, frame: int) -> Step:
+        """From a frame straight to the next."""
+        way = self.center[frame + 1, body] - self.center[frame, body]
+        return Step(frame, way, self.turn[frame, body])
+
+    def onward(self, body: int, frame: int) -> Step:
+        """From a frame on with the velocities it has there, for one frame."""
+        r = self._recording
+        return Step(
+            frame, r.linear_velocity[frame, body] * self.frame, r.angular_velocity[frame, body] * self.frame
+        )
+
+    def backward(self, body: int, frame: int) -> Step:
+        """From a frame back with the velocities it has there, for one frame."""
+        ahead = self.onward(body, frame)
+        return Step(frame, -ahead.way, -ahead.turn)
+
+    def pose(self, body: int, step: Step, share: float) -> tuple[Array, Array]:
+        """Rotation matrix and origin of a body after a share of a step."""
+        turned = self.rotation[step.frame, body]
+        if step.turn.any():
+            turned = Rotation.from_rotvec(share * step.turn).as_matrix() @ turned
+        center = self.center[step.frame, body] + share * step.way
+        return turned, center - turned @ np.array(self.bodies[body].center_of_mass)
+
+    def point_velocity(self, body: int, frame: int, point: Array) -> Array:
+        """Velocity [m/s] at a frame of a body's point, given by where it is in the world at that frame."""
+        r = self._recording
+        arm = point - self.center[frame, body]
+        return np.asarray(r.linear_velocity[frame, body] + np.cross(r.angular_velocity[frame, body], arm))
+
+
+class Pair:
+    """Two pieces P and Q of bodies `a` and `b`."""
+
+    def __init__(self, motions: Motions, a: int, one: Piece, b: int, two: Piece) -> None:
+        self.motions, self.bodies, self.pieces = motions, (a, b), (one, two)
+        self.extents = (extent(motions, a, one), extent(motions, b, two))
+        self.thickness = self.extents[0].inner + self.extents[1].inner
+        self._shapes = [_oracle_shape(piece.shape) for piece in self.pieces]
+        self._own = [
+            (Rotation.from_quat(piece.orientation, scalar_first=True).as_matrix(), np.array(piece.position))
+            for piece in self.pieces
+        ]
+        self._at_frames: dict[int, Sample] = {}
+
+    @cached_property
+    def _axes(self) -> int | None:
+        """The body in whose axes normals are given: the one that turns less, no ball; None: the world's."""
+        sided = [body for body, piece in zip(self.bodies, self.pieces) if not isinstance(piece.shape, Sphere)]
+        turned = {body: np.linalg.norm(self.motions.turn[:, body], axis=1).sum() for body in sided}
+        return min(sided, key=lambda body: turned[body], default=None)
+
+    def sample(self, steps: tuple[Step, Step], share: float, time: float) -> tuple[Sample, Array]:
+        """The pair after a share of both bodies' steps, and the midpoint of the witnesses [m, world]."""
+        from adapters.oracles.overlap import signed_distance
+
+        poses = [self.motions.pose(body, step, share) for body, step in zip(self.bodies, steps)]
+        placed = [
+            (turned @ own, origin + turned @ place)
+            for (turned, origin), (own, place) in zip(poses, self._own)
+        ]
+        distance, normal, middle = signed_distance(self._shapes[0], placed[0], self._shapes[1], placed[1])
+        if not isfinite(distance) or abs(distance) > UNBOUNDED:
+            distance, normal, middle = -self.thickness, np.zeros(3), placed[0][1]
+        if self._axes is not None:
+            normal = poses[self.bodies.index(self._axes)][0].T @ normal
+        return Sample(time, distance, normal), middle
+
+    def at_frame(self, frame: int) -> Sample:
+        """The pair at a displayed frame."""
+        if frame not in self._at_frames:
+            still = tuple(Step(frame, np.zeros(3), np.zeros(3)) for _ in self.bodies)
+            self._at_frames[frame] = self.sample((still[0], still[1]), 0.0, float(frame))[0]
+        return self._at_frames[frame]
+
+    def chords(self, frame: int) -> tuple[Step, Step]:
+        """Both bodies' ways straight from a frame to the next."""
+        a, b = self.bodies
+        return self.motions.chord(a, frame), self.motions.chord(b, frame)
+
+    def samples(self, steps: tuple[Step, Step], level: float, start: float = 0.0) -> Iterator[Sample]:
+        """The pair along both steps, close enough that no crossing of a signed distance `level` is missed but
+        what goes less far beyond it than a step of STEPS_PER_THICKNESS."""
+        way = float(np.linalg.norm(steps[0].way - steps[1].way))
+        way += sum(float(np.linalg.norm(s.turn)) * e.reach for s, e in zip(steps, self.extents))
+        share = 0.0
+        while share < 1.0:
+            found, _ = self.sample(steps, share, start + share)
+            yield found
+            least = max(abs(found.distance - level), self.thickness / STEPS_PER_THICKNESS)
+            share += least / way if way > 0 else inf
+
+
+def extent(motions: Motions, body: int, piece: Piece) -> Extent:
+    """How large a piece is."""
+    local, outer, inner = _size(piece.shape)
+    turned = Rotation.from_quat(piece.orientation, scalar_first=True).apply(local)
+    center = np.array(piece.position) + turned
+    offset = float(np.linalg.norm(center - np.array(motions.bodies[body].center_of_mass)))
+    return Extent(center, outer, inner, offset + outer)
+
+
+@cache
+def _size(shape: Shape) -> tuple[Array, float, float]:
+    """Centre [m, piece frame], radius of the ball round it that holds the shape, and of the one in it."""
+    match shape:
+        case Sphere(radius):
+            return np.zeros(3), radius, radius
+        case Box(half):
+            return np.zeros(3), float(np.linalg.norm(half)), min(half)
+        case Capsule(radius, half_length):
+            return np.zeros(3), radius + half_length, radius
+        case Ellipsoid(half):
+            return np.zeros(3), max(half), min(half)
+        case Hull(vertices):
+            points = np.array(vertices)
+            center = points.mean(axis=0)
+            planes = ConvexHull(points).equations
+            inner = float(-(planes[:, :3] @ center + planes[:, 3]).max())
+            return center, float(np.linalg.norm(points - center, axis=1).max()), inner
+    raise TypeError(f"no size of {type(shape).__name__}")
+
+
+@cache
+def _oracle_shape(shape: Shape) -> object:
+    from adapters.oracles.overlap import coal_shape
+
+    return coal_shape(shape)

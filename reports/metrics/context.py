@@ -1,0 +1,201 @@
+"""What a metric looks at: a recording, its scene, and what follows from both, worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Array
+from adapters.recording import Recording
+from reports.judge import fault_text
+from scenarios.closed_form import Motion, motion
+from scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from adapters.oracles.overlap import Distances
+
+
+ROUNDING = 1e-9
+"""Share of a frame by which a contact at its very start may seem to fall into the one before [1]."""
+
+
+class NotMeasured(Exception):
+    """A metric that does not apply to this recording; the message is the row's reason."""
+
+
+class JudgeMissing(NotMeasured):
+    """The library that judges this cannot be imported: not the same as a metric that does not apply."""
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A value that carries a remark, or none (`value` is NaN) with the reason why."""
+
+    value: float
+    reason: str = ""
+
+
+Values = Mapping[str, float | Value]
+"""Subject (a pair, a body, an event; "" for the whole scene) -> value."""
+
+
+def worst(found: Mapping[str, float]) -> Values:
+    """The largest of several bodies' values for the whole scene, with the name of the body as a remark."""
+    name = max(found, key=lambda body: abs(found[body]))
+    return {"": Value(found[name], f"of {name}" if len(found) > 1 else "")}
+
+
+@contextmanager
+def judging() -> Iterator[None]:
+    """Import an oracle; raises JudgeMissing with the reason where that fails."""
+    try:
+        yield
+    except ImportError as error:
+        raise JudgeMissing(fault_text(error)) from error
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """A row of the METRICS table. `shown` is the unit of tables and how many of it make one `unit`."""
+
+    name: str
+    unit: str
+    better: Literal["lower", "higher", "none"]
+    measure: Callable[[Evidence], Values]
+    shown: tuple[str, float] | None = None
+
+    @property
+    def formula(self) -> str:
+        """The first line of the metric's docstring."""
+        return (self.measure.__doc__ or "").strip().splitlines()[0]
+
+
+class Evidence:
+    """A recording and its scene; bodies by index, conventions as in `adapters/contract.py`."""
+
+    def __init__(self, recording: Recording, scenario: Scenario) -> None:
+        self.recording = recording
+        self.scenario = scenario
+        self.frame = 1 / scenario.frame_rate
+        self.gravity = np.array(scenario.acting_gravity)
+        self.mass = np.array([body.mass for body in scenario.bodies])
+        self.kind = [body.kind for body in scenario.bodies]
+        self.simulated = [k for k, kind in enumerate(self.kind) if kind == "simulated"]
+
+    @cached_property
+    def expected_pairs(self) -> dict[tuple[str, str], list[tuple[int, int]]]:
+        """Body pairs (a < b) behind each pair of names in the expectations; the root of a driven body
+        stands for all of its links."""
+        scenario = self.scenario
+        links = {tracker.root: scenario.links(tracker) for tracker in scenario.trackers}
+        found = {}
+        may_touch = set(scenario.touching_pairs())
+        for expectation in scenario.expectations:
+            names = (expectation.body, expectation.other)
+            sides = [links.get(name, (scenario.body_index(name),)) for name in names]
+            pairs = {(min(a, b), max(a, b)) for a in sides[0] for b in sides[1]}
+            found[names] = sorted(pairs & may_touch)
+        return found
+
+    @cached_property
+    def distances(self) -> Distances:
+        """Signed distances by the overlap oracle; raises JudgeMissing where it cannot be imported."""
+        with judging():
+            from adapters.oracles.overlap import measure
+        asked = {pair for pairs in self.expected_pairs.values() for pair in pairs}
+        rows = self.recording.contacts
+        met = set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))
+        asked |= {pair for pair in met if "simulated" in (self.kind[pair[0]], self.kind[pair[1]])}
+        asked |= {pair for pair in self.scenario.touching_pairs() if set(pair) & self.truths.keys()}
+        return measure(self.recording, self.scenario, asked)
+
+    @cached_property
+    def truths(self) -> dict[int, Motion]:
+        """How bodies must move, by index, at the recording's times; empty where the scene has no truth."""
+        scenario = self.scenario
+        return {
+            scenario.body_index(t.body): motion(scenario, t, self.recording.time) for t in scenario.truths
+        }
+
+    @cached_property
+    def mass_centers(self) -> Array:
+        """Centres of mass (f, n, 3) [m]."""
+        r = self.recording
+        frames, count = r.orientation.shape[:2]
+        turned = Rotation.from_quat(r.orientation.reshape(-1, 4), scalar_first=True)
+        local = np.tile([body.center_of_mass for body in self.scenario.bodies], (frames, 1))
+        return r.position + turned.apply(local).reshape(frames, count, 3)
+
+    def surface_velocity(self, body: int, point: Array) -> Array:
+        """Velocity (f, 3) of a body's surface at world points (f, 3)."""
+        r = self.recording
+        arm = point - self.mass_centers[:, body]
+        return r.linear_velocity[:, body] + np.cross(r.angular_velocity[:, body], arm)
+
+    @cached_property
+    def restitution(self) -> Array:
+        """Coefficient of restitution asked for, per contact row."""
+        return self._coefficients[:, 0]
+
+    @cached_property
+    def friction(self) -> Array:
+        """Friction coefficient asked for, per contact row."""
+        return self._coefficients[:, 1]
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        rows = self.recording.contacts
+        table = {pair: self.scenario.pair_coefficients(*pair) for pair in self.scenario.touching_pairs()}
+        asked = [table[(int(row["body_a"]), int(row["body_b"]))] for row in rows]
+        return np.array(asked).reshape(-1, 2)
+
+    @cached_property
+    def impulses(self) -> tuple[Array, Array]:
+        """Per contact row: normal impulse (c,) and tangential impulse on B (c, 3) [N s]."""
+        rows = self.recording.contacts
+        normal = np.einsum("ij,ij->i", rows["impulse"], rows["normal"])
+        return normal, rows["impulse"] - normal[:, None] * rows["normal"]
+
+    @cached_property
+    def contact_frame(self) -> NDArray[np.int64]:
+        """Per contact row the displayed step (of s = frames - 1) in which it acted."""
+        step = self.recording.contacts["time"] / self.frame + ROUNDING
+        return np.minimum(step.astype(np.int64), len(self.recording.time) - 2)
+
+    def slip(self, moment: Literal["before", "after"]) -> Array:
+        """Tangential velocity of B against A per contact row (c, 3) [m/s]."""
+        rows = self.recording.contacts
+        relative = rows[f"velocity_b_{moment}"] - rows[f"velocity_a_{moment}"]
+        along = np.einsum("ij,ij->i", relative, rows["normal"])
+        return np.asarray(relative - along[:, None] * rows["normal"])
+
+    @cached_property
+    def least_impulse(self) -> Array:
+        """j_0 = 1e-3 m g h per contact row [N s]: below it an impulse is noise."""
+        rows = self.recording.contacts
+        weight = np.linalg.norm(self.gravity) or 1.0
+        step = float(self.recording.facts["dt"])
+        masses = np.where(np.array([kind == "simulated" for kind in self.kind]), self.mass, np.inf)
+        lighter = np.minimum(masses[rows["body_a"]], masses[rows["body_b"]])
+        return np.asarray(1e-3 * np.where(np.isfinite(lighter), lighter, self.mass.max()) * weight * step)
+
+    def pair_name(self, a: int, b: int) -> str:
+        """Two bodies as a subject."""
+        return f"{self.scenario.bodies[a].name}-{self.scenario.bodies[b].name}"
+
+    def owner_pair(self, a: int, b: int) -> str:
+        """Two bodies as a subject, links of a driven body under their root's name."""
+        trackers, groups = self.scenario.trackers, self._groups
+        names = [trackers[groups[k]].root if groups[k] >= 0 else self.scenario.bodies[k].name for k in (a, b)]
+        return "-".join(names)
+
+    @cached_property
+    def _groups(self) -> tuple[int, ...]:
+        return self.scenario.groups()

@@ -1,0 +1,1 @@
+"""Metrics of motion: energy, momentum, flight, events."""

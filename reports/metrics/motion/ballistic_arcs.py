@@ -1,0 +1,139 @@
+"""Moments between frames: when a gap closes or opens, told from free arcs on both sides.
+
+A displayed frame is too coarse to see a bounce, so positions and velocities are carried on under gravity from
+the last free frame (and back from the next): no engine's own contact is asked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from adapters.contract import Array
+from reports.metrics.context import Evidence
+
+TOUCH_GAP = 1e-4
+"""Gap below which bodies touch [m]."""
+OPEN_GAP = 1e-3
+"""Gap above which bodies have parted [m]: more than the widest margin an engine keeps."""
+KICK = 0.05
+"""Change of the closing speed that gravity does not explain [m/s]: something was hit."""
+
+HASTE = 1.5
+"""Frames within which an arc must close for a kick at its end to count as this pair's touch [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounce:
+    """A contact between two frames: its time [s], approach and departure speed [m/s] along the normal, where
+    the free arcs meet gap 0."""
+
+    time: float
+    approach: float
+    departure: float
+
+    @property
+    def restitution(self) -> float:
+        """Departure over approach speed."""
+        return self.departure / self.approach
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Signed distance of a pair over the frames, its rate, and its acceleration without contact: gravity on
+    simulated bodies, what the frame before shows of driven ones."""
+
+    gap: Array
+    rate: Array
+    pull: Array
+
+
+def gap_of(evidence: Evidence, pairs: list[tuple[int, int]]) -> Gap:
+    """The nearest of several body pairs, frame by frame."""
+    d = evidence.distances
+    stacked = np.array([d.distance[pair] for pair in pairs])
+    nearest = stacked.argmin(axis=0)
+    frames = np.arange(stacked.shape[1])
+    normal = np.array([d.normal[pair] for pair in pairs])[nearest, frames]
+    rates, pulls = [], []
+    for a, b in pairs:
+        point = d.point[(a, b)]
+        velocity = [evidence.surface_velocity(k, point) for k in (a, b)]
+        pull = [_free_acceleration(evidence, k, v) for k, v in zip((a, b), velocity)]
+        rates.append(velocity[1] - velocity[0])
+        pulls.append(pull[1] - pull[0])
+    rate = np.einsum("fi,fi->f", np.array(rates)[nearest, frames], normal)
+    pull = np.einsum("fi,fi->f", np.array(pulls)[nearest, frames], normal)
+    return Gap(stacked.min(axis=0), rate, pull)
+
+
+def _free_acceleration(evidence: Evidence, body: int, velocity: Array) -> Array:
+    if evidence.kind[body] == "simulated":
+        return np.tile(evidence.gravity, (len(velocity), 1))
+    change = np.zeros_like(velocity)
+    if evidence.kind[body] == "driven":
+        change[1:] = np.diff(velocity, axis=0) / evidence.frame
+    return change
+
+
+def bounces(evidence: Evidence, pair: tuple[int, int]) -> list[Bounce]:
+    """Contacts between two free frames (a soft one may last several), with speeds from the free arcs."""
+    g, h = gap_of(evidence, [pair]), evidence.frame
+    free = np.flatnonzero(g.gap > TOUCH_GAP).tolist()
+    found = []
+    for k, m in pairwise(free):
+        closing, opening = _closing(g, k, h), _closing(g, m, -h)
+        if closing is None or opening is None or (m == k + 1 and not _kicked(g, k, h)):
+            continue
+        approach = _at_contact(g.rate[k] + g.pull[k] * closing, g.pull[k])
+        departure = _at_contact(g.rate[m] + g.pull[m] * opening, g.pull[m])
+        found.append(Bounce(evidence.recording.time[k] + closing, approach, departure))
+    return found
+
+
+def _at_contact(rate: float, pull: float) -> float:
+    """Speed at gap 0 of an arc that meets TOUCH_GAP with `rate`: at 1 m/s the difference is 0.1 %."""
+    return float(np.sqrt(max(0.0, rate * rate - 2 * pull * TOUCH_GAP)))
+
+
+def first_closing(evidence: Evidence, g: Gap, start: float) -> float:
+    """Time from `start` on at which the gap first closes to TOUCH_GAP [s]; NaN if never."""
+    h, time = evidence.frame, evidence.recording.time
+    for k in range(len(g.gap) - 1):
+        if time[k + 1] < start or g.gap[k] <= TOUCH_GAP:
+            continue
+        closed, kicked, closing = g.gap[k + 1] <= TOUCH_GAP, _kicked(g, k, h), _closing(g, k, h)
+        if closing is not None and (closed or kicked):
+            return float(time[k] + closing)
+        if closed:
+            return float(time[k] + h * (g.gap[k] - TOUCH_GAP) / (g.gap[k] - g.gap[k + 1]))
+        # a driven body hit while it sped up: its arc ends just short of the other
+        if kicked and _closing(g, k, HASTE * h) is not None:
+            return float(time[k + 1])
+    return float("nan")
+
+
+def last_opening(evidence: Evidence, g: Gap) -> float:
+    """Time at which the gap last opens past OPEN_GAP [s]; NaN if it never does or is closed at the end."""
+    closed = np.flatnonzero(g.gap <= OPEN_GAP)
+    if not len(closed) or closed[-1] + 1 >= len(g.gap):
+        return float("nan")
+    k = int(closed[-1])
+    share = (OPEN_GAP - g.gap[k]) / (g.gap[k + 1] - g.gap[k])
+    return float(evidence.recording.time[k] + share * evidence.frame)
+
+
+def _closing(g: Gap, k: int, h: float) -> float | None:
+    """Time from frame k at which the arc through it meets TOUCH_GAP, nearest to k; None if not within h,
+    which is negative for the time before."""
+    a, b, c = g.pull[k] / 2, g.rate[k], g.gap[k] - TOUCH_GAP
+    roots = np.roots([a, b, c]) if a != 0 else np.array([-c / b] if b != 0 else [])
+    real = [float(root.real) for root in roots if abs(root.imag) < 1e-12 and 0 <= root.real / h <= 1]
+    return min(real, key=abs) if real else None
+
+
+def _kicked(g: Gap, k: int, h: float) -> bool:
+    """Whether the gap opens faster at frame k + 1 than gravity alone would let it."""
+    return bool(g.rate[k + 1] - (g.rate[k] + g.pull[k] * h) > KICK)

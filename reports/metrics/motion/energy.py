@@ -1,0 +1,156 @@
+"""Energy that comes from nowhere, or goes where there is no way."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Array
+from reports.metrics.context import Evidence, NotMeasured, Value, Values
+from reports.metrics.posture import limit_excess
+
+STORING = 1e-4
+"""Overlap from which a soft contact may hold more than rounding of elastic energy [m]."""
+STORING_ANGLE = 1e-3
+"""Excess over a joint's limit from which a soft one may do so [rad]: 1e-4 m at the end of a hand."""
+
+
+def energy_gain(evidence: Evidence) -> Values:
+    """Largest E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1].
+
+    Where a scene has no closed form, over the kinetic energy at the start.
+
+    Frames in which a soft contact stores energy are left out, as in `energy.injected`.
+    """
+    return {"": float(_change(evidence).max())}
+
+
+def energy_loss(evidence: Evidence) -> Values:
+    """Least E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1]."""
+    return {"": float(_change(evidence).min())}
+
+
+def _change(evidence: Evidence) -> Array:
+    if "conservative" not in evidence.scenario.tags:
+        raise NotMeasured("not tagged conservative: friction, impacts or a drive do work")
+    energy = mechanical_energy(evidence, evidence.simulated)
+    energy[_stores(evidence, evidence.simulated)] = np.nan
+    kinetic = np.zeros(len(energy))
+    r = evidence.recording
+    for k in () if evidence.truths else evidence.simulated:
+        kinetic += _kinetic(
+            evidence, k, r.linear_velocity[:1, k], r.orientation[:1, k], r.angular_velocity[:1, k]
+        )
+    for k, truth in evidence.truths.items():
+        kinetic += _kinetic(evidence, k, truth.velocity, truth.orientation, truth.angular_velocity)
+    free = energy[np.isfinite(energy)]
+    return np.asarray((free - free[0]) / kinetic.max())
+
+
+def energy_injected(evidence: Evidence) -> Values:
+    """Largest rise over any window of S = K + U - W, W the work the drive puts in [J].
+
+    Passive contact can only lower S, but a soft one stores energy while it is compressed: frames in which a
+    simulated body overlaps by more than STORING are no start of a window; for `all`, neither are those in
+    which any body does or a hinge is beyond its limit by more than STORING_ANGLE.
+
+    Subject `simulated`: simulated bodies alone, W the work of the impulses that driven bodies exert on them,
+    J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body, W the work of
+    the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
+    """
+    found: dict[str, float | Value] = {
+        subject: float(np.max(rise)) for subject, rise in energy_rise(evidence).items()
+    }
+    if evidence.scenario.trackers and "all" not in found:
+        found = {"all": Value(np.nan, "the drive is kinematic: its work is not known"), **found}
+    return found
+
+
+def energy_rise(evidence: Evidence) -> dict[str, Array]:
+    """Per subject of `energy.injected` and per frame (f,) the rise of S above its least so far [J]."""
+    found: dict[str, Array] = {}
+    work = evidence.recording.driver_work
+    if evidence.scenario.trackers and not np.isnan(work).any():
+        moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
+        stores = _stores(evidence, moving) | (limit_excess(evidence).max(axis=1, initial=0.0) > STORING_ANGLE)
+        found["all"] = _rise(mechanical_energy(evidence, moving) - work, stores)
+    if evidence.simulated:
+        simulated = mechanical_energy(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
+        found["simulated"] = _rise(simulated, _stores(evidence, evidence.simulated))
+    return found
+
+
+def energy_ledger(evidence: Evidence) -> Values:
+    """Energy that simulated bodies gain over the run, per mechanism [J], where the engine tells it.
+
+    friction, restitution: J . (v- + v+) / 2 along the contact and along its normal, v of B against A, without
+    contacts of driven bodies; drive: the work of those; correction: what is left of the change of K + U, that
+    is what poses were corrected by, and integration. Truth: nothing above zero but drive.
+    """
+    if evidence.recording.facts["engine"] != "reference":
+        raise NotMeasured("only the reference tells impulses with the velocities before and after each")
+    rows, kind = evidence.recording.contacts, np.array(evidence.kind)
+    free = (kind[rows["body_a"]] != "driven") & (kind[rows["body_b"]] != "driven")
+    normal, tangential = evidence.impulses
+    mean = rows["velocity_b_before"] - rows["velocity_a_before"]
+    mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
+    friction = np.einsum("ij,ij->i", tangential, mean)[free].sum()
+    restitution = (normal * np.einsum("ij,ij->i", rows["normal"], mean))[free].sum()
+    drive = _work_of_driven_contacts(evidence)[-1]
+    energy = mechanical_energy(evidence, evidence.simulated)
+    correction = energy[-1] - energy[0] - friction - restitution - drive
+    told = {"friction": friction, "restitution": restitution, "drive": drive, "correction": correction}
+    return {name: float(value) for name, value in told.items()}
+
+
+def _stores(evidence: Evidence, bodies: list[int]) -> Array:
+    """Frames in which one of the bodies overlaps by more than STORING: a soft contact stores energy then."""
+    stores = np.zeros(len(evidence.recording.time), dtype=bool)
+    for (a, b), distance in evidence.distances.distance.items():
+        if a in bodies or b in bodies:
+            stores |= distance < -STORING
+    return stores
+
+
+def _rise(s: Array, stores: Array) -> Array:
+    lowest = np.minimum.accumulate(np.where(stores, np.inf, s))
+    return np.asarray(np.where(stores, 0.0, s - lowest))
+
+
+def mechanical_energy(evidence: Evidence, bodies: list[int]) -> Array:
+    """Kinetic and potential energy per frame (f,) [J]; driven bodies feel no gravity."""
+    r = evidence.recording
+    energy = np.zeros(len(r.time))
+    for k in bodies:
+        energy += _kinetic(
+            evidence, k, r.linear_velocity[:, k], r.orientation[:, k], r.angular_velocity[:, k]
+        )
+        if evidence.kind[k] == "simulated":
+            energy -= evidence.mass[k] * evidence.mass_centers[:, k] @ evidence.gravity
+    return energy
+
+
+def _kinetic(evidence: Evidence, body: int, velocity: Array, orientation: Array, omega: Array) -> Array:
+    """Kinetic energy of a body per frame (f,) [J]."""
+    moving = evidence.mass[body] * np.einsum("fi,fi->f", velocity, velocity)
+    return np.asarray((moving + np.einsum("fi,fi->f", omega, spin(evidence, body, orientation, omega))) / 2)
+
+
+def spin(evidence: Evidence, body: int, orientation: Array, omega: Array) -> Array:
+    """I w of a body per frame (f, 3), world [kg m^2/s]."""
+    turned = Rotation.from_quat(orientation, scalar_first=True)
+    inertia = np.array(evidence.scenario.bodies[body].inertia)
+    return np.asarray(turned.apply(turned.inv().apply(omega) @ inertia))
+
+
+def _work_of_driven_contacts(evidence: Evidence) -> Array:
+    """Work that driven bodies have done on simulated ones by the end of each frame (f,) [J]."""
+    rows = evidence.recording.contacts
+    kind = np.array(evidence.kind)
+    work = np.zeros(len(rows))
+    for side, other, sign in (("a", "b", -1.0), ("b", "a", 1.0)):
+        chosen = (kind[rows[f"body_{side}"]] == "simulated") & (kind[rows[f"body_{other}"]] == "driven")
+        mean = (rows[f"velocity_{side}_before"] + rows[f"velocity_{side}_after"]) / 2
+        work += np.where(chosen, sign * np.einsum("ij,ij->i", rows["impulse"], mean), 0.0)
+    by_frame = np.bincount(evidence.contact_frame + 1, weights=work, minlength=len(evidence.recording.time))
+    return np.cumsum(by_frame)

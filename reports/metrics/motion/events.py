@@ -1,0 +1,133 @@
+"""What must have happened, and when: touch, roll, leave, land, meet, part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from reports.metrics.context import ROUNDING, Evidence, NotMeasured, Values
+from reports.metrics.motion.ballistic_arcs import (
+    OPEN_GAP,
+    TOUCH_GAP,
+    Gap,
+    first_closing,
+    gap_of,
+    last_opening,
+)
+from scenarios.scenario import Expectation, Scenario
+
+ROLL_SLIP = 0.01
+"""Slip below which a contact rolls [m/s]."""
+PART_GAP = 3e-3
+"""Gap of bodies that part [m]: more than Bullet's margins of 1 mm round two hulls."""
+PARTED = 0.1
+"""Time for which bodies that part stay apart [s]: an engine's contact may open for a moment."""
+
+
+def event_time(event: str) -> Callable[[Evidence], Values]:
+    """The metric that tells when an event happened."""
+
+    def measure(evidence: Evidence) -> Values:
+        return {subject: _time(evidence, e) for subject, e in _expected(evidence, event).items()}
+
+    measure.__doc__ = {
+        "touch": "Time at which the pair's gap first closes to 1e-4 m [s].",
+        "roll": "Time after the first touch at which the slip of the closed pair falls below 0.01 m/s [s].",
+        "leave": "Time at which the pair's gap opens past 1e-3 m for good [s].",
+        "land": "Time at which the pair's gap first closes after the last leave [s].",
+        "meet": "Time at which the pair's gap closes to 1e-4 m within the time expected, open before [s].",
+        "part": "Time at which the gap opens past 3e-3 m for 0.1 s in the time expected, not before [s].",
+    }[event]
+    return measure
+
+
+def event_place(event: str) -> Callable[[Evidence], Values]:
+    """The metric that tells how far a body had come when an event happened."""
+
+    def measure(evidence: Evidence) -> Values:
+        found = {}
+        for subject, e in _expected(evidence, event).items():
+            path = evidence.recording.position[:, evidence.scenario.body_index(e.body)]
+            time = _time(evidence, e)
+            now = [np.interp(time, evidence.recording.time, path[:, axis]) for axis in range(2)]
+            found[subject] = float(np.hypot(now[0] - path[0, 0], now[1] - path[0, 1]))
+        return found
+
+    measure.__doc__ = f"Horizontal distance of the body from its start at `events.{event}` [m]."
+    return measure
+
+
+def subjects(scenario: Scenario) -> dict[tuple[str, str], Expectation]:
+    """(event, subject) -> expectation: the pair, numbered where it is expected several times."""
+    found: dict[tuple[str, str], Expectation] = {}
+    counts: dict[tuple[str, str], int] = {}
+    keys = [(e.event, f"{e.body}-{e.other}") for e in scenario.expectations]
+    for key, expectation in zip(keys, scenario.expectations):
+        counts[key] = counts.get(key, 0) + 1
+        event, pair = key
+        found[event, f"{pair} #{counts[key]}" if keys.count(key) > 1 else pair] = expectation
+    return found
+
+
+def _expected(evidence: Evidence, event: str) -> dict[str, Expectation]:
+    wanted = {subject: e for (name, subject), e in subjects(evidence.scenario).items() if name == event}
+    if not wanted:
+        raise NotMeasured(f"the scene expects no {event}")
+    return wanted
+
+
+def _time(evidence: Evidence, expectation: Expectation) -> float:
+    gap = gap_of(evidence, evidence.expected_pairs[(expectation.body, expectation.other)])
+    match expectation.event:
+        case "touch":
+            return first_closing(evidence, gap, 0.0)
+        case "leave":
+            return last_opening(evidence, gap)
+        case "roll":
+            return _roll(evidence, expectation)
+        case "land":
+            leaves = [_time(evidence, e) for e in evidence.scenario.expectations if e.event == "leave"]
+            return first_closing(evidence, gap, max(leaves, default=0.0))
+        case "meet":
+            open_before = _at(evidence, gap, expectation.earliest) > TOUCH_GAP
+            return first_closing(evidence, gap, expectation.earliest) if open_before else float("nan")
+        case "part":
+            return _parting(evidence, gap, expectation.earliest)
+
+
+def _at(evidence: Evidence, gap: Gap, time: float) -> float:
+    """The gap in the last frame up to `time` [m]."""
+    return float(gap.gap[np.searchsorted(evidence.recording.time, time + ROUNDING, side="right") - 1])
+
+
+def _parting(evidence: Evidence, gap: Gap, start: float) -> float:
+    """Time from `start` on at which the gap, not yet open for PARTED [s] then, opens past PART_GAP for so
+    long; else NaN."""
+    time, frames = evidence.recording.time, round(PARTED / evidence.frame)
+    is_open = gap.gap > PART_GAP
+    first = int(np.searchsorted(time, start + ROUNDING, side="right")) - 1
+    if is_open[first : first + 1 + frames].all():
+        return float("nan")
+    for k in np.flatnonzero(~is_open[:-1] & is_open[1:] & (time[1:] > start)).tolist():
+        if is_open[k + 1 : k + 1 + frames].all():
+            return float(time[k] + evidence.frame * (PART_GAP - gap.gap[k]) / (gap.gap[k + 1] - gap.gap[k]))
+    return float("nan")
+
+
+def _roll(evidence: Evidence, expectation: Expectation) -> float:
+    pair = evidence.expected_pairs[(expectation.body, expectation.other)][0]
+    d, r = evidence.distances, evidence.recording
+    point, normal = d.point[pair], d.normal[pair]
+    slip = evidence.surface_velocity(pair[1], point) - evidence.surface_velocity(pair[0], point)
+    slip -= np.einsum("fi,fi->f", slip, normal)[:, None] * normal
+    speed = np.linalg.norm(slip, axis=1)
+    touches = [_time(evidence, e) for e in evidence.scenario.expectations if e.event == "touch"]
+    slid = False
+    for k in range(len(r.time) - 1):
+        if r.time[k] < max(touches, default=0.0) or d.distance[pair][k + 1] > OPEN_GAP:
+            continue
+        slid = slid or bool(speed[k] > ROLL_SLIP)
+        if slid and speed[k + 1] <= ROLL_SLIP < speed[k]:
+            return float(r.time[k] + evidence.frame * (speed[k] - ROLL_SLIP) / (speed[k] - speed[k + 1]))
+    return float("nan")

@@ -1,0 +1,63 @@
+"""Bounces and flips: when and how high, against the closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
+
+from reports.metrics.context import Evidence, NotMeasured, Values
+from reports.metrics.motion.ballistic_arcs import bounces
+from scenarios.closed_form import flips
+from scenarios.scenario import Arc
+
+SEEN = 2.0
+"""Length of an arc from which a displayed frame surely falls into its middle [frames]."""
+
+
+def bounce_height(evidence: Evidence) -> Values:
+    """Height of each bounce of two frames or more against the closed form [relative]; -1 if there is none."""
+    found = {}
+    for truth in evidence.scenario.truths:
+        body, g = evidence.scenario.body_index(truth.body), float(np.linalg.norm(evidence.gravity))
+        asked = _heights(truth.arcs, g, evidence.frame)
+        if not asked:
+            continue
+        fixed = next(k for k, kind in enumerate(evidence.kind) if kind == "fixed")
+        seen = bounces(evidence, (min(body, fixed), max(body, fixed)))
+        for k, height in enumerate(asked):
+            reached = seen[k].departure ** 2 / (2 * g) if k < len(seen) else 0.0
+            found[f"#{k + 1}"] = reached / height - 1
+    if not found:
+        raise NotMeasured("by the scene's truth nothing bounces")
+    return found
+
+
+def _heights(arcs: tuple[Arc, ...], g: float, frame: float) -> list[float]:
+    """Heights [m] of the arcs that start upwards, against gravity, and last long enough."""
+    speeds = [arc.velocity[2] for arc in arcs[1:] if arc.velocity[2] > 0 > arc.acceleration[2]]
+    return [speed**2 / (2 * g) for speed in speeds if 2 * speed / g >= SEEN * frame]
+
+
+def rotation_flip(evidence: Evidence) -> Values:
+    """Largest error of the times at which a free top turns over [s]; one that is missed counts to the end."""
+    found = {}
+    for truth in evidence.scenario.truths:
+        if truth.law == "torque_free":
+            asked = flips(evidence.scenario, truth)
+            seen = _flips_seen(evidence, evidence.scenario.body_index(truth.body))
+            seen = np.append(seen, np.full(max(0, len(asked) - len(seen)), evidence.scenario.duration))
+            found[truth.body] = float(np.max(np.abs(seen[: len(asked)] - asked)))
+    if not found:
+        raise NotMeasured("the scene has no free top")
+    return found
+
+
+def _flips_seen(evidence: Evidence, body: int) -> np.ndarray:
+    """Zeros of the rate about the axis of the middle moment, between frames by Euler's equations."""
+    inertia = np.array(evidence.scenario.bodies[body].inertia)
+    moments, axes = np.linalg.eigh(inertia)
+    turned = Rotation.from_quat(evidence.recording.orientation[:, body], scalar_first=True)
+    w = turned.inv().apply(evidence.recording.angular_velocity[:, body]) @ axes
+    slope = (moments[2] - moments[0]) / moments[1] * w[:, 2] * w[:, 0] * np.linalg.det(axes)
+    return np.asarray(CubicHermiteSpline(evidence.recording.time, w[:, 1], slope).roots(extrapolate=False))

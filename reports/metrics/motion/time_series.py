@@ -1,0 +1,36 @@
+"""What a recording does over time, frame by frame: metrics before their largest value is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from adapters.contract import Array
+from reports.metrics.contacts.overlap import overlap_depth
+from reports.metrics.context import Evidence
+from reports.metrics.motion.energy import energy_rise
+
+_OVER_TIME: dict[str, Callable[[Evidence], dict[str, Array]]] = {
+    "overlap.max": lambda evidence: {"": overlap_depth(evidence)},
+    "energy.injected": energy_rise,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Per metric and subject the values whose largest it is, one per frame (f,) at `time` (f,) [s]."""
+
+    time: Array
+    values: dict[tuple[str, str], Array]
+
+
+def course(evidence: Evidence) -> Course:
+    """The course of `overlap.max` [m] and `energy.injected` [J]; what cannot be measured is left out."""
+    found: dict[tuple[str, str], Array] = {}
+    for metric, measure in _OVER_TIME.items():
+        try:
+            values = measure(evidence)
+        except Exception:  # the metric's row tells why
+            continue
+        found |= {(metric, subject): value for subject, value in values.items()}
+    return Course(evidence.recording.time, found)

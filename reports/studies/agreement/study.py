@@ -1,0 +1,265 @@
+"""The study `agreement`: scenes with a closed form, at ever smaller steps, against the truth and each other.
+
+Every engine plays a scene at its own step and down a ladder of halved ones. What its result still changes
+below its own step is *discretisation*; what the limit of the ladder (Richardson's, where there is an order)
+is off by is its *model*. The order is the slope of the change from rung to rung. Errors are the largest over
+frames and bodies: of positions over the longest way of any body, of orientations in radians.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+from scipy.stats import linregress, t
+
+from adapters.contract import MISSING, Array, Settings
+from adapters.recording import load
+from adapters.registry import ENGINES, installed, missing_reason
+from adapters.workers.children import Children, Job, Outcome
+from reports.cli.progress import Progress
+from reports.limits import judged
+from reports.metrics.context import Evidence
+from reports.output_folder import output_folder
+from reports.results import Row, save, table, write_beside
+from reports.run import step_text
+from scenarios.catalogue import catalogue
+from scenarios.effects import PLANNED
+from scenarios.scenario import Scenario
+
+STUDY = "agreement"
+LADDER = tuple(1 / (120 * 2**k) for k in range(5))
+"""Steps [s]: halved four times, about the 1/240 s that all engines share in `equal-step`."""
+ROUNDING = 1e-9
+"""A change or an error below it is the rounding of some ten thousand steps, not discretisation [1, rad]."""
+FALLS = 0.5
+"""Share of the error left at the foot of the ladder above which it does not fall; order 1 leaves 1/16."""
+LEAST_ORDER = 0.5
+"""Orders whose interval reaches below it are not extrapolated by [1]."""
+CONFIDENCE = 0.95
+QUANTITIES = ("position", "orientation")
+SCENES = (
+    *("fall", "tumble_stable", "tumble_unstable", "spring", "bounce_e05", "collide_sticks", "cradle"),
+    *("roll", "slip", "slide", "incline_slides"),
+)
+"""What is played unless scenes are named: of each family with a closed form one or two."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Of bodies with a truth: centres of mass over the longest way (f, n, 3), orientations wxyz (f, n, 4)."""
+
+    position: Array
+    orientation: Array
+
+    def limit(self, coarser: Course, order: float) -> Course:
+        """Richardson's extrapolation from a course at twice the step and this one."""
+        share = 1 / (2**order - 1)
+        shape = self.orientation.shape
+        mine, theirs = (
+            Rotation.from_quat(course.orientation.reshape(-1, 4), scalar_first=True)
+            for course in (self, coarser)
+        )
+        turned = Rotation.from_rotvec(share * (mine * theirs.inv()).as_rotvec()) * mine
+        return Course(
+            self.position + share * (self.position - coarser.position),
+            turned.as_quat(scalar_first=True).reshape(shape),
+        )
+
+    def apart(self, other: Course, quantity: str) -> float:
+        """Largest distance over frames and bodies."""
+        if quantity == "position":
+            return float(np.linalg.norm(self.position - other.position, axis=-1).max())
+        mine, theirs = (
+            Rotation.from_quat(path.orientation.reshape(-1, 4), scalar_first=True) for path in (self, other)
+        )
+        return float((mine * theirs.inv()).magnitude().max())
+
+
+class NoTruth(Exception):
+    """A scene without a closed form; the message says so."""
+
+
+def own_profile(engine: str) -> str:
+    """The profile in which an engine is compared: its default."""
+    return next(iter(ENGINES[engine].profiles))
+
+
+def steps(scenarios: Sequence[Scenario]) -> int:
+    """Progress of a whole run: displayed frames."""
+    return sum(s.frame_count for s in scenarios) * len(ENGINES) * (len(LADDER) + 1)
+
+
+def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.DataFrame:
+    """Play all steps, judge and store; the folder appears whole or not at all."""
+    if lacking := [scenario.name for scenario in scenarios if not scenario.truths]:
+        with_truth = [s.name for s in catalogue().values() if s.truths]
+        raise NoTruth(f"no closed form for {', '.join(lacking)}; valid: {', '.join(with_truth)}")
+    with output_folder(out) as folder:
+        (folder / "output").mkdir()
+        (folder / "recordings").mkdir()
+        rows: list[Row] = []
+        with Children(together=True) as children:
+            for scenario in scenarios:
+                found = rows_of_scene(scenario, folder, children, progress)
+                rows += [judged(row, scenario.tags) for row in found]
+        frame = table(rows)
+        save(frame, folder)
+        _save_manifest(scenarios, folder)
+        from reports.studies.agreement.picture import convergence
+
+        write_beside(folder / "agreement.png", lambda part: convergence(frame, part))
+    return frame
+
+
+def rows_of_scene(scenario: Scenario, folder: Path, children: Children, progress: Progress) -> list[Row]:
+    """All rows of one scene: per engine its errors and order, and the outlier of them all."""
+    rows: list[Row] = []
+    engines = []
+    for engine in ENGINES:
+        if installed(engine):
+            engines.append(engine)
+        else:
+            rows.append(replace(_base(scenario, engine), verdict=MISSING, reason=missing_reason(engine)))
+    truth: Course | None = None
+    played: dict[str, dict[float, Course]] = {engine: {} for engine in engines}
+    for rung in (None, *LADDER):
+        jobs = [_job(scenario, engine, rung, folder) for engine in engines if engine in played]
+        for outcome in children.play(jobs, progress):
+            engine, dt = outcome.job.engine, outcome.job.settings.dt
+            if outcome.status != "done":
+                rows.append(_ended(scenario, outcome))
+                played.pop(engine, None)
+                continue
+            evidence = Evidence(load(outcome.job.recording), scenario)
+            way = _way(evidence)
+            bodies = list(evidence.truths)
+            played[engine][dt] = Course(
+                evidence.mass_centers[:, bodies] / way, evidence.recording.orientation[:, bodies]
+            )
+            motions = evidence.truths.values()
+            truth = Course(
+                np.stack([m.position for m in motions], axis=1) / way,
+                np.stack([m.orientation for m in motions], axis=1),
+            )
+    if truth is not None:
+        for quantity in QUANTITIES:
+            if _changes(truth, quantity):
+                for engine, paths in played.items():
+                    rows += _rows_of_engine(_base(scenario, engine), paths, truth, quantity)
+                rows += _outlier(_base(scenario, "all"), played, quantity)
+    return rows
+
+
+def _job(scenario: Scenario, engine: str, rung: float | None, folder: Path) -> Job:
+    profile = own_profile(engine)
+    dt = ENGINES[engine].profiles[profile] if rung is None else rung
+    name = f"{scenario.name}-{engine}-{round(1 / dt)}"
+    return Job(
+        engine,
+        scenario,
+        Settings(profile, dt, effects=PLANNED),  # at coarse steps bodies leave the bounds of a plan
+        folder / "recordings" / f"{name}.npz",
+        folder / "output" / f"{name}.txt",
+    )
+
+
+def _base(scenario: Scenario, engine: str) -> Row:
+    profile = own_profile(engine) if engine in ENGINES else "own step"
+    dt = ENGINES[engine].profiles[profile] if engine in ENGINES else float("nan")
+    return Row(STUDY, scenario.name, engine, profile, dt, "run")
+
+
+def _ended(scenario: Scenario, outcome: Outcome) -> Row:
+    row = replace(_base(scenario, outcome.job.engine), dt=outcome.job.settings.dt)
+    return replace(row, verdict=outcome.status, reason=outcome.reason)
+
+
+def _way(evidence: Evidence) -> float:
+    """The longest way of any body by its truth [m]; 1 m where nothing moves."""
+    ways = [np.linalg.norm(m.position - m.position[0], axis=1).max() for m in evidence.truths.values()]
+    return float(max(ways)) or 1.0
+
+
+def _changes(truth: Course, quantity: str) -> bool:
+    """Whether a truth moves, or turns, at all."""
+    start = Course(
+        np.broadcast_to(truth.position[:1], truth.position.shape),
+        np.broadcast_to(truth.orientation[:1], truth.orientation.shape),
+    )
+    return truth.apart(start, quantity) > ROUNDING
+
+
+def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, quantity: str) -> list[Row]:
+    """Error at each step, its two parts, and the order."""
+    unit = "1" if quantity == "position" else "rad"
+    base = replace(base, subject=quantity, unit=unit)
+    errors = {dt: path.apart(truth, quantity) for dt, path in paths.items()}
+    changes = np.array([paths[a].apart(paths[b], quantity) for a, b in pairwise(LADDER)])
+    slope, low, high = order_of(np.array(LADDER[:-1]), changes)
+    finest = paths[LADDER[-1]]
+    limit = finest.limit(paths[LADDER[-2]], slope) if low > LEAST_ORDER else finest
+    rows = [replace(base, metric="agreement.error", dt=dt, value=error) for dt, error in errors.items()]
+    rows += [
+        replace(base, metric="agreement.discretisation", value=paths[base.dt].apart(limit, quantity)),
+        replace(base, metric="agreement.model", dt=LADDER[-1], value=limit.apart(truth, quantity)),
+    ]
+    coarsest, foot = errors[LADDER[0]], errors[LADDER[-1]]
+    if np.isnan(slope):
+        remark = "the step changes nothing but rounding"
+    elif foot > max(FALLS * coarsest, ROUNDING):
+        remark = f"the error does not fall with the step: {coarsest:.2g} at {step_text(LADDER[0])} s, "
+        remark += f"{foot:.2g} at {step_text(LADDER[-1])} s"
+    else:
+        remark = ""
+    order = replace(base, metric="agreement.order", unit="1", value=slope, low=low, high=high, reason=remark)
+    return [*rows, replace(order, verdict="skipped") if np.isnan(slope) else order]
+
+
+def order_of(dt: Array, changes: Array) -> tuple[float, float, float]:
+    """Slope of log change over log step with its interval (Student's t); NaN where fewer than three changes
+    are more than rounding."""
+    kept = changes > ROUNDING
+    if kept.sum() < 3:
+        return float("nan"), float("nan"), float("nan")
+    fit = linregress(np.log(dt[kept]), np.log(changes[kept]))
+    half = float(t.ppf((1 + CONFIDENCE) / 2, kept.sum() - 2) * fit.stderr)
+    return float(fit.slope), float(fit.slope) - half, float(fit.slope) + half
+
+
+def _outlier(base: Row, played: Mapping[str, Mapping[float, Course]], quantity: str) -> list[Row]:
+    """The engine that is farthest, at its own step, from the nearest of the others; of three or more."""
+    own = {engine: paths[ENGINES[engine].profiles[own_profile(engine)]] for engine, paths in played.items()}
+    if len(own) < 3:
+        return []
+    lone = {a: min(own[a].apart(own[b], quantity) for b in own if b != a) for a in own}
+    name = max(lone, key=lambda engine: lone[engine])
+    return [
+        replace(
+            base,
+            metric="agreement.outlier",
+            subject=quantity,
+            unit="1" if quantity == "position" else "rad",
+            value=lone[name],
+            reason=name,
+        )
+    ]
+
+
+def _save_manifest(scenarios: Sequence[Scenario], folder: Path) -> None:
+    from reports.cli.doctor import machine
+
+    manifest = {
+        "study": STUDY,
+        "machine": machine(),
+        "steps": LADDER,
+        "scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in scenarios},
+        "own_steps": {e: ENGINES[e].profiles[own_profile(e)] for e in ENGINES},
+    }
+    write_beside(folder / "manifest.json", lambda part: part.write_text(json.dumps(manifest, indent=1)))

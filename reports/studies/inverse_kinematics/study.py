@@ -1,0 +1,231 @@
+"""The study `ik`: `ccd_ik` on random reachable goals of the avatar's left arm, beside a damped least-squares
+loop on pinocchio.
+
+A goal is where the middle of the hand is in a random posture within limits and reach cones. Starts: `near`,
+each angle within 0.1 rad of that posture, and `rest`, the hanging arm. Solvers take turns goal by goal. The
+reference is clocked inside its one compiled call, pinocchio's loop from Python, where it runs; what a call
+costs stands apart. The loop gets the chain alone and no reach cones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from adapters.contract import Array
+from adapters.engines.reference.reference_world import translate
+from adapters.oracles.articulated import DampedLeastSquares
+from reference_impl.chains.accurate_ik import accurate_ik
+from reference_impl.chains.ccd_ik import ccd_ik
+from reference_impl.core.conventions import ANGLE_ATAN2, IK_CAP, IK_TOLERANCE, PASSES_EXTRAPOLATED
+from reference_impl.core.kernel import clock, kernel
+from reference_impl.driven.reach_cone import keep_in_cone
+from reference_impl.driven.skeleton import pose_links
+from reports.bootstrap import median_interval, time_ratio
+from reports.cli.progress import Progress
+from reports.limits import judged
+from reports.output_folder import output_folder
+from reports.results import Row, save, save_manifest, table
+from scenarios.avatar.avatar import HAND_LENGTH, avatar_parts, standing_tracker
+from scenarios.materials import TABLE_1
+from scenarios.scenario import Scenario, Vector
+
+STUDY, CHAIN = "ik", "left_arm"
+POINT: Vector = (0.0, 0.0, -HAND_LENGTH / 2)
+"""The end effector in the hand's frame [m]."""
+NEAR = 0.1
+"""Distance of a near start from the goal's posture, each angle [rad]."""
+STARTS = ("arm, near", "arm, rest")
+DAMPING, STEPS = 0.01, 200
+"""Of pinocchio's loop: damping [m], the fastest of 0.01, 0.03 and 0.1, and the cap of its steps."""
+SOLVERS = (("reference", "balanced"), ("reference", "accurate"), ("pinocchio", "damped least squares"))
+"""Engine and profile; `ccd_ik` alone is what `balanced` does."""
+MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
+CROSSINGS = 1000
+Answer = Sequence[Any]
+
+
+class GoalsError(Exception):
+    """The number of goals cannot be used; the message says why."""
+
+
+class Arm:
+    """The arm of a person whose torso's frame is the world's, and all solvers on it."""
+
+    def __init__(self) -> None:
+        parts = avatar_parts()
+        tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
+        bodies, joints, chains = parts
+        scenario = Scenario(
+            *(STUDY, "", (), bodies, 1.0, TABLE_1), joints=joints, trackers=(tracker,), chains=chains
+        )
+        index = [chain.name for chain in chains].index(CHAIN)
+        self.world = translate(scenario)
+        self.first, self.last = map(int, self.world.drivers[0]["chains"][index])
+        self.joints = self.world.joints[self.first : self.last + 1]
+        self.loop = DampedLeastSquares(scenario, chains[index], POINT, DAMPING, STEPS)
+        self._point = np.zeros(3)
+
+    def place(self, angles: Array) -> Array:
+        """Pose the arm; a copy of the end effector (3,) [m]."""
+        self.joints["angle"] = angles
+        pose_links(self.world.bodies, self.world.joints, self.world.drivers[0])
+        hand = self.world.bodies[self.joints[-1]["child"]]
+        self._point[:] = hand["position"] + hand["rotation"] @ np.array(POINT)
+        return self._point.copy()
+
+    def allows(self, angles: Array) -> bool:
+        """Whether a posture is within limits and reach cones."""
+        if (angles < self.joints["lower"]).any() or (angles > self.joints["upper"]).any():
+            return False
+        self.joints["angle"], self.joints["last_angle"] = angles, 0.0
+        self.joints["cosine"], self.joints["sine"] = np.cos(angles), np.sin(angles)
+        balls = [k for k in range(self.first, self.last + 1) if self.world.joints[k]["cone_count"]]
+        return not any(keep_in_cone(self.world.joints, k) for k in balls)
+
+    def solve(self, engine: str, profile: str, start: Array, goal: Array) -> tuple[Answer, float]:
+        """A solver's (passes or steps, distance left [m], whether it arrived), and its seconds."""
+        self.place(start)
+        if engine == "pinocchio":
+            begin = perf_counter()
+            steps, left, _ = self.loop.solve(start, goal, IK_TOLERANCE)
+            return (steps, left, left <= IK_TOLERANCE), perf_counter() - begin
+        answer, seconds = solve_chain(*self._arguments(goal), profile == "accurate")
+        return answer, seconds
+
+    def _arguments(self, goal: Array) -> tuple[Any, ...]:
+        world = self.world
+        return (world.bodies, world.joints, self.first, self.last, self._point, goal, world.state)
+
+    def cross(self, engine: str) -> float:
+        """Seconds of the cheapest call: with a solver's arguments, or into pinocchio."""
+        begin = perf_counter()
+        if engine == "pinocchio":
+            self.loop.cross()
+        else:
+            _nothing(*self._arguments(self._point), False)
+        return perf_counter() - begin
+
+
+@kernel
+def solve_chain(bodies, joints, first, last, point, goal, state, accurate):  # type: ignore[no-untyped-def]
+    """Reach for a goal by `ccd_ik` or `accurate_ik`: (passes, distance left, whether it arrived), seconds."""
+    s = state[0]
+    for i in range(3):
+        s["point"][i], s["goal"][i] = point[i], goal[i]
+    start = clock(s["clock"])
+    if accurate:
+        answer = accurate_ik(
+            *(bodies, joints, first, last, s["point"], s["goal"]),
+            *(ANGLE_ATAN2, PASSES_EXTRAPOLATED, IK_TOLERANCE, IK_CAP, s),
+        )
+    else:
+        answer = ccd_ik(
+            *(bodies, joints, first, last, s["point"], s["goal"]),
+            *(ANGLE_ATAN2, PASSES_EXTRAPOLATED, IK_TOLERANCE, IK_CAP),
+        )
+    return answer, clock(s["clock"]) - start
+
+
+@kernel
+def _nothing(bodies, joints, first, last, point, goal, state, accurate):  # type: ignore[no-untyped-def]
+    """Cross the compiled border and come back."""
+
+
+def draw(arm: Arm, count: int, seed: int) -> tuple[Array, Array]:
+    """Postures (count, j) [rad], uniform within limits and reach cones, and near starts."""
+    rng = np.random.default_rng(seed)
+    lower, upper = arm.joints["lower"].copy(), arm.joints["upper"].copy()
+    postures = np.array([_draw_one(arm, rng, lower, upper) for _ in range(count)])
+    near = np.array([_draw_one(arm, rng, posture - NEAR, posture + NEAR) for posture in postures])
+    return postures, near
+
+
+def _draw_one(arm: Arm, rng: np.random.Generator, lower: Array, upper: Array) -> Array:
+    while True:
+        angles = rng.uniform(lower, upper)
+        if arm.allows(angles):
+            return angles
+
+
+def steps(goals: int) -> int:
+    """Progress of a whole run: goals times starts."""
+    return goals * len(STARTS)
+
+
+def run(goals: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
+    """Measure all solvers and store rows and manifest; the folder appears whole or not at all."""
+    with output_folder(out) as folder:
+        frame = table(rows(goals, seed, progress))
+        save(frame, folder)
+        facts = {"study": STUDY, "goals": goals, "seed": seed, "tolerance": IK_TOLERANCE, "passes": IK_CAP}
+        loop = {"damping": DAMPING, "steps": STEPS}
+        save_manifest(folder, {**facts, "chain": CHAIN, "pinocchio": loop})
+    return frame
+
+
+def rows(count: int, seed: int, progress: Progress) -> list[Row]:
+    """Measure all solvers on `count` goals from both starts."""
+    if count < 1:
+        raise GoalsError(f"--goals {count}: expected at least 1")
+    arm = Arm()
+    postures, near = draw(arm, count, seed)
+    goals = np.array([arm.place(posture) for posture in postures])
+    starts = dict(zip(STARTS, (near, np.zeros_like(near))))
+    for solver in SOLVERS:
+        arm.solve(*solver, near[0], goals[0])
+        arm.cross(solver[0])
+    found: list[Row] = []
+    for name, start in starts.items():
+        answers = {solver: np.zeros((count, 4)) for solver in SOLVERS}
+        for k in range(count):
+            for turn in range(len(SOLVERS)):
+                solver = SOLVERS[(k + turn) % len(SOLVERS)]
+                (passes, left, arrived), seconds = arm.solve(*solver, start[k], goals[k])
+                answers[solver][k] = passes, left, arrived, seconds
+            progress(name, 1)
+        for (engine, profile), mine in answers.items():
+            base = Row(STUDY, name, engine, profile, nan, "", seed=seed)
+            found += _rows_of(base, mine, answers["pinocchio", "damped least squares"][:, 3])
+    crossings = {engine: np.array([arm.cross(engine) for _ in range(CROSSINGS)]) for engine, _ in SOLVERS}
+    for engine, sample in crossings.items():
+        base = Row(STUDY, "arm", engine, "", nan, "time.crossing", unit="s", seed=seed)
+        found.append(_timed(base, sample))
+    return [judged(row, ()) for row in found]
+
+
+def _rows_of(base: Row, answers: Array, loop_seconds: Array) -> list[Row]:
+    passes, left, arrived, seconds = answers.T
+    missed = replace(base, metric="ik.missed", unit="1", value=float(1 - arrived.mean()))
+    farthest = replace(base, metric="ik.left", subject="max", unit="m", value=float(left.max()))
+    work = [
+        replace(base, metric="ik.passes", subject=subject, unit="1", value=float(np.percentile(passes, part)))
+        for subject, part in (("median", 50), ("p95", 95), ("max", 100))
+    ]
+    found = [missed, farthest, *work, _timed(replace(base, metric="time.solve", unit="s"), seconds)]
+    if base.engine != "pinocchio":
+        ratio = time_ratio(seconds, loop_seconds)
+        found.append(
+            replace(
+                base,
+                metric="ratio.time",
+                subject="pinocchio",
+                unit="1",
+                value=ratio.value,
+                low=ratio.low,
+                high=ratio.high,
+            )
+        )
+    return found
+
+
+def _timed(row: Row, sample: Array) -> Row:
+    middle, low, high = median_interval(sample)
+    return replace(row, value=middle, low=low, high=high)

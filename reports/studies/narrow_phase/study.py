@@ -1,0 +1,75 @@
+"""The study `narrow-phase`: the same poses through every detector, against the explicit Minkowski difference.
+
+Depth errors are relative to max(depth, a thousandth of the pair's size); a contact that was not seen counts
+as distance 0. Times are of single queries, clocked by turns of all detectors, warmed up, without handing over
+shapes and poses. `time.query` is what a caller from Python waits; `time.net` and ratios take the cheapest
+call off, that of two spheres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adapters.detectors import DETECTORS
+from adapters.oracles.minkowski import signed_distance
+from reports.cli.progress import Progress
+from reports.limits import judged
+from reports.output_folder import output_folder
+from reports.results import save, save_manifest, table, write_beside
+from reports.studies.interleaved_timing import Stretch, measure
+from reports.studies.narrow_phase.rows import STUDY, Truth, rows_of_study
+from reports.studies.poses import FAMILIES, corners, draw, size_of
+
+SLICE = 5 * len(FAMILIES)
+"""Pairs per turn: every family five times, so that detectors share the machine's ups and downs."""
+TURNS, PASSES = 2, 3
+"""Turns per slice and timed passes per turn."""
+
+
+class PairsError(Exception):
+    """The number of pairs cannot be used; the message says why."""
+
+
+def steps(pairs: int) -> int:
+    """Progress of a whole run: pairs times detectors."""
+    return pairs * len(DETECTORS)
+
+
+def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
+    """Measure all detectors and store rows, picture and manifest; the folder appears whole or not at all."""
+    if pairs < len(FAMILIES):
+        raise PairsError(f"--pairs {pairs}: expected at least {len(FAMILIES)}, one per family of poses")
+    with output_folder(out) as folder:
+        (folder / "output").mkdir()
+        progress("draw pairs", 0)
+        truth = truth_of(pairs, seed)
+        slices = [Stretch(first, min(first + SLICE, pairs)) for first in range(0, pairs, SLICE)]
+        measured = measure(DETECTORS, truth.pairs, slices, TURNS, PASSES, folder / "output", progress)
+        progress("judge", 0)
+        frame = table(judged(replace(row, seed=seed), ()) for row in rows_of_study(truth, measured))
+        save(frame, folder)
+        facts = {name: dict(mine.facts) for name, mine in measured.items()}
+        save_manifest(folder, {"study": STUDY, "pairs": pairs, "seed": seed, "detectors": facts})
+        from reports.views.pictures import work_precision
+
+        write_beside(folder / "narrow_phase.png", lambda part: work_precision(frame, part))
+    return frame
+
+
+def truth_of(count: int, seed: int) -> Truth:
+    """Pairs drawn by a seed, and the explicit Minkowski difference of each."""
+    drawn = draw(count, np.random.default_rng(seed))
+    vertices = [(corners(a), corners(b)) for _, (a, b) in drawn]
+    found = [signed_distance(a, b) for a, b in vertices]
+    return Truth(
+        [pair for _, pair in drawn],
+        vertices,
+        np.array([family for family, _ in drawn]),
+        np.array([size_of(pair) for _, pair in drawn]),
+        np.array([distance for distance, _ in found]),
+        np.array([normal for _, normal in found]),
+    )

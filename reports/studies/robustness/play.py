@@ -1,0 +1,267 @@
+"""One random scene on one engine, and what can be said of the run without knowing its truth.
+
+Energy of simulated bodies may only fall, momentum of isolated ones is kept, nothing overlaps or passes
+through a body, all stays finite and ends in time. U is the energy at the start (`available`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf, nan
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import AdapterError, Array, Engine, Settings, Unsupported
+from adapters.recorder import Player, ready
+from adapters.recording import Recording
+from adapters.registry import load
+from adapters.workers.process import ChildProcess
+from reports.metrics.contacts.overlap import overlap_depth
+from reports.metrics.contacts.passages import passages
+from reports.metrics.contacts.swept_boxes import UNBOUNDED
+from reports.metrics.context import Evidence, NotMeasured
+from reports.metrics.motion.energy import STORING, mechanical_energy
+from reports.metrics.motion.momentum import momentum_angular, momentum_linear
+from scenarios.random_scenes import random_scene
+from scenarios.random_scenes.bodies import support
+from scenarios.scenario import Scenario
+from scenarios.transforms import perturbed
+
+Loader = Callable[[str], Engine]
+
+OUTCOMES = (
+    "skipped",
+    "error",
+    "hang",
+    "not finite",
+    "exploded",
+    "passed",
+    "overlap",
+    "momentum",
+    "rise",
+    "residual",
+    "ok",
+)
+"""Classes of a run, the worst first; a run is of the first that applies."""
+FRAME_SECONDS = 5.0
+"""Time of a frame from which a run hangs [s]: three hundred times a frame of 60 Hz."""
+SCENE_SECONDS = 120.0
+"""Time of a whole run from which it hangs [s]."""
+PATIENCE = 300.0
+"""Time without an answer after which a process is ended [s]: longer than a cold compilation."""
+EXPLODED = 1.0
+"""Energy gained since the start, over U, from which a run explodes [1]: it has doubled."""
+EXPLODED_SPEED = 30.0
+"""Speed from which a run with a driven body explodes [m/s]: ten times that of the fastest hand."""
+COUNTERS = ("gave_up", "unconverged", "dropped_time", "parted_energy")
+"""What the reference counts where a frame was not resolved exactly; dropped_time in s, parted_energy in J."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What a run may reach and still be `ok`: largest overlap [m], change of momentum over its sum [1], rise
+    of energy in a frame over U [1], residual of a frame [m/s]."""
+
+    overlap: float
+    momentum: float
+    rise: float
+    residual: float
+
+
+EXACT = Bounds(overlap=1.02e-6, momentum=1e-9, rise=1e-6, residual=1e-7)
+"""The reference: touching is found within 1e-6 m, by an oracle good to 1e-8 m; what the solver guarantees."""
+FIRST_ORDER = Bounds(overlap=1e-2, momentum=1e-6, rise=0.05, residual=inf)
+"""DART, Bullet and MuJoCo: found once it overlaps, by v h at 2.4 m/s and 1/240 s; energy to 5 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run: the scene of a seed, on an engine; `perturbation` moves each body by so much [m]."""
+
+    engine: str
+    settings: Settings
+    seed: int
+    kind: str | None = None
+    perturbation: float = 0.0
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scene to play."""
+        scenario = random_scene(self.seed, self.kind)
+        return perturbed(scenario, self.perturbation, self.seed) if self.perturbation else scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What came of a run; NaN where it does not apply."""
+
+    outcome: str
+    reason: str = ""
+    bodies: int = 0
+    frames: int = 0
+    rise: float = nan  # largest in a frame over U [1]
+    gain: float = nan  # largest since the start over U [1]
+    overlap: float = nan  # deepest [m]
+    passages: float = nan
+    momentum: float = nan  # largest change, linear or angular, over its sum [1]
+    residuals: tuple[float, ...] = ()  # of each frame [m/s]
+    counters: tuple[float, ...] = (nan,) * len(COUNTERS)
+    slowest: float = nan  # frame [s]
+
+    @property
+    def residual(self) -> float:
+        """The largest of a frame [m/s]."""
+        return max(self.residuals, default=nan)
+
+
+def available(scenario: Scenario) -> float:
+    """U: the kinetic energy of simulated bodies at the start, and sum(m g h) with h the height of a centre of
+    mass over the lowest point of them all [J]."""
+    bodies = [body for body in scenario.bodies if body.kind == "simulated"]
+    g = np.array(scenario.acting_gravity)
+    size = float(np.linalg.norm(g))
+    energy = 0.0
+    for body in bodies:
+        w = np.array(body.angular_velocity)
+        local = Rotation.from_quat(body.orientation, scalar_first=True).inv().apply(w)
+        energy += body.mass * float(np.dot(body.linear_velocity, body.linear_velocity)) / 2
+        energy += float(local @ np.array(body.inertia) @ local) / 2
+    if size == 0:
+        return energy
+    down = tuple((g / size).tolist())
+    depths = [
+        float(np.dot(body.position, down)) + support(body.pieces[0].shape, body.orientation, down)
+        for body in bodies
+    ]
+    lowest = max(depths)
+    return energy + sum(b.mass * size * (lowest - float(np.dot(b.position, down))) for b in bodies)
+
+
+def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: Bounds) -> Assessment:
+    """Play a scene in this process and classify the run; a failed run is judged by what it did before."""
+    player: Player | None = None
+    outcome, reason = "", ""
+    try:
+        player = ready(engine, scenario, settings)
+        outcome = _play(player, scenario)
+    except Unsupported as error:
+        return Assessment("skipped", str(error))
+    except AdapterError as error:
+        outcome, reason = _cause(str(error)), str(error)
+    if player is None:
+        return Assessment(outcome, reason)
+    recording = player.recording(reason)
+    player.world.close()
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _judged(recording, scenario, bounds, outcome, reason)
+
+
+def _play(player: Player, scenario: Scenario) -> str:
+    """Play frame by frame until the end, or until the run takes too long; "" or "hang"."""
+    start = perf_counter()
+    for _ in range(scenario.frame_count):
+        before = player.seconds_played
+        player.play(1)
+        if player.seconds_played - before > FRAME_SECONDS or perf_counter() - start > SCENE_SECONDS:
+            return "hang"
+    return ""
+
+
+def _cause(message: str) -> str:
+    """The class of a run that an adapter ended."""
+    if "diverged" not in message:
+        return "error"
+    return "not finite" if "not finite" in message else "exploded"
+
+
+def _judged(
+    recording: Recording, scenario: Scenario, bounds: Bounds, outcome: str, reason: str
+) -> Assessment:
+    """The class of a run and its figures; `outcome` is what is known already."""
+    evidence = Evidence(recording, scenario)
+    states = ("position", "orientation", "linear_velocity", "angular_velocity")
+    finite = all(bool(np.isfinite(getattr(recording, name)).all()) for name in states)
+    names = recording.work_names.tolist()
+    columns = {name: recording.work[:, k] for k, name in enumerate(names)}
+    told = "residual" in columns
+    found = {
+        "bodies": len(evidence.simulated),
+        "frames": len(recording.time) - 1,
+        "residuals": tuple(columns["residual"].tolist()) if told else (),
+        "counters": tuple(float(columns[name].sum()) if name in columns else nan for name in COUNTERS),
+        "slowest": float(recording.time_frame.max(initial=0.0)),
+    }
+    if not finite:
+        return Assessment(outcome or "not finite", reason, **found)  # type: ignore[arg-type]
+    depth = overlap_depth(evidence)
+    depth = np.where(depth < UNBOUNDED, depth, inf)
+    rise, gain = _energy(evidence, depth)
+    speed = float(np.abs(recording.linear_velocity[:, evidence.simulated]).max())
+    exploded = speed > EXPLODED_SPEED if scenario.trackers else gain > EXPLODED
+    found |= {
+        "rise": rise,
+        "gain": gain,
+        "overlap": float(depth.max()),
+        "passages": float(len(passages(evidence))),
+        "momentum": _momentum(evidence),
+    }
+    residual = max(found["residuals"], default=0.0)  # type: ignore[call-overload]
+    breaks = {
+        "exploded": exploded,
+        "passed": found["passages"],
+        "overlap": found["overlap"] > bounds.overlap,  # type: ignore[operator]
+        "momentum": found["momentum"] > bounds.momentum,  # type: ignore[operator]
+        "rise": rise > bounds.rise,
+        "residual": residual > bounds.residual,
+    }
+    classes = [name for name in OUTCOMES if name == outcome or breaks.get(name)]
+    return Assessment((classes or ["ok"])[0], reason, **found)  # type: ignore[arg-type]
+
+
+def _energy(evidence: Evidence, depth: Array) -> tuple[float, float]:
+    """Largest rise in a frame and largest gain since the start, both over U [1]; NaN where a driver works.
+
+    A soft contact stores energy: a frame that starts deeper than STORING is not counted as a rise.
+    """
+    if evidence.scenario.trackers:
+        return nan, nan
+    energy = mechanical_energy(evidence, evidence.simulated)
+    rises = np.where(depth[:-1] > STORING, 0.0, np.diff(energy))
+    u = available(evidence.scenario)
+    return max(0.0, float(rises.max(initial=0.0))) / u, float((energy - energy[0]).max()) / u
+
+
+def _momentum(evidence: Evidence) -> float:
+    """Largest change of linear or angular momentum of an isolated scene [1]; NaN for others."""
+    found = []
+    for measure in (momentum_linear, momentum_angular):
+        with suppress(NotMeasured):
+            found += [float(value) for value in measure(evidence).values()]  # type: ignore[arg-type]
+    return max(found, default=nan)
+
+
+class Child(ChildProcess):
+    """The parent's end of a process that plays tasks."""
+
+    def __init__(self, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
+        super().__init__(_Server, (loader,), output, patience)
+
+
+class _Server:
+    """The child's end: engines, loaded once each."""
+
+    def __init__(self, loader: Loader) -> None:
+        self._loader = loader
+        self._engines: dict[str, Engine] = {}
+
+    def handle(self, command: str, task: Task) -> Assessment:
+        """Obey `play`."""
+        if task.engine not in self._engines:
+            self._engines[task.engine] = self._loader(task.engine)
+        bounds = EXACT if task.engine == "reference" else FIRST_ORDER
+        return assess(self._engines[task.engine], task.scenario, task.settings, bounds)

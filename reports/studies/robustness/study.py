@@ -1,0 +1,225 @@
+"""The study `robustness`: random scenes that nobody tuned for, judged by what needs no truth.
+
+The scenes of consecutive seeds (`scenarios.random_scenes`) are played by two processes at most. Each run
+falls into one class of OUTCOMES. The rows hold, per kind of scene and for `all`, the number of runs of each
+class and the spread of the figures; `runs.csv` has a line for each run. Limits hold for the reference, over
+all kinds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, replace
+from pathlib import Path
+from queue import SimpleQueue
+
+import numpy as np
+import pandas as pd
+
+from adapters.contract import MISSING, Settings
+from adapters.registry import ENGINES, installed, load, missing_reason
+from reports.cli.progress import Progress
+from reports.limits import judged
+from reports.output_folder import output_folder
+from reports.results import Row, save, save_manifest, table, write_beside
+from reports.studies.robustness.play import (
+    COUNTERS,
+    OUTCOMES,
+    PATIENCE,
+    Assessment,
+    Child,
+    Loader,
+    Task,
+)
+from scenarios.random_scenes import ALL_KINDS, kind_of
+
+STUDY = "robustness"
+ALL = "all"
+"""Scenario of the rows over all kinds."""
+PROFILES = ("balanced", "accurate", "recommended")
+"""Profiles that are played unless told otherwise."""
+UNSOLVED = 1e-7
+"""Residual from which a frame counts as not solved [m/s]: bodies sink by 2e-9 m in it."""
+PROCESSES = 2
+"""Most processes that play at a time."""
+WORST = 8
+"""Runs that are listed per column and class."""
+SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
+    # metric: percentiles
+    "rise": (("p50", 50), ("p99", 99), ("max", 100)),
+    "residual": (("p50", 50), ("p995", 99.5), ("max", 100)),
+    "overlap": (("max", 100),),
+    "momentum": (("max", 100),),
+    "slowest": (("p50", 50), ("max", 100)),
+}
+UNITS = {"rise": "1", "residual": "m/s", "overlap": "m", "momentum": "1", "slowest": "s"}
+COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in OUTCOMES)
+METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts))
+"""Metrics of the study's rows, each named with it."""
+Run = tuple[Task, Assessment]
+
+
+def tasks(
+    columns: Iterable[tuple[str, str]], scenes: int, seed: int, kind: str | None = None, size: float = 0.0
+) -> list[Task]:
+    """The runs of `scenes` seeds from `seed` on, per (engine, profile) of an installed engine."""
+    return [
+        Task(engine, Settings(profile, ENGINES[engine].profiles[profile]), seed + k, kind, size)
+        for engine, profile in columns
+        if installed(engine)
+        for k in range(scenes)
+    ]
+
+
+def run(
+    columns: Sequence[tuple[str, str]],
+    asked: Sequence[Task],
+    out: Path,
+    progress: Progress,
+    loader: Loader = load,
+    patience: float = PATIENCE,
+) -> pd.DataFrame:
+    """Play all tasks and judge the columns; the folder appears whole or not at all."""
+    with output_folder(out) as folder:
+        runs = played(asked, folder, progress, loader, patience)
+        rows = [
+            Row(STUDY, ALL, engine, profile, np.nan, "run", verdict=MISSING, reason=missing_reason(engine))
+            for engine, profile in columns
+            if not installed(engine)
+        ]
+        frame = table([*rows, *(judged(row, ()) for row in rows_of_runs(runs))])
+        save(frame, folder)
+        write_beside(folder / "runs.csv", lambda part: table_of_runs(runs).to_csv(part, index=False))
+        seeds = [task.seed for task in asked]
+        save_manifest(folder, {"study": STUDY, "seeds": [min(seeds), max(seeds)] if seeds else []})
+        from reports.studies.robustness.picture import rise_over_residual
+
+        write_beside(folder / "robustness.png", lambda part: rise_over_residual(table_of_runs(runs), part))
+    return frame
+
+
+def played(
+    asked: Sequence[Task], folder: Path, progress: Progress, loader: Loader = load, patience: float = PATIENCE
+) -> list[Run]:
+    """Play tasks in processes; one that dies or hangs is a run of that class and is replaced."""
+    count = min(PROCESSES, len(asked))
+    idle: SimpleQueue[Child] = SimpleQueue()
+    for k in range(count):
+        idle.put(Child(folder / f"output-{k + 1}.txt", loader, patience))
+
+    def one(task: Task) -> Run:
+        child = idle.get()
+        found = child.ask("play", task)
+        if child.failure is not None:
+            status, reason = child.failure
+            hung = reason.startswith("hung")
+            found = Assessment(status if status == "skipped" else "hang" if hung else "error", reason)
+            child = Child(folder / "output-more.txt", loader, patience)
+        idle.put(child)
+        return task, found
+
+    runs: dict[Task, Assessment] = {}
+    with ThreadPoolExecutor(max(1, count)) as pool:
+        futures = [pool.submit(one, task) for task in asked]
+        try:
+            for future in as_completed(futures):
+                task, found = future.result()
+                runs[task] = found
+                progress(f"{task.engine} {task.settings.label}", 1)
+        finally:
+            pool.shutdown(cancel_futures=True)
+            while not idle.empty():
+                idle.get().stop()
+    return [(task, runs[task]) for task in asked]
+
+
+def rows_of_runs(runs: Sequence[Run]) -> list[Row]:
+    """Counts and spreads per column, over all kinds and per kind, and the worst runs with their lines."""
+    rows: list[Row] = []
+    columns = dict.fromkeys((task.engine, task.settings) for task, _ in runs)
+    for engine, settings in columns:
+        mine = [(task, found) for task, found in runs if (task.engine, task.settings) == (engine, settings)]
+        for kind in (ALL, *ALL_KINDS):
+            part = [found for task, found in mine if kind in (ALL, kind_of(task.seed, task.kind))]
+            base = Row(STUDY, kind, engine, settings.label, settings.dt, "")
+            rows += _figures(base, part) if part else []
+        rows += _worst(Row(STUDY, "", engine, settings.label, settings.dt, "run"), mine)
+    return rows
+
+
+def _figures(base: Row, found: list[Assessment]) -> list[Row]:
+    """The rows of a kind in a column."""
+    outcomes = [one.outcome for one in found]
+    rows = [
+        replace(base, metric=metric, value=float(outcomes.count(outcome)), unit="1")
+        for metric, outcome in zip(COUNTS, OUTCOMES)
+    ]
+    rows[-1] = replace(rows[-1], reason=f"of {len(found)}")
+    for name, parts in SPREADS.items():
+        values = np.array(
+            [value for one in found for value in one.residuals]
+            if name == "residual"
+            else [getattr(one, name) for one in found]
+        )
+        values = values[np.isfinite(values)]
+        for part, percent in parts if len(values) else ():
+            value = float(np.percentile(values, percent, method="higher"))
+            rows.append(replace(base, metric=f"{STUDY}.{name}.{part}", value=value, unit=UNITS[name]))
+    return rows
+
+
+def _worst(base: Row, runs: Sequence[Run]) -> list[Row]:
+    """The worst runs of every class but `ok`, with the line that plays each again."""
+    rows = []
+    for outcome in OUTCOMES[:-1]:
+        these = [(task, found) for task, found in runs if found.outcome == outcome]
+        size = "residual" if outcome == "residual" else "overlap" if outcome == "overlap" else "gain"
+        size = outcome if outcome in ("rise", "momentum") else size
+        these.sort(key=lambda one: -np.nan_to_num(getattr(one[1], size), nan=0.0))
+        for task, found in these[:WORST]:
+            remark = f": {found.reason}" if found.reason else ""
+            rows.append(
+                replace(
+                    base,
+                    scenario=kind_of(task.seed, task.kind),
+                    seed=task.seed,
+                    subject=outcome,
+                    value=float(getattr(found, size)),
+                    unit="m/s" if size == "residual" else "m" if size == "overlap" else "1",
+                    reason=f"{line(task)}{remark}",
+                )
+            )
+    return rows
+
+
+def line(task: Task) -> str:
+    """The command that plays a task again."""
+    extra = f" --kind {task.kind}" if task.kind else ""
+    extra += f" --perturbation {task.perturbation:g}" if task.perturbation else ""
+    return (
+        f"touchstone study {STUDY} --scenes 1 --seed {task.seed} --engine {task.engine} "
+        f"--profile {task.settings.profile}{extra}"
+    )
+
+
+def table_of_runs(runs: Sequence[Run]) -> pd.DataFrame:
+    """A line for each run."""
+    lines = []
+    for task, found in runs:
+        facts = asdict(found)
+        residuals = facts.pop("residuals")
+        counters = dict(zip(COUNTERS, facts.pop("counters")))
+        lines.append(
+            {
+                "seed": task.seed,
+                "kind": kind_of(task.seed, task.kind),
+                "engine": task.engine,
+                "profile": task.settings.label,
+                **facts,
+                "residual": found.residual,
+                "unsolved_frames": sum(value > UNSOLVED for value in residuals),
+                **counters,
+            }
+        )
+    return pd.DataFrame(lines)

@@ -1,0 +1,78 @@
+"""The tables of the study `robustness` on a terminal."""
+
+from __future__ import annotations
+
+import pandas as pd
+from rich.console import Console
+
+from reports.results import Row, rows_of
+from reports.studies.robustness.play import OUTCOMES
+from reports.studies.robustness.study import ALL, COUNTS, STUDY
+from reports.views.terminal import print_notes, table_of
+from scenarios.random_scenes import ALL_KINDS
+
+FIGURES = {
+    "rise p50": "rise.p50",
+    "p99": "rise.p99",
+    "max": "rise.max",
+    "resid. p50": "residual.p50",
+    "p99.5": "residual.p995",
+    "max ": "residual.max",
+    "overlap": "overlap.max",
+    "frame": "slowest.max",
+}
+"""Heads of columns, and the metrics below them."""
+NOTES = (
+    "rise: of each run, the largest rise of energy in a frame over the energy at the start [1]",
+    "residual: of each frame, what the contact solver left [m/s]; overlap [m]; frame: the slowest [s]",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print one table per column, then broken limits, then the worst runs with the lines that repeat them."""
+    figures = frame[frame.metric != "run"]
+    for (engine, profile), part in figures.groupby(["engine", "profile"], sort=False):
+        seen = [
+            outcome
+            for outcome, metric in zip(OUTCOMES, COUNTS)
+            if part[(part.metric == metric) & (part.scenario == ALL)].value.sum() > 0
+        ]
+        told = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
+        told = {head: metric for head, metric in told.items() if (part.metric == metric).any()}
+        table = table_of(
+            f"robustness: {engine}, {profile}", ("kind", "runs", *seen, *told), padding=(0, 1, 0, 0)
+        )
+        for kind in (*ALL_KINDS, ALL):
+            rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
+            if not rows:
+                continue
+            counts = {outcome: int(rows[metric].value) for outcome, metric in zip(OUTCOMES, COUNTS)}
+            if kind == ALL:
+                table.add_section()
+            table.add_row(
+                kind,
+                str(sum(counts.values())),
+                *(str(counts[outcome] or "") for outcome in seen),
+                *(_cell(rows.get(metric)) for metric in told.values()),
+            )
+        out.print(table)
+    print_notes(NOTES, out)
+    for row in rows_of(figures[figures.verdict == "fail"]):
+        out.print(
+            f"limit broken: {row.engine} {row.profile}: {row.metric} = {short(row.value)}, "
+            f"limit {row.limit:g}: {row.reason}",
+            highlight=False,
+            markup=False,
+        )
+    for row in rows_of(frame[frame.metric == "run"]):
+        what = row.verdict or f"{row.subject} {short(row.value)} {row.scenario}"
+        out.print(f"{what}: {row.reason}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _cell(row: Row | None) -> str:
+    return "" if row is None else short(row.value)
+
+
+def short(value: float) -> str:
+    """One digit and the power of ten."""
+    return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e") if value else "0"

@@ -1,0 +1,235 @@
+"""Where engines differ, in four words: overlap, energy, friction, timing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import exp, inf, isfinite, log
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reports.metrics import METRICS
+from reports.results import Row, rows_of
+from reports.run import step_text
+from reports.views.tables import number, unit_of
+
+if TYPE_CHECKING:
+    from reports.run import Request, Results
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A word and the metrics behind it, each with the difference below which there is none [its unit]."""
+
+    name: str
+    same: Mapping[str, float]
+
+
+SAME_SHARE = 0.02
+"""Two times or figures within this share of each other are one [1]: medians of one run repeat to about it."""
+TOPICS = (
+    # 1e-6 m is what removal ends at; the rest is rounding of some hundred frames
+    Topic("overlap", {"overlap.max": 1e-6, "overlap.tunnelled": 0.5, "contact.gap": 1e-6}),
+    Topic("energy", {"energy.injected": 1e-9, "energy.gain": 1e-9, "energy.loss": 1e-9}),
+    Topic("friction", {"friction.cone": 1e-6, "friction.deficit": 1e-6, "friction.stop": 1e-6}),
+    Topic("timing", {"time.frame.median": 0.0, "time.frame.p99": 0.0}),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A metric of a scene on every engine that has a value; `same` as in its topic."""
+
+    metric: str
+    subject: str
+    same: float
+    rows: dict[str, Row]
+
+    @property
+    def scenario(self) -> str:
+        """The scene."""
+        return next(iter(self.rows.values())).scenario
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Value per engine [SI]."""
+        return {engine: row.value for engine, row in self.rows.items()}
+
+    @property
+    def differs(self) -> bool:
+        """Whether any two are apart."""
+        return len(self.nearest) < len(self.rows)
+
+    @property
+    def nearest(self) -> list[str]:
+        """The engines nearest to the truth, 0: more than one where they are not apart."""
+        least = min(map(abs, self.values.values()))
+        reach = max(least + self.same, least * (1 + SAME_SHARE))
+        return [engine for engine, value in self.values.items() if abs(value) <= reach]
+
+    @property
+    def outlier(self) -> str:
+        """The engine farthest from the median of the others, a time by its ratio; of two the one farther from
+        the truth."""
+        values = self.values
+        if len(values) == 2:
+            return max(values, key=lambda engine: abs(values[engine]))
+        return max(values, key=lambda engine: abs(self._off(engine)))
+
+    @property
+    def outlier_text(self) -> str:
+        """The outlier and by how much."""
+        name = self.outlier
+        if self._timed:
+            return f"{name} {number(exp(self._off(name)))} times"
+        off = self._off(name)
+        return f"{name} {'+' * (off > 0)}{self.text(off)} {self.unit}".rstrip()
+
+    def _off(self, engine: str) -> float:
+        others = float(np.median([value for name, value in self.values.items() if name != engine]))
+        mine = self.values[engine]
+        return log(mine / others) if self._timed else mine - others
+
+    @property
+    def _timed(self) -> bool:
+        return self.metric.startswith("time.") and min(self.values.values()) > 0
+
+    @property
+    def worst(self) -> str:
+        """The engine that misses its limit by most, or else the one farthest from the truth."""
+        return max(self.values, key=lambda engine: (max(1.0, self._share(engine)), abs(self.values[engine])))
+
+    @property
+    def share(self) -> float:
+        """The worst value over its limit; 0 without one."""
+        return self._share(self.worst)
+
+    def _share(self, engine: str) -> float:
+        value, limit = self.values[engine], self.rows[engine].limit
+        if not limit >= 0:
+            return 0.0
+        return abs(value) / limit if limit else (inf if value else 0.0)
+
+    @property
+    def name(self) -> str:
+        """Metric and subject."""
+        return f"{self.metric} {self.subject}".strip()
+
+    def text(self, value: float) -> str:
+        """A value in the unit of tables."""
+        shown = METRICS[self.metric].shown
+        return number(value * (shown[1] if shown else 1.0))
+
+    @property
+    def unit(self) -> str:
+        """The unit of tables; blank for 1."""
+        return unit_of(self.metric).replace("1", "")
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A topic: lines on which engines differ, scenes with figures that do not, scenes without figures of two
+    engines; per engine, metric and reason of a value that is missing from a line the scenes."""
+
+    topic: Topic
+    lines: list[Line] = field(default_factory=list)
+    equal: list[str] = field(default_factory=list)
+    without: list[str] = field(default_factory=list)
+    gaps: dict[str, list[str]] = field(default_factory=dict)
+
+
+Columns = dict[str, Row]
+"""Per engine a row of the column it is compared in: its profile, its step."""
+
+
+def columns(results: Results) -> Columns:
+    """The column of each engine that played: the first of its profiles, its default."""
+    found: Columns = {}
+    for row in rows_of(results.frame):
+        if row.engine != "all" and row.metric not in ("run", "ratio.time"):
+            found.setdefault(row.engine, row)
+    return found
+
+
+def head(row: Row) -> str:
+    """A column in words."""
+    return f"{row.engine} {row.profile} {step_text(row.dt)} s"
+
+
+def not_played(results: Results) -> list[str]:
+    """What was skipped or failed in the engines' own columns, each reason once."""
+    own = {engine: row.profile for engine, row in columns(results).items()}
+    found: dict[str, list[str]] = {}
+    for row in rows_of(results.frame[results.frame.metric == "run"]):
+        if own.get(row.engine, row.profile) == row.profile:
+            found.setdefault(f"{row.engine}: {row.verdict}: {row.reason}", []).append(row.scenario)
+    every = results.frame.scenario.nunique()
+    return [
+        reason if len(set(scenes)) == every else f"{reason} ({', '.join(dict.fromkeys(scenes))})"
+        for reason, scenes in found.items()
+    ]
+
+
+def sections(request: Request, results: Results) -> list[Section]:
+    """All four topics, or none where fewer than two engines played."""
+    own = columns(results)
+    if len(own) < 2:
+        return []
+    found = [Section(topic) for topic in TOPICS]
+    for scenario in request.scenarios:
+        scene = rows_of(results.frame[results.frame.scenario == scenario.name])
+        rows = [row for row in scene if row.engine in own and row.profile == own[row.engine].profile]
+        for section in found:
+            found_lines = (_line(rows, metric, same) for metric, same in section.topic.same.items())
+            lines = [line for line in found_lines if line]
+            apart = [line for line in lines if line.differs]
+            section.lines.extend(apart)
+            for line in apart:
+                _add_gaps(section.gaps, line, rows)
+            if not apart:
+                (section.equal if lines else section.without).append(scenario.name)
+    return found
+
+
+def _line(rows: list[Row], metric: str, same: float) -> Line | None:
+    """The line of a metric, of the subject that most engines have and on which they differ most; None where
+    fewer than two have it."""
+    by_subject: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        if row.metric == metric and isfinite(row.value):
+            by_subject.setdefault(row.subject, {})[row.engine] = row
+    lines = [Line(metric, subject, same, found) for subject, found in by_subject.items() if len(found) > 1]
+    return max(lines, key=lambda line: (len(line.rows), np.ptp(list(line.values.values()))), default=None)
+
+
+def _add_gaps(gaps: dict[str, list[str]], line: Line, rows: list[Row]) -> None:
+    for row in rows:
+        here = row.metric == line.metric and row.subject in ("", line.subject)
+        if here and row.engine not in line.rows and row.reason:
+            gaps.setdefault(f"{row.engine}, `{row.metric}`: {row.reason}", []).append(line.scenario)
+
+
+def command(request: Request, line: Line) -> str:
+    """The command that shows a line's worst value again; a time shows beside the shortest of its run."""
+    engines = [line.worst]
+    if line.metric.startswith("time."):
+        engines = [line.nearest[0], line.worst]
+    words = ["touchstone run", line.scenario, *(f"--engine {engine}" for engine in engines)]
+    words += [f"--profile {name}" for name in dict.fromkeys(line.rows[engine].profile for engine in engines)]
+    words += [f"--metric {line.metric}"]
+    words += [f"--dt {step_text(request.dt)}"] if request.dt else []
+    words += [f"--effects {','.join(request.effects)}"] if request.effects is not None else []
+    scenario = next(s for s in request.scenarios if s.name == line.scenario)
+    words += ["--hold-last"] * any(tracker.held for tracker in scenario.trackers)
+    return " ".join(words)
+
+
+def worst_lines(section: Section) -> dict[str, Line]:
+    """Per scene the line that misses its limit by most; without a limit the first."""
+    found: dict[str, Line] = {}
+    for line in section.lines:
+        best = found.setdefault(line.scenario, line)
+        if line.share > best.share:
+            found[line.scenario] = line
+    return found

@@ -1,0 +1,86 @@
+"""The results section of the paper: what a frame of the reference costs, scene by scene, and where it goes.
+
+Counts are per displayed frame; iterations, joints and pairs over the frames in which there are any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from adapters.contract import Array
+from adapters.recording import Recording
+from reports.views.tables import number
+
+ENGINE, PROFILE = "reference", "balanced"
+HEADS = (
+    *("scene", "frame\nus", "p99\nus", "colli-\nsion", "removal\nand IK"),
+    *("IK iter-\nations", "peak", "joints", "peak", "pairs", "peak"),
+)
+"""In lines that leave a table of 80 columns room for whole names of scenes."""
+NOTE = (
+    f"{ENGINE} {PROFILE}, scenes by cost. Median and 99th percentile of the frame time; shares of all "
+    "stages; means and peaks of a frame's IK iterations, joints turned and contacting pairs, over frames "
+    "that have any."
+)
+BUDGET_PICTURE = "frame_budget.png"
+IK_ITERATIONS, IK_JOINTS, PAIRS = "ik.iterations", "ik.joints", "pairs.contacting"
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """One scene, frame by frame: its time [s], the seconds of each stage, and the counts of IK and pairs."""
+
+    scene: str
+    time: Array  # at the frames' ends [s]
+    frame: Array
+    stages: Mapping[str, Array]
+    counts: Mapping[str, Array]
+
+    @property
+    def cost(self) -> float:
+        """Median time of a frame [s]."""
+        return float(np.median(self.frame))
+
+    def share(self, stage: str) -> float:
+        """Of a stage in the time of all [1]."""
+        total = sum(float(seconds.sum()) for seconds in self.stages.values())
+        return float(self.stages[stage].sum()) / total if total > 0 else 0.0
+
+
+def budgets(recordings: Mapping[tuple[str, str, str], Recording]) -> list[Budget]:
+    """Of every recording of the reference's default profile, the cheapest scene first."""
+    chosen = {key[0]: r for key, r in recordings.items() if key[1:] == (ENGINE, PROFILE)}
+    return sorted((_budget(scene, recording) for scene, recording in chosen.items()), key=lambda b: b.cost)
+
+
+def _budget(scene: str, recording: Recording) -> Budget:
+    stages = {str(name): recording.stage_seconds[:, k] for k, name in enumerate(recording.stage_names)}
+    counts = {str(name): recording.work[:, k] for k, name in enumerate(recording.work_names)}
+    none = np.zeros(len(recording.time_frame))
+    return Budget(
+        scene,
+        recording.time[1:],
+        recording.time_frame,
+        stages,
+        {name: counts.get(name, none) for name in (IK_ITERATIONS, IK_JOINTS, PAIRS)},
+    )
+
+
+def budget_rows(found: list[Budget]) -> list[list[str]]:
+    """A line per scene under HEADS."""
+    rows = []
+    for budget in found:
+        times = [number(1e6 * budget.cost), number(1e6 * float(np.percentile(budget.frame, 99)))]
+        shares = [f"{100 * budget.share(stage):.0f} %" for stage in ("collision", "removal")]
+        counts = [cell for name in (IK_ITERATIONS, IK_JOINTS, PAIRS) for cell in _told(budget.counts[name])]
+        rows.append([budget.scene, *times, *shares, *counts])
+    return rows
+
+
+def _told(counts: Array) -> tuple[str, str]:
+    """Mean over the frames that have any, and peak."""
+    some = counts[counts > 0]
+    return (f"{some.mean():.1f}", f"{some.max():.0f}") if len(some) else ("", "")

@@ -1,0 +1,225 @@
+"""`report.md`: the run as a page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from reports.results import rows_of
+from reports.views.comparison import (
+    Columns,
+    Line,
+    Section,
+    columns,
+    command,
+    head,
+    not_played,
+    sections,
+    worst_lines,
+)
+from reports.views.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
+from reports.views.tables import LEGEND, Cell, cell_of, grid, number
+from reports.views.terminal import RATIO_HEADS, ratio_rows, remark_lines
+
+if TYPE_CHECKING:
+    from reports.run import Request, Results
+    from scenarios.scenario import Scenario
+
+BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")
+
+
+def report(request: Request, results: Results) -> str:
+    """The whole page."""
+    parts = ["# touchstone run", "", f"`{request.command}`" if request.command else ""]
+    parts += _differences(request, results)
+    for scenario in request.scenarios:
+        scene = results.frame[results.frame.scenario == scenario.name]
+        parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", ""]
+        parts += _grid(results.frame, scenario.name)
+        parts += ["", f"`{LEGEND}`", ""]
+        parts += ["### Asked and achieved", "", *_asked(scene, scenario), ""]
+        parts += ["### Time: the reference's median frame over an engine's", ""]
+        parts += [*_markdown(list(RATIO_HEADS), ratio_rows(scene), 1), ""]
+        parts += ["### Frame budget", "", *_budget(scene), ""]
+        parts += ["### Spread of the events", "", *_spreads(scene), ""]
+        parts += ["### Remarks", "", *_bullets(remark_lines(scene))]
+        parts += ["", f"Reproduce: `touchstone run {scenario.name}`"]
+    found = budgets(results.recordings)
+    if found:
+        heads = [head.replace("-\n", "").replace("\n", " ") for head in HEADS]
+        parts += ["", "## Frame budget of the scenes", "", *_markdown(heads, budget_rows(found), 1)]
+        parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+PLACES = 8
+"""Scenes that are named before the rest is counted."""
+INTRODUCTION = (
+    "Each engine in its own profile, at its own step. A line is a metric whose truth is 0, or a time, of the "
+    "pair on which engines differ most; lines on which none is apart are left out. The outlier is the engine "
+    "farthest from the median of the others, and by how much; of two, the one farther from the truth."
+)
+
+
+def _differences(request: Request, results: Results) -> list[str]:
+    """The four sections, with what was not played."""
+    parts = ["", "## Differences between the engines", ""]
+    missing = [f"- not played: {reason}" for reason in not_played(results)]
+    found, own = sections(request, results), columns(results)
+    if not found:
+        return [*parts, "Fewer than two engines played: no differences to show.", *missing]
+    parts += [INTRODUCTION, "", f"`{LEGEND}`", "", *missing]
+    for section in found:
+        parts += [
+            "",
+            f"### Differences in {section.topic.name}",
+            "",
+            *_section(request, results, section, own),
+        ]
+    return parts
+
+
+def _section(request: Request, results: Results, section: Section, own: Columns) -> list[str]:
+    """The table of a topic, its picture, and where each engine does best."""
+    parts: list[str] = []
+    if section.lines:
+        worst = worst_lines(section)
+        heads = [
+            "scene",
+            "metric",
+            "unit",
+            *map(head, own.values()),
+            "limit",
+            "outlier",
+            "the scene's worst again",
+        ]
+        rows = [
+            _line(
+                line,
+                own,
+                _limits(line, results),
+                f"`{command(request, line)}`" * (line is worst[line.scenario]),
+            )
+            for line in section.lines
+        ]
+        name = section.topic.name
+        parts += [*_markdown(heads, rows, 3), "", f"![Differences in {name}]({name}.png)", ""]
+        parts += _nearest(section, own)
+    parts += [f"- {reason} ({', '.join(dict.fromkeys(scenes))})" for reason, scenes in section.gaps.items()]
+    if section.equal:
+        parts.append(f"- no engine apart: {', '.join(section.equal)}")
+    if section.without:
+        parts.append(f"- no figure of two engines: {', '.join(section.without)}")
+    return parts
+
+
+def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:
+    cells = [cell_of(line.rows[engine]) if engine in line.rows else Cell("-") for engine in own]
+    marked = [cell.marked for cell in cells]
+    return [line.scenario, f"`{line.name}`", line.unit, *marked, limit, line.outlier_text, again]
+
+
+def _limits(line: Line, results: Results) -> str:
+    """The limit of all, or of each kind of engine; of a time that of the reference's ratio."""
+    if line.metric == "time.frame.median":
+        frame = results.frame[
+            (results.frame.scenario == line.scenario) & (results.frame.metric == "ratio.time")
+        ]
+        ratios = [row for row in rows_of(frame) if np.isfinite(row.limit)]
+        return "; ".join(
+            f"{row.engine} {number(row.value)} of {row.subject}, at most {row.limit:g}" for row in ratios
+        )
+    found: dict[str, list[str]] = {}
+    for engine, row in line.rows.items():
+        if np.isfinite(row.limit):
+            found.setdefault(line.text(row.limit), []).append(engine)
+    if len(found) == 1:
+        return next(iter(found))
+    return "; ".join(f"{', '.join(engines)} {limit}" for limit, engines in found.items())
+
+
+def _nearest(section: Section, own: Columns) -> list[str]:
+    """Where each engine is nearest to the truth."""
+    best = {engine: [line for line in section.lines if engine in line.nearest] for engine in own}
+    word = "shortest" if section.topic.name == "timing" else "nearest to the truth"
+    return [
+        f"- {engine} {word} on {len(lines)} of {len(section.lines)} lines" + _places(lines)
+        for engine, lines in best.items()
+    ]
+
+
+def _places(lines: list[Line]) -> str:
+    """Where: scenes, or metrics where there is one scene."""
+    scenes = list(dict.fromkeys(line.scenario for line in lines))
+    names = scenes if len(scenes) > 1 else [f"{line.scenario} {line.name}" for line in lines]
+    more = f" and {len(names) - PLACES} more" if len(names) > PLACES else ""
+    return f": {', '.join(names[:PLACES])}{more}" if names else ""
+
+
+def _bullets(lines: list[str]) -> list[str]:
+    return [f"- {line}" for line in lines] or ["none"]
+
+
+def _markdown(heads: list[str], rows: list[list[str]], left: int) -> list[str]:
+    rule = ["---"] * left + ["---:"] * (len(heads) - left)
+    return ["| " + " | ".join(line) + " |" for line in (heads, rule, *rows)]
+
+
+def _grid(frame: pd.DataFrame, scenario: str) -> list[str]:
+    cells = grid(frame, scenario)
+    heads = ["metric", "unit", *(f"{engine} {profile} {step} s" for engine, profile, step in cells.heads)]
+    rows = [
+        [f"`{metric}` {subject}".strip(), "" if unit == "1" else unit, *(cell.marked for cell in row)]
+        for metric, subject, unit, row in cells.rows
+    ]
+    return _markdown(heads, rows, 2)
+
+
+def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
+    """Restitution of every bounce and friction of every sliding pair, beside what the scene asks for."""
+    columns = list(dict.fromkeys(zip(scene.engine, scene.profile)))
+    achieved = scene[scene.metric.isin(["restitution.achieved", "friction.deficit"]) & scene.value.notna()]
+    lines: dict[tuple[str, str], dict[tuple[str, str], str]] = {}
+    wanted: dict[tuple[str, str], float] = {}
+    for row in rows_of(achieved):
+        kind = row.metric.partition(".")[0]
+        names = row.subject.partition(" ")[0].split("-")
+        asked = scenario.pair_coefficients(*map(scenario.body_index, names))[kind == "friction"]
+        value = row.value if kind == "restitution" else asked * (1 - row.value)
+        wanted[kind, row.subject] = asked
+        lines.setdefault((kind, row.subject), {})[row.engine, row.profile] = number(value)
+    told = [column for column in columns if any(column in line for line in lines.values())]
+    heads = ["", "asked", *(f"{engine} {profile}" for engine, profile in told)]
+    rows = [
+        [f"{kind} {subject}", number(wanted[kind, subject]), *(line.get(column, "-") for column in told)]
+        for (kind, subject), line in lines.items()
+    ]
+    return _markdown(heads, rows, 1) if rows else ["nothing bounces or slides"]
+
+
+def _budget(scene: pd.DataFrame) -> list[str]:
+    """Per column the median frame and the share of each stage, with the pairs that were looked at."""
+    heads = ["engine", "frame us", *BUDGET_STAGES, "pairs", "contacts"]
+    rows = []
+    for (engine, profile), part in scene.groupby(["engine", "profile"], sort=False):
+        total = part[part.metric == "time.frame.median"].value
+        if total.empty:
+            continue
+        shares = part[part.metric == "time.share"].set_index("subject").value
+        counts = part[part.metric == "work"].set_index("subject").value
+        stages = [f"{100 * shares[name]:.0f} %" if name in shares else "" for name in BUDGET_STAGES]
+        pairs = [number(counts[name]) if name in counts else "" for name in ("pairs", "contacts")]
+        rows.append([f"{engine} {profile}", number(1e6 * total.iloc[0]), *stages, *pairs])
+    note = "Shares of the stages an engine tells apart; a blank is a stage it does not tell. Means per frame."
+    return [*_markdown(heads, rows, 1), "", note]
+
+
+def _spreads(scene: pd.DataFrame) -> list[str]:
+    rows = [
+        [f"`{row.metric}` {row.subject}", f"{number(row.value)} {row.unit}", row.verdict, row.reason]
+        for row in rows_of(scene[scene.engine == "all"])
+        if np.isfinite(row.value)
+    ]
+    return _markdown(["event", "spread", "verdict", "remark"], rows, 4) if rows else ["none"]

@@ -1,0 +1,147 @@
+"""The model card: a scene's driven bodies as every engine says it holds them, with pinocchio as the referee.
+
+All figures are read back from a world that an engine built, at the scene's first moment; the referee works
+from the scene itself. Deviations are relative to the referee's mass, size or inertia.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from adapters.contract import Array, Settings
+from adapters.oracles.articulated import Articulated
+from adapters.recording import Recording, load
+from adapters.registry import ENGINES, installed, missing_reason
+from adapters.workers.children import Children, Job
+from scenarios.avatar.tracking import sample
+from scenarios.catalogue import catalogue
+from scenarios.scenario import Scenario, Tracker
+
+AGREED = 1e-9
+"""Deviation up to which an engine holds what the scene says [1]: rounding of some thirty links."""
+SINGLE = {
+    "mujoco": "vertices of hulls in single precision",
+    "dart": "vertices of hulls in single precision",
+    "bullet": "corners of hulls rounded to about 1e-4 of their size",
+}
+"""What an engine stores less exactly, beside the figures of the card."""
+REFEREE = "pinocchio"
+
+
+class NotDriven(ValueError):
+    """A scene without driven bodies has no card; the message says so."""
+
+
+def card_rows(scenario: Scenario) -> list[dict[str, object]]:
+    """A row per driven body and engine, the referee's first."""
+    if not scenario.trackers:
+        valid = ", ".join(s.name for s in catalogue().values() if s.trackers)
+        raise NotDriven(f"{scenario.name}: no driven bodies, so no model card (valid: {valid})")
+    held, reasons = _held(scenario)
+    rows: list[dict[str, object]] = []
+    for tracker in scenario.trackers:
+        rows.append(_row(REFEREE, tracker, scenario, _referee(scenario, tracker), 0.0, ""))
+        for engine, recording in held.items():
+            whole = _whole(scenario, tracker, recording)
+            off = deviation(scenario, tracker, recording)
+            remark = ("agrees" if off <= AGREED else "differs") + "; " * (engine in SINGLE)
+            row = _row(engine, tracker, scenario, whole, off, remark + SINGLE.get(engine, ""))
+            facts = recording.facts
+            links = [scenario.bodies[k].name for k in scenario.links(tracker)]
+            row |= {"pieces": sum(facts["pieces"][name] for name in links), "freedom": facts["freedom"]}
+            rows.append(row)
+        blank: dict[str, object] = dict.fromkeys(rows[0], "")
+        rows += [blank | {"body": tracker.root, "model": e, "remark": r} for e, r in reasons.items()]
+    return rows
+
+
+def _row(
+    model: str,
+    tracker: Tracker,
+    scenario: Scenario,
+    whole: tuple[float, Array, Array],
+    off: float,
+    remark: str,
+) -> dict[str, object]:
+    mass, center, inertia = whole
+    free = sum(6 for body in scenario.bodies if body.kind == "simulated")
+    return {
+        "body": tracker.root,
+        "model": model,
+        "mass [kg]": f"{mass:.6g}",
+        "centre [m]": " ".join(f"{value:.4f}" for value in center),
+        "inertia [kg m^2]": " ".join(f"{value:.4g}" for value in np.linalg.eigvalsh(inertia)),
+        "freedom": free + sum(6 + len(t.joints) for t in scenario.trackers),
+        "hinges": len(tracker.joints),
+        "pieces": sum(len(scenario.bodies[k].pieces) for k in scenario.links(tracker)),
+        "deviation": f"{off:.1e}" if model != REFEREE else "",
+        "remark": remark or "the scene itself",
+    }
+
+
+def deviation(scenario: Scenario, tracker: Tracker, recording: Recording) -> float:
+    """Largest of an engine's deviations from the referee and the scene: mass, centre, inertia, limits [1];
+    infinite where degrees of freedom, hinges or pieces are not as many."""
+    facts = recording.facts
+    mass, center, inertia = _referee(scenario, tracker)
+    own_mass, own_center, own_inertia = _whole(scenario, tracker, recording)
+    size = np.sqrt(np.trace(inertia) / mass)
+    by_name = {joint.name: joint for joint in scenario.joints}
+    off = [abs(own_mass - mass) / mass, np.abs(own_center - center).max() / size]
+    off.append(np.abs(own_inertia - inertia).max() / np.abs(inertia).max())
+    for name in tracker.joints:
+        if name not in facts["limits"]:
+            return float("inf")
+        low, high = facts["limits"][name]
+        off += [abs(low - by_name[name].lower), abs(high - by_name[name].upper)]
+    links = [scenario.bodies[k] for k in scenario.links(tracker)]
+    counts = [facts["pieces"][link.name] == len(link.pieces) for link in links]
+    moving = sum(body.kind == "simulated" for body in scenario.bodies)
+    freedom = 6 * moving + sum(6 + len(t.joints) for t in scenario.trackers)
+    return float(max(off)) if all(counts) and facts["freedom"] == freedom else float("inf")
+
+
+def _referee(scenario: Scenario, tracker: Tracker) -> tuple[float, Array, Array]:
+    start = sample(tracker, np.zeros(1))
+    model = Articulated(scenario, tracker)
+    return model.body(model.posture(start.position[0], start.orientation[0], start.angle[0]))
+
+
+def _whole(scenario: Scenario, tracker: Tracker, recording: Recording) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it of all links, as an engine tells and poses them first."""
+    links, bodies = scenario.links(tracker), recording.facts["bodies"]
+    facts = [bodies[scenario.bodies[k].name] for k in links]
+    turned = Rotation.from_quat(recording.orientation[0][list(links)], scalar_first=True).as_matrix()
+    masses = np.array([fact["mass"] for fact in facts])
+    local = np.array([fact["center_of_mass"] for fact in facts])
+    centers = recording.position[0][list(links)] + np.einsum("kij,kj->ki", turned, local)
+    center = masses @ centers / masses.sum()
+    arms = centers - center
+    own = turned @ np.array([fact["inertia"] for fact in facts]) @ turned.transpose(0, 2, 1)
+    shifted = (arms * arms).sum(axis=1)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None, :]
+    return float(masses.sum()), center, (own + masses[:, None, None] * shifted).sum(axis=0)
+
+
+def _held(scenario: Scenario) -> tuple[Mapping[str, Recording], Mapping[str, str]]:
+    """What engines built, from a single frame each, and why others could not."""
+    short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=())
+    held, reasons = {}, {e: missing_reason(e) for e in ENGINES if not installed(e)}
+    with tempfile.TemporaryDirectory() as folder, Children(together=True) as children:
+        jobs = []
+        for engine in (e for e in ENGINES if installed(e)):
+            profile = next(iter(ENGINES[engine].profiles))
+            settings = Settings(profile, ENGINES[engine].profiles[profile])
+            files = (Path(folder) / f"{engine}.npz", Path(folder) / f"{engine}.txt")
+            jobs.append(Job(engine, short, settings, *files))
+        for outcome in children.play(jobs, lambda *_: None):
+            if outcome.status == "done":
+                held[outcome.job.engine] = load(outcome.job.recording)
+            else:
+                reasons[outcome.job.engine] = outcome.reason
+    return held, reasons

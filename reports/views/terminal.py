@@ -1,0 +1,179 @@
+"""The tables of a run on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import pandas as pd
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from adapters.recording import Recording
+from reports.results import NOT_RUN, UNJUDGED, rows_of
+from reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
+from reports.views.overview import LEGEND as OVERVIEW_LEGEND
+from reports.views.overview import TOTALS, Overview, overview
+from reports.views.tables import LEGEND, Cell, Grid, grid, number
+
+STYLES = {
+    "fail": "bold red",
+    "known": "yellow",
+    "error": "bold red",
+    **dict.fromkeys((UNJUDGED, *NOT_RUN), "dim"),
+    "pass": "",
+}
+IN_FULL = 8
+"""Scenes up to which each has its whole table; more are shown at a glance."""
+Padding = tuple[int, int] | tuple[int, int, int, int]
+NARROW = 112
+"""Columns a table needs; plain output (files, pipes) is never narrower."""
+
+
+def console(**options: bool) -> Console:
+    """A console as wide as the terminal, or NARROW where there is none."""
+    probe = Console(**options)  # type: ignore[arg-type]
+    return probe if probe.is_terminal else Console(width=NARROW, **options)  # type: ignore[arg-type]
+
+
+def table_of(title: str, heads: Sequence[str], left: int = 1, padding: Padding = (0, 1)) -> Table:
+    """An empty table of plain lines whose first `left` columns hold words, the others numbers."""
+    table = Table(title=title or None, title_justify="left", box=SIMPLE, padding=padding, pad_edge=False)
+    for k, head in enumerate(heads):
+        table.add_column(Text(head), justify="left" if k < left else "right", no_wrap=True)
+    return table
+
+
+def print_notes(notes: Iterable[str], out: Console) -> None:
+    """Print what a table means."""
+    for note in notes:
+        out.print(note, style="dim", highlight=False, markup=False)
+
+
+def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
+    """Print one table per scene with the `shown` columns, its ratios, and every verdict that is no pass; an
+    overview where there are more than IN_FULL scenes."""
+    if frame.scenario.nunique() > IN_FULL:
+        _show_overview(overview(frame, shown), out)
+        return
+    for scenario in dict.fromkeys(frame.scenario):
+        scene = frame[frame.scenario == scenario]
+        out.print(_table(scenario, grid(frame, scenario, shown)))
+        out.print(Text(LEGEND, style="dim"))
+        out.print()
+        ratios = ratio_rows(scene)
+        if ratios:
+            out.print(_ratio_table(ratios))
+        _print_lines(remark_lines(scene, shown), out)
+
+
+def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Console) -> None:
+    """Print what frames of the reference cost, if it played at least two scenes."""
+    found = budgets(recordings)
+    if 1 < len(found) <= IN_FULL:
+        table = table_of("frame budget", HEADS, padding=(0, 0))
+        for row in budget_rows(found):
+            table.add_row(*row)
+        out.print(table)
+        out.print(Text(NOTE, style="dim"))
+
+
+def _print_lines(lines: list[str], out: Console) -> None:
+    for line in lines:
+        style = "red" if line.startswith(("fail", "error")) else ""
+        out.print(line, highlight=False, markup=False, style=style)
+
+
+def _show_overview(seen: Overview, out: Console) -> None:
+    table = Table(header_style="bold")
+    table.add_column("scene", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for engine, profile, step in seen.heads:
+        table.add_column(f"{engine}\n{profile}\n{step} s", justify="right", no_wrap=True)
+    for section in seen.sections:
+        table.add_section()
+        table.add_row(Text(section.scenario, style="bold"), "", *[_text(cell) for cell in section.outcome])
+        for metric, unit, cells in section.rows:
+            shown = [_text(cell) for cell in cells]
+            table.add_row(Text(f"  {metric}"), "" if unit == "1" else unit, *shown)
+    out.print(table)
+    out.print(Text(OVERVIEW_LEGEND, style="dim"))
+    out.print()
+    totals = table_of("", ("engine", *TOTALS))
+    for name, counts in seen.totals:
+        totals.add_row(name, *map(str, counts))
+    out.print(totals)
+    _print_lines(seen.remarks, out)
+
+
+def _table(scenario: str, cells: Grid) -> Table:
+    table = Table(title=scenario, title_justify="left", header_style="bold")
+    table.add_column("metric", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for engine, profile, step in cells.heads:
+        table.add_column(f"{engine}\n{profile}\n{step} s", justify="right", no_wrap=True)
+    family = ""
+    for metric, subject, unit, row in cells.rows:
+        if family and metric.split(".")[0] != family:
+            table.add_section()
+        family = metric.split(".")[0]
+        name = Text.assemble(metric, (f" {subject}" if subject else "", "dim"))
+        table.add_row(name, "" if unit == "1" else unit, *[_text(cell) for cell in row])
+    return table
+
+
+def _text(cell: Cell) -> Text:
+    return Text(
+        cell.marked, style="bold" if cell.outlier and cell.verdict == "" else STYLES.get(cell.verdict, "")
+    )
+
+
+def _ratio_table(rows: list[list[str]]) -> Table:
+    table = Table(
+        title="ratio.time: the reference's median frame over an engine's", title_justify="left", box=SIMPLE
+    )
+    for name in RATIO_HEADS:
+        table.add_column(name, justify="right" if name == "ratio" else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+RATIO_HEADS = ("over", "ratio", "95 % interval", "limit", "remark")
+
+
+def ratio_rows(scene: pd.DataFrame) -> list[list[str]]:
+    """`ratio.time`, one row per engine and profile, under RATIO_HEADS."""
+    return [
+        [
+            row.subject,
+            number(row.value),
+            f"{number(row.low)} to {number(row.high)}",
+            f"{row.verdict}: {row.limit:g}" if row.verdict else "",
+            row.reason,
+        ]
+        for row in rows_of(scene[scene.metric == "ratio.time"])
+    ]
+
+
+def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -> list[str]:
+    """What broke a limit, failed or was skipped as a whole, and what is known of the `shown` columns (or of
+    all), each with its reason."""
+    lines = []
+    for row in rows_of(scene[scene.verdict.isin(["fail", "error", "known"])]):
+        if row.verdict == "known" and shown and (row.engine, row.profile) not in shown:
+            continue
+        name = f"{row.metric} {row.subject}".strip()
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        value = (
+            ""
+            if row.metric == "run"
+            else f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}"
+        )
+        lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value}: {row.reason}")
+    for row in rows_of(scene[scene.verdict.isin(NOT_RUN) & (scene.metric == "run")]):
+        lines.append(f"{row.verdict}: {row.engine} {row.profile}: {row.reason}")
+    for reason, part in scene[scene.verdict == UNJUDGED].groupby("reason", sort=False):
+        lines.append(f"{UNJUDGED}: {', '.join(dict.fromkeys(part.metric))}: {reason}")
+    return lines

@@ -1,0 +1,46 @@
+"""The warning of a run whose solver left something unresolved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from reports.limits import judged
+from reports.metrics import METRICS
+from reports.metrics.context import Evidence, NotMeasured, Value
+from reports.metrics.solver import CAPS, RESIDUAL, cap_counters, worst_place
+from reports.results import Row
+
+KINDS = {
+    "solver.residual": ((RESIDUAL,), "contact solve left {} m/s in {}"),
+    "solver.dropped_time": (("dropped_time",), "{} s were not simulated, most of it in {}"),
+    "solver.parted_energy": (("parted_energy",), "parting overlap added {} J, most of it in {}"),
+    "solver.caps": (CAPS, "caps reached: {}, most in {}"),
+}
+"""Metric -> its counters, and what a warning says of its size and its worst place."""
+
+
+def warning(base: Row, evidence: Evidence) -> str | None:
+    """One line that names engine, profile, scene, frame and pair of everything that a run left unresolved
+    beyond its limit, known failings included; None where that is nothing, or the engine does not tell.
+
+    Args:
+        base: a row of the run, for its engine, profile, scene and step.
+        evidence: of the run, whole or until it failed.
+    """
+    told = []
+    for metric, (counters, words) in KINDS.items():
+        try:
+            value = _value(evidence, metric)
+        except NotMeasured:
+            return None
+        row = judged(replace(base, metric=metric, value=value), evidence.scenario.tags)
+        if row.verdict in ("fail", "known"):
+            counters = cap_counters(evidence) if counters is CAPS else counters
+            told.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))
+    return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(told)}" if told else None
+
+
+def _value(evidence: Evidence, metric: str) -> float:
+    """The value of one of KINDS for the whole run."""
+    found = METRICS[metric].measure(evidence)[""]
+    return found.value if isinstance(found, Value) else found

@@ -1,0 +1,1 @@
+"""Persons and hands: links, chains, postures, kinematics and trackers."""
