@@ -352,7 +352,7 @@ def _excused(row: Row, known: Known) -> tuple[str, str]:
     if bound is None and not is_measured(row):
         return "known", f"{known.reason} (no bound yet)"
     if bound is None:
-        return "fail", f"a known failing without a bound: run reports.known_failures.bounds ({known.reason})"
+        return "fail", f"a known failing without a bound: run reports.known_failures.measure ({known.reason})"
     if abs(row.value) > bound:
         return "fail", f"a known failing has grown past {bound:g} ({known.reason})"
     return "known", known.reason

@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from adapters.contract import MISSING, UNIMPORTABLE
+from reports.machine import machine
 
 UNJUDGED = "unjudged"
 NOT_RUN = ("skipped", MISSING, UNIMPORTABLE)
@@ -101,7 +102,5 @@ def save(frame: pd.DataFrame, folder: Path) -> None:
 
 def save_manifest(folder: Path, facts: Mapping[str, object]) -> None:
     """Write `manifest.json`: the machine, and what was run on it."""
-    from reports.cli.doctor import machine
-
     text = json.dumps({"machine": machine(), **facts}, indent=1)
     write_beside(folder / "manifest.json", lambda part: part.write_text(text))

@@ -32,7 +32,7 @@ from reference_impl.geometry.shapes import place_piece
 from reference_impl.pipeline import prepare, step
 from reports.limits import judged
 from reports.results import Row
-from reports.run import measured
+from reports.run.measure import measured
 from scenarios.avatar.avatar import Parts, avatar_parts, standing_tracker
 from scenarios.catalogue import catalogue
 from scenarios.materials import TABLE_1

@@ -23,8 +23,8 @@ from reports.bootstrap import median_interval, time_ratio
 from reports.cli.progress import Progress
 from reports.output_folder import output_folder
 from reports.results import Row, rows_of, save, save_manifest, table
-from reports.run import REFERENCE, Request, Results, columns_of
-from reports.run import run as play
+from reports.run.request import REFERENCE, Request, Results, columns_of
+from reports.run.study import run as play
 from scenarios.catalogue import tagged, tags
 from scenarios.scenario import Scenario
 

@@ -14,7 +14,7 @@ from reports.bench.tables import (
     value_text,
 )
 from reports.results import Row, rows_of
-from reports.run import REFERENCE, step_text
+from reports.run.request import REFERENCE, step_text
 from reports.views.tables import exact_number
 from reports.views.terminal import table_of
 

@@ -32,7 +32,7 @@ from reports.cli.options import (
 from reports.cli.studies import bench, study
 
 if TYPE_CHECKING:
-    from reports.run import Request
+    from reports.run.request import Request
     from scenarios.scenario import Scenario
 
 app = typer.Typer(
@@ -117,7 +117,7 @@ def run(
     from adapters.contract import DRIVES
     from reports.judge import judge_faults
     from reports.output_folder import OutputError
-    from reports.run import run as run_study
+    from reports.run.study import run as run_study
 
     scenarios = _tracked(_scenarios(scenario or [], tag, hold_last), tracker, drive)
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
@@ -159,7 +159,7 @@ def _request(
 ) -> Request:
     """The request behind the arguments; a wrong one ends the program with a line."""
     from reports.metrics import METRICS
-    from reports.run import DEFAULT_PROFILES, Request
+    from reports.run.request import DEFAULT_PROFILES, Request
 
     columns = columns_for(engines, profiles, DEFAULT_PROFILES)
     spreads = [f"{name}.spread" for name in METRICS if name.startswith("events.")]
@@ -261,7 +261,7 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
             for s in SETTINGS.values()
         ]
     else:
-        from reports.run import step_text
+        from reports.run.request import step_text
 
         rows = [
             {"profile": profile, "engine": name, "step [s]": step_text(dt)}
@@ -323,7 +323,8 @@ def show(
 @app.command()
 def doctor() -> None:
     """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
-    from reports.cli.doctor import compile_facts, imports, libraries, machine
+    from reports.cli.doctor import compile_facts, imports, libraries
+    from reports.machine import machine
 
     for key, value in machine().items():
         print(f"{key:14} {value}")

@@ -56,7 +56,7 @@ def columns_for(
 ) -> tuple[tuple[str, str], ...]:
     """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all)."""
     from adapters.registry import ENGINES
-    from reports.run import columns_of
+    from reports.run.request import columns_of
 
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
     names = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)

@@ -67,8 +67,8 @@ def calibration(
     quiet: QuietOption = False,
 ) -> None:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
+    from reports.studies.calibration.show import show
     from reports.studies.calibration.study import Grid, run, steps
-    from reports.studies.calibration.table import show
 
     columns, folder = columns_for(engine or [], profile or []), out or folder_of_now("calibration-")
     with measuring(steps(columns, Grid()), quiet) as progress:

@@ -11,8 +11,7 @@ which replaces the bounds of what those runs show, and drops those of what is no
 from __future__ import annotations
 
 import csv
-import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache
 from math import ceil, floor, isfinite, log10
 from pathlib import Path
@@ -79,38 +78,3 @@ def write(bounds: dict[Key, float], path: Path) -> None:
             table.writerows((*key, f"{bound:g}") for key, bound in sorted(bounds.items()))
 
     write_beside(path, fill)
-
-
-def _rows(paths: Iterable[str]) -> Iterator[Row]:
-    import pandas as pd
-
-    from reports.results import rows_of
-
-    for path in paths:
-        frame = pd.read_csv(path, keep_default_na=False, na_values={"value": "", "limit": "", "dt": ""})
-        yield from rows_of(frame.astype({"value": float, "limit": float, "dt": float}))
-
-
-def main(paths: list[str]) -> None:
-    """Take the bounds of documented failings from tables of results."""
-    from reports.limits import failing_known
-
-    old = read(FILE) if FILE.exists() else {}
-    failing = [row for row in _rows(paths) if failing_known(row)]
-    now = updated(old, failing, [*map(key_of, failing), *(key for key in old if _documented(key))])
-    write(now, FILE)
-    print(f"{len(now)} bounds, {len(failing)} of them measured now")
-
-
-def _documented(key: Key) -> bool:
-    from reports.limits import known_of
-    from scenarios.catalogue import catalogue
-
-    engine, profile, scenario, metric, subject = key
-    scene = catalogue().get(scenario)
-    row = Row("run", scenario, engine, profile, 0.0, metric, subject=subject)
-    return known_of(row, scene.tags if scene else ()) is not None
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -11,11 +11,11 @@ import numpy as np
 
 from reports.metrics import METRICS
 from reports.results import Row, rows_of
-from reports.run import step_text
+from reports.run.request import step_text
 from reports.views.tables import number, unit_of
 
 if TYPE_CHECKING:
-    from reports.run import Request, Results
+    from reports.run.request import Request, Results
 
 
 @dataclass(frozen=True, slots=True)

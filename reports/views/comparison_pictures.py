@@ -19,7 +19,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from adapters.contract import Array
 from reports.metrics import METRICS
 from reports.results import Row, rows_of, write_beside
-from reports.run import REFERENCE, Request, Results
+from reports.run.request import REFERENCE, Request, Results
 from reports.views.comparison import Columns, Line, Section, columns, head, sections
 from reports.views.pictures import COLOURS, INK, PALE
 from reports.views.tables import number, unit_of

@@ -24,7 +24,7 @@ from reports.views.tables import LEGEND, Cell, cell_of, grid, number
 from reports.views.terminal import RATIO_HEADS, ratio_rows, remark_lines
 
 if TYPE_CHECKING:
-    from reports.run import Request, Results
+    from reports.run.request import Request, Results
     from scenarios.scenario import Scenario
 
 BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")

@@ -11,7 +11,7 @@ import pandas as pd
 
 from reports.metrics import METRICS
 from reports.results import CONSTRUCTION, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
-from reports.run import step_text
+from reports.run.request import step_text
 
 HIDDEN = ("work", "time.share")
 """Metrics that have a table of their own."""

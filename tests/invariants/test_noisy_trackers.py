@@ -11,7 +11,7 @@ from adapters.registry import ENGINES
 from reports.limit_counts import counted
 from reports.noisy_limits import judged
 from reports.results import UNAPPLIED, Row
-from reports.run import measured
+from reports.run.measure import measured
 from scenarios.avatar.noisy_tracker import noisy
 from scenarios.catalogue import catalogue, tagged
 

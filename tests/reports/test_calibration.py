@@ -274,7 +274,7 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     """Print a row per column under the values asked for, and the reason of a skipped engine."""
     from rich.console import Console
 
-    from reports.studies.calibration.table import show
+    from reports.studies.calibration.show import show
 
     frame = results[0]
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115

@@ -13,7 +13,7 @@ from reports.metrics import METRICS
 from reports.metrics.context import Evidence
 from reports.metrics.motion.time_series import Course, course
 from reports.results import Row, table
-from reports.run import Request, Results, columns_of
+from reports.run.request import Request, Results, columns_of
 from reports.views.comparison import TOPICS, command, not_played, sections, worst_lines
 from reports.views.comparison_pictures import PICTURES, draw
 from reports.views.markdown import report

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from reports.metrics import METRICS
 from reports.results import Row, table
-from reports.run import Request, Results
+from reports.run.request import Request, Results
 from reports.views.markdown import report
 from reports.views.tables import HIDDEN, MARKS, grid, number
 from scenarios.catalogue import catalogue

@@ -8,12 +8,15 @@ from math import nan
 import numpy as np
 import pytest
 
+from adapters.contract import Settings
 from adapters.registry import ENGINES
 from adapters.workers.children import Job, Outcome
 from reports import metrics
-from reports import run as study
 from reports.metrics.context import JudgeMissing
 from reports.results import Row, table
+from reports.run import study
+from reports.run.comparisons import _compared
+from reports.run.request import Request, Results
 
 COLUMNS = (("reference", "balanced"), ("mujoco", "recommended"))
 WEIGHT = 9.81 / 60
@@ -48,10 +51,10 @@ def judged(tmp_path):
             dt = ENGINES[engine].profiles[profile]
             path = tmp_path / f"{engine}.npz"
             replace(recording, manifest=f'{{"engine": "{engine}", "dt": {dt}}}').save(path)
-            settings = study.Settings(profile, dt)
+            settings = Settings(profile, dt)
             outcomes.append(Outcome(Job(engine, scenario, settings, path, path), "done"))
-        request = study.Request((scenario,), COLUMNS, tmp_path)
-        rows = study._judge(request, scenario, outcomes, study.Results(table([])), lambda text, frames: None)
+        request = Request((scenario,), COLUMNS, tmp_path)
+        rows = study._judge(request, scenario, outcomes, Results(table([])), lambda text, frames: None)
         return {(row.engine, row.metric, row.subject): row for row in rows}
 
     return judge
@@ -114,14 +117,14 @@ OURS = Row("run", "s", "reference", "balanced", 1 / 60, "overlap.max", 1e-7)
 def test_overlaps_are_compared_where_there_are_two(ours, theirs, said, no_deeper):
     """'No larger' is said of two numbers; without one of them nobody can tell."""
     rows = [replace(OURS, value=v, verdict="error" if v != v else "", reason="boom") for v in (ours, theirs)]
-    assert study._compared(*rows) == (said, no_deeper)
-    assert study._compared(None, rows[1])[1] is None
+    assert _compared(*rows) == (said, no_deeper)
+    assert _compared(None, rows[1])[1] is None
 
 
 def test_where_nothing_may_touch_there_is_no_overlap():
     """A metric that does not apply is not one that is missing."""
     apart = replace(OURS, value=nan, verdict="skipped", reason="no two bodies may touch")
-    assert study._compared(apart, apart) == ("no overlap: no two bodies may touch", True)
+    assert _compared(apart, apart) == ("no overlap: no two bodies may touch", True)
 
 
 def test_a_fast_engine_without_overlap_is_not_judged(resting, judged, monkeypatch):

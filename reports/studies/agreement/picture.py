@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from reports.results import rows_of
-from reports.run import step_text
+from reports.run.request import step_text
 from reports.views.pictures import COLOURS, INK, PALE
 
 COLUMNS = 4

@@ -28,7 +28,7 @@ from reports.limits import judged
 from reports.metrics.context import Evidence
 from reports.output_folder import output_folder
 from reports.results import Row, save, table, write_beside
-from reports.run import step_text
+from reports.run.request import step_text
 from scenarios.catalogue import catalogue
 from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario
@@ -253,7 +253,7 @@ def _outlier(base: Row, played: Mapping[str, Mapping[float, Course]], quantity: 
 
 
 def _save_manifest(scenarios: Sequence[Scenario], folder: Path) -> None:
-    from reports.cli.doctor import machine
+    from reports.machine import machine
 
     manifest = {
         "study": STUDY,

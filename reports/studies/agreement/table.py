@@ -8,7 +8,7 @@ import pandas as pd
 from rich.console import Console
 
 from reports.results import Row, rows_of
-from reports.run import step_text
+from reports.run.request import step_text
 from reports.studies.agreement.study import ROUNDING
 from reports.views.tables import number
 from reports.views.terminal import print_notes, table_of

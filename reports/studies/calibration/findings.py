@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pandas as pd
 
 from reports.results import rows_of
-from reports.run import step_text
+from reports.run.request import step_text
 from reports.studies.calibration.scenes import HEIGHT, G
 from reports.studies.calibration.table import NOTES, Values, grids, remarks
 

@@ -152,7 +152,7 @@ def _play(
 
 
 def _save_manifest(grid: Grid, measured: dict[str, Measured], folder: Path) -> None:
-    from reports.cli.doctor import machine
+    from reports.machine import machine
 
     manifest = {
         "study": STUDY,

@@ -8,14 +8,12 @@ from math import isnan, nan
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 
 from adapters.registry import ACCURATE, DEFAULT
 from reports.results import rows_of
-from reports.run import step_text
+from reports.run.request import step_text
 from reports.studies.calibration.rows import ALL, subject_of
 from reports.studies.calibration.scenes import SHAPES
-from reports.views.terminal import print_notes, table_of
 
 SHOWN_SPEED = 1.0
 """Approach speed of the restitutions in the table [m/s]."""
@@ -140,25 +138,6 @@ def _name(values: Values, column: tuple[str, str]) -> str:
 def _text(value: float) -> str:
     """Three decimals: coefficients are of order 1."""
     return "-" if isnan(value) else f"{value:.3f}"
-
-
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print all tables, what they mean, and every finding, failure and broken limit."""
-    from reports.studies.calibration.findings import findings
-
-    for grid in grids(frame):
-        heads = [head.replace(" ", "\n", 1) for head in grid.heads]
-        table = table_of(grid.title, heads, padding=(0, 0))
-        for row in grid.rows:
-            table.add_row(*row)
-        out.print(table)
-    print_notes(NOTES, out)
-    out.print()
-    for line in findings(frame):
-        out.print(line, highlight=False, markup=False)
-    for line in remarks(frame):
-        style = "red" if line.startswith(("fail", "error")) else ""
-        out.print(line, highlight=False, markup=False, style=style)
 
 
 def remarks(frame: pd.DataFrame) -> list[str]:

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from reports.results import Row, rows_of
 from reports.studies.agreement.picture import MARKS
-from reports.studies.effects.study import ALL, REFERENCE, TOGGLED
+from reports.studies.effects.definitions import ALL, REFERENCE, TOGGLED
 from reports.studies.effects.table import mark
 from reports.views.pictures import COLOURS, INK, PALE
 

@@ -26,25 +26,21 @@ from reports.cli.progress import Progress
 from reports.limits import judged
 from reports.output_folder import output_folder
 from reports.results import Row, save, save_manifest, table, write_beside
+from reports.studies.effects.definitions import ALL, GROUPS, IDENTICAL, MATTERS, REFERENCE, TOGGLED, WITHIN
+from reports.studies.effects.picture import savings
 from scenarios.catalogue import tagged
 from scenarios.effects import PLANNED
 from scenarios.scenario import Scenario
 
 STUDY = "effects"
-GROUPS = ("gallery", "probe")
-"""Tags of the scenes that are played unless some are named, and for which means are told apart."""
-REFERENCE, ALL = "reference", "all"
 TOLERANCE = 1e-6
 """Difference of outcomes that no limit on overlap or gap would notice [m, rad]."""
 BUDGET = 1.0
 """Seconds of an engine's steps in a scene, both variants together; the reference plays all frames."""
 PASSES = 8
 """Times that the reference's frames are timed, each variant the first in half of them."""
-IDENTICAL, WITHIN, MATTERS = "identical", "within tolerance", "matters"
 JUDGED = ("effects.changed", "time.left", "time.slower", "time.plan")
 """Metrics of this study with limits."""
-TOGGLED = tuple(effect for effect in PLANNED if effect != "sleeping")
-"""Effects toggled alone: the reference knows no sleeping."""
 
 
 def scenes() -> list[Scenario]:
@@ -81,7 +77,6 @@ def run(
         save(frame, folder)
         facts = {"study": STUDY, "tolerance": TOLERANCE, "budget": BUDGET, "scenarios": list(tags)}
         save_manifest(folder, facts)
-        from reports.studies.effects.picture import savings
 
         write_beside(folder / "effects.png", lambda part: savings(frame, part))
     return frame

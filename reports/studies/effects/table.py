@@ -7,7 +7,7 @@ from rich.console import Console
 
 from reports.bench.tables import MICRO, limit_text, print_remarks, value_text
 from reports.results import Row, rows_of
-from reports.studies.effects.study import ALL, GROUPS, IDENTICAL, MATTERS, REFERENCE, TOGGLED, WITHIN
+from reports.studies.effects.definitions import ALL, GROUPS, IDENTICAL, MATTERS, REFERENCE, TOGGLED, WITHIN
 from reports.views.tables import exact_number
 from reports.views.terminal import table_of
 

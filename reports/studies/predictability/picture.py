@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from reports.results import rows_of
-from reports.studies.predictability.study import CLOSED_FORM, DRAWS, METRIC, SIZES
+from reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
 from reports.views.comparison_pictures import MARKS
 from reports.views.pictures import COLOURS, INK, PALE
 

@@ -24,15 +24,12 @@ from reports.limits import judged
 from reports.output_folder import output_folder
 from reports.results import Row, save, save_manifest, table, write_beside
 from reports.studies.agreement.study import own_profile
+from reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, ERROR, METRIC, SIZES, STUDY
+from reports.studies.predictability.picture import amplifications
 from scenarios.closed_form_ends import final_positions
 from scenarios.scenario import Scenario
 from scenarios.transforms import shifted
 
-STUDY, METRIC, ERROR, CLOSED_FORM = "predictability", "predictability", "predictability.error", "closed form"
-SIZES = (1e-9, 1e-6, 1e-3)
-"""Of the perturbations [m]."""
-DRAWS = 4
-"""Directions per size."""
 NEAR = 2 * SIZES[-1]
 """Gap within which bodies touch at the start [m]: these are not pressed together or lifted."""
 SCENES = ("fall", "bounce_e05", "collide_oblique", "cradle", "ball_snip")
@@ -56,7 +53,6 @@ def run(scenarios: Sequence[Scenario], seed: int, out: Path, progress: Progress)
         frame = table(rows)
         save(frame, folder)
         _save_manifest(scenarios, seed, folder)
-        from reports.studies.predictability.picture import amplifications
 
         write_beside(folder / "predictability.png", lambda part: amplifications(frame, part))
     return frame

@@ -6,7 +6,7 @@ import pandas as pd
 from rich.console import Console
 
 from reports.results import Row, rows_of
-from reports.studies.predictability.study import CLOSED_FORM, DRAWS, METRIC, SIZES
+from reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
 from reports.views.tables import number
 from reports.views.terminal import print_notes, table_of
 

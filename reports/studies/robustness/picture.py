@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from reports.studies.robustness.play import EXACT
-from reports.studies.robustness.study import UNSOLVED
+from reports.studies.robustness.play import EXACT, UNSOLVED
 from reports.views.pictures import INK, PALE
 from scenarios.random_scenes import KINDS
 

@@ -60,6 +60,8 @@ EXPLODED_SPEED = 30.0
 """Speed from which a run with a driven body explodes [m/s]: ten times that of the fastest hand."""
 COUNTERS = ("gave_up", "unconverged", "dropped_time", "parted_energy")
 """What the reference counts where a frame was not resolved exactly; dropped_time in s, parted_energy in J."""
+UNSOLVED = 1e-7
+"""Residual from which a frame counts as not solved [m/s]: bodies sink by 2e-9 m in it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,10 +23,12 @@ from reports.cli.progress import Progress
 from reports.limits import judged
 from reports.output_folder import output_folder
 from reports.results import Row, save, save_manifest, table, write_beside
+from reports.studies.robustness.picture import rise_over_residual
 from reports.studies.robustness.play import (
     COUNTERS,
     OUTCOMES,
     PATIENCE,
+    UNSOLVED,
     Assessment,
     Child,
     Loader,
@@ -39,8 +41,6 @@ ALL = "all"
 """Scenario of the rows over all kinds."""
 PROFILES = ("balanced", "accurate", "recommended")
 """Profiles that are played unless told otherwise."""
-UNSOLVED = 1e-7
-"""Residual from which a frame counts as not solved [m/s]: bodies sink by 2e-9 m in it."""
 PROCESSES = 2
 """Most processes that play at a time."""
 WORST = 8
@@ -93,7 +93,6 @@ def run(
         write_beside(folder / "runs.csv", lambda part: table_of_runs(runs).to_csv(part, index=False))
         seeds = [task.seed for task in asked]
         save_manifest(folder, {"study": STUDY, "seeds": [min(seeds), max(seeds)] if seeds else []})
-        from reports.studies.robustness.picture import rise_over_residual
 
         write_beside(folder / "robustness.png", lambda part: rise_over_residual(table_of_runs(runs), part))
     return frame

@@ -11,7 +11,8 @@ import pytest
 
 from reports.bench import frame
 from reports.results import Row, table
-from reports.run import Results, ratio_limits
+from reports.run.comparisons import ratio_limits
+from reports.run.request import Results
 from scenarios.catalogue import catalogue
 
 

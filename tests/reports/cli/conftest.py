@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from adapters.workers.children import Outcome
-from reports import run as study
 from reports.cli import main as cli
+from reports.run import study
 from scenarios.catalogue import built, scene
 from scenarios.families import ball_snip as snip
 

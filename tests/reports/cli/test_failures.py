@@ -16,9 +16,9 @@ import typer
 from adapters.registry import missing_reason
 from adapters.workers.children import Outcome
 from reports import limits
-from reports import run as study
 from reports.cli.options import exit_for
 from reports.limits import Limit
+from reports.run import study
 from scenarios.catalogue import catalogue
 
 REFERENCE = ("--engine", "reference")

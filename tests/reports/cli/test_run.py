@@ -11,9 +11,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from reports import run as study
 from reports.metrics import METRICS
 from reports.results import COLUMNS, Row
+from reports.run.measure import NEEDED, measured
 from scenarios.catalogue import catalogue
 
 REFERENCE = ("--engine", "reference")
@@ -94,9 +94,9 @@ def test_what_is_not_asked_is_not_measured(registry):
     """Measure what is named and what that is judged by; the values are those of a whole run."""
     scenario, recording = catalogue()["ball_snip"], registry.played("ball_snip", "reference")
     base = Row("run", "ball_snip", "reference", "balanced", 1 / 60, "run")
-    some = study.measured(base, scenario, recording, ("events.roll.spread", "friction.cone"))
-    assert {row.metric for row in some} == {"events.roll", "friction.cone", *study.NEEDED}
-    every = study.measured(base, scenario, recording)
+    some = measured(base, scenario, recording, ("events.roll.spread", "friction.cone"))
+    assert {row.metric for row in some} == {"events.roll", "friction.cone", *NEEDED}
+    every = measured(base, scenario, recording)
     assert {row.metric for row in every} == set(METRICS)
     assert set(map(repr, some)) <= set(map(repr, every))
 

@@ -12,7 +12,7 @@ from reports.metrics import METRICS, SOLVER_METRICS
 from reports.metrics.context import Evidence, NotMeasured
 from reports.metrics.solver import CAPS, Place, worst_place
 from reports.results import Row
-from reports.run import measured_of
+from reports.run.measure import measured_of
 from reports.views.unresolved import warning
 from scenarios.catalogue import catalogue
 

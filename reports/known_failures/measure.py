@@ -1,0 +1,42 @@
+"""Measure the bounds of documented failings from tables of results.
+
+python -m reports.known_failures.measure runs/TIME/results.csv
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+
+import pandas as pd
+
+from reports.known_failures.bounds import FILE, Key, key_of, read, updated, write
+from reports.limits import failing_known, known_of
+from reports.results import Row, rows_of
+from scenarios.catalogue import catalogue
+
+
+def _rows(paths: Iterable[str]) -> Iterator[Row]:
+    for path in paths:
+        frame = pd.read_csv(path, keep_default_na=False, na_values={"value": "", "limit": "", "dt": ""})
+        yield from rows_of(frame.astype({"value": float, "limit": float, "dt": float}))
+
+
+def main(paths: list[str]) -> None:
+    """Take the bounds of documented failings from tables of results."""
+    old = read(FILE) if FILE.exists() else {}
+    failing = [row for row in _rows(paths) if failing_known(row)]
+    now = updated(old, failing, [*map(key_of, failing), *(key for key in old if _documented(key))])
+    write(now, FILE)
+    print(f"{len(now)} bounds, {len(failing)} of them measured now")
+
+
+def _documented(key: Key) -> bool:
+    engine, profile, scenario, metric, subject = key
+    scene = catalogue().get(scenario)
+    row = Row("run", scenario, engine, profile, 0.0, metric, subject=subject)
+    return known_of(row, scene.tags if scene else ()) is not None
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

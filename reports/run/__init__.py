@@ -1,0 +1,1 @@
+"""The study `run`: what was asked for, play, measures, comparisons and results."""

@@ -1,0 +1,115 @@
+"""Rows that compare engines: ratios of time against the fastest, and the spread of events."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isfinite, isnan
+
+import numpy as np
+
+from adapters.recording import Recording
+from reports.bootstrap import time_ratio
+from reports.metrics.context import ROUNDING
+from reports.results import UNJUDGED, Row
+from reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, STUDY
+from scenarios.scenario import Scenario
+
+RATIO_LIMIT, PROBE_RATIO_LIMIT, EQUAL_RATIO_LIMIT = 0.5, 1.0, 1.0
+"""The reference's time over the fastest engine's at its recommended step; in probes, where a frame may hold
+next to nothing and an engine's is a few microseconds; at equal steps, where many contacts hold."""
+MANY_CONTACTS = 10
+"""Contacts of the reference's median frame beyond which a probe is held to RATIO_LIMIT too."""
+SAME_DEPTH = 1e-8
+"""Overlap below which none is larger [m]: the oracle's tolerance."""
+
+
+def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: list[Row]) -> list[Row]:
+    """`ratio.time` of the reference against every engine; a verdict against the fastest at its own step, and
+    at equal steps where `ratio_limits` asks for one."""
+    found = []
+    overlap = {(r.engine, r.profile): r for r in rows if r.metric == "overlap.max"}
+    ours = {profile: r for (engine, profile), r in played.items() if engine == REFERENCE}
+    others = {column: r for column, r in played.items() if column[0] != REFERENCE}
+    for profile, mine in ours.items():
+        ratios = {column: time_ratio(mine.time_frame, theirs.time_frame) for column, theirs in others.items()}
+        # per class of steps, over the frames that both played
+        largest_last = sorted(ratios, key=lambda column: ratios[column].value)
+        fastest = {column[1]: column for column in largest_last}
+        limits = ratio_limits(scenario, mine) if profile == "balanced" else {}
+        for column, ratio in ratios.items():
+            said, no_deeper = _compared(overlap.get((REFERENCE, profile)), overlap.get(column))
+            row = Row(
+                STUDY,
+                scenario.name,
+                REFERENCE,
+                profile,
+                1 / scenario.frame_rate,
+                "ratio.time",
+                ratio.value,
+                "1",
+                f"{column[0]} {column[1]}",
+                low=ratio.low,
+                high=ratio.high,
+                reason=said,
+            )
+            if column == fastest[column[1]] and column[1] in limits:
+                largest = limits[column[1]]
+                verdict = "pass" if ratio.value <= largest and no_deeper is not False else "fail"
+                if no_deeper is None and verdict == "pass":
+                    verdict = UNJUDGED
+                row = replace(row, limit=largest, verdict=verdict, reason=f"against the fastest; {said}")
+            found.append(row)
+    return found
+
+
+def _compared(ours: Row | None, theirs: Row | None) -> tuple[str, bool | None]:
+    """What is said of both overlaps, and whether ours is no larger; None where a number is missing that there
+    should be. Where no two bodies may touch there is nothing to compare."""
+    for row in (ours, theirs):
+        if row is None:
+            return "overlap not measured", None
+        if not isfinite(row.value):
+            return f"no overlap: {row.reason}", True if row.verdict == "skipped" else None
+    deeper = ours.value > max(theirs.value, SAME_DEPTH)  # type: ignore[union-attr]
+    return f"overlap {'larger' if deeper else 'no larger'}", not deeper
+
+
+def ratio_limits(scenario: Scenario, ours: Recording) -> dict[str, float]:
+    """Largest ratio of the reference's time over that of the fastest engine, per profile of the engines."""
+    frames = np.floor(ours.contacts["time"] * scenario.frame_rate + ROUNDING).astype(int)
+    held = np.bincount(frames, minlength=len(ours.time_frame))
+    if np.median(held) > MANY_CONTACTS:
+        return {MACHINE_PROFILE: RATIO_LIMIT, EQUAL_PROFILE: EQUAL_RATIO_LIMIT}
+    return {MACHINE_PROFILE: PROBE_RATIO_LIMIT if "probe" in scenario.tags else RATIO_LIMIT}
+
+
+def spreads_of(scenario: Scenario, rows: list[Row]) -> list[Row]:
+    """Spread of every event over the reference and the engines as recommended; the outlier named."""
+    found = []
+    events = sorted({(r.metric, r.subject, r.unit) for r in rows if r.metric.startswith("events.")})
+    for metric, subject, unit in events:
+        values = {
+            r.engine: r.value
+            for r in rows
+            if (r.metric, r.subject) == (metric, subject) and r.profile in (MACHINE_PROFILE, "balanced")
+        }
+        if len(values) < 2 or any(isnan(value) for value in values.values()):
+            continue
+        middle = float(np.median(list(values.values())))
+        outlier = max(values, key=lambda engine: abs(values[engine] - middle))
+        spread = max(values.values()) - min(values.values())
+        found.append(
+            Row(
+                STUDY,
+                scenario.name,
+                "all",
+                MACHINE_PROFILE,
+                float("nan"),
+                f"{metric}.spread",
+                spread,
+                unit,
+                subject,
+                reason=f"outlier {outlier}: {values[outlier]:.4g}, median {middle:.4g}",
+            )
+        )
+    return found

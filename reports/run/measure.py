@@ -1,0 +1,122 @@
+"""Rows of all metrics of a recording: what applies, what the audits reject, what a scene expects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf, isfinite, isnan
+
+from adapters.recording import Recording
+from reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
+from reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
+from reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
+from reports.metrics.motion.events import subjects
+from reports.noisy_limits import judged
+from reports.results import UNAUDITED, UNJUDGED, Row
+from scenarios.scenario import Scenario
+
+NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
+"""Metrics that others are judged by."""
+
+
+def excused(row: Row, recording: Recording, tags: tuple[str, ...]) -> Row:
+    """The row; known where it breaks a limit and a needed effect was left out because that was asked for."""
+    told: dict[str, str] = recording.facts.get("effects", {})
+    removed = [effect for effect, state in told.items() if state.startswith("forced off")]
+    found = judged(row, tags)
+    if not removed or found.verdict != "fail":
+        return row
+    reason = f"played without {', '.join(removed)}, as asked for; limit: {found.reason}"
+    return replace(found, verdict="known", reason=reason)
+
+
+def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence[str] = ()) -> list[Row]:
+    """One row per metric and subject of a recording: of all metrics, or of those named and what they need."""
+    return measured_of(base, Evidence(recording, scenario), only)
+
+
+def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list[Row]:
+    """`measured`, of evidence that others look at too."""
+    scenario = evidence.scenario
+    rows: list[Row] = []
+    asked = {name.removesuffix(".spread") for name in only} | set(NEEDED if only else METRICS)
+    for metric in METRICS.values():
+        if metric.name not in asked:
+            continue
+        row = replace(base, metric=metric.name, unit=metric.unit)
+        if {"heap", "collective"} & set(scenario.tags) and metric.name in PAIR_METRICS:
+            rows.append(replace(row, verdict="skipped", reason="a heap has hundreds of pairs at a time"))
+            continue
+        try:
+            values = metric.measure(evidence)
+        except NotMeasured as reason:
+            verdict = UNJUDGED if isinstance(reason, JudgeMissing) else "skipped"
+            rows.append(replace(row, verdict=verdict, reason=str(reason)))
+            continue
+        except Exception as error:  # one metric that fails must not take the run with it
+            rows.append(replace(row, verdict="error", reason=f"{type(error).__name__}: {error}"))
+            continue
+        for subject, value in values.items():
+            number, remark = (value.value, value.reason) if isinstance(value, Value) else (value, "")
+            verdict = "skipped" if isnan(number) and remark else ""
+            rows.append(replace(row, subject=subject, value=number, reason=remark, verdict=verdict))
+    return _audited(_expected(rows, scenario), evidence)
+
+
+def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
+    """Events judged against the scene's expectations."""
+    windows = {(f"events.{event}", subject): e for (event, subject), e in subjects(scenario).items()}
+    found = []
+    for row in rows:
+        window = windows.get((row.metric, row.subject))
+        if window is not None:
+            inside = window.earliest <= row.value <= window.latest
+            reason = f"the scene expects {window.earliest:g} to {window.latest:g} s"
+            verdict = "pass" if inside else "fail"
+            row = replace(
+                row,
+                low=window.earliest,
+                high=window.latest,
+                limit=window.latest,
+                verdict=verdict,
+                reason=reason,
+            )
+        found.append(row)
+    return found
+
+
+def _audited(rows: list[Row], evidence: Evidence) -> list[Row]:
+    """Impulse metrics rejected where the impulses do not balance the motion, or where nobody can tell; marked
+    where they rest on impulses of driven bodies that nothing balances."""
+    rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
+    rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
+    audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}
+    doubtful = set()
+    for pair in driven_pairs(evidence):
+        one, _, two = pair.partition("-")
+        # what a body's own links do to each other changes no sum over them
+        if one == two or not {one, two} & audited:
+            doubtful.add(pair)
+    if not doubtful:
+        return rows
+    remark = f"rests on impulses that nothing balances: {', '.join(sorted(doubtful))}"
+    return [
+        replace(row, basis=UNAUDITED, reason=f"{row.reason}; {remark}".removeprefix("; "))
+        if row.metric in DRIVEN_METRICS and row.subject in ("", *doubtful) and isfinite(row.value)
+        else row
+        for row in rows
+    ]
+
+
+def _rejected(rows: list[Row], audit: str, limit: float) -> list[Row]:
+    audits = [row.value for row in rows if row.metric == audit and row.verdict != "skipped"]
+    worst = max((inf if isnan(value) else value for value in audits), default=0.0)
+    if not worst > limit:
+        return rows
+    reason = f"the engine's impulses miss the motion by {worst:.2g}"
+    return [
+        replace(row, value=float("nan"), verdict="skipped", reason=reason)
+        if row.metric in IMPULSE_METRICS
+        else row
+        for row in rows
+    ]

@@ -1,0 +1,82 @@
+"""What a run is asked for, and what it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import inf
+from pathlib import Path
+
+import pandas as pd
+
+from adapters.contract import DRIVES, Settings
+from adapters.engines.reference.settings import changes
+from adapters.recording import Recording
+from adapters.registry import ENGINES
+from reports.metrics.context import Evidence
+from reports.metrics.motion.time_series import Course
+from reports.results import Row
+from reports.views.unresolved import warning
+from scenarios.scenario import Scenario
+
+STUDY = "run"
+REFERENCE = "reference"
+MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
+DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to run: scenes, (engine, profile) columns, an own native step [s] or none, and where to put it.
+
+    Changed settings call for columns of the reference alone.
+    """
+
+    scenarios: tuple[Scenario, ...]
+    columns: tuple[tuple[str, str], ...]
+    out: Path
+    dt: float | None = None
+    metrics: tuple[str, ...] = ()
+    command: str = ""
+    changes: tuple[str, ...] = ()  # "key=value" in the reference's profiles
+    effects: tuple[str, ...] | None = None  # to run whatever a scene calls for; None: what it calls for
+    drive: str = "native"  # of hinges in DART, Bullet and MuJoCo
+    tracker: str = "ideal"  # the variant of the trackers that the scenes have
+    budget: float = inf  # seconds of native steps after which a column leaves out the rest of a scene
+
+    def settings(self, engine: str, profile: str) -> Settings:
+        """How a column runs."""
+        dt = self.dt or ENGINES[engine].profiles[profile]
+        changed = changes(profile, self.changes) if self.changes else ()
+        # the reference poses hinges, whatever drives those of engines
+        drive = DRIVES[0] if engine == REFERENCE else self.drive
+        return Settings(profile, dt, changed, self.effects, drive=drive, tracker=self.tracker)
+
+
+@dataclass
+class Results:
+    """What a run gave: the long table; per (scenario, engine, profile) the recording, of a run that failed
+    what it did before, and what a recording does over time, the last where several engines play; a line per
+    run that left contacts unresolved."""
+
+    frame: pd.DataFrame
+    recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
+    ended: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
+    courses: dict[tuple[str, str, str], Course] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def warn(self, base: Row, evidence: Evidence) -> None:
+        """Keep the warning of a run, if it calls for one."""
+        line = warning(base, evidence)
+        self.warnings += [line] if line else []
+
+
+def step_text(dt: float) -> str:
+    """A step as a fraction of a second: 1/240."""
+    return str(Fraction(dt).limit_denominator(100_000)) if dt == dt else "-"
+
+
+def columns_of(engines: Iterable[str], profiles: Iterable[str]) -> tuple[tuple[str, str], ...]:
+    """(engine, profile) columns: each engine in those of the profiles it has."""
+    return tuple((e, p) for e in engines for p in profiles if p in ENGINES[e].profiles)

@@ -1,0 +1,109 @@
+"""The study `run`: play scenes on engines, judge the recordings, and keep everything in one folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from adapters.contract import MISSING
+from adapters.recording import Recording, load
+from adapters.registry import installed, missing_reason
+from adapters.workers.children import Children, Job, Outcome
+from reports.cli.progress import Progress
+from reports.metrics.context import Evidence
+from reports.metrics.motion.time_series import course
+from reports.noisy_limits import judged
+from reports.output_folder import output_folder
+from reports.results import Row, save, save_manifest, table, write_beside
+from reports.run.comparisons import ratios_of, spreads_of
+from reports.run.measure import excused, measured_of
+from reports.run.request import STUDY, Request, Results
+from reports.views.comparison_pictures import draw
+from reports.views.frame_budget_picture import write_picture
+from reports.views.markdown import report
+from scenarios.scenario import Scenario
+
+
+def run(request: Request, progress: Progress) -> Results:
+    """Play, judge and store; the folder appears whole when all is done, or not at all."""
+    with output_folder(request.out) as folder:
+        (folder / "recordings").mkdir()
+        (folder / "output").mkdir()
+        rows: list[Row] = []
+        results = Results(table(rows))
+        with Children() as children:
+            for scenario in request.scenarios:
+                outcomes, missing = _play(request, scenario, folder, children, progress)
+                rows += _judge(request, scenario, outcomes, results, progress) + missing
+        wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
+        results.frame = table(wanted)
+        save(results.frame, folder)
+        manifest = {
+            "command": request.command,
+            "tracker": request.tracker,
+            "scenarios": {
+                s.name: {"tags": s.tags, "seed": s.seed, "held_samples": [t.held for t in s.trackers]}
+                for s in request.scenarios
+            },
+            "engines": {
+                "/".join(key): recording.facts
+                for key, recording in (results.recordings | results.ended).items()
+            },
+        }
+        save_manifest(folder, manifest)
+
+        write_picture(results.recordings, folder)
+        draw(request, results, folder)
+        write_beside(folder / "report.md", lambda part: part.write_text(report(request, results)))
+    return results
+
+
+def _play(
+    request: Request, scenario: Scenario, folder: Path, children: Children, progress: Progress
+) -> tuple[list[Outcome], list[Row]]:
+    jobs, missing = [], []
+    for engine, profile in request.columns:
+        if not installed(engine):
+            row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
+            missing.append(replace(row, verdict=MISSING, reason=missing_reason(engine)))
+            continue
+        settings = request.settings(engine, profile)
+        name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
+        recording, output = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
+        jobs.append(Job(engine, scenario, settings, recording, output, request.budget))
+    return children.play(jobs, progress), missing
+
+
+def _judge(
+    request: Request,
+    scenario: Scenario,
+    outcomes: list[Outcome],
+    results: Results,
+    progress: Progress,
+) -> list[Row]:
+    """Rows of all metrics of one scene, and those that need several engines; recordings go into `results`."""
+    rows: list[Row] = []
+    several = len({outcome.job.engine for outcome in outcomes}) > 1
+    played: dict[tuple[str, str], Recording] = {}
+    for outcome in outcomes:
+        job = outcome.job
+        label = job.settings.label
+        base = Row(STUDY, scenario.name, job.engine, label, job.settings.dt, "run")
+        if outcome.status != "done":
+            rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
+            if outcome.recorded:
+                recording = results.ended[scenario.name, job.engine, label] = load(job.recording)
+                results.warn(base, Evidence(recording, scenario))
+            continue
+        progress(f"{job.engine} {label}: judge", 0)
+        recording = load(job.recording)
+        played[job.engine, label] = recording
+        results.recordings[scenario.name, job.engine, label] = recording
+        evidence = Evidence(recording, scenario)
+        found = measured_of(base, evidence, request.metrics)
+        if several:
+            results.courses[scenario.name, job.engine, label] = course(evidence)
+        rows += [excused(row, recording, scenario.tags) for row in found]
+        results.warn(base, evidence)
+    rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
+    return [judged(row, scenario.tags) for row in rows]
