@@ -290,7 +290,7 @@ def test_bullets_inertia_breaks_maximal_coordinates():
 @pytest.mark.parametrize(("name", "asked", "achieved"), [("bullet", 12.0, 10.0), ("dart", 1e-3, 0.0)])
 def test_coefficients_that_are_refused_would_be_altered(registry, monkeypatch, name, asked, achieved):
     """Bullet cuts friction at 10 and DART ignores it up to 1e-3: what the adapters refuse is so still."""
-    module = pytest.importorskip(f"adapters.{name}_engine")
+    module = pytest.importorskip(f"adapters.engines.{name}.engine")
     monkeypatch.setattr(module, "check_range", lambda *given, **bounds: None)
     half, settings = (0.5, 0.5, 0.01), registry.settings(name)
     plate = Body("plate", "simulated", "any", (Piece("plate", Box(half)),), 1.0,
