@@ -16,9 +16,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.avatar.noisy_tracker import TRACKERS
-from scenarios.effects import PLANNED
-from scenarios.scenario import Scenario
+from touchstone.scenarios.avatar.noisy_tracker import TRACKERS
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.scenario import Scenario
 
 Array = NDArray[np.float64]
 Scalar = str | int | float | bool

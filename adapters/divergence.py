@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.contract import Array, State
-from adapters.motion_bounds import extent
-from adapters.vector_products import turned, turned_back
-from scenarios.avatar.tracking import sample
-from scenarios.effects import Plan
-from scenarios.scenario import Scenario, Tracker
+from touchstone.adapters.contract import Array, State
+from touchstone.adapters.motion_bounds import extent
+from touchstone.adapters.vector_products import turned, turned_back
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.effects import Plan
+from touchstone.scenarios.scenario import Scenario, Tracker
 
 SPEED_MAX = 1e6
 """Speed [m/s] and angular speed [rad/s] beyond which a run has diverged. Scenes measure metres and last

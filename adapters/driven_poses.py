@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.kinematics import link_poses
-from scenarios.avatar.tracking import sample
-from scenarios.scenario import Piece, Scenario
+from touchstone.scenarios.avatar.kinematics import link_poses
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.scenario import Piece, Scenario
 
 
 def driven_pieces(scenario: Scenario) -> list[Piece]:

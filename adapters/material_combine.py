@@ -12,8 +12,8 @@ from math import inf
 
 import numpy as np
 
-from adapters.contract import Unsupported
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Unsupported
+from touchstone.scenarios.scenario import Scenario
 
 MIX_TOLERANCE = 1e-9
 """Accepted deviation of a mixed coefficient from the one asked for [1]: rounding."""

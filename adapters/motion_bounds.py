@@ -16,11 +16,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.contract import AdapterError, Array
-from scenarios.avatar.kinematics import hinges, link_poses, matrix, piece_box
-from scenarios.avatar.tracking import sample
-from scenarios.effects import Bounds, Plan, box_gap, centred_ball, least_gap, plan
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Tracker
+from touchstone.adapters.contract import AdapterError, Array
+from touchstone.scenarios.avatar.kinematics import hinges, link_poses, matrix, piece_box
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.effects import Bounds, Plan, box_gap, centred_ball, least_gap, plan
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Tracker
 
 Indices = NDArray[np.intp]
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import State
-from scenarios.avatar.kinematics import link_poses
-from scenarios.avatar.tracking import sample
-from scenarios.scenario import Scenario, Tracker
+from touchstone.adapters.contract import State
+from touchstone.scenarios.avatar.kinematics import link_poses
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.scenario import Scenario, Tracker
 
 
 class Posed:

@@ -11,7 +11,7 @@ from time import perf_counter
 
 import numpy as np
 
-from adapters.contract import (
+from touchstone.adapters.contract import (
     CONTACT_FIELDS,
     RESIDUAL_COUNTERS,
     AdapterError,
@@ -22,13 +22,13 @@ from adapters.contract import (
     State,
     World,
 )
-from adapters.divergence import Watch
-from adapters.motion_bounds import planned
-from adapters.recording import Recording, RunEnded
-from adapters.vector_products import cross, turned
-from scenarios.effects import STAGES_OF_OURS, Decision, Plan
-from scenarios.places import coinciding
-from scenarios.scenario import Scenario
+from touchstone.adapters.divergence import Watch
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.recording import Recording, RunEnded
+from touchstone.adapters.vector_products import cross, turned
+from touchstone.scenarios.effects import STAGES_OF_OURS, Decision, Plan
+from touchstone.scenarios.places import coinciding
+from touchstone.scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
 """Frames played and thrown away before the clock counts: compilers and caches."""

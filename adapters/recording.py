@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.contract import AdapterError, Array
+from touchstone.adapters.contract import AdapterError, Array
 
 FORMAT_VERSION = 3
 DAMAGED = (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error)

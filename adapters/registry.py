@@ -7,7 +7,7 @@ import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from adapters.contract import AdapterError, Engine, NotInstalled, Settings, Unsupported
+from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Settings, Unsupported
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,17 +30,17 @@ EQUAL_STEP = 1 / 240
 RECOMMENDED, DEFAULT, ACCURATE, MAXIMAL = "recommended", "default", "accurate", "maximal"
 ENGINES: dict[str, Entry] = {
     "reference": Entry(
-        "adapters.engines.reference.engine:ReferenceEngine",
+        "touchstone.adapters.engines.reference.engine:ReferenceEngine",
         "numba",
         {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60},
     ),
     "dart": Entry(
-        "adapters.engines.dart.engine:DartEngine",
+        "touchstone.adapters.engines.dart.engine:DartEngine",
         "dartpy",
         {RECOMMENDED: 1 / 1020, "equal-step": EQUAL_STEP, DEFAULT: 1 / 1020, ACCURATE: 1 / 1020},
     ),
     "bullet": Entry(
-        "adapters.engines.bullet.engine:BulletEngine",
+        "touchstone.adapters.engines.bullet.engine:BulletEngine",
         "pybullet",
         {
             RECOMMENDED: 1 / 240,
@@ -51,7 +51,7 @@ ENGINES: dict[str, Entry] = {
         },
     ),
     "mujoco": Entry(
-        "adapters.engines.mujoco.engine:MujocoEngine",
+        "touchstone.adapters.engines.mujoco.engine:MujocoEngine",
         "mujoco",
         {RECOMMENDED: 1 / 540, "equal-step": EQUAL_STEP, DEFAULT: 1 / 540, ACCURATE: 1 / 1920},
     ),

@@ -18,10 +18,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from scenarios.avatar.kinematics import joint_space_inertia, link_poses
-from scenarios.avatar.tracking import TrackerMotion, sample
-from scenarios.scenario import Scenario, Tracker
+from touchstone.adapters.contract import Array
+from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses
+from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
+from touchstone.scenarios.scenario import Scenario, Tracker
 
 INERTIA_RATIO = 2.0
 """Of a servo's inertia over that of the hinges, in any direction and posture [1]: at 70 rad/s and 1/240 s the

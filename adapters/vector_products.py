@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.contract import Array
+from touchstone.adapters.contract import Array
 
 
 def cross(a: Array, b: Array) -> Array:

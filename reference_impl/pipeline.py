@@ -1,6 +1,6 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
-from reference_impl.broad_phase.detection import (
+from touchstone.reference_impl.broad_phase.detection import (
     detect,
     find_swept_pairs,
     is_free,
@@ -8,12 +8,12 @@ from reference_impl.broad_phase.detection import (
     place_listed,
     place_pieces,
 )
-from reference_impl.broad_phase.fat_bounds import is_isolated, reset_fat_bounds, update_fat_bounds
-from reference_impl.broad_phase.spatial_hash import list_pieces
-from reference_impl.continuous.driven_time_of_impact import sweep_drivers
-from reference_impl.continuous.first_impact import earliest_impact
-from reference_impl.continuous.free_rotation import refresh_inertia
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.fat_bounds import is_isolated, reset_fat_bounds, update_fat_bounds
+from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
+from touchstone.reference_impl.continuous.driven_time_of_impact import sweep_drivers
+from touchstone.reference_impl.continuous.first_impact import earliest_impact
+from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
+from touchstone.reference_impl.core.conventions import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
     COUNT_UNCONVERGED,
@@ -33,12 +33,12 @@ from reference_impl.core.conventions import (
     STAGE_REMOVAL,
     TIME_MIN,
 )
-from reference_impl.core.kernel import clock, kernel
-from reference_impl.core.rotation import invert_symmetric
-from reference_impl.driven.attraction import approach, set_goals
-from reference_impl.driven.global_depth import largest_depth
-from reference_impl.driven.overlap_removal import pass_free, remove_overlap, store_free_pose
-from reference_impl.driven.skeleton import (
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.core.rotation import invert_symmetric
+from touchstone.reference_impl.driven.attraction import approach, set_goals
+from touchstone.reference_impl.driven.global_depth import largest_depth
+from touchstone.reference_impl.driven.overlap_removal import pass_free, remove_overlap, store_free_pose
+from touchstone.reference_impl.driven.skeleton import (
     composite_inertia,
     move_from_shown,
     move_links,
@@ -46,12 +46,12 @@ from reference_impl.driven.skeleton import (
     pose_links,
     store_shown,
 )
-from reference_impl.driven.virtual_coupling import follow_tracker
-from reference_impl.simulated.contact_events import first_return
-from reference_impl.simulated.contact_log import shorten_resting_contacts
-from reference_impl.simulated.energy_guard import guard_energy, note_energy
-from reference_impl.simulated.impact import resolve_impacts
-from reference_impl.simulated.integrate import (
+from touchstone.reference_impl.driven.virtual_coupling import follow_tracker
+from touchstone.reference_impl.simulated.contact_events import first_return
+from touchstone.reference_impl.simulated.contact_log import shorten_resting_contacts
+from touchstone.reference_impl.simulated.energy_guard import guard_energy, note_energy
+from touchstone.reference_impl.simulated.impact import resolve_impacts
+from touchstone.reference_impl.simulated.integrate import (
     apply_forces,
     begin_again,
     begin_substep,
@@ -61,9 +61,9 @@ from reference_impl.simulated.integrate import (
     set_paths,
     set_ways,
 )
-from reference_impl.simulated.resting_contact import solve_resting_contacts
-from reference_impl.simulated.separation import separate_simulated
-from reference_impl.simulated.speculative_contacts import gather_contacts
+from touchstone.reference_impl.simulated.resting_contact import solve_resting_contacts
+from touchstone.reference_impl.simulated.separation import separate_simulated
+from touchstone.reference_impl.simulated.speculative_contacts import gather_contacts
 
 
 @kernel

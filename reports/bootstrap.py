@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from adapters.contract import Array
+from touchstone.adapters.contract import Array
 
 RESAMPLES = 1000
 CONFIDENCE = 95.0

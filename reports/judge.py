@@ -9,8 +9,8 @@ from __future__ import annotations
 import importlib
 
 JUDGES = {
-    "adapters.oracles.overlap": "overlap, gaps and passages",
-    "adapters.oracles.nearest_posture": "postures",
+    "touchstone.adapters.oracles.overlap": "overlap, gaps and passages",
+    "touchstone.adapters.oracles.nearest_posture": "postures",
 }
 """What each oracle measures."""
 

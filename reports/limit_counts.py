@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from reports.results import CONSTRUCTION, UNAPPLIED, UNJUDGED, Row
-from reports.views.tables import Column
+from touchstone.reports.results import CONSTRUCTION, UNAPPLIED, UNJUDGED, Row
+from touchstone.reports.views.tables import Column
 
 WORST_LAST = ("pass", "known", UNJUDGED, "fail", "error")
 """Verdicts that count."""

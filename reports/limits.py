@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import isnan
 
-from adapters.registry import ENGINES
-from reports.known_failures.bounds import bound_of, is_measured
-from reports.known_failures.table import KNOWN, Known
-from reports.metrics.contacts.contact import DRIVEN_AUDIT_LIMIT
-from reports.results import CONSTRUCTION, Row
-from scenarios.effects import PLANNED
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.known_failures.bounds import bound_of, is_measured
+from touchstone.reports.known_failures.table import KNOWN, Known
+from touchstone.reports.metrics.contacts.contact import DRIVEN_AUDIT_LIMIT
+from touchstone.reports.results import CONSTRUCTION, Row
+from touchstone.scenarios.effects import PLANNED
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,7 +352,10 @@ def _excused(row: Row, known: Known) -> tuple[str, str]:
     if bound is None and not is_measured(row):
         return "known", f"{known.reason} (no bound yet)"
     if bound is None:
-        return "fail", f"a known failing without a bound: run reports.known_failures.measure ({known.reason})"
+        return (
+            "fail",
+            f"a known failing without a bound; run reports.known_failures.measure ({known.reason})",
+        )
     if abs(row.value) > bound:
         return "fail", f"a known failing has grown past {bound:g} ({known.reason})"
     return "known", known.reason
@@ -371,7 +374,7 @@ def known_of(row: Row, tags: tuple[str, ...]) -> Known | None:
 
 def failing_known(row: Row) -> bool:
     """Whether a row of a table is a documented failing that misses its limit, whatever its bound."""
-    from scenarios.catalogue import catalogue
+    from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue().get(row.scenario)
     tags = scene.tags if scene else ()

@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 from math import nan
 
-from reports import limits
-from reports.known_failures.cause import NOISY
-from reports.results import CONSTRUCTION, UNAPPLIED, Row
+from touchstone.reports import limits
+from touchstone.reports.known_failures.cause import NOISY
+from touchstone.reports.results import CONSTRUCTION, UNAPPLIED, Row
 
 OF_THE_TRACKER = (
     *("events.", "truth.", "contact.gap", "joint.speed", "posture."),

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapters.contract import MISSING, UNIMPORTABLE
-from reports.machine import machine
+from touchstone.adapters.contract import MISSING, UNIMPORTABLE
+from touchstone.reports.machine import machine
 
 UNJUDGED = "unjudged"
 NOT_RUN = ("skipped", MISSING, UNIMPORTABLE)

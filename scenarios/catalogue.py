@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Callable, Iterable
 from functools import cache
 
-from scenarios.scenario import HOLD_LAST, Scenario
+from touchstone.scenarios.scenario import HOLD_LAST, Scenario
 
 Scene = Callable[[], Scenario | tuple[Scenario, ...]]
 _MARK = "is_touchstone_scene"
@@ -36,11 +36,11 @@ def built(hold_last: bool) -> dict[str, Scenario]:
 
 
 def _collected() -> dict[str, Scenario]:
-    import scenarios.families as families
+    import touchstone.scenarios.families as families
 
     found: dict[str, Scenario] = {}
     for module_info in pkgutil.iter_modules(families.__path__):
-        module = importlib.import_module(f"scenarios.families.{module_info.name}")
+        module = importlib.import_module(f"touchstone.scenarios.families.{module_info.name}")
         for value in vars(module).values():
             if callable(value) and getattr(value, _MARK, False):
                 built = value()

@@ -15,8 +15,8 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk, ellipkinc
 
-from scenarios.avatar.tracking import sample
-from scenarios.scenario import Arc, Body, Scenario, Tracker, Truth
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.scenario import Arc, Body, Scenario, Tracker, Truth
 
 Array = NDArray[np.float64]
 

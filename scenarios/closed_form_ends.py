@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.scenario import Body, Scenario, Sphere
+from touchstone.scenarios.scenario import Body, Scenario, Sphere
 
 Array = NDArray[np.float64]
 STILL = 1e-9

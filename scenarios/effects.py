@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.scenario import Body, Scenario, Sphere, Tracker
+from touchstone.scenarios.scenario import Body, Scenario, Sphere, Tracker
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from scenarios.scenario import Scenario, Vector
+from touchstone.scenarios.scenario import Scenario, Vector
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from scenarios.scenario import Body, Box, Hull, Piece, Vector, vector
+from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Vector, vector
 
 WEST, DOOR, EAST = -2.5, 2.5, 6.65
 """Inner faces of the west wall, of the partition in the west room, and of the east wall: x [m]."""

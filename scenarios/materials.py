@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarios.scenario import PairCoefficients
+from touchstone.scenarios.scenario import PairCoefficients
 
 TABLE_1: tuple[PairCoefficients, ...] = (
     PairCoefficients("wood", "wood", restitution=0.3, friction=0.3),

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from scenarios.scenario import ORIGIN, Body, Hull, Piece, Scenario, Vector, vector
+from touchstone.scenarios.scenario import ORIGIN, Body, Hull, Piece, Scenario, Vector, vector
 
 COINCIDENT = 1e-9
 """Distance of the centres of two solids up to which they coincide [m]: no direction leads apart rather than

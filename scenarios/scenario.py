@@ -277,7 +277,7 @@ class Scenario:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        from scenarios.validation import faults
+        from touchstone.scenarios.validation import faults
 
         if HOLD_LAST.get():
             object.__setattr__(self, "trackers", tuple(tracker.hold_last() for tracker in self.trackers))

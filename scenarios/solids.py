@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from scenarios.scenario import (
+from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
     Body,

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.scenario import (
+from touchstone.scenarios.scenario import (
     Arc,
     Body,
     Hull,

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.chains import check_chains
-from scenarios.scenario import (
+from touchstone.scenarios.avatar.chains import check_chains
+from touchstone.scenarios.scenario import (
     EFFECTS,
     EVENTS,
     IDENTITY,

@@ -17,26 +17,26 @@ import pytest
 from scipy.spatial.transform import Rotation
 from session_cache import SessionCache
 
-from adapters.contract import CONTACT_FIELDS, Engine, Settings, Unsupported
-from adapters.engines.reference.reference_world import piece_arrays, translate
-from adapters.engines.reference.settings import configure
-from adapters.recorder import record, scenario_json
-from adapters.recording import Recording, RunEnded
-from adapters.registry import ENGINES, installed, load, missing_reason
-from reference_impl.core import conventions
-from reference_impl.core.kernel_cache import CACHE_FOLDER
-from reference_impl.core.state_dtype import STATE
-from reference_impl.core.world import BODY, PAIR, World
-from reference_impl.geometry.convex_depth import convex_depth
-from reference_impl.geometry.shapes import place_piece
-from reference_impl.pipeline import prepare, step
-from reports.limits import judged
-from reports.results import Row
-from reports.run.measure import measured
-from scenarios.avatar.avatar import Parts, avatar_parts, standing_tracker
-from scenarios.catalogue import catalogue
-from scenarios.materials import TABLE_1
-from scenarios.scenario import (
+from touchstone.adapters.contract import CONTACT_FIELDS, Engine, Settings, Unsupported
+from touchstone.adapters.engines.reference.reference_world import piece_arrays, translate
+from touchstone.adapters.engines.reference.settings import configure
+from touchstone.adapters.recorder import record, scenario_json
+from touchstone.adapters.recording import Recording, RunEnded
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.core.world import BODY, PAIR, World
+from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.pipeline import prepare, step
+from touchstone.reports.limits import judged
+from touchstone.reports.results import Row
+from touchstone.reports.run.measure import measured
+from touchstone.scenarios.avatar.avatar import Parts, avatar_parts, standing_tracker
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import (
     Body,
     Box,
     Hull,
@@ -48,7 +48,7 @@ from scenarios.scenario import (
     Tracker,
     Vector,
 )
-from scenarios.solids import box_inertia, sphere_inertia
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 FRAME = 1 / 60
 FOLDER = "TOUCHSTONE_TEST_SESSION"

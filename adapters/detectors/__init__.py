@@ -17,8 +17,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.contract import AdapterError, Array, Scalar, Unsupported
-from scenarios.scenario import Piece, Sphere
+from touchstone.adapters.contract import AdapterError, Array, Scalar, Unsupported
+from touchstone.scenarios.scenario import Piece, Sphere
 
 Pair = tuple[Piece, Piece]
 """Pieces A and B, posed in the world: boxes, spheres and hulls."""
@@ -165,19 +165,27 @@ class Entry:
 
 REFERENCE = "reference.exact"
 DETECTORS: dict[str, Entry] = {
-    REFERENCE: Entry("adapters.detectors.reference:ReferenceDetector", "numba", profile="exact"),
-    "reference.walk": Entry("adapters.detectors.reference:WalkDetector", "numba", profile="exact"),
-    "python-fcl": Entry("adapters.detectors.fcl:FclCollide", "fcl"),
-    "python-fcl.distance": Entry("adapters.detectors.fcl:FclDistance", "fcl"),
-    "coal": Entry("adapters.detectors.coal:CoalDetector", "coal"),
-    "coal.tight": Entry("adapters.detectors.coal:CoalDetector", "coal", "", "tight", (True,)),
-    "mujoco": Entry("adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco"),
-    "mujoco.tight": Entry("adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco", "tight", (True,)),
-    "bullet": Entry("adapters.detectors.bullet:BulletDetector", "pybullet", "bullet"),
-    "bullet.tight": Entry("adapters.detectors.bullet:BulletDetector", "pybullet", "bullet", "tight", (True,)),
-    "dart.fcl": Entry("adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("fcl",)),
-    "dart.bullet": Entry("adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("bullet",)),
-    "dart.dart": Entry("adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("dart",)),
+    REFERENCE: Entry("touchstone.adapters.detectors.reference:ReferenceDetector", "numba", profile="exact"),
+    "reference.walk": Entry("touchstone.adapters.detectors.reference:WalkDetector", "numba", profile="exact"),
+    "python-fcl": Entry("touchstone.adapters.detectors.fcl:FclCollide", "fcl"),
+    "python-fcl.distance": Entry("touchstone.adapters.detectors.fcl:FclDistance", "fcl"),
+    "coal": Entry("touchstone.adapters.detectors.coal:CoalDetector", "coal"),
+    "coal.tight": Entry("touchstone.adapters.detectors.coal:CoalDetector", "coal", "", "tight", (True,)),
+    "mujoco": Entry("touchstone.adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco"),
+    "mujoco.tight": Entry(
+        "touchstone.adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco", "tight", (True,)
+    ),
+    "bullet": Entry("touchstone.adapters.detectors.bullet:BulletDetector", "pybullet", "bullet"),
+    "bullet.tight": Entry(
+        "touchstone.adapters.detectors.bullet:BulletDetector", "pybullet", "bullet", "tight", (True,)
+    ),
+    "dart.fcl": Entry("touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("fcl",)),
+    "dart.bullet": Entry(
+        "touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("bullet",)
+    ),
+    "dart.dart": Entry(
+        "touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("dart",)
+    ),
 }
 
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from adapters.contract import Array, Scalar, Unsupported
-from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
+from touchstone.adapters.contract import Array, Scalar, Unsupported
+from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
+from touchstone.scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
 
 FAR = 100.0
 """Distance beyond which Bullet need not look [m]: more than any pair of the study has."""

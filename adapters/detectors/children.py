@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adapters.contract import Array
-from adapters.detectors import Batch, Detector, Follower, Pair, load
-from adapters.workers.process import PATIENCE, ChildProcess
+from touchstone.adapters.contract import Array
+from touchstone.adapters.detectors import Batch, Detector, Follower, Pair, load
+from touchstone.adapters.workers.process import PATIENCE, ChildProcess
 
 CROSSINGS = 8
 """Queries of the crossing pair per pass: some, for the first of them pays for cold caches."""

@@ -12,11 +12,11 @@ from typing import Any
 import coal
 import numpy as np
 
-from adapters.contract import Array, Scalar
-from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from adapters.engines.reference.reference_world import matrix
-from adapters.oracles.overlap import ITERATIONS, TOLERANCE, coal_shape
-from scenarios.scenario import Piece
+from touchstone.adapters.contract import Array, Scalar
+from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
+from touchstone.adapters.engines.reference.reference_world import matrix
+from touchstone.adapters.oracles.overlap import ITERATIONS, TOLERANCE, coal_shape
+from touchstone.scenarios.scenario import Piece
 
 
 class CoalDetector:

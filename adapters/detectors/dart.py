@@ -12,10 +12,10 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from adapters.contract import Array, Scalar
-from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from adapters.engines.dart.model import add_piece, isometry
-from scenarios.scenario import Piece, Shape
+from touchstone.adapters.contract import Array, Scalar
+from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
+from touchstone.adapters.engines.dart.model import add_piece, isometry
+from touchstone.scenarios.scenario import Piece, Shape
 
 CONTACTS = 1000
 """Contacts DART may report for a pair: its own default."""

@@ -14,10 +14,10 @@ import fcl
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from adapters.contract import Array, Scalar, Unsupported
-from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
-from adapters.engines.reference.reference_world import matrix
-from scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
+from touchstone.adapters.contract import Array, Scalar, Unsupported
+from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
+from touchstone.adapters.engines.reference.reference_world import matrix
+from touchstone.scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
 
 
 class FclCollide:

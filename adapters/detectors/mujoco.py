@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from adapters.contract import Array, Scalar
-from adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
-from adapters.engines.mujoco.model import add_piece
+from touchstone.adapters.contract import Array, Scalar
+from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
+from touchstone.adapters.engines.mujoco.model import add_piece
 
 FAR = 100.0
 """Distance beyond which MuJoCo need not look [m]: more than any pair of the study has."""

@@ -12,17 +12,17 @@ from importlib.metadata import version
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array, Scalar
-from adapters.detectors import UNCONVERGED, Answers, Failure, Pair
-from adapters.engines.reference.reference_world import piece_arrays
-from reference_impl.core import conventions
-from reference_impl.core.kernel import clock, kernel
-from reference_impl.core.state_dtype import STATE
-from reference_impl.core.world import BODY, PAIR
-from reference_impl.geometry.convex_depth import convex_depth
-from reference_impl.geometry.depth_cache import find_entry
-from reference_impl.geometry.depth_warm_start import warm_started_depth
-from reference_impl.geometry.shapes import place_piece
+from touchstone.adapters.contract import Array, Scalar
+from touchstone.adapters.detectors import UNCONVERGED, Answers, Failure, Pair
+from touchstone.adapters.engines.reference.reference_world import piece_arrays
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.core.world import BODY, PAIR
+from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.geometry.depth_cache import find_entry
+from touchstone.reference_impl.geometry.depth_warm_start import warm_started_depth
+from touchstone.reference_impl.geometry.shapes import place_piece
 
 FRAME_STEP = 0.01
 """How far B was in the frame before, over the smaller piece's size [1], and how much turned [rad]: half a

@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from scenarios.scenario import Body, Chain, Joint, Scenario, Tracker, Vector
+from touchstone.adapters.contract import Array
+from touchstone.scenarios.scenario import Body, Chain, Joint, Scenario, Tracker, Vector
 
 
 class Articulated:

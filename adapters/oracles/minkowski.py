@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from adapters.contract import Array
+from touchstone.adapters.contract import Array
 
 ON_SURFACE = 1e-14
 """Distance over size at which the origin counts as inside: rounding [1]."""

@@ -17,10 +17,10 @@ import pinocchio
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from adapters.oracles.articulated import Articulated
-from adapters.oracles.overlap import Pose, coal_shape, signed_distance
-from scenarios.scenario import Piece, Scenario, Tracker
+from touchstone.adapters.contract import Array
+from touchstone.adapters.oracles.articulated import Articulated
+from touchstone.adapters.oracles.overlap import Pose, coal_shape, signed_distance
+from touchstone.scenarios.scenario import Piece, Scenario, Tracker
 
 FREE = 1e-6
 """Overlap of a free posture at most [m]: what the reference's removal ends at."""

@@ -16,9 +16,9 @@ import fcl
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import AdapterError, Array
-from adapters.recording import Recording
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
+from touchstone.adapters.contract import AdapterError, Array
+from touchstone.adapters.recording import Recording
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""

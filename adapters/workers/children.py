@@ -15,11 +15,17 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from adapters.contract import AdapterError, Engine, Settings
-from adapters.recorder import ready, warm_up
-from adapters.registry import load
-from adapters.workers.process import PATIENCE, ChildProcess, divert_output, failure_of, interrupt_held
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import AdapterError, Engine, Settings
+from touchstone.adapters.recorder import ready, warm_up
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.process import (
+    PATIENCE,
+    ChildProcess,
+    divert_output,
+    failure_of,
+    interrupt_held,
+)
+from touchstone.scenarios.scenario import Scenario
 
 SLICE = 30
 """Displayed frames per turn: half a second of the scene."""

@@ -8,9 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from adapters.contract import MISSING, Engine
-from adapters.registry import ENGINES, installed, load, missing_reason
-from adapters.workers.process import ChildProcess
+from touchstone.adapters.contract import MISSING, Engine
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.process import ChildProcess
 
 Loader = Callable[[str], Engine]
 PATIENCE = 60.0

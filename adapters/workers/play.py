@@ -1,6 +1,6 @@
 """One call that plays a scene on several engines and keeps what each of them did.
 
-    from adapters.workers.play import play
+    from touchstone.adapters.workers.play import play
     runs = play(scenario, ("reference", "dart", ("reference", "accurate")))
     runs["dart", "recommended"].recording.position
 
@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from adapters.contract import MISSING, Settings
-from adapters.recording import Recording, load
-from adapters.registry import ENGINES, installed, missing_reason, profiles_of
-from adapters.workers.children import Children, Job
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import MISSING, Settings
+from touchstone.adapters.recording import Recording, load
+from touchstone.adapters.registry import ENGINES, installed, missing_reason, profiles_of
+from touchstone.adapters.workers.children import Children, Job
+from touchstone.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True)

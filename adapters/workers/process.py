@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
 
-from adapters.contract import UNIMPORTABLE, AdapterError
+from touchstone.adapters.contract import UNIMPORTABLE, AdapterError
 
 PATIENCE = 300.0
 """Seconds a child may take for one command before it counts as hung: a cold compilation takes about 40."""
@@ -53,6 +53,21 @@ def one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
+@contextmanager
+def main_left_out() -> Iterator[None]:
+    """Keep processes that start meanwhile from importing the caller's main module: servers need nothing of
+    it, and a script without a `__main__` guard would run again in each."""
+    main = sys.modules["__main__"]
+    before: dict[str, Any] = {
+        name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)
+    }
+    main.__dict__.update(dict.fromkeys(before))
+    try:
+        yield
+    finally:
+        main.__dict__.update(before)
+
+
 class Server(Protocol):
     """What obeys commands in a child."""
 
@@ -72,7 +87,7 @@ class ChildProcess:
         self._patience = patience
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=obey, args=(theirs, output, server, arguments), daemon=True)
-        with interrupt_held(), one_thread():
+        with interrupt_held(), one_thread(), main_left_out():
             self._process.start()
         theirs.close()
 

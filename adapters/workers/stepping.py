@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from adapters.contract import Array, Engine, Settings, World
-from adapters.recorder import frame_seconds, undisturbed
-from adapters.registry import load
-from adapters.workers.process import PATIENCE, ChildProcess
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Array, Engine, Settings, World
+from touchstone.adapters.recorder import frame_seconds, undisturbed
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.process import PATIENCE, ChildProcess
+from touchstone.scenarios.scenario import Scenario
 
 Loader = Callable[[str], Engine]
 

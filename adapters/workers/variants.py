@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from adapters.contract import AdapterError, Array, Engine, Settings, State, World
-from adapters.divergence import Watch
-from adapters.motion_bounds import bounds, planned
-from adapters.recorder import frame_seconds, ready, undisturbed, warm_up
-from adapters.registry import load
-from adapters.workers.process import PATIENCE, ChildProcess
-from adapters.workers.stepping import Loader
-from scenarios.effects import plan
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import AdapterError, Array, Engine, Settings, State, World
+from touchstone.adapters.divergence import Watch
+from touchstone.adapters.motion_bounds import bounds, planned
+from touchstone.adapters.recorder import frame_seconds, ready, undisturbed, warm_up
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.process import PATIENCE, ChildProcess
+from touchstone.adapters.workers.stepping import Loader
+from touchstone.scenarios.effects import plan
+from touchstone.scenarios.scenario import Scenario
 
 PLANS = 3
 """Times that a scene is planned against the clock, after once without."""

@@ -1,9 +1,9 @@
 """Collision detection of one instant: boxes, pairs, depths."""
 
-from reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
-from reference_impl.broad_phase.sweep_and_prune import find_pairs
-from reference_impl.continuous.swept_motion import swept_box
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
+from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
+from touchstone.reference_impl.continuous.swept_motion import swept_box
+from touchstone.reference_impl.core.conventions import (
     COUNT_CONTACTING,
     COUNT_CONTACTS,
     COUNT_LOST,
@@ -15,10 +15,10 @@ from reference_impl.core.conventions import (
     STAGE_COLLISION,
     TOUCH_DISTANCE,
 )
-from reference_impl.core.kernel import clock, kernel
-from reference_impl.driven.skeleton import are_adjacent
-from reference_impl.geometry.depth_warm_start import pair_depth
-from reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.driven.skeleton import are_adjacent
+from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
+from touchstone.reference_impl.geometry.shapes import place_piece
 
 
 @kernel

@@ -11,8 +11,8 @@ Catto 2019, Dynamic bounding volume hierarchies.)
 
 from math import sqrt
 
-from reference_impl.broad_phase.sweep_and_prune import find_pairs
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
+from touchstone.reference_impl.core.conventions import (
     DETECTION_SWEEP,
     DRIVEN,
     FAT_BOUNDS_FRAMES,
@@ -25,10 +25,10 @@ from reference_impl.core.conventions import (
     SPHERE,
     TOUCH_DISTANCE,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.driven.skeleton import are_adjacent
-from reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.driven.skeleton import are_adjacent
+from touchstone.reference_impl.geometry.shapes import place_piece
 
 
 @kernel

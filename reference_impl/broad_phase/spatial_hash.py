@@ -12,7 +12,7 @@ past n^(2/3) others.
 
 from math import floor, frexp, inf, ldexp
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     COLUMN_FAR,
     COLUMN_LEVELS,
     COLUMN_SHARE,
@@ -23,7 +23,7 @@ from reference_impl.core.conventions import (
     SIMULATED,
     SPATIAL_HASH_PIECE_COUNT,
 )
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import kernel
 
 HASH_Y, HASH_Z, HASH_LEVEL = 73856093, 19349663, 83492791
 """Primes of Teschner et al."""

@@ -2,9 +2,9 @@
 
 from math import ldexp
 
-from reference_impl.broad_phase.spatial_hash import arrange, bound_column, cell_index, find_column
-from reference_impl.core.conventions import DRIVEN, SIMULATED
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.broad_phase.spatial_hash import arrange, bound_column, cell_index, find_column
+from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel

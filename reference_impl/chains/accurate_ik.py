@@ -2,7 +2,7 @@
 
 from math import inf
 
-from reference_impl.chains.ccd_ik import (
+from touchstone.reference_impl.chains.ccd_ik import (
     ccd_ik,
     distance,
     keep_in_cones,
@@ -10,7 +10,7 @@ from reference_impl.chains.ccd_ik import (
     pose_chain,
     return_to_last,
 )
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     IK_DAMPING_FALL,
     IK_DAMPING_MAX,
     IK_DAMPING_MIN,
@@ -19,8 +19,8 @@ from reference_impl.core.conventions import (
     IK_RESTARTS,
     RANDOM_PRIME,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import invert_symmetric, rotate
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import invert_symmetric, rotate
 
 
 @kernel

@@ -6,7 +6,7 @@ pose that share is almost 1: every third pass may therefore be carried on to whe
 
 from math import acos, atan2, cos, sin, sqrt
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     ANGLE_ACOS,
     IK_LEVER,
     IK_RATIO_MAX,
@@ -15,10 +15,10 @@ from reference_impl.core.conventions import (
     IK_STRIDE,
     PASSES_EXTRAPOLATED,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import rotate
-from reference_impl.driven.reach_cone import keep_in_cone, project, take_angles, turn_about
-from reference_impl.driven.skeleton import hang, measure_angle
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import rotate
+from touchstone.reference_impl.driven.reach_cone import keep_in_cone, project, take_angles, turn_about
+from touchstone.reference_impl.driven.skeleton import hang, measure_angle
 
 
 @kernel

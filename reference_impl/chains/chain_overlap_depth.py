@@ -1,6 +1,6 @@
 """By how much the overlap of a pair is a chain's to resolve by `ccd_ik`, and which side of it that moves."""
 
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel

@@ -2,9 +2,9 @@
 
 from math import atan2, pi
 
-from reference_impl.chains.ccd_ik import ccd_ik, distance, pose_angles
-from reference_impl.chains.chain_overlap_depth import chain_depth
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.chains.ccd_ik import ccd_ik, distance, pose_angles
+from touchstone.reference_impl.chains.chain_overlap_depth import chain_depth
+from touchstone.reference_impl.core.conventions import (
     ALONG_COSINE,
     BEND_ROUNDS,
     BEND_SHARE,
@@ -14,9 +14,9 @@ from reference_impl.core.conventions import (
     COUNT_IK_JOINTS,
     STRETCHED_SHARE,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import matrix_of
-from reference_impl.driven.skeleton import hang, measure_angle
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import matrix_of
+from touchstone.reference_impl.driven.skeleton import hang, measure_angle
 
 
 @kernel

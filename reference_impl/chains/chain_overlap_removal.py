@@ -1,12 +1,12 @@
 """Links of chains are freed of overlap, by inverse kinematics or by the least turn (method, section 4)."""
 
-from reference_impl.broad_phase.detection import detect_for
-from reference_impl.chains.accurate_ik import next_random
-from reference_impl.chains.chain_overlap_depth import chain_depth
-from reference_impl.chains.chain_overlap_ik import aim, bend, bring_out
-from reference_impl.chains.posture_constraints import chains_depth, gather_constraints
-from reference_impl.chains.posture_qp import apply_turns, missed_share, solve_posture_qp
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.detection import detect_for
+from touchstone.reference_impl.chains.accurate_ik import next_random
+from touchstone.reference_impl.chains.chain_overlap_depth import chain_depth
+from touchstone.reference_impl.chains.chain_overlap_ik import aim, bend, bring_out
+from touchstone.reference_impl.chains.posture_constraints import chains_depth, gather_constraints
+from touchstone.reference_impl.chains.posture_qp import apply_turns, missed_share, solve_posture_qp
+from touchstone.reference_impl.core.conventions import (
     BEND_ROUNDS,
     CHAIN_ROUNDS,
     COUNT_IK_ROUNDS,
@@ -16,8 +16,8 @@ from reference_impl.core.conventions import (
     QP_TURN_MAX,
     STRETCHED_SHARE,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.driven.skeleton import pose_chain_links, pose_moved
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.driven.skeleton import pose_chain_links, pose_moved
 
 
 @kernel

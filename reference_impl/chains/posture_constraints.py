@@ -7,8 +7,8 @@ whole. Points met before therefore stay while their pair touches: the ankle does
 heel and back.
 """
 
-from reference_impl.core.conventions import CONSTRAINT_ALIKE, POSTURE_CONSTRAINTS, QP_CLEARANCE
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.conventions import CONSTRAINT_ALIKE, POSTURE_CONSTRAINTS, QP_CLEARANCE
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel

@@ -10,8 +10,8 @@ after the other, with the angles cut off at their limits. Depths may be missed b
 QP_LEVER)^2, or near a stretched posture turns would have no bound.
 """
 
-from reference_impl.chains.ccd_ik import keep_in_cones
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
+from touchstone.reference_impl.core.conventions import (
     COUNT_IK_ITERATIONS,
     COUNT_IK_JOINTS,
     QP_LEVER,
@@ -21,8 +21,8 @@ from reference_impl.core.conventions import (
     QP_SWEEPS,
     QP_TOLERANCE,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import rotate
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import rotate
 
 
 @kernel

@@ -7,10 +7,10 @@ obstacle, along the normal found at the impact. With DETECTION_FAST only links t
 the width of both are swept.
 """
 
-from reference_impl.broad_phase.detection import find_swept_pairs
-from reference_impl.continuous.swept_motion import is_fast_pair, set_path, shown_motion
-from reference_impl.continuous.time_of_impact import gap_along, time_of_impact
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.detection import find_swept_pairs
+from touchstone.reference_impl.continuous.swept_motion import is_fast_pair, set_path, shown_motion
+from touchstone.reference_impl.continuous.time_of_impact import gap_along, time_of_impact
+from touchstone.reference_impl.core.conventions import (
     COUNT_UNCONVERGED,
     DETECTION_FAST,
     DETECTION_SWEEP,
@@ -24,11 +24,11 @@ from reference_impl.core.conventions import (
     SEGMENT_TURN,
     STAGE_COLLISION,
 )
-from reference_impl.core.kernel import clock, kernel
-from reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
-from reference_impl.driven.global_depth import side_of
-from reference_impl.driven.overlap_removal import interpolate, restore_entry, store_entry
-from reference_impl.driven.skeleton import pose_links, pose_moved
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
+from touchstone.reference_impl.driven.global_depth import side_of
+from touchstone.reference_impl.driven.overlap_removal import interpolate, restore_entry, store_entry
+from touchstone.reference_impl.driven.skeleton import pose_links, pose_moved
 
 
 @kernel

@@ -1,9 +1,9 @@
 """The earliest impact of a substep: by sweeps, or among the pairs that overlap at its end (section 5)."""
 
-from reference_impl.broad_phase.detection import is_marked
-from reference_impl.continuous.swept_motion import is_fast_pair
-from reference_impl.continuous.time_of_impact import distance_at, time_of_impact
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.detection import is_marked
+from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
+from touchstone.reference_impl.continuous.time_of_impact import distance_at, time_of_impact
+from touchstone.reference_impl.core.conventions import (
     COUNT_EVENTS,
     COUNT_UNCONVERGED,
     DETECTION_SWEEP,
@@ -17,8 +17,8 @@ from reference_impl.core.conventions import (
     SINKING_SLACK,
     TOUCH_DISTANCE,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.geometry.contact_manifold import is_polyhedral
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 
 
 @kernel

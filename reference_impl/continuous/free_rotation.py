@@ -14,7 +14,7 @@ steps of SPIN_STEP.
 
 from math import sqrt
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     FLIGHT_EULER,
     SPIN_ROUNDING,
     SPIN_STEP,
@@ -22,8 +22,8 @@ from reference_impl.core.conventions import (
     SPIN_TERMS,
     STEADY_SPIN,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import (
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import (
     conjugate_by,
     copy_quaternion,
     invert_symmetric,

@@ -7,11 +7,11 @@ not move (`moves` is 0) stays as it is.
 
 from math import sqrt
 
-from reference_impl.continuous.free_rotation import free_omega, rotation_at
-from reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, FLIGHT_EULER, HULL
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import matrix_of, rotate, rotation_between, turn
-from reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.continuous.free_rotation import free_omega, rotation_at
+from touchstone.reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, FLIGHT_EULER, HULL
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import matrix_of, rotate, rotation_between, turn
+from touchstone.reference_impl.geometry.shapes import place_piece
 
 
 @kernel

@@ -22,7 +22,7 @@ from math import sqrt
 
 import numpy as np
 
-from reference_impl.continuous.swept_motion import (
+from touchstone.reference_impl.continuous.swept_motion import (
     center_speed,
     lever_of,
     most_curl,
@@ -30,11 +30,11 @@ from reference_impl.continuous.swept_motion import (
     point_speed,
     pose_along,
 )
-from reference_impl.core.conventions import LEAP_CUT, SHARPENING_SHIFT, TIME_OF_IMPACT_STEPS
-from reference_impl.core.kernel import kernel
-from reference_impl.geometry.convex_depth import convex_depth
-from reference_impl.geometry.gjk import add_support, enter_frame
-from reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.core.conventions import LEAP_CUT, SHARPENING_SHIFT, TIME_OF_IMPACT_STEPS
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.geometry.gjk import add_support, enter_frame
+from touchstone.reference_impl.geometry.shapes import place_piece
 
 
 @kernel

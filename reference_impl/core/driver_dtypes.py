@@ -1,7 +1,7 @@
 """Rows of the arrays of joints and drivers."""
 
-from reference_impl.core.conventions import CHAIN_JOINTS, POSTURE_CONSTRAINTS
-from reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
+from touchstone.reference_impl.core.conventions import CHAIN_JOINTS, POSTURE_CONSTRAINTS
+from touchstone.reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
 
 CONE_CORNERS = 12
 """Corners a reach cone may have."""

@@ -11,14 +11,14 @@ import numba
 from numba.core import config, types
 from numba.core.compiler_lock import global_compiler_lock
 
-from reference_impl.core.kernel_cache import CACHE_FOLDER
+from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
 
 JIT = not config.DISABLE_JIT
 LINK_BY_NAME = None
 """Function that lets kernels call a kernel at its address; None where they copy its code."""
 if JIT:
     try:
-        from reference_impl.core.kernel_linking import link_by_name as LINK_BY_NAME
+        from touchstone.reference_impl.core.kernel_linking import link_by_name as LINK_BY_NAME
     except ImportError as error:
         warnings.warn(
             f"{error}: kernels are copied into their callers, and compile in three times the time",

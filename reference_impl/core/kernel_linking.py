@@ -15,7 +15,7 @@ from pathlib import Path
 import llvmlite.binding
 from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc, imputils
 
-from reference_impl.core.kernel_cache import CACHE_FOLDER, PACKAGE, is_key_valid, note_import
+from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER, PACKAGE, is_key_valid, note_import
 
 LINES_COPIED = 200
 """Lines of optimised LLVM text up to which a kernel is linked into its callers [-]: LLVM inlines no larger

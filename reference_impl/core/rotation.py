@@ -2,7 +2,7 @@
 
 from math import atan2, cos, sin, sqrt
 
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import kernel
 
 SMALL_ANGLE = 1e-8
 """Angle below which sin(x) / x is 1 to rounding [rad]."""

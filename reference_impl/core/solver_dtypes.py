@@ -1,6 +1,6 @@
 """Records of the contact solver: one island's rows and movers, and the matrix of its Newton steps."""
 
-from reference_impl.core.dtypes import MATRIX, VECTOR, record
+from touchstone.reference_impl.core.dtypes import MATRIX, VECTOR, record
 
 ROW_CAPACITY = 16_384
 """Contact points of one island; more are dropped and counted as lost."""

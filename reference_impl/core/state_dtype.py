@@ -1,6 +1,6 @@
 """The record of settings, clocks, counters and scratch."""
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     COLUMN_LEVELS,
     COUNTERS,
     DEPTH_CACHE_SIZE,
@@ -9,8 +9,8 @@ from reference_impl.core.conventions import (
     STAGES,
     WARM_START_CAPACITY,
 )
-from reference_impl.core.dtypes import MATRIX, VECTOR, record
-from reference_impl.core.solver_dtypes import SOLVER
+from touchstone.reference_impl.core.dtypes import MATRIX, VECTOR, record
+from touchstone.reference_impl.core.solver_dtypes import SOLVER
 
 MATERIAL_CAPACITY = 8
 """Materials a world may hold: the two tables of `STATE` have this many rows."""

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference_impl.core.conventions import SPIN_TERMS
-from reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
+from touchstone.reference_impl.core.conventions import SPIN_TERMS
+from touchstone.reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
 
 GUARD = record(
     state="i8",  # of a body while the guard runs: 0 not seen, 1 summed up, 2 done

@@ -12,17 +12,17 @@ as a whole, or by what a lag of ATTRACTION_TIME would turn it.
 
 from math import exp, inf, sqrt
 
-from reference_impl.chains.posture_constraints import drop_constraints
-from reference_impl.chains.posture_qp import apply_turns, solve_posture_qp
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.chains.posture_constraints import drop_constraints
+from touchstone.reference_impl.chains.posture_qp import apply_turns, solve_posture_qp
+from touchstone.reference_impl.core.conventions import (
     ATTRACTION_MOST,
     ATTRACTION_SETTLED,
     ATTRACTION_TIME,
     ATTRACTION_TURN,
     POSTURE_LEAST_TURN,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.driven.skeleton import pose_moved
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.driven.skeleton import pose_moved
 
 
 @kernel

@@ -2,8 +2,8 @@
 
 from math import sqrt
 
-from reference_impl.core.conventions import TRUNK_OFFSET
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.conventions import TRUNK_OFFSET
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel

@@ -7,9 +7,9 @@ the seven ways to lie on the new one. |x| grows with every plane, so none return
 
 from math import inf, sqrt
 
-from reference_impl.core.conventions import MIN_NORM_PLANES, PARALLEL_SINE, PLANE_TOLERANCE
-from reference_impl.core.kernel import kernel
-from reference_impl.driven.global_depth import side_of
+from touchstone.reference_impl.core.conventions import MIN_NORM_PLANES, PARALLEL_SINE, PLANE_TOLERANCE
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.driven.global_depth import side_of
 
 
 @kernel

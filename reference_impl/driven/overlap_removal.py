@@ -1,11 +1,11 @@
 """The driven loop: driven bodies are freed of overlap by translation, their chains by inverse kinematics, or
 go back to their last free pose."""
 
-from reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
-from reference_impl.broad_phase.fat_bounds import inside_fat_bounds
-from reference_impl.chains.ccd_ik import keep_in_cones
-from reference_impl.chains.chain_overlap_removal import free_chains, shuffle_chains
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
+from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
+from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
+from touchstone.reference_impl.chains.chain_overlap_removal import free_chains, shuffle_chains
+from touchstone.reference_impl.core.conventions import (
     COUNT_GAVE_UP,
     COUNT_ROUNDS,
     COUNT_WAY_BACK,
@@ -23,11 +23,11 @@ from reference_impl.core.conventions import (
     VANISHING_SHIFT,
     WAY_BACK_STEPS,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
-from reference_impl.driven.global_depth import global_depth, largest_depth, side_of
-from reference_impl.driven.min_norm_translation import min_norm_translation
-from reference_impl.driven.skeleton import place, pose_links, pose_moved
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
+from touchstone.reference_impl.driven.global_depth import global_depth, largest_depth, side_of
+from touchstone.reference_impl.driven.min_norm_translation import min_norm_translation
+from touchstone.reference_impl.driven.skeleton import place, pose_links, pose_moved
 
 
 @kernel

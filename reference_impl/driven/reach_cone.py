@@ -7,10 +7,10 @@ Rx(q1) Ry(q2) Rz(q3); its last column is the bone, its first, the mark, tells th
 
 from math import atan2, cos, pi, sin, sqrt
 
-from reference_impl.core.conventions import CONE_SLACK, GIMBAL_COSINE, HALF_TURN, LIMIT_SLACK
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.driven.skeleton import measure_angle
+from touchstone.reference_impl.core.conventions import CONE_SLACK, GIMBAL_COSINE, HALF_TURN, LIMIT_SLACK
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.driven.skeleton import measure_angle
 
 
 @kernel

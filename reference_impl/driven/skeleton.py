@@ -4,8 +4,8 @@ from math import cos, nan, sin
 
 import numpy as np
 
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import (
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import (
     conjugate_by,
     copy_quaternion,
     copy_vector,

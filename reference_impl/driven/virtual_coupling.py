@@ -2,9 +2,9 @@
 
 from math import cos, cosh, exp, sin, sinh, sqrt
 
-from reference_impl.core.conventions import NEAR_CRITICAL
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import rotation_between, turn
+from touchstone.reference_impl.core.conventions import NEAR_CRITICAL
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import rotation_between, turn
 
 
 @kernel

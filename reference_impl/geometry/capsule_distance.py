@@ -6,8 +6,8 @@ and EPA would do as well, but not where two cores cross: their difference is fla
 
 from math import sqrt
 
-from reference_impl.core.conventions import CAPSULE, PARALLEL_SINE, SPHERE, TOUCHING_DISTANCE_SHARE
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.conventions import CAPSULE, PARALLEL_SINE, SPHERE, TOUCHING_DISTANCE_SHARE
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel

@@ -9,7 +9,7 @@ face is z = p[0] x + p[1] y + p[2].
 
 from math import sqrt
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     BOX,
     CAPSULE,
     HULL,
@@ -17,7 +17,7 @@ from reference_impl.core.conventions import (
     MANIFOLD_VERTICES,
     TOUCH_DISTANCE,
 )
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import kernel
 
 NEVER = 1e300
 """Beyond any height [m]."""

@@ -7,12 +7,23 @@ distance from below, the witnesses from above.
 
 from math import isfinite, sqrt
 
-from reference_impl.core.conventions import BOX, SHARPENING_SHIFT, STAGNATION_GAP, TOUCHING_DISTANCE_SHARE
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector, rotate
-from reference_impl.geometry.capsule_distance import have_segments, segment_distance
-from reference_impl.geometry.epa import deepest_face
-from reference_impl.geometry.gjk import add_support, enter_frame, inward, nearest_on_simplex, shift_simplex
+from touchstone.reference_impl.core.conventions import (
+    BOX,
+    SHARPENING_SHIFT,
+    STAGNATION_GAP,
+    TOUCHING_DISTANCE_SHARE,
+)
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector, rotate
+from touchstone.reference_impl.geometry.capsule_distance import have_segments, segment_distance
+from touchstone.reference_impl.geometry.epa import deepest_face
+from touchstone.reference_impl.geometry.gjk import (
+    add_support,
+    enter_frame,
+    inward,
+    nearest_on_simplex,
+    shift_simplex,
+)
 
 
 @kernel

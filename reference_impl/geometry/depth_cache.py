@@ -7,7 +7,7 @@ grow old, but never wrong: what it proposes is proved at the poses of the day.
 
 import numpy as np
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     BOX,
     BOX_FACE_COSINE,
     DEPTH_CACHE_BUCKETS,
@@ -15,8 +15,8 @@ from reference_impl.core.conventions import (
     HULL,
     STEADY_LOOKUPS,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.geometry.shapes import local_corner, local_support, turned
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.geometry.shapes import local_corner, local_support, turned
 
 SHORT = 1e-290
 """Squared length below which an edge has none [m^2]: its corners are one."""

@@ -12,7 +12,7 @@ Anything else goes on from the remembered corners by GJK and EPA, and ends exact
 
 from math import sqrt
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     COUNT_CERTIFIED,
     COUNT_EXACT,
     COUNT_WALKED,
@@ -25,17 +25,17 @@ from reference_impl.core.conventions import (
     WARM_START_GAP,
     WARM_START_SLACK,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.geometry.capsule_distance import have_segments, segment_distance
-from reference_impl.geometry.convex_depth import (
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.geometry.capsule_distance import have_segments, segment_distance
+from touchstone.reference_impl.geometry.convex_depth import (
     convex_depth,
     leave_frame,
     scale_of,
     witnesses,
     witnesses_in_overlap,
 )
-from reference_impl.geometry.depth_cache import (
+from touchstone.reference_impl.geometry.depth_cache import (
     NO_FACE,
     find_entry,
     pose_vertex,
@@ -43,9 +43,9 @@ from reference_impl.geometry.depth_cache import (
     store_entry_of_pair,
     triple,
 )
-from reference_impl.geometry.epa import deepest_face
-from reference_impl.geometry.gjk import enter_frame, nearest_on_simplex, triangle_normal
-from reference_impl.geometry.shapes import turned
+from touchstone.reference_impl.geometry.epa import deepest_face
+from touchstone.reference_impl.geometry.gjk import enter_frame, nearest_on_simplex, triangle_normal
+from touchstone.reference_impl.geometry.shapes import turned
 
 
 @kernel

@@ -14,7 +14,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     DEGENERATE_HEIGHT,
     DEPTH_TOLERANCE,
     EPA_FACES,
@@ -23,9 +23,15 @@ from reference_impl.core.conventions import (
     STAGNATION_GAP,
     TOUCHING_DISTANCE_SHARE,
 )
-from reference_impl.core.kernel import inlined_kernel, kernel
-from reference_impl.geometry.epa_start import first_tetrahedron, flat_normal
-from reference_impl.geometry.gjk import add_support, inline_support, inward, repeats, triangle_normal
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.geometry.epa_start import first_tetrahedron, flat_normal
+from touchstone.reference_impl.geometry.gjk import (
+    add_support,
+    inline_support,
+    inward,
+    repeats,
+    triangle_normal,
+)
 
 DEAD = inf
 """Key of a face that is no more."""

@@ -2,9 +2,9 @@
 
 from math import sqrt
 
-from reference_impl.core.conventions import SIMPLEX_GROWTH
-from reference_impl.core.kernel import kernel
-from reference_impl.geometry.gjk import add_support, inward, triangle_normal
+from touchstone.reference_impl.core.conventions import SIMPLEX_GROWTH
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.geometry.gjk import add_support, inward, triangle_normal
 
 RING = ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75)))
 """Three directions in a plane, 120 degrees apart."""

@@ -7,9 +7,9 @@ The Minkowski difference of A and B is {a - b}, in B's frame. A simplex of up to
 
 from math import sqrt
 
-from reference_impl.core.conventions import DISTANCE_TOLERANCE, FLAT_HEIGHT, GJK_CAP, SLIVER_SINE
-from reference_impl.core.kernel import inlined_kernel, kernel
-from reference_impl.geometry.shapes import local_support
+from touchstone.reference_impl.core.conventions import DISTANCE_TOLERANCE, FLAT_HEIGHT, GJK_CAP, SLIVER_SINE
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.geometry.shapes import local_support
 
 INSIDE = 15
 """Mask of all four vertices: the tetrahedron holds the origin."""

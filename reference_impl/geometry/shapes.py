@@ -8,9 +8,9 @@ from math import inf, sqrt
 
 import numpy as np
 
-from reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, HULL
-from reference_impl.core.kernel import inlined_kernel, kernel
-from reference_impl.core.rotation import multiply, rotate
+from touchstone.reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, HULL
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import multiply, rotate
 
 FAINT, HUGE = 1e-290, 1e290
 """Sums of a direction's components between which its shares are neither lost nor infinite [1]."""

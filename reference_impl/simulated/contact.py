@@ -1,7 +1,7 @@
 """A contact between two bodies: velocities and mobility at its point, and what an impulse does to both."""
 
-from reference_impl.core.kernel import kernel
-from reference_impl.driven.skeleton import move_links
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.driven.skeleton import move_links
 
 
 @kernel

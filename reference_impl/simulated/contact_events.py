@@ -6,15 +6,15 @@ under FLIGHT_EULER, which takes the last velocity for the mean, nor in a crowded
 
 from math import sqrt
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     EVENT_CAP,
     FLIGHT_EULER,
     NO_FLOOR,
     SLIDE_MIN,
     SLIP_MIN,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.simulated.contact import relative_velocity
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.simulated.contact import relative_velocity
 
 
 @kernel

@@ -1,9 +1,9 @@
 """The log of a frame's contacts: one row per impulse, with the surface velocities before and after it."""
 
-from reference_impl.core.conventions import COUNT_LOST
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.simulated.contact import surface_velocity
+from touchstone.reference_impl.core.conventions import COUNT_LOST
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.simulated.contact import surface_velocity
 
 
 @kernel

@@ -9,11 +9,11 @@ one rigid body, which keeps its momenta (`island_motion`). Islands that a driver
 
 from math import sqrt
 
-from reference_impl.core.conventions import ENERGY_ROUNDING, SIMULATED, UNPAID_ROUNDING
-from reference_impl.core.kernel import kernel
-from reference_impl.simulated.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
-from reference_impl.simulated.separation import kinetic_energy
-from reference_impl.solver.islands import join_islands, mover_of
+from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING, SIMULATED, UNPAID_ROUNDING
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.simulated.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
+from touchstone.reference_impl.simulated.separation import kinetic_energy
+from touchstone.reference_impl.solver.islands import join_islands, mover_of
 
 
 @kernel

@@ -8,7 +8,7 @@ and a break of equal balls stays symmetric. The answer does not depend on the or
 
 from math import sqrt
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     COUNT_GUARDED,
     COUNT_IMPULSES,
@@ -17,19 +17,19 @@ from reference_impl.core.conventions import (
     NO_FLOOR,
     SETTLE_MIN,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.simulated.contact import (
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.simulated.contact import (
     apply_to_both,
     approach_speed,
     contact_mobility,
     relative_velocity,
 )
-from reference_impl.simulated.contact_log import close_row, log_contact, log_held
-from reference_impl.simulated.impulse import contact_impulse, resting_restitution
-from reference_impl.simulated.island_impact import strike_together, to_middle
-from reference_impl.solver.contact_solver import begin_row, solve_contacts
-from reference_impl.solver.islands import mover_of
+from touchstone.reference_impl.simulated.contact_log import close_row, log_contact, log_held
+from touchstone.reference_impl.simulated.impulse import contact_impulse, resting_restitution
+from touchstone.reference_impl.simulated.island_impact import strike_together, to_middle
+from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
+from touchstone.reference_impl.solver.islands import mover_of
 
 
 @kernel

@@ -14,8 +14,13 @@ convex, holds p. Where both stick, s e is the largest that does not gain: sqrt(v
 
 from math import sqrt
 
-from reference_impl.core.conventions import ENERGY_ROUNDING, FRICTION_PAPER, RESTITUTION_NEWTON, SLIP_MIN
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.conventions import (
+    ENERGY_ROUNDING,
+    FRICTION_PAPER,
+    RESTITUTION_NEWTON,
+    SLIP_MIN,
+)
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel

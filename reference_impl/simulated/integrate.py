@@ -1,17 +1,28 @@
 """Velocities and poses of simulated bodies over a substep."""
 
-from reference_impl.continuous.free_rotation import free_omega, is_isotropic, refresh_inertia, rotate_freely
-from reference_impl.continuous.swept_motion import (
+from touchstone.reference_impl.continuous.free_rotation import (
+    free_omega,
+    is_isotropic,
+    refresh_inertia,
+    rotate_freely,
+)
+from touchstone.reference_impl.continuous.swept_motion import (
     flight_motion,
     flight_way,
     largest_angle,
     pose_along,
     set_path,
 )
-from reference_impl.core.conventions import SIMULATED
-from reference_impl.core.kernel import inlined_kernel, kernel
-from reference_impl.core.rotation import copy_quaternion, copy_vector, invert_symmetric, matrix_of, rotate
-from reference_impl.driven.skeleton import move_links
+from touchstone.reference_impl.core.conventions import SIMULATED
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import (
+    copy_quaternion,
+    copy_vector,
+    invert_symmetric,
+    matrix_of,
+    rotate,
+)
+from touchstone.reference_impl.driven.skeleton import move_links
 
 
 @kernel

@@ -1,18 +1,18 @@
 """Impacts solved as one per island, and the energy guard that judges an island as a whole."""
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     COUNT_GUARDED,
     COUNT_IMPULSES,
     ENERGY_ROUNDING,
     RESTITUTION_GUARDED,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.simulated.contact import apply_to_both, relative_velocity
-from reference_impl.simulated.impulse import lossless_share
-from reference_impl.solver.contact_solver import solve_island
-from reference_impl.solver.islands import is_head, join_islands
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.simulated.contact import apply_to_both, relative_velocity
+from touchstone.reference_impl.simulated.impulse import lossless_share
+from touchstone.reference_impl.solver.contact_solver import solve_island
+from touchstone.reference_impl.solver.islands import is_head, join_islands
 
 
 @kernel

@@ -6,10 +6,10 @@ overlapping bodies are separated. The difference is restored by a rigid rotation
 changes no velocity between bodies that touch.
 """
 
-from reference_impl.continuous.free_rotation import is_isotropic
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import conjugate_by, invert_symmetric, rotate
-from reference_impl.solver.islands import island_of
+from touchstone.reference_impl.continuous.free_rotation import is_isotropic
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import conjugate_by, invert_symmetric, rotate
+from touchstone.reference_impl.solver.islands import island_of
 
 
 @kernel

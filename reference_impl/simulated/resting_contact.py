@@ -1,6 +1,6 @@
 """Contacts that hold: impulses over a substep that keep touching pairs from approaching (section 5)."""
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     FLIGHT_BALLISTIC,
     IMPULSE_CAP,
@@ -11,14 +11,14 @@ from reference_impl.core.conventions import (
     STOP_SHARE,
     STOP_SHORT,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.simulated.contact import approach_speed
-from reference_impl.simulated.contact_events import first_stop, note_free_slip
-from reference_impl.simulated.contact_log import log_held
-from reference_impl.simulated.impact import fastest_row, rest_speed, strike
-from reference_impl.simulated.integrate import apply_forces, begin_again
-from reference_impl.solver.contact_solver import begin_row, solve_contacts
-from reference_impl.solver.warm_start import load_impulse, store_impulses
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.simulated.contact import approach_speed
+from touchstone.reference_impl.simulated.contact_events import first_stop, note_free_slip
+from touchstone.reference_impl.simulated.contact_log import log_held
+from touchstone.reference_impl.simulated.impact import fastest_row, rest_speed, strike
+from touchstone.reference_impl.simulated.integrate import apply_forces, begin_again
+from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
+from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
 
 @kernel

@@ -1,8 +1,8 @@
 """Simulated bodies that sank into each other or into others while their contacts held are parted again."""
 
-from reference_impl.broad_phase.detection import detect, is_free, place_listed
-from reference_impl.continuous.free_rotation import is_isotropic
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.detection import detect, is_free, place_listed
+from touchstone.reference_impl.continuous.free_rotation import is_isotropic
+from touchstone.reference_impl.core.conventions import (
     COUNT_GAVE_UP,
     COUNT_ROUNDS,
     IMPULSES_TOGETHER,
@@ -12,8 +12,8 @@ from reference_impl.core.conventions import (
     SEPARATION_SWEEPS,
     SIMULATED,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.driven.skeleton import place
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.driven.skeleton import place
 
 
 @kernel

@@ -10,10 +10,10 @@ their gap along a normal (speculative contacts: Anitescu & Potra 1997; Catto 201
 
 from math import ceil, sqrt
 
-from reference_impl.broad_phase.detection import detect, find_swept_pairs, set_coefficients
-from reference_impl.continuous.swept_motion import lever_of
-from reference_impl.continuous.time_of_impact import gap_along, place_pair, time_of_impact
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.detection import detect, find_swept_pairs, set_coefficients
+from touchstone.reference_impl.continuous.swept_motion import lever_of
+from touchstone.reference_impl.continuous.time_of_impact import gap_along, place_pair, time_of_impact
+from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     COUNT_DENSE,
     COUNT_EVENTS,
@@ -32,12 +32,12 @@ from reference_impl.core.conventions import (
     TOUCH_CLOSED,
     TOUCH_DISTANCE,
 )
-from reference_impl.core.kernel import clock, kernel
-from reference_impl.core.rotation import copy_quaternion, copy_vector
-from reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
-from reference_impl.geometry.convex_depth import convex_depth
-from reference_impl.simulated.contact import surface_velocity
-from reference_impl.simulated.impact import rest_speed
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
+from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
+from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.simulated.contact import surface_velocity
+from touchstone.reference_impl.simulated.impact import rest_speed
 
 
 @kernel

@@ -13,7 +13,7 @@ contacts, whose solution is unique; the later ones are stiffer.
 
 from math import sqrt
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     COMPLIANCE_FALL,
     COMPLIANCE_FIRST,
     COMPLIANCE_LAST,
@@ -35,16 +35,16 @@ from reference_impl.core.conventions import (
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector, invert_symmetric
-from reference_impl.solver.contact_rows import (
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
+from touchstone.reference_impl.solver.contact_rows import (
     changed_velocity,
     into_cone,
     keep_best,
     rebuild,
     residual_of,
 )
-from reference_impl.solver.envelope import add_block, factorise, lay_out, solve_factors
+from touchstone.reference_impl.solver.envelope import add_block, factorise, lay_out, solve_factors
 
 
 @kernel

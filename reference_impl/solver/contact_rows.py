@@ -7,9 +7,14 @@ at most mu times impulse.n, against the sliding where there is some.
 
 from math import sqrt
 
-from reference_impl.core.conventions import RESIDUAL_ACCEPTED, SLIDE_ROUNDING, SLIDE_STEPS, SLIP_MIN
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.conventions import (
+    RESIDUAL_ACCEPTED,
+    SLIDE_ROUNDING,
+    SLIDE_STEPS,
+    SLIP_MIN,
+)
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
 
 
 @kernel

@@ -19,7 +19,7 @@ instead, and does none.
 
 from math import inf
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     COUNT_SWEEPS,
     COUNT_UNCONVERGED,
     DENSE_SWEEPS,
@@ -32,11 +32,11 @@ from reference_impl.core.conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_TARGET,
 )
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.simulated.contact import surface_velocity
-from reference_impl.solver.contact_newton import newton
-from reference_impl.solver.contact_rows import (
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.simulated.contact import surface_velocity
+from touchstone.reference_impl.solver.contact_newton import newton
+from touchstone.reference_impl.solver.contact_rows import (
     into_cone,
     keep_best,
     make_passive,
@@ -47,7 +47,7 @@ from reference_impl.solver.contact_rows import (
     solve_row,
     take_best,
 )
-from reference_impl.solver.islands import is_head, join_islands, load_island, store_island
+from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island, store_island
 
 
 @kernel

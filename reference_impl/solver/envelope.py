@@ -5,8 +5,8 @@ factors fill nothing outside (Jennings 1966).
 Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969), which keeps rows short.
 """
 
-from reference_impl.core.kernel import inlined_kernel, kernel
-from reference_impl.core.solver_dtypes import NEWTON_ENTRIES, NEWTON_MOVERS, NEWTON_ROWS
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.solver_dtypes import NEWTON_ENTRIES, NEWTON_MOVERS, NEWTON_ROWS
 
 
 @kernel

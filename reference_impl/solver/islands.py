@@ -3,13 +3,13 @@
 A mover is what an impulse on a body moves: a simulated body, or all links of a driver.
 """
 
-from reference_impl.core.conventions import COUNT_LOST, NO_FLOOR
-from reference_impl.core.kernel import kernel
-from reference_impl.core.rotation import copy_vector
-from reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY
-from reference_impl.driven.skeleton import move_links
-from reference_impl.simulated.contact import contact_mobility, meeting_velocity
-from reference_impl.solver.contact_rows import prepare_row
+from touchstone.reference_impl.core.conventions import COUNT_LOST, NO_FLOOR
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY
+from touchstone.reference_impl.driven.skeleton import move_links
+from touchstone.reference_impl.simulated.contact import contact_mobility, meeting_velocity
+from touchstone.reference_impl.solver.contact_rows import prepare_row
 
 
 @kernel

@@ -3,8 +3,8 @@
 Each body has a list of the points it remembers, so that finding one costs the contacts of a body, not all.
 """
 
-from reference_impl.core.conventions import SIMULATED, WARM_START_CAPACITY
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.conventions import SIMULATED, WARM_START_CAPACITY
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel

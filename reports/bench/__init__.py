@@ -10,7 +10,7 @@ from typing import Protocol
 import pandas as pd
 from rich.console import Console
 
-from reports.cli.progress import Progress
+from touchstone.reports.cli.progress import Progress
 
 BENCHES = {
     "geometry": "convex depth: time per query of detectors, on single pairs and on a sliding hand",
@@ -33,5 +33,5 @@ class Bench(Protocol):
 
 def load(name: str) -> Bench:
     """The bench called `name`."""
-    bench: Bench = importlib.import_module(f"reports.bench.{name}")
+    bench: Bench = importlib.import_module(f"touchstone.reports.bench.{name}")
     return bench

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from adapters.contract import MISSING, Array, Settings
-from adapters.detectors import DETECTORS, UNCONVERGED, Pair
-from adapters.detectors import load as load_detector
-from adapters.detectors.children import Loader as DetectorLoader
-from adapters.engines.reference.box_cloud import Cloud
-from adapters.recorder import undisturbed
-from adapters.registry import ENGINES, installed, load, missing_reason
-from adapters.workers.stepping import Loader, Stepper
-from reports.bench.poses import hull_slide
-from reports.cli.progress import Progress
-from reports.studies.interleaved_timing import Stretch, measure
-from scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.adapters.contract import MISSING, Array, Settings
+from touchstone.adapters.detectors import DETECTORS, UNCONVERGED, Pair
+from touchstone.adapters.detectors import load as load_detector
+from touchstone.adapters.detectors.children import Loader as DetectorLoader
+from touchstone.adapters.engines.reference.box_cloud import Cloud
+from touchstone.adapters.recorder import undisturbed
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.stepping import Loader, Stepper
+from touchstone.reports.bench.poses import hull_slide
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.studies.interleaved_timing import Stretch, measure
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 BROAD_PHASE, BALLS, VERTICES = "broad phase", "balls at rest", "hull vertices"
 """What grows."""

@@ -16,17 +16,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.contract import Array
-from adapters.registry import ENGINES
-from reports.bench.frame_table import show
-from reports.bootstrap import median_interval, time_ratio
-from reports.cli.progress import Progress
-from reports.output_folder import output_folder
-from reports.results import Row, rows_of, save, save_manifest, table
-from reports.run.request import REFERENCE, Request, Results, columns_of
-from reports.run.study import run as play
-from scenarios.catalogue import tagged, tags
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Array
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.bench.frame_table import show
+from touchstone.reports.bootstrap import median_interval, time_ratio
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, rows_of, save, save_manifest, table
+from touchstone.reports.run.request import REFERENCE, Request, Results, columns_of
+from touchstone.reports.run.study import run as play
+from touchstone.scenarios.catalogue import tagged, tags
+from touchstone.scenarios.scenario import Scenario
 
 __all__ = ["run", "show", "steps"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.bench.tables import (
+from touchstone.reports.bench.tables import (
     MICRO,
     interval_text,
     limit_text,
@@ -13,10 +13,10 @@ from reports.bench.tables import (
     spread_text,
     value_text,
 )
-from reports.results import Row, rows_of
-from reports.run.request import REFERENCE, step_text
-from reports.views.tables import exact_number
-from reports.views.terminal import table_of
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.run.request import REFERENCE, step_text
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import table_of
 
 MILLI = 1e3
 JUDGED = ("scene", "over the fastest", "frame [µs]", "ratio", "95 % interval", "limit", "overlap")

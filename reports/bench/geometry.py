@@ -14,19 +14,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.detectors import DETECTORS, UNCONVERGED, Pair
-from adapters.detectors import load as load_detector
-from adapters.detectors.children import Loader
-from adapters.oracles.minkowski import signed_distance
-from reports.bench.geometry_table import show
-from reports.bench.poses import FAMILIES, hand_slide
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import Row, save, save_manifest, table
-from reports.studies.interleaved_timing import Measured, Stretch, measure
-from reports.studies.narrow_phase.rows import Mask, Truth, depth_errors, with_median, with_ratio
-from reports.studies.poses import corners, size_of
+from touchstone.adapters.detectors import DETECTORS, UNCONVERGED, Pair
+from touchstone.adapters.detectors import load as load_detector
+from touchstone.adapters.detectors.children import Loader
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reports.bench.geometry_table import show
+from touchstone.reports.bench.poses import FAMILIES, hand_slide
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.studies.interleaved_timing import Measured, Stretch, measure
+from touchstone.reports.studies.narrow_phase.rows import Mask, Truth, depth_errors, with_median, with_ratio
+from touchstone.reports.studies.poses import corners, size_of
 
 __all__ = ["Plan", "run", "show", "steps"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from adapters.detectors import REFERENCE
-from reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
-from reports.results import Row, rows_of
-from reports.views.terminal import table_of
+from touchstone.adapters.detectors import REFERENCE
+from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.views.terminal import table_of
 
 HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")
 NOTES = (

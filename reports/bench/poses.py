@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from adapters.detectors import REFERENCE, Pair, load
-from adapters.driven_poses import driven_pieces, moved
-from reports.studies.poses import corners, elliptic, parted_pair, random_box
-from scenarios.avatar.hand import FINGERS, hand_parts
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector
+from touchstone.adapters.contract import Array
+from touchstone.adapters.detectors import REFERENCE, Pair, load
+from touchstone.adapters.driven_poses import driven_pieces, moved
+from touchstone.reports.studies.poses import corners, elliptic, parted_pair, random_box
+from touchstone.scenarios.avatar.hand import FINGERS, hand_parts
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector
 
 SMALL = 0.01
 """Size of the small hull over that of the large one [1]: a ball beside a table."""

@@ -14,17 +14,17 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapters.detectors import load as load_detector
-from adapters.detectors.children import Loader as DetectorLoader
-from adapters.registry import ENGINES, load
-from adapters.workers.stepping import Loader
-from reports.bench.curves import Curve, balls_at_rest, broad_phase, hull_vertices
-from reports.bench.scaling_table import show
-from reports.bootstrap import exponent, median_interval
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.adapters.detectors import load as load_detector
+from touchstone.adapters.detectors.children import Loader as DetectorLoader
+from touchstone.adapters.registry import ENGINES, load
+from touchstone.adapters.workers.stepping import Loader
+from touchstone.reports.bench.curves import Curve, balls_at_rest, broad_phase, hull_vertices
+from touchstone.reports.bench.scaling_table import show
+from touchstone.reports.bootstrap import exponent, median_interval
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 
 __all__ = ["Plan", "run", "show", "steps"]
 
@@ -68,7 +68,7 @@ def run(
     detector_loader: DetectorLoader = load_detector,
 ) -> pd.DataFrame:
     """Measure all three; store rows, picture and manifest."""
-    from reports.bench.scaling_picture import draw
+    from touchstone.reports.bench.scaling_picture import draw
 
     with output_folder(out) as folder:
         output = folder / "output"

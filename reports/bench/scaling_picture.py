@@ -12,9 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
-from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
-from reports.results import Row, rows_of
-from reports.views.pictures import COLOURS, INK, MARKERS, PALE
+from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.views.pictures import COLOURS, INK, MARKERS, PALE
 
 TITLES = {
     BROAD_PHASE: ("Broad phase", "moving boxes in a cloud of constant density"),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
-from reports.results import rows_of
-from reports.views.terminal import table_of
+from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
+from touchstone.reports.results import rows_of
+from touchstone.reports.views.terminal import table_of
 
 NOTES = ("exponent: of the power law that fits the medians by least squares, with its 95 % interval",)
 

@@ -6,9 +6,9 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
-from reports.results import NOT_RUN, Row, rows_of
-from reports.views.tables import exact_number
-from reports.views.terminal import STYLES, print_notes
+from touchstone.reports.results import NOT_RUN, Row, rows_of
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import STYLES, print_notes
 
 MICRO = 1e6
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, version
 
-from adapters.registry import ENGINES, installed, missing_reason
-from adapters.workers.import_check import try_imports
-from reports.judge import judge_faults
-from reports.results import UNJUDGED
+from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.adapters.workers.import_check import try_imports
+from touchstone.reports.judge import judge_faults
+from touchstone.reports.results import UNJUDGED
 
 PACKAGES = {"reference": "touchstone", "dart": "dartpy", "bullet": "pybullet", "mujoco": "mujoco"}
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")
@@ -45,8 +45,8 @@ def libraries() -> list[tuple[str, str]]:
 
 def compile_facts() -> dict[str, str]:
     """Where compiled kernels are kept and what compiling them cost; compiles them if not yet done."""
-    from adapters.engines.reference.engine import compile_seconds
-    from reference_impl.core.kernel import CACHE_FOLDER
+    from touchstone.adapters.engines.reference.engine import compile_seconds
+    from touchstone.reference_impl.core.kernel import CACHE_FOLDER
 
     seconds = compile_seconds()
     return {

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 
-from scenarios.scenario import Scenario, Vector
+from touchstone.scenarios.scenario import Scenario, Vector
 
 ARCS_SHOWN = 6
 """Arcs of a truth that are written out."""
@@ -34,8 +34,8 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
 
 def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
     """What is done about each effect, and why."""
-    from adapters.motion_bounds import bounds
-    from scenarios.effects import plan
+    from touchstone.adapters.motion_bounds import bounds
+    from touchstone.scenarios.effects import plan
 
     decisions = plan(scenario, bounds(scenario)).decisions
     return [{"effect": one.effect, "plan": one.state, "because": one.reason} for one in decisions]

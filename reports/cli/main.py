@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reports.cli.options import (
+from touchstone.reports.cli.options import (
     BAD_INPUT,
     INTERRUPTED,
     Format,
@@ -29,11 +29,11 @@ from reports.cli.options import (
     progress_for,
     stop,
 )
-from reports.cli.studies import bench, study
+from touchstone.reports.cli.studies import bench, study
 
 if TYPE_CHECKING:
-    from reports.run.request import Request
-    from scenarios.scenario import Scenario
+    from touchstone.reports.run.request import Request
+    from touchstone.scenarios.scenario import Scenario
 
 app = typer.Typer(
     help="Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes.",
@@ -114,10 +114,10 @@ def run(
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes on engines and show where they differ."""
-    from adapters.contract import DRIVES
-    from reports.judge import judge_faults
-    from reports.output_folder import OutputError
-    from reports.run.study import run as run_study
+    from touchstone.adapters.contract import DRIVES
+    from touchstone.reports.judge import judge_faults
+    from touchstone.reports.output_folder import OutputError
+    from touchstone.reports.run.study import run as run_study
 
     scenarios = _tracked(_scenarios(scenario or [], tag, hold_last), tracker, drive)
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
@@ -139,7 +139,7 @@ def run(
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
-        from reports.views.terminal import console, show, show_budget
+        from touchstone.reports.views.terminal import console, show, show_budget
 
         played = zip(results.frame.engine, results.frame.profile)
         shown = {column for column in played if profile or column[1] != "equal-step"}
@@ -158,8 +158,8 @@ def _request(
     out: Path | None,
 ) -> Request:
     """The request behind the arguments; a wrong one ends the program with a line."""
-    from reports.metrics import METRICS
-    from reports.run.request import DEFAULT_PROFILES, Request
+    from touchstone.reports.metrics import METRICS
+    from touchstone.reports.run.request import DEFAULT_PROFILES, Request
 
     columns = columns_for(engines, profiles, DEFAULT_PROFILES)
     spreads = [f"{name}.spread" for name in METRICS if name.startswith("events.")]
@@ -171,8 +171,8 @@ def _request(
 
 
 def _scenarios(names: list[str], tag: str, hold_last: bool = False) -> list[Scenario]:
-    from scenarios.catalogue import catalogue, tagged, tags
-    from scenarios.scenario import ScenarioError
+    from touchstone.scenarios.catalogue import catalogue, tagged, tags
+    from touchstone.scenarios.scenario import ScenarioError
 
     try:
         if names:
@@ -185,7 +185,7 @@ def _scenarios(names: list[str], tag: str, hold_last: bool = False) -> list[Scen
 
 def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenario]:
     """The scenes with the trackers that were asked for; what cannot be ends with a line."""
-    from scenarios.avatar.noisy_tracker import TRACKERS, noisy
+    from touchstone.scenarios.avatar.noisy_tracker import TRACKERS, noisy
 
     if known("tracker", tracker, TRACKERS) == TRACKERS[0]:
         return scenarios
@@ -211,7 +211,7 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
     """A step such as 1/240; it must divide the frame of every scene."""
     from fractions import Fraction
 
-    from adapters.recorder import substeps
+    from touchstone.adapters.recorder import substeps
 
     try:
         value = float(Fraction(text))
@@ -225,12 +225,12 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
 @app.command("list")
 def list_things(what: Listing, output: FormatOption = Format.table) -> None:
     """List scenarios, engines, metrics, profiles, or the settings of the reference."""
-    from adapters.registry import ENGINES
-    from reports.cli.listing import show_rows
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.cli.listing import show_rows
 
     rows: list[dict[str, object]]
     if what is Listing.scenarios:
-        from scenarios.catalogue import catalogue
+        from touchstone.scenarios.catalogue import catalogue
 
         rows = [
             {
@@ -243,25 +243,25 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
             for s in catalogue().values()
         ]
     elif what is Listing.engines:
-        from reports.cli.doctor import engines
+        from touchstone.reports.cli.doctor import engines
 
         rows = [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
     elif what is Listing.metrics:
-        from reports.metrics import METRICS
+        from touchstone.reports.metrics import METRICS
 
         rows = [
             {"metric": m.name, "unit": m.unit, "better": m.better, "definition": m.formula}
             for m in METRICS.values()
         ]
     elif what is Listing.settings:
-        from adapters.engines.reference.settings import PROFILES, SETTINGS
+        from touchstone.adapters.engines.reference.settings import PROFILES, SETTINGS
 
         rows = [
             {"setting": s.name, "values": s.valid, **dict(zip(PROFILES, s.profiles)), "meaning": s.summary}
             for s in SETTINGS.values()
         ]
     else:
-        from reports.run.request import step_text
+        from touchstone.reports.run.request import step_text
 
         rows = [
             {"profile": profile, "engine": name, "step [s]": step_text(dt)}
@@ -281,15 +281,15 @@ def show(
     output: FormatOption = Format.table,
 ) -> None:
     """Show what a scenario is made of."""
-    from adapters.recorder import scenario_json
-    from reports.cli.listing import effect_rows, show_rows, truth_lines
+    from touchstone.adapters.recorder import scenario_json
+    from touchstone.reports.cli.listing import effect_rows, show_rows, truth_lines
 
     chosen = _scenarios([scenario], "")[0]
     if effects:
         show_rows(effect_rows(chosen), output)
         return
     if model_card:
-        from reports.views.model_card import NotDriven, card_rows
+        from touchstone.reports.views.model_card import NotDriven, card_rows
 
         try:
             show_rows(card_rows(chosen), output)
@@ -323,8 +323,8 @@ def show(
 @app.command()
 def doctor() -> None:
     """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
-    from reports.cli.doctor import compile_facts, imports, libraries
-    from reports.machine import machine
+    from touchstone.reports.cli.doctor import compile_facts, imports, libraries
+    from touchstone.reports.machine import machine
 
     for key, value in machine().items():
         print(f"{key:14} {value}")

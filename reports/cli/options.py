@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
 
-    from reports.cli.progress import Progress
+    from touchstone.reports.cli.progress import Progress
 
 LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, INTERRUPTED = 1, 2, 3, 4, 130
 """Exit codes. A broken limit and a failed run come before what could not be judged, and that before an engine
@@ -55,8 +55,8 @@ def columns_for(
     engines: Iterable[str], profiles: Iterable[str], default: Iterable[str] = ()
 ) -> tuple[tuple[str, str], ...]:
     """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all)."""
-    from adapters.registry import ENGINES
-    from reports.run.request import columns_of
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.run.request import columns_of
 
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
     names = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
@@ -71,7 +71,7 @@ def columns_for(
 
 def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tuple[str, ...]:
     """Changed settings ("key=value") for columns of the reference; what it cannot take ends with a line."""
-    from adapters.engines.reference.settings import SETTINGS, Choice, SettingError, changes, split
+    from touchstone.adapters.engines.reference.settings import SETTINGS, Choice, SettingError, changes, split
 
     texts = tuple(wanted)
     for text in texts:
@@ -91,7 +91,7 @@ def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tu
 
 def effects_for(text: str) -> tuple[str, ...] | None:
     """The effects that were asked for: None for "auto", or names in the order of a plan."""
-    from scenarios.effects import PLANNED
+    from touchstone.scenarios.effects import PLANNED
 
     if text == "auto":
         return None
@@ -122,8 +122,8 @@ def exit_for(verdicts: Iterable[str], by_name: bool) -> None:
 
     An engine that is installed but cannot be imported counts as asked for: it was meant to play.
     """
-    from adapters.contract import MISSING, UNIMPORTABLE
-    from reports.results import UNJUDGED
+    from touchstone.adapters.contract import MISSING, UNIMPORTABLE
+    from touchstone.reports.results import UNJUDGED
 
     found = set(verdicts)
     if found & {"fail", "error"}:
@@ -136,7 +136,7 @@ def exit_for(verdicts: Iterable[str], by_name: bool) -> None:
 
 def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
     """Progress on standard error over a total of steps."""
-    from reports.cli.progress import bar, lines, silence
+    from touchstone.reports.cli.progress import bar, lines, silence
 
     if quiet:
         return silence()
@@ -145,7 +145,7 @@ def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
 
 def require_judge() -> None:
     """End with a line where the libraries are missing that judge what a study measures."""
-    from reports.judge import judge_faults
+    from touchstone.reports.judge import judge_faults
 
     if faults := judge_faults():
         stop("; ".join(faults), NOT_JUDGED)
@@ -154,7 +154,7 @@ def require_judge() -> None:
 @contextmanager
 def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[Progress]:
     """Progress over a total of steps; what a study refuses, or no disk takes, ends with one line."""
-    from reports.output_folder import OutputError
+    from touchstone.reports.output_folder import OutputError
 
     refused: tuple[type[Exception], ...] = (OutputError, *refusals)
     try:
@@ -174,7 +174,7 @@ def ended(
 ) -> None:
     """Print what was measured, and end with the exit code that its verdicts call for (`exit_for`)."""
     if not printed(frame, output) and not quiet:
-        from reports.views.terminal import console
+        from touchstone.reports.views.terminal import console
 
         show(frame, console())
         print(f"results: {folder}")

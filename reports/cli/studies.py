@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from reports.cli.options import (
+from touchstone.reports.cli.options import (
     Format,
     FormatOption,
     QuietOption,
@@ -31,8 +31,8 @@ def narrow_phase(
     quiet: QuietOption = False,
 ) -> None:
     """Send the same poses through every detector; compare with the explicit Minkowski difference."""
-    from reports.studies.narrow_phase.study import PairsError, run, steps
-    from reports.studies.narrow_phase.table import show
+    from touchstone.reports.studies.narrow_phase.study import PairsError, run, steps
+    from touchstone.reports.studies.narrow_phase.table import show
 
     folder = out or folder_of_now("narrow-phase-")
     with measuring(steps(pairs), quiet, PairsError) as progress:
@@ -49,8 +49,8 @@ def inverse_kinematics(
     quiet: QuietOption = False,
 ) -> None:
     """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
-    from reports.studies.inverse_kinematics.study import GoalsError, run, steps
-    from reports.studies.inverse_kinematics.table import show
+    from touchstone.reports.studies.inverse_kinematics.study import GoalsError, run, steps
+    from touchstone.reports.studies.inverse_kinematics.table import show
 
     folder = out or folder_of_now("ik-")
     with measuring(steps(goals), quiet, GoalsError) as progress:
@@ -67,8 +67,8 @@ def calibration(
     quiet: QuietOption = False,
 ) -> None:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
-    from reports.studies.calibration.show import show
-    from reports.studies.calibration.study import Grid, run, steps
+    from touchstone.reports.studies.calibration.show import show
+    from touchstone.reports.studies.calibration.study import Grid, run, steps
 
     columns, folder = columns_for(engine or [], profile or []), out or folder_of_now("calibration-")
     with measuring(steps(columns, Grid()), quiet) as progress:
@@ -86,9 +86,9 @@ def agreement(
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes at ever smaller steps: errors of step and of model, orders of convergence, the outlier."""
-    from reports.studies.agreement.study import SCENES, NoTruth, run, steps
-    from reports.studies.agreement.table import show
-    from scenarios.catalogue import catalogue
+    from touchstone.reports.studies.agreement.study import SCENES, NoTruth, run, steps
+    from touchstone.reports.studies.agreement.table import show
+    from touchstone.scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or SCENES]
     folder = out or folder_of_now("agreement-")
@@ -108,10 +108,10 @@ def effects(
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
-    from adapters.registry import ENGINES
-    from reports.studies.effects.study import run, scenes, steps
-    from reports.studies.effects.table import show
-    from scenarios.catalogue import catalogue
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.studies.effects.study import run, scenes, steps
+    from touchstone.reports.studies.effects.table import show
+    from touchstone.scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or ()] or scenes()
     engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
@@ -130,9 +130,9 @@ def predictability(
     quiet: QuietOption = False,
 ) -> None:
     """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
-    from reports.studies.predictability.study import SCENES, run, steps
-    from reports.studies.predictability.table import show
-    from scenarios.catalogue import catalogue
+    from touchstone.reports.studies.predictability.study import SCENES, run, steps
+    from touchstone.reports.studies.predictability.table import show
+    from touchstone.scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(scenario or SCENES)]
     folder = out or folder_of_now("predictability-")
@@ -155,9 +155,9 @@ def robustness(
     quiet: QuietOption = False,
 ) -> None:
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
-    from reports.studies.robustness.study import PROFILES, run, tasks
-    from reports.studies.robustness.table import show
-    from scenarios.random_scenes import ALL_KINDS
+    from touchstone.reports.studies.robustness.study import PROFILES, run, tasks
+    from touchstone.reports.studies.robustness.table import show
+    from touchstone.scenarios.random_scenes import ALL_KINDS
 
     columns = columns_for(engine or ["reference"], profile or [], PROFILES)
     chosen = known("kind", kind, ALL_KINDS) if kind else None
@@ -176,7 +176,7 @@ def bench(
     quiet: QuietOption = False,
 ) -> None:
     """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
-    from reports.bench import BENCHES, load
+    from touchstone.reports.bench import BENCHES, load
 
     chosen = load(known("bench", name, BENCHES))
     folder = out or folder_of_now(f"bench-{name}-")

@@ -5,8 +5,8 @@ Figures are those of the scene that a reason names, with what was varied and not
 
 from __future__ import annotations
 
-from reports.known_failures.cause import Cause
-from reports.known_failures.shared import NEWTON, TOGETHER
+from touchstone.reports.known_failures.cause import Cause
+from touchstone.reports.known_failures.shared import NEWTON, TOGETHER
 
 AHEAD = (
     "a contact found d apart, up to 0.02 sqrt 3 r = 1.7 mm, bounces with e v - d / h: ever less "

@@ -5,8 +5,8 @@ Figures are those of the scene that a reason names, with what was varied and not
 
 from __future__ import annotations
 
-from reports.known_failures.cause import Cause
-from reports.known_failures.shared import COARSE_SERVO, NEWTON, TOGETHER
+from touchstone.reports.known_failures.cause import Cause
+from touchstone.reports.known_failures.shared import COARSE_SERVO, NEWTON, TOGETHER
 
 ARCH = (
     "the boxed LCP bounds friction by normal impulses found without it, and joints slip: "

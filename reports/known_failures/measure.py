@@ -1,6 +1,6 @@
 """Measure the bounds of documented failings from tables of results.
 
-python -m reports.known_failures.measure runs/TIME/results.csv
+python -m touchstone.reports.known_failures.measure runs/TIME/results.csv
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator
 
 import pandas as pd
 
-from reports.known_failures.bounds import FILE, Key, key_of, read, updated, write
-from reports.limits import failing_known, known_of
-from reports.results import Row, rows_of
-from scenarios.catalogue import catalogue
+from touchstone.reports.known_failures.bounds import FILE, Key, key_of, read, updated, write
+from touchstone.reports.limits import failing_known, known_of
+from touchstone.reports.results import Row, rows_of
+from touchstone.scenarios.catalogue import catalogue
 
 
 def _rows(paths: Iterable[str]) -> Iterator[Row]:

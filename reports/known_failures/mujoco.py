@@ -5,8 +5,8 @@ Figures are those of the scene that a reason names, with what was varied and not
 
 from __future__ import annotations
 
-from reports.known_failures.cause import Cause
-from reports.known_failures.shared import COARSE_SERVO
+from touchstone.reports.known_failures.cause import Cause
+from touchstone.reports.known_failures.shared import COARSE_SERVO
 
 CREEPS = (
     "friction is soft and creeps: 1.8 mm/s on 20 degrees in closed form, more near the edge of "

@@ -5,7 +5,7 @@ Figures are those of the scene that a reason names, with what was varied and not
 
 from __future__ import annotations
 
-from reports.known_failures.cause import Cause
+from touchstone.reports.known_failures.cause import Cause
 
 ALWAYS_MU = (
     "Eq. 10 as printed applies mu j to any sliding, however slow, and reverses it: a rolling ball every frame"

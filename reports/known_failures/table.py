@@ -5,11 +5,11 @@ They may be as large as `bounds.csv` says, and no larger.
 
 from __future__ import annotations
 
-from reports.known_failures import bullet as known_bullet
-from reports.known_failures import dart as known_dart
-from reports.known_failures import mujoco as known_mujoco
-from reports.known_failures import reference as known_reference
-from reports.known_failures.cause import Cause, Known
+from touchstone.reports.known_failures import bullet as known_bullet
+from touchstone.reports.known_failures import dart as known_dart
+from touchstone.reports.known_failures import mujoco as known_mujoco
+from touchstone.reports.known_failures import reference as known_reference
+from touchstone.reports.known_failures.cause import Cause, Known
 
 ASIDE = (
     "corners hold one after the other: they bear the weight, but each impulse turns the body, the"

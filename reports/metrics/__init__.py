@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from reports.metrics import posture, posture_optimum, solver, timing
-from reports.metrics.contacts import contact, friction, overlap, rest, sliding
-from reports.metrics.context import Metric
-from reports.metrics.motion import energy, events, flight, momentum, symmetry, truth
+from touchstone.reports.metrics import posture, posture_optimum, solver, timing
+from touchstone.reports.metrics.contacts import contact, friction, overlap, rest, sliding
+from touchstone.reports.metrics.context import Metric
+from touchstone.reports.metrics.motion import energy, events, flight, momentum, symmetry, truth
 
 _MM, _MS, _US = ("mm", 1e3), ("ms", 1e3), ("us", 1e6)
 

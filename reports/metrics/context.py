@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from adapters.recording import Recording
-from reports.judge import fault_text
-from scenarios.closed_form import Motion, motion
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
+from touchstone.reports.judge import fault_text
+from touchstone.scenarios.closed_form import Motion, motion
+from touchstone.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
-    from adapters.oracles.overlap import Distances
+    from touchstone.adapters.oracles.overlap import Distances
 
 
 ROUNDING = 1e-9
@@ -108,7 +108,7 @@ class Evidence:
     def distances(self) -> Distances:
         """Signed distances by the overlap oracle; raises JudgeMissing where it cannot be imported."""
         with judging():
-            from adapters.oracles.overlap import measure
+            from touchstone.adapters.oracles.overlap import measure
         asked = {pair for pairs in self.expected_pairs.values() for pair in pairs}
         rows = self.recording.contacts
         met = set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Value, Values
-from scenarios.avatar.chains import hinge_axes, shortest_rotations
-from scenarios.scenario import Joint, ReachCone
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values
+from touchstone.scenarios.avatar.chains import hinge_axes, shortest_rotations
+from touchstone.scenarios.scenario import Joint, ReachCone
 
 
 def joint_limit(evidence: Evidence) -> Values:

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Values, judging
-from reports.metrics.tracked import pressed
-from scenarios.avatar.tracking import sample
-from scenarios.scenario import Tracker
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, judging
+from touchstone.reports.metrics.tracked import pressed
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.scenario import Tracker
 
 FRAMES = 6
 """Pressed frames, spread evenly, whose best posture is searched for: 0.2 s each. Twelve change 0.2 %."""
@@ -31,7 +31,7 @@ def posture_over_best(evidence: Evidence) -> Values:
     """
     tracker, frames = _person(evidence)
     with judging():
-        from adapters.oracles.nearest_posture import NearestPosture
+        from touchstone.adapters.oracles.nearest_posture import NearestPosture
     scenario, recording = evidence.scenario, evidence.recording
     search, root = NearestPosture(scenario, tracker), scenario.body_index(tracker.root)
     chosen = frames[np.linspace(0, len(frames) - 1, min(FRAMES, len(frames))).round().astype(int)]

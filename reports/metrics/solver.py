@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adapters.contract import RESIDUAL_COUNTERS, Array
-from reports.metrics.context import Evidence, NotMeasured, Value, Values
+from touchstone.adapters.contract import RESIDUAL_COUNTERS, Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values
 
 RESIDUAL, BODY_A, BODY_B = RESIDUAL_COUNTERS
 CAPS = ("gave_up", "unconverged", "lost")

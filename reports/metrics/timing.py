@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reports.metrics.context import Evidence, NotMeasured, Values
-from reports.metrics.solver import UNRESOLVED
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values
+from touchstone.reports.metrics.solver import UNRESOLVED
 
 STATISTICS: dict[str, tuple[str, float]] = {
     "median": ("Median", 50),

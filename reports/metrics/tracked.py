@@ -9,11 +9,11 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.contract import Array
-from adapters.recording import Recording
-from reports.metrics.context import Evidence, judging
-from scenarios.avatar.kinematics import tracked_poses
-from scenarios.scenario import Scenario, Tracker
+from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
+from touchstone.reports.metrics.context import Evidence, judging
+from touchstone.scenarios.avatar.kinematics import tracked_poses
+from touchstone.scenarios.scenario import Scenario, Tracker
 
 Mask = NDArray[np.bool_]
 
@@ -44,7 +44,7 @@ def pressed(evidence: Evidence, tracker: Tracker) -> dict[int, Mask]:
 def tracked_depths(scenario: Scenario) -> dict[tuple[int, int], Array]:
     """Depth (f,) [m] of every pair of a tracked link and a body that is not simulated, in every frame."""
     with judging():
-        from adapters.oracles.overlap import measure
+        from touchstone.adapters.oracles.overlap import measure
     frames = scenario.frame_count + 1
     times = np.arange(frames) / scenario.frame_rate
     position = np.tile([body.position for body in scenario.bodies], (frames, 1, 1))

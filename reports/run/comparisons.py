@@ -7,12 +7,12 @@ from math import isfinite, isnan
 
 import numpy as np
 
-from adapters.recording import Recording
-from reports.bootstrap import time_ratio
-from reports.metrics.context import ROUNDING
-from reports.results import UNJUDGED, Row
-from reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, STUDY
-from scenarios.scenario import Scenario
+from touchstone.adapters.recording import Recording
+from touchstone.reports.bootstrap import time_ratio
+from touchstone.reports.metrics.context import ROUNDING
+from touchstone.reports.results import UNJUDGED, Row
+from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, STUDY
+from touchstone.scenarios.scenario import Scenario
 
 RATIO_LIMIT, PROBE_RATIO_LIMIT, EQUAL_RATIO_LIMIT = 0.5, 1.0, 1.0
 """The reference's time over the fastest engine's at its recommended step; in probes, where a frame may hold

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, isfinite, isnan
 
-from adapters.recording import Recording
-from reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
-from reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
-from reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
-from reports.metrics.motion.events import subjects
-from reports.noisy_limits import judged
-from reports.results import UNAUDITED, UNJUDGED, Row
-from scenarios.scenario import Scenario
+from touchstone.adapters.recording import Recording
+from touchstone.reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
+from touchstone.reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
+from touchstone.reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
+from touchstone.reports.metrics.motion.events import subjects
+from touchstone.reports.noisy_limits import judged
+from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
+from touchstone.scenarios.scenario import Scenario
 
 NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
 """Metrics that others are judged by."""

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapters.contract import DRIVES, Settings
-from adapters.engines.reference.settings import changes
-from adapters.recording import Recording
-from adapters.registry import ENGINES
-from reports.metrics.context import Evidence
-from reports.metrics.motion.time_series import Course
-from reports.results import Row
-from reports.views.unresolved import warning
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import DRIVES, Settings
+from touchstone.adapters.engines.reference.settings import changes
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.motion.time_series import Course
+from touchstone.reports.results import Row
+from touchstone.reports.views.unresolved import warning
+from touchstone.scenarios.scenario import Scenario
 
 STUDY = "run"
 REFERENCE = "reference"

@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from adapters.contract import MISSING
-from adapters.recording import Recording, load
-from adapters.registry import installed, missing_reason
-from adapters.workers.children import Children, Job, Outcome
-from reports.cli.progress import Progress
-from reports.metrics.context import Evidence
-from reports.metrics.motion.time_series import course
-from reports.noisy_limits import judged
-from reports.output_folder import output_folder
-from reports.results import Row, save, save_manifest, table, write_beside
-from reports.run.comparisons import ratios_of, spreads_of
-from reports.run.measure import excused, measured_of
-from reports.run.request import STUDY, Request, Results
-from reports.views.comparison_pictures import draw
-from reports.views.frame_budget_picture import write_picture
-from reports.views.markdown import report
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import MISSING
+from touchstone.adapters.recording import Recording, load
+from touchstone.adapters.registry import installed, missing_reason
+from touchstone.adapters.workers.children import Children, Job, Outcome
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.motion.time_series import course
+from touchstone.reports.noisy_limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.run.comparisons import ratios_of, spreads_of
+from touchstone.reports.run.measure import excused, measured_of
+from touchstone.reports.run.request import STUDY, Request, Results
+from touchstone.reports.views.comparison_pictures import draw
+from touchstone.reports.views.frame_budget_picture import write_picture
+from touchstone.reports.views.markdown import report
+from touchstone.scenarios.scenario import Scenario
 
 
 def run(request: Request, progress: Progress) -> Results:

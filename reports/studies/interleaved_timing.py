@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adapters.contract import MISSING, Array
-from adapters.detectors import Failure, Pair, missing_reason
-from adapters.detectors import load as load_detector
-from adapters.detectors.children import Child, Loader, Times
-from reports.cli.progress import Progress
+from touchstone.adapters.contract import MISSING, Array
+from touchstone.adapters.detectors import Failure, Pair, missing_reason
+from touchstone.adapters.detectors import load as load_detector
+from touchstone.adapters.detectors.children import Child, Loader, Times
+from touchstone.reports.cli.progress import Progress
 
 
 class Stretch(NamedTuple):

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from adapters.detectors import Pair
-from adapters.oracles.minkowski import signed_distance
-from scenarios.scenario import Box, Hull, Piece, Shape
-from scenarios.solids import elliptic_hull
+from touchstone.adapters.contract import Array
+from touchstone.adapters.detectors import Pair
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.scenarios.scenario import Box, Hull, Piece, Shape
+from touchstone.scenarios.solids import elliptic_hull
 
 ELLIPTIC, FINE, RANDOM = 12, 4, 16
 """Hulls to draw from: 80 triangles, 320 triangles, and the hull of 6 to 40 random points. Few, for loading

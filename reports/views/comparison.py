@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reports.metrics import METRICS
-from reports.results import Row, rows_of
-from reports.run.request import step_text
-from reports.views.tables import number, unit_of
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.run.request import step_text
+from touchstone.reports.views.tables import number, unit_of
 
 if TYPE_CHECKING:
-    from reports.run.request import Request, Results
+    from touchstone.reports.run.request import Request, Results
 
 
 @dataclass(frozen=True, slots=True)

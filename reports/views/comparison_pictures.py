@@ -16,13 +16,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from adapters.contract import Array
-from reports.metrics import METRICS
-from reports.results import Row, rows_of, write_beside
-from reports.run.request import REFERENCE, Request, Results
-from reports.views.comparison import Columns, Line, Section, columns, head, sections
-from reports.views.pictures import COLOURS, INK, PALE
-from reports.views.tables import number, unit_of
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import Row, rows_of, write_beside
+from touchstone.reports.run.request import REFERENCE, Request, Results
+from touchstone.reports.views.comparison import Columns, Line, Section, columns, head, sections
+from touchstone.reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.views.tables import number, unit_of
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
 MARKS = {"reference": "o", "dart": "^", "bullet": "s", "mujoco": "D"}

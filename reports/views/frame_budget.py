@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adapters.contract import Array
-from adapters.recording import Recording
-from reports.views.tables import number
+from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
+from touchstone.reports.views.tables import number
 
 ENGINE, PROFILE = "reference", "balanced"
 HEADS = (

@@ -12,10 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from adapters.contract import Array
-from adapters.recording import Recording
-from reports.views.frame_budget import BUDGET_PICTURE, IK_ITERATIONS, PAIRS, Budget, budgets
-from reports.views.pictures import INK, PALE
+from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
+from touchstone.reports.views.frame_budget import BUDGET_PICTURE, IK_ITERATIONS, PAIRS, Budget, budgets
+from touchstone.reports.views.pictures import INK, PALE
 
 COLUMNS = 2
 STAGES = (("collision", "#0072B2"), ("removal", "#D55E00"), ("impulses", "#009E73"), ("other", "#c9c9c9"))

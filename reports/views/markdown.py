@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from reports.results import rows_of
-from reports.views.comparison import (
+from touchstone.reports.results import rows_of
+from touchstone.reports.views.comparison import (
     Columns,
     Line,
     Section,
@@ -19,13 +19,13 @@ from reports.views.comparison import (
     sections,
     worst_lines,
 )
-from reports.views.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
-from reports.views.tables import LEGEND, Cell, cell_of, grid, number
-from reports.views.terminal import RATIO_HEADS, ratio_rows, remark_lines
+from touchstone.reports.views.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
+from touchstone.reports.views.tables import LEGEND, Cell, cell_of, grid, number
+from touchstone.reports.views.terminal import RATIO_HEADS, ratio_rows, remark_lines
 
 if TYPE_CHECKING:
-    from reports.run.request import Request, Results
-    from scenarios.scenario import Scenario
+    from touchstone.reports.run.request import Request, Results
+    from touchstone.scenarios.scenario import Scenario
 
 BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")
 

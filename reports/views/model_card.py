@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array, Settings
-from adapters.oracles.articulated import Articulated
-from adapters.recording import Recording, load
-from adapters.registry import ENGINES, installed, missing_reason
-from adapters.workers.children import Children, Job
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Scenario, Tracker
+from touchstone.adapters.contract import Array, Settings
+from touchstone.adapters.oracles.articulated import Articulated
+from touchstone.adapters.recording import Recording, load
+from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.adapters.workers.children import Children, Job
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Scenario, Tracker
 
 AGREED = 1e-9
 """Deviation up to which an engine holds what the scene says [1]: rounding of some thirty links."""

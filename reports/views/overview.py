@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from reports.limit_counts import WORST_LAST, Count, counted
-from reports.metrics import METRICS
-from reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-from reports.views.tables import HIDDEN, MARKS, Cell, Column, cell_of, columns_of, number, unit_of
+from touchstone.reports.limit_counts import WORST_LAST, Count, counted
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
+from touchstone.reports.views.tables import HIDDEN, MARKS, Cell, Column, cell_of, columns_of, number, unit_of
 
 BAD = ("known", "fail", "error")
 """Verdicts that stand out, the worst last."""

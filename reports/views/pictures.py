@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from adapters.registry import ACCURATE, ENGINES
-from reports.results import rows_of
-from reports.studies.calibration.rows import JUDGED_SPEED
+from touchstone.adapters.registry import ACCURATE, ENGINES
+from touchstone.reports.results import rows_of
+from touchstone.reports.studies.calibration.rows import JUDGED_SPEED
 
 INK, PALE = "#222222", "#8a8a8a"
 COLOURS = {

@@ -9,9 +9,9 @@ from math import isnan, nan
 import numpy as np
 import pandas as pd
 
-from reports.metrics import METRICS
-from reports.results import CONSTRUCTION, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
-from reports.run.request import step_text
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import CONSTRUCTION, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
+from touchstone.reports.run.request import step_text
 
 HIDDEN = ("work", "time.share")
 """Metrics that have a table of their own."""

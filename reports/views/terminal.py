@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from adapters.recording import Recording
-from reports.results import NOT_RUN, UNJUDGED, rows_of
-from reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
-from reports.views.overview import LEGEND as OVERVIEW_LEGEND
-from reports.views.overview import TOTALS, Overview, overview
-from reports.views.tables import LEGEND, Cell, Grid, grid, number
+from touchstone.adapters.recording import Recording
+from touchstone.reports.results import NOT_RUN, UNJUDGED, rows_of
+from touchstone.reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
+from touchstone.reports.views.overview import LEGEND as OVERVIEW_LEGEND
+from touchstone.reports.views.overview import TOTALS, Overview, overview
+from touchstone.reports.views.tables import LEGEND, Cell, Grid, grid, number
 
 STYLES = {
     "fail": "bold red",

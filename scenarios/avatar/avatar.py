@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.avatar.chains import ball_limits
-from scenarios.avatar.hand import PALM_HALF_EXTENTS, hand_parts
-from scenarios.scenario import (
+from touchstone.scenarios.avatar.chains import ball_limits
+from touchstone.scenarios.avatar.hand import PALM_HALF_EXTENTS, hand_parts
+from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
     Body,
@@ -39,7 +39,7 @@ from scenarios.scenario import (
     Tracker,
     Vector,
 )
-from scenarios.solids import elliptic_hull, sphere_inertia
+from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
 
 Array = NDArray[np.float64]
 

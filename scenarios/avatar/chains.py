@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scenarios.scenario import ORIGIN, Chain, Joint, ReachCone, Scenario
+from touchstone.scenarios.scenario import ORIGIN, Chain, Joint, ReachCone, Scenario
 
 Report = Callable[[str, str], None]
 

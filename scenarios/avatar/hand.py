@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from math import cos, pi, sin
 
-from scenarios.scenario import Body, Hull, Joint, Piece, Quaternion, Vector
-from scenarios.solids import box_inertia, ellipsoid_inertia, elliptic_hull
+from touchstone.scenarios.scenario import Body, Hull, Joint, Piece, Quaternion, Vector
+from touchstone.scenarios.solids import box_inertia, ellipsoid_inertia, elliptic_hull
 
 HAND_MASS = 0.4
 """Mass of the whole hand [kg]: critically damped under Eq. 6 with K = 1000, R = 40."""

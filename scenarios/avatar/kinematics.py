@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.tracking import sample
-from scenarios.scenario import (
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.scenario import (
     Box,
     Capsule,
     Ellipsoid,

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.tracking import TrackerMotion, sample
-from scenarios.scenario import Scenario, Tracker, vector
+from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
+from touchstone.scenarios.scenario import Scenario, Tracker, vector
 
 TRACKERS = ("ideal", "noisy")
 """Variants of a scene's trackers; the first is the default."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.avatar import BEND, HIP_HEIGHT, SEGMENTS, SHOULDER, avatar_parts
-from scenarios.avatar.chains import hinge_axes
-from scenarios.scenario import Joint, Tracker, Vector, vector
+from touchstone.scenarios.avatar.avatar import BEND, HIP_HEIGHT, SEGMENTS, SHOULDER, avatar_parts
+from touchstone.scenarios.avatar.chains import hinge_axes
+from touchstone.scenarios.scenario import Joint, Tracker, Vector, vector
 
 Array = NDArray[np.float64]
 Angles = Mapping[str, Array]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from scenarios.scenario import Tracker
+from touchstone.scenarios.scenario import Tracker
 
 ROUNDING = 1e-9
 """How much later than a keyframe a time may be and still be its own [s]: rounding of steps."""

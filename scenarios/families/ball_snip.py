@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.avatar.hand import hand_parts
-from scenarios.avatar.tracking import ease
-from scenarios.catalogue import scene
-from scenarios.gallery import TABLE_TOP, gallery
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Expectation, Scenario, Tracker, Vector
-from scenarios.solids import ball
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.gallery import TABLE_TOP, gallery
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector
+from touchstone.scenarios.solids import ball
 
 DURATION = 3.0
 FRAME_RATE = 60

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.catalogue import scene
-from scenarios.scenario import PairCoefficients, Scenario
-from scenarios.solids import ball, block
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import PairCoefficients, Scenario
+from touchstone.scenarios.solids import ball, block
 
 SIDE = 6
 """Balls along an edge of the cube that falls."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import sqrt
 
-from scenarios.catalogue import scene
-from scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth
-from scenarios.solids import ball, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth
+from touchstone.scenarios.solids import ball, slab
 
 HEIGHT = 0.3
 """Of the ball's lowest point when dropped [m]: it meets the floor at 2.43 m/s."""

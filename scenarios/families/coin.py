@@ -8,9 +8,9 @@ from math import cos, pi, sin
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scenarios.catalogue import scene
-from scenarios.scenario import ORIGIN, PairCoefficients, Quaternion, Scenario, Vector
-from scenarios.solids import hull, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import ORIGIN, PairCoefficients, Quaternion, Scenario, Vector
+from touchstone.scenarios.solids import hull, slab
 
 RADIUS, HALF_THICKNESS = 0.05, 0.004
 CORNERS = 32

@@ -11,9 +11,9 @@ from math import sqrt
 
 import numpy as np
 
-from scenarios.catalogue import scene
-from scenarios.scenario import Arc, Body, PairCoefficients, Scenario, Truth, vector
-from scenarios.solids import ball
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import Arc, Body, PairCoefficients, Scenario, Truth, vector
+from touchstone.scenarios.solids import ball
 
 RADIUS = 0.05
 GAP = 0.47

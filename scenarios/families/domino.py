@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenarios.catalogue import scene
-from scenarios.scenario import Expectation, PairCoefficients, Scenario, Vector
-from scenarios.solids import block, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import Expectation, PairCoefficients, Scenario, Vector
+from touchstone.scenarios.solids import block, slab
 
 COUNT = 20
 HALF: Vector = (0.025, 0.006, 0.05)

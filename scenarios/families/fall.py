@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenarios.catalogue import scene
-from scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth
-from scenarios.solids import ball
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth
+from touchstone.scenarios.solids import ball
 
 PULL = (0.0, 0.0, -GRAVITY)
 SPIN = (0.0, 5.0, 0.0)

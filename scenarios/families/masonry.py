@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import cos, pi, sin
 
-from scenarios.catalogue import scene
-from scenarios.scenario import Arc, Body, Expectation, PairCoefficients, Scenario, Truth, Vector
-from scenarios.solids import block, hull, hull_mass_properties, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import Arc, Body, Expectation, PairCoefficients, Scenario, Truth, Vector
+from touchstone.scenarios.solids import block, hull, hull_mass_properties, slab
 
 HALF = 0.05
 """Half an edge of a cube of the pyramid [m]."""

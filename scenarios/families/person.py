@@ -11,13 +11,22 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
-from scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, between, hanging, person_tracker, reach, step
-from scenarios.avatar.tracking import ease
-from scenarios.catalogue import scene
-from scenarios.gallery import EAST, NORTH, gallery
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Expectation, Scenario, Tracker, Vector
+from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from touchstone.scenarios.avatar.postures import (
+    CLEARANCE,
+    LEFT,
+    RIGHT,
+    between,
+    hanging,
+    person_tracker,
+    reach,
+    step,
+)
+from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.gallery import EAST, NORTH, gallery
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector
 
 Array = NDArray[np.float64]
 

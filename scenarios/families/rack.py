@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import sqrt
 
-from scenarios.catalogue import scene
-from scenarios.scenario import PairCoefficients, Scenario
-from scenarios.solids import ball
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import PairCoefficients, Scenario
+from touchstone.scenarios.solids import ball
 
 RADIUS, MASS = 0.0286, 0.17
 """Of billiard balls [m, kg]."""

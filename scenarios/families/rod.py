@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, sin
 
-from scenarios.catalogue import scene
-from scenarios.scenario import PairCoefficients, Scenario, Vector
-from scenarios.solids import block, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import PairCoefficients, Scenario, Vector
+from touchstone.scenarios.solids import block, slab
 
 HALF: Vector = (0.25, 0.02, 0.02)
 """Half extents of the rod [m]."""

@@ -6,10 +6,10 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from scenarios.catalogue import scene
-from scenarios.families.slide import HEADINGS
-from scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth, Vector, vector
-from scenarios.solids import ball, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.families.slide import HEADINGS
+from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth, Vector, vector
+from touchstone.scenarios.solids import ball, slab
 
 RADIUS = 0.05
 LANE = 1.0

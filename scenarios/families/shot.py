@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenarios.catalogue import scene
-from scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector
-from scenarios.solids import ball, block
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector
+from touchstone.scenarios.solids import ball, block
 
 SPEEDS = (6.0, 30.0, 300.0)
 """Of the ball [m/s]: 0.1, 0.5 and 5 m in a frame, 2.5, 12.5 and 125 cm in 1/240 s."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.avatar.hand import hand_parts
-from scenarios.catalogue import scene
-from scenarios.gallery import TABLE_TOP, gallery
-from scenarios.materials import TABLE_1
-from scenarios.scenario import IDENTITY, Expectation, Scenario, Tracker
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.gallery import TABLE_TOP, gallery
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import IDENTITY, Expectation, Scenario, Tracker
 
 SPEEDS = (2.5, 3.0, 6.0)
 """Of the tracker [m/s]: 4.2, 5 and 10 cm in a frame, over a table of 4 cm and fingers of 1.6 cm."""

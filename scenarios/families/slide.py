@@ -6,8 +6,8 @@ from math import atan, cos, degrees, pi, radians, sin
 
 import numpy as np
 
-from scenarios.catalogue import scene
-from scenarios.scenario import (
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import (
     GRAVITY,
     Arc,
     Body,
@@ -18,7 +18,7 @@ from scenarios.scenario import (
     Vector,
     vector,
 )
-from scenarios.solids import block, slab
+from touchstone.scenarios.solids import block, slab
 
 HALF = 0.05
 """Half an edge of a cube [m]."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.catalogue import scene
-from scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Tracker, Truth
-from scenarios.solids import box_inertia
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Tracker, Truth
+from touchstone.scenarios.solids import box_inertia
 
 MASSES: dict[str, float] = {"light": 0.1, "critical": 0.4, "heavy": 2.0}
 """Over-, critically and underdamped at K = 1000 N/m, R = 40 N s/m [kg]."""

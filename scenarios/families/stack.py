@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenarios.catalogue import scene
-from scenarios.scenario import Arc, PairCoefficients, Scenario, Truth
-from scenarios.solids import block, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import Arc, PairCoefficients, Scenario, Truth
+from touchstone.scenarios.solids import block, slab
 
 HALF = 0.05
 BOXES = 5

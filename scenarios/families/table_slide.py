@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarios.avatar.hand import hand_parts
-from scenarios.avatar.tracking import ease
-from scenarios.catalogue import scene
-from scenarios.gallery import DOOR, TABLE_TOP, gallery
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Expectation, Scenario, Tracker, Vector, vector
-from scenarios.solids import ball
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.gallery import DOOR, TABLE_TOP, gallery
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector, vector
+from touchstone.scenarios.solids import ball
 
 DURATION, FRAME_RATE = 8.0, 60
 BACKWARDS = (0.0, 0.0, 0.0, 1.0)

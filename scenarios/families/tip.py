@@ -7,8 +7,8 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from scenarios.catalogue import scene
-from scenarios.scenario import (
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import (
     Arc,
     Body,
     Expectation,
@@ -19,7 +19,7 @@ from scenarios.scenario import (
     Vector,
     vector,
 )
-from scenarios.solids import block, slab
+from touchstone.scenarios.solids import block, slab
 
 
 @dataclass(frozen=True, slots=True)

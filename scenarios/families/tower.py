@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.catalogue import scene
-from scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector
-from scenarios.solids import block, slab
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector
+from touchstone.scenarios.solids import block, slab
 
 HALF = 0.05
 """Half an edge of a cube [m]."""

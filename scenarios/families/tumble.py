@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenarios.catalogue import scene
-from scenarios.scenario import PairCoefficients, Scenario, Truth, Vector
-from scenarios.solids import block
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import PairCoefficients, Scenario, Truth, Vector
+from touchstone.scenarios.solids import block
 
 HALF: Vector = (0.15, 0.10, 0.05)
 """Half extents [m]: the least moment about x, the middle one about y."""

@@ -9,14 +9,14 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
-from scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, hanging, person_tracker, reach
-from scenarios.avatar.tracking import ease
-from scenarios.catalogue import scene
-from scenarios.gallery import NORTH, gallery
-from scenarios.materials import TABLE_1
-from scenarios.scenario import GRAVITY, Body, Expectation, Scenario, Tracker, Vector, vector
-from scenarios.solids import ball
+from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
+from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, hanging, person_tracker, reach
+from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.gallery import NORTH, gallery
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import GRAVITY, Body, Expectation, Scenario, Tracker, Vector, vector
+from touchstone.scenarios.solids import ball
 
 Array = NDArray[np.float64]
 

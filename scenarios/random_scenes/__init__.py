@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.random import Generator
 
-from scenarios.random_scenes import fast, piles, stacks
-from scenarios.random_scenes.bodies import MATERIAL
-from scenarios.random_scenes.hands import HAND_MATERIAL
-from scenarios.random_scenes.setup import Setup
-from scenarios.scenario import PairCoefficients, Scenario
+from touchstone.scenarios.random_scenes import fast, piles, stacks
+from touchstone.scenarios.random_scenes.bodies import MATERIAL
+from touchstone.scenarios.random_scenes.hands import HAND_MATERIAL
+from touchstone.scenarios.random_scenes.setup import Setup
+from touchstone.scenarios.scenario import PairCoefficients, Scenario
 
 KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "drop": stacks.drops,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from scenarios.scenario import (
+from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
     Body,
@@ -25,7 +25,7 @@ from scenarios.scenario import (
     Vector,
     vector,
 )
-from scenarios.solids import ball, block, capsule, ellipsoid, hull, hull_mass_properties
+from touchstone.scenarios.solids import ball, block, capsule, ellipsoid, hull, hull_mass_properties
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.hand import hand_parts
-from scenarios.random_scenes.bodies import (
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.random_scenes.bodies import (
     MATERIAL,
     random_direction,
     random_orientation,
@@ -17,9 +17,9 @@ from scenarios.random_scenes.bodies import (
     solid,
     support,
 )
-from scenarios.random_scenes.hands import FLEXED, HAND_REACH, Pressing, quaternion
-from scenarios.random_scenes.setup import DOWN, Setup, random_gap, random_size
-from scenarios.scenario import Body, Box, Piece, vector
+from touchstone.scenarios.random_scenes.hands import FLEXED, HAND_REACH, Pressing, quaternion
+from touchstone.scenarios.random_scenes.setup import DOWN, Setup, random_gap, random_size
+from touchstone.scenarios.scenario import Body, Box, Piece, vector
 
 SHOT_SPEED = (3.0, 3000.0)
 """Range of the speed of a shot, drawn by its logarithm [m/s]."""

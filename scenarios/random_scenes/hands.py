@@ -10,10 +10,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.hand import hand_parts
-from scenarios.avatar.tracking import ease
-from scenarios.scenario import Body, Box, Joint, Piece, Quaternion, Tracker, vector
-from scenarios.solids import box_inertia
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Quaternion, Tracker, vector
+from touchstone.scenarios.solids import box_inertia
 
 Array = NDArray[np.float64]
 

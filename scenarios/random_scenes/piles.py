@@ -7,7 +7,7 @@ from math import atan2, cos, pi, sin
 import numpy as np
 from numpy.random import Generator
 
-from scenarios.random_scenes.bodies import (
+from touchstone.scenarios.random_scenes.bodies import (
     FLAT,
     MATERIAL,
     SHAPES,
@@ -21,8 +21,8 @@ from scenarios.random_scenes.bodies import (
     support,
     turned,
 )
-from scenarios.random_scenes.hands import pressing
-from scenarios.random_scenes.setup import (
+from touchstone.scenarios.random_scenes.hands import pressing
+from touchstone.scenarios.random_scenes.setup import (
     DOWN,
     RATIOS,
     SPIN,
@@ -33,8 +33,8 @@ from scenarios.random_scenes.setup import (
     random_gap,
     random_size,
 )
-from scenarios.scenario import IDENTITY, Body, Vector, vector
-from scenarios.solids import block, slab
+from touchstone.scenarios.scenario import IDENTITY, Body, Vector, vector
+from touchstone.scenarios.solids import block, slab
 
 
 def heaps(rng: Generator) -> Setup:

@@ -8,9 +8,9 @@ from math import pi
 
 from numpy.random import Generator
 
-from scenarios.random_scenes.bodies import support, turned
-from scenarios.random_scenes.hands import Pressing
-from scenarios.scenario import IDENTITY, Body, Box, Quaternion, Shape, Vector, vector
+from touchstone.scenarios.random_scenes.bodies import support, turned
+from touchstone.scenarios.random_scenes.hands import Pressing
+from touchstone.scenarios.scenario import IDENTITY, Body, Box, Quaternion, Shape, Vector, vector
 
 Y: Vector = (0.0, 1.0, 0.0)
 Z: Vector = (0.0, 0.0, 1.0)

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 from numpy.random import Generator
 
-from scenarios.random_scenes.bodies import (
+from touchstone.scenarios.random_scenes.bodies import (
     FLAT,
     MATERIAL,
     masses,
@@ -16,7 +16,7 @@ from scenarios.random_scenes.bodies import (
     support,
     turned,
 )
-from scenarios.random_scenes.setup import (
+from touchstone.scenarios.random_scenes.setup import (
     DOWN,
     JITTER,
     SIZE,
@@ -29,8 +29,8 @@ from scenarios.random_scenes.setup import (
     random_yaw,
     stacked,
 )
-from scenarios.scenario import IDENTITY, Body, Box, Capsule, Shape, Sphere
-from scenarios.solids import block, slab
+from touchstone.scenarios.scenario import IDENTITY, Body, Box, Capsule, Shape, Sphere
+from touchstone.scenarios.solids import block, slab
 
 
 def drops(rng: Generator) -> Setup:

@@ -7,7 +7,7 @@ import signal
 import time
 from pathlib import Path
 
-from adapters.contract import AdapterError, Manifest, Unsupported
+from touchstone.adapters.contract import AdapterError, Manifest, Unsupported
 
 FALLS = 0.01
 """What a body sinks per step [m]."""

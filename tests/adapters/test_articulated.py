@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reference_impl.driven.skeleton import joint_space_inertia, move_links, pose_links
-from scenarios.avatar.avatar import HAND_LENGTH, arm_with_hand_parts
-from scenarios.catalogue import catalogue
+from touchstone.reference_impl.driven.skeleton import joint_space_inertia, move_links, pose_links
+from touchstone.scenarios.avatar.avatar import HAND_LENGTH, arm_with_hand_parts
+from touchstone.scenarios.catalogue import catalogue
 
 pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
 
-from adapters.oracles.articulated import Articulated, DampedLeastSquares
+from touchstone.adapters.oracles.articulated import Articulated, DampedLeastSquares
 
 POSTURES = 20
 LENGTHS = 1e-12

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import State
-from adapters.registry import ENGINES
-from scenarios.avatar.avatar import Parts, arm_with_hand_parts, avatar_parts
+from touchstone.adapters.contract import State
+from touchstone.adapters.registry import ENGINES
+from touchstone.scenarios.avatar.avatar import Parts, arm_with_hand_parts, avatar_parts
 
 PLACES = {"bullet": 1e-12, "dart": 1e-12, "mujoco": 1e-12, "reference": 1e-14}
 """Rounding of a chain of nine links [m]."""

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.contract import AdapterError
-from adapters.engines.reference.reference_world import translate
-from adapters.motion_bounds import bounds
-from reference_impl.driven.skeleton import pose_links
-from scenarios.avatar.avatar import avatar_parts, standing_tracker
-from scenarios.avatar.kinematics import link_poses
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue
-from scenarios.effects import plan
+from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.motion_bounds import bounds
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
+from touchstone.scenarios.avatar.kinematics import link_poses
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.effects import plan
 
 
 def left(positions, scenario) -> list[str]:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Settings, State, Unsupported
-from adapters.engines.reference.reference_world import translate
-from adapters.recorder import manifest_json, record
-from reference_impl.driven.skeleton import pose_links
-from scenarios import scenario as s
+from touchstone.adapters.contract import Settings, State, Unsupported
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.recorder import manifest_json, record
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.scenarios import scenario as s
 
 pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")
-from adapters.engines.bullet.engine import BASE, BulletEngine  # noqa: E402
+from touchstone.adapters.engines.bullet.engine import BASE, BulletEngine  # noqa: E402
 
 DT, G = 1 / 240, 9.81
 RECOMMENDED = Settings("recommended", DT)

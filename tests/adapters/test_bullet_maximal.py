@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings, State
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Scenario
-from scenarios.solids import hull
+from touchstone.adapters.contract import Settings, State
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.solids import hull
 
 pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")
-from adapters.engines.bullet.engine import BulletEngine  # noqa: E402
+from touchstone.adapters.engines.bullet.engine import BulletEngine  # noqa: E402
 
 RIGID = "bodies in maximal coordinates"
 CORNERS = ((0.1, 0.1, 0.1), (0.1, -0.1, -0.1), (-0.1, 0.1, -0.1), (-0.1, -0.1, 0.1))

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.recording import load
-from adapters.workers.children import SLICE, Children, Job
-from scenarios.effects import PLANNED
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recording import load
+from touchstone.adapters.workers.children import SLICE, Children, Job
+from touchstone.scenarios.effects import PLANNED
 
 FRAMES = 75
 """Two whole slices and a half."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.engines.reference.box_cloud import DENSITY, SPEED, Cloud
+from touchstone.adapters.engines.reference.box_cloud import DENSITY, SPEED, Cloud
 
 
 @pytest.mark.parametrize("count", [20, 150])

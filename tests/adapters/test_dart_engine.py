@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Settings, State, Unsupported
-from scenarios.avatar.hand import hand_parts
-from scenarios.avatar.tracking import sample
-from scenarios.materials import TABLE_1
-from scenarios.scenario import (
+from touchstone.adapters.contract import Settings, State, Unsupported
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
@@ -25,10 +25,10 @@ from scenarios.scenario import (
     Sphere,
     Tracker,
 )
-from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
+from touchstone.scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
 
 pytest.importorskip("dartpy", reason="dartpy is not installed")
-from adapters.engines.dart import engine as dart_engine
+from touchstone.adapters.engines.dart import engine as dart_engine
 
 DT = dart_engine.DartEngine.profiles["recommended"]
 SETTINGS = Settings("recommended", DT)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.contract import AdapterError, Unsupported
-from adapters.detectors import (
+from touchstone.adapters.contract import AdapterError, Unsupported
+from touchstone.adapters.detectors import (
     DETECTORS,
     REFERENCE,
     THREW,
@@ -21,9 +21,9 @@ from adapters.detectors import (
     load,
     missing_reason,
 )
-from adapters.detectors.children import Child
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
-from scenarios.solids import elliptic_hull
+from touchstone.adapters.detectors.children import Child
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
+from touchstone.scenarios.solids import elliptic_hull
 
 DEPTH, GAP = 0.15, 0.25
 LOWER = Piece("a", Box((0.5, 0.5, 0.5)))

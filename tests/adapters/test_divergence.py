@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.contract import Manifest, Settings, State
-from adapters.divergence import EXPLODED, SPEED_MAX, Watch
-from adapters.motion_bounds import planned
-from adapters.recorder import RunEnded, record
-from scenarios.effects import PLANNED
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Manifest, Settings, State
+from touchstone.adapters.divergence import EXPLODED, SPEED_MAX, Watch
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.recorder import RunEnded, record
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.scenario import Scenario
 
 FRAME = 1 / 60
 

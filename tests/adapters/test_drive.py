@@ -7,11 +7,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from adapters.engines.reference.reference_world import translate
-from adapters.servo import INERTIA_RATIO, Drive, cut
-from reference_impl.driven.skeleton import joint_space_inertia, pose_links
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, Box, Joint, Piece, Tracker
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.servo import INERTIA_RATIO, Drive, cut
+from touchstone.reference_impl.driven.skeleton import joint_space_inertia, pose_links
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Tracker
 
 DT = 1 / 240
 ROUNDING = 1e-12

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import State
-from adapters.motion_bounds import planned
-from adapters.recorder import record
-from adapters.registry import ENGINES
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, Box, Capsule, Hull, Piece, Sphere
-from scenarios.solids import box_inertia, sphere_inertia
+from touchstone.adapters.contract import State
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ENGINES
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Body, Box, Capsule, Hull, Piece, Sphere
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 DEPTH = 5e-4
 """Overlap at the start [m]: within every engine's tolerance for it."""

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from adapters import registry
-from adapters.registry import Entry, missing_reason
-from adapters.workers.import_check import Imported, try_imports
+from touchstone.adapters import registry
+from touchstone.adapters.registry import Entry, missing_reason
+from touchstone.adapters.workers.import_check import Imported, try_imports
 
 FATES = {
     "healthy": Imported("done", "1.2.3"),
@@ -43,6 +43,6 @@ def test_an_import_that_hangs_is_given_up(fakes):
 
 def test_what_is_not_installed_starts_no_process(monkeypatch):
     """An engine without its package is missing, with the way to get it."""
-    entry = Entry("adapters.no_engine:None", "no_such_package", {"recommended": 1 / 60})
+    entry = Entry("touchstone.adapters.no_engine:None", "no_such_package", {"recommended": 1 / 60})
     monkeypatch.setitem(registry.ENGINES, "absent", entry)
     assert try_imports(("absent",)) == {"absent": Imported("missing", missing_reason("absent"))}

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.contract import Unsupported
-from adapters.material_combine import (
+from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.material_combine import (
     MIX_TOLERANCE,
     check_range,
     frictions,
@@ -16,11 +16,11 @@ from adapters.material_combine import (
     product_factors,
     restitutions,
 )
-from adapters.registry import ENGINES
-from scenarios.catalogue import catalogue
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.adapters.registry import ENGINES
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 RULES = {
     "product": (product_factors, lambda f, g: f * g),

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from adapters.contract import Settings, State, Unsupported
-from adapters.recorder import record
-from scenarios import scenario as sc
-from scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Scenario, Sphere
-from scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
+from touchstone.adapters.contract import Settings, State, Unsupported
+from touchstone.adapters.recorder import record
+from touchstone.scenarios import scenario as sc
+from touchstone.scenarios.scenario import Body, Box, Ellipsoid, Hull, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import box_inertia, elliptic_hull, sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-from adapters.engines.mujoco.contacts import (  # noqa: E402
+from touchstone.adapters.engines.mujoco.contacts import (  # noqa: E402
     ACCURATE_STIFFNESS,
     FRICTION_REFERENCE,
     releasing_ratio,
@@ -22,8 +22,8 @@ from adapters.engines.mujoco.contacts import (  # noqa: E402
     restitution_of,
     solref_of,
 )
-from adapters.engines.mujoco.engine import MujocoEngine, World  # noqa: E402
-from adapters.engines.mujoco.model import add_piece  # noqa: E402
+from touchstone.adapters.engines.mujoco.engine import MujocoEngine, World  # noqa: E402
+from touchstone.adapters.engines.mujoco.model import add_piece  # noqa: E402
 
 ENGINE = MujocoEngine()
 DT = ENGINE.profiles["recommended"]

@@ -7,15 +7,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.motion_bounds import planned
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.motion_bounds import planned
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-from adapters import mujoco_contacts, mujoco_engine  # noqa: E402
-from adapters.engines.mujoco.masks import contact_filter  # noqa: E402
+from touchstone.adapters import mujoco_contacts, mujoco_engine  # noqa: E402
+from touchstone.adapters.engines.mujoco.masks import contact_filter  # noqa: E402
 
 DT = 1 / 540
 SETTINGS = Settings("recommended", DT)

@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings, State
-from adapters.recorder import record
-from reports.metrics import METRICS
-from reports.metrics.context import Evidence
-from scenarios.avatar.hand import hand_parts
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
-from scenarios.solids import box_inertia
+from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.recorder import record
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Evidence
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
+from touchstone.scenarios.solids import box_inertia
 
 EQUAL = 1 / 240
 ENGINES = ("mujoco", "bullet", "dart")

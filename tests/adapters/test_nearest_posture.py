@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
 pytest.importorskip("fcl", reason="not installed (pip install 'touchstone[fcl]')")
 
-from adapters.oracles.nearest_posture import FREE, NearestPosture, _least_distance
+from touchstone.adapters.oracles.nearest_posture import FREE, NearestPosture, _least_distance
 
 BENT = {"left_shoulder_1": 0.3, "left_elbow": 0.9}
 

@@ -10,17 +10,17 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip("fcl", reason="python-fcl is not installed")
 pytest.importorskip("coal", reason="coal (pin) is not installed")
-from adapters.engines.reference.reference_world import matrix
-from adapters.oracles import minkowski
-from adapters.oracles.overlap import (
+from touchstone.adapters.engines.reference.reference_world import matrix
+from touchstone.adapters.oracles import minkowski
+from touchstone.adapters.oracles.overlap import (
     MARGIN,
     coal_shape,
     measure,
     signed_distance,
 )
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
-from scenarios.solids import elliptic_hull, sphere_inertia
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
+from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
 
 ASKED = 1e-6
 """What is asked of a depth [m]."""

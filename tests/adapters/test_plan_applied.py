@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.contract import AdapterError, Settings
-from adapters.motion_bounds import planned
-from adapters.recorder import Player, ready, record
-from scenarios.avatar.avatar import avatar_parts, standing_tracker
-from scenarios.catalogue import catalogue
-from scenarios.effects import PLANNED
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.recorder import Player, ready, record
+from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.scenario import Scenario
 
 FRAME = 1 / 60
 SHORT = [name for name, one in catalogue().items() if "heap" not in one.tags and one.duration < 5]

@@ -8,14 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.motion_bounds import planned
-from adapters.recorder import ready, record
-from adapters.recording import Recording
-from scenarios.avatar.avatar import avatar_parts, standing_tracker
-from scenarios.catalogue import catalogue
-from scenarios.effects import PLANNED, STIFF
-from scenarios.scenario import Chain, Joint, Scenario
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.recorder import ready, record
+from touchstone.adapters.recording import Recording
+from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.effects import PLANNED, STIFF
+from touchstone.scenarios.scenario import Chain, Joint, Scenario
 
 FRAME = 1 / 60
 SPIN = {"angular_velocity": (0.0, 0.0, 1.0)}

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.contract import AdapterError
-from adapters.recorder import record
-from adapters.registry import Entry
-from adapters.workers.children import Children
-from adapters.workers.play import play
-from scenarios.effects import PLANNED
+from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import Entry
+from touchstone.adapters.workers.children import Children
+from touchstone.adapters.workers.play import play
+from touchstone.scenarios.effects import PLANNED
 
 FAKES = ("healthy", "speeds", "throws", "exits", "unsupported")
 
@@ -27,7 +27,7 @@ def fakes(monkeypatch, tmp_path):
 
     entries = {name: Entry("fake_engines:Engine", "numpy", {"only": 1 / 60}) for name in FAKES}
     entries["missing"] = Entry("nowhere:Engine", "no_such_package", {"only": 1 / 60})
-    monkeypatch.setattr("adapters.registry.ENGINES", entries)
+    monkeypatch.setattr("touchstone.adapters.registry.ENGINES", entries)
     with Children(partial(load, str(tmp_path))) as children:
         yield children
     sys.modules.pop("fake_engines", None)

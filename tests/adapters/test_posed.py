@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings, State
-from adapters.motion_bounds import planned
-from adapters.posed_drive import Posed
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.posed_drive import Posed
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Scenario
 
 EQUAL = 1 / 240
 TOUCHED = 0.45
@@ -62,7 +62,7 @@ def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenari
 def test_an_engine_itself_holds_the_links_there(snip: Scenario) -> None:
     """Find MuJoCo's own bodies at the shown poses, not just the state."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-    from adapters.engines.mujoco.engine import MujocoEngine
+    from touchstone.adapters.engines.mujoco.engine import MujocoEngine
 
     world = MujocoEngine().build(snip, Settings("equal-step", EQUAL, drive="posed"))
     world.drive(50)

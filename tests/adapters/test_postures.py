@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.driven_poses import driven_pieces, moved
-from scenarios.scenario import Body, Box, Joint, Piece, Tracker
-from scenarios.solids import sphere_inertia
+from touchstone.adapters.driven_poses import driven_pieces, moved
+from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Tracker
+from touchstone.scenarios.solids import sphere_inertia
 
 ROUNDING = 1e-12
 """A few dozen operations on lengths of metres [m]."""

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from adapters.workers.process import THREADS, one_thread
+from touchstone.adapters.workers.process import THREADS, one_thread
 
 
 def test_children_have_one_thread_and_the_parent_keeps_its_own(monkeypatch) -> None:

@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from adapters import recorder as module
-from adapters.contract import CONTACT_CAPACITY, AdapterError, Manifest, Settings, State
-from adapters.recorder import CROSSINGS, WARM_UP_FRAMES, Player, record, substeps, warm_up
-from adapters.recording import RunEnded
-from scenarios.effects import PLANNED
-from scenarios.scenario import Body, Box, Joint, PairCoefficients, Piece, Scenario, Tracker
+from touchstone.adapters import recorder as module
+from touchstone.adapters.contract import CONTACT_CAPACITY, AdapterError, Manifest, Settings, State
+from touchstone.adapters.recorder import CROSSINGS, WARM_UP_FRAMES, Player, record, substeps, warm_up
+from touchstone.adapters.recording import RunEnded
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.scenario import Body, Box, Joint, PairCoefficients, Piece, Scenario, Tracker
 
 FRAME_RATE, SUBSTEPS, FRAMES = 10, 4, 5
 DT = 1 / (FRAME_RATE * SUBSTEPS)
@@ -315,7 +315,7 @@ def test_too_many_contacts_are_an_error(scenario):
 
 def test_too_many_contacts_name_the_frame(engine, scenario, settings, monkeypatch):
     """A full contact buffer ends the run with one line that names the frame."""
-    monkeypatch.setattr("adapters.contract.CONTACT_CAPACITY", 0)
+    monkeypatch.setattr("touchstone.adapters.contract.CONTACT_CAPACITY", 0)
     with pytest.raises(RunEnded) as end:
         record(engine, scenario, settings)
     reason = "more than 0 contact points in one step: the scene has too many contacts to record"

@@ -10,8 +10,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from adapters import recording as module
-from adapters.recording import FORMAT_VERSION, Recording, RecordingError, load
+from touchstone.adapters import recording as module
+from touchstone.adapters.recording import FORMAT_VERSION, Recording, RecordingError, load
 
 SIGNATURE_AND_SIZES = 60
 """Bytes at the start of an archive whose damage is worth a try each."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.contract import Settings, Unsupported
-from adapters.engines.reference.engine import ReferenceEngine
-from adapters.engines.reference.settings import (
+from touchstone.adapters.contract import Settings, Unsupported
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.adapters.engines.reference.settings import (
     PROFILES,
     SETTINGS,
     Choice,
@@ -18,8 +18,8 @@ from adapters.engines.reference.settings import (
     describe,
     parse,
 )
-from adapters.registry import ENGINES, require_profile
-from reference_impl.core.state_dtype import STATE
+from touchstone.adapters.registry import ENGINES, require_profile
+from touchstone.reference_impl.core.state_dtype import STATE
 
 WHOLE = Range("count", 1, 9, "", ("1", "1", "1"), "a count")
 SPEED = Range("speed", 0, 0.5, "m/s", ("0", "0", "0"), "a speed", whole=False)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from adapters import registry as module
-from adapters.contract import AdapterError, NotInstalled
-from adapters.recorder import substeps
-from adapters.registry import ENGINES, Entry, installed, load, missing_reason
-from scenarios.catalogue import catalogue
+from touchstone.adapters import registry as module
+from touchstone.adapters.contract import AdapterError, NotInstalled
+from touchstone.adapters.recorder import substeps
+from touchstone.adapters.registry import ENGINES, Entry, installed, load, missing_reason
+from touchstone.scenarios.catalogue import catalogue
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 
@@ -48,7 +48,9 @@ def test_the_hint_names_something_pip_can_install(name):
 
 def test_a_missing_package_is_told_with_the_extra(monkeypatch):
     """An engine whose package is not there is not installed, and loading it says how to get it."""
-    entry = Entry("adapters.engines.mujoco.engine:MujocoEngine", "no_such_package", {"recommended": 1 / 60})
+    entry = Entry(
+        "touchstone.adapters.engines.mujoco.engine:MujocoEngine", "no_such_package", {"recommended": 1 / 60}
+    )
     monkeypatch.setitem(module.ENGINES, "mujoco", entry)
     assert not installed("mujoco")
     with pytest.raises(NotInstalled, match=r"pip install 'touchstone\[mujoco\]'"):
@@ -65,7 +67,8 @@ def test_an_unknown_name_is_told_the_valid_ones(ask):
 def test_looking_imports_no_engine():
     """Asking what is installed imports neither an engine nor numpy's heavy friends."""
     text = (
-        "import sys; from adapters.registry import ENGINES, installed; [installed(n) for n in ENGINES];"
+        "import sys; from touchstone.adapters.registry import ENGINES, installed; "
+        "[installed(n) for n in ENGINES];"
         "print([m for m in ('mujoco', 'pybullet', 'dartpy', 'numba', 'coal', 'fcl', 'pandas') "
         "if m in sys.modules])"
     )

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings, State
-from adapters.recorder import record
-from adapters.registry import ACCURATE, ENGINES
-from reports.studies.calibration.children import motion_of
-from reports.studies.calibration.estimates import friction_of, rebound_of, restitution_of
-from reports.studies.calibration.scenes import G, Probe, scene
-from scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
-from scenarios.solids import box_inertia, sphere_inertia
+from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ACCURATE, ENGINES
+from touchstone.reports.studies.calibration.children import motion_of
+from touchstone.reports.studies.calibration.estimates import friction_of, rebound_of, restitution_of
+from touchstone.reports.studies.calibration.scenes import G, Probe, scene
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 ENGINE_NAMES = [name for name in ENGINES if name != "reference"]
 
@@ -290,7 +290,7 @@ def test_bullets_inertia_breaks_maximal_coordinates():
 @pytest.mark.parametrize(("name", "asked", "achieved"), [("bullet", 12.0, 10.0), ("dart", 1e-3, 0.0)])
 def test_coefficients_that_are_refused_would_be_altered(registry, monkeypatch, name, asked, achieved):
     """Bullet cuts friction at 10 and DART ignores it up to 1e-3: what the adapters refuse is so still."""
-    module = pytest.importorskip(f"adapters.engines.{name}.engine")
+    module = pytest.importorskip(f"touchstone.adapters.engines.{name}.engine")
     monkeypatch.setattr(module, "check_range", lambda *given, **bounds: None)
     half, settings = (0.5, 0.5, 0.01), registry.settings(name)
     plate = Body("plate", "simulated", "any", (Piece("plate", Box(half)),), 1.0,

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.motion_bounds import planned
-from adapters.recorder import ready, record
-from adapters.recording import Recording
-from scenarios.effects import PLANNED
-from scenarios.scenario import Scenario, Tracker
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.recorder import ready, record
+from touchstone.adapters.recording import Recording
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.scenario import Scenario, Tracker
 
 ENGINES = ("dart", "bullet", "mujoco")
 STAGES = ("gravity", "rotation", "contact", "sleeping")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.contract import AdapterError
-from adapters.recorder import record
-from reference_impl.core.conventions import OVERLAP_TOLERANCE
+from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.recorder import record
+from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
 
 
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])

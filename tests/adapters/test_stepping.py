@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.recorder import frame_seconds, undisturbed
-from adapters.workers.stepping import Stepper
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import frame_seconds, undisturbed
+from touchstone.adapters.workers.stepping import Stepper
 
 
 class World:
@@ -30,7 +30,7 @@ class World:
 def test_a_frame_is_its_native_steps(lab, monkeypatch) -> None:
     """Time the step calls alone, each after its own drive, numbered through from the first frame."""
     ticks = iter(range(100))
-    monkeypatch.setattr("adapters.recorder.perf_counter", lambda: next(ticks))
+    monkeypatch.setattr("touchstone.adapters.recorder.perf_counter", lambda: next(ticks))
     world = World()
     assert frame_seconds(world, lab.scene(lab.ball()), Settings("any", 1 / 240), 2) == 4
     assert world.calls == [8, "step", 9, "step", 10, "step", 11, "step"]
@@ -45,7 +45,7 @@ def test_disturbed_times_do_not_count(monkeypatch, switches, told, asked) -> Non
     """Take the first measurement without a switch of processes, or the least of ten."""
     counts = iter(switches)
     monkeypatch.setattr(
-        "adapters.recorder.getrusage", lambda who: type("Usage", (), {"ru_nivcsw": next(counts)})
+        "touchstone.adapters.recorder.getrusage", lambda who: type("Usage", (), {"ru_nivcsw": next(counts)})
     )
     times = [3.0, 2.0, 4.0, 0.5, *[5.0] * 10]
     measured = iter(times)

@@ -7,21 +7,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.contract import Unsupported
-from adapters.engines.reference.reference_world import (
+from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.engines.reference.reference_world import (
     PAIRS_AT_LEAST,
     PAIRS_PER_PIECE,
     matrix,
     pair_capacity,
     translate,
 )
-from reference_impl.core import conventions
-from reference_impl.core.state_dtype import MATERIAL_CAPACITY
-from reference_impl.driven.skeleton import pose_links
-from scenarios.avatar.avatar import arm_with_hand_parts
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, PairCoefficients, Piece, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.scenarios.avatar.avatar import arm_with_hand_parts
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import (
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Joint,
+    PairCoefficients,
+    Piece,
+    Sphere,
+)
+from touchstone.scenarios.solids import sphere_inertia
 
 ROUNDING = 1e-12
 """Products of a few rotations, absolute."""

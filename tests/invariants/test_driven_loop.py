@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.engines.reference.settings import PROFILES
-from adapters.oracles.overlap import measure
-from reference_impl.core.conventions import OVERLAP_TOLERANCE
-from reports.metrics.context import Evidence
-from reports.metrics.posture import cone_excess, limit_excess
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue, tagged
+from touchstone.adapters.engines.reference.settings import PROFILES
+from touchstone.adapters.oracles.overlap import measure
+from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.posture import cone_excess, limit_excess
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 SCENES = [scenario.name for scenario in tagged("gallery")]
 ORACLE_SLACK = 2e-8

@@ -9,15 +9,15 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from adapters.contract import Settings, State
-from adapters.recorder import record
-from adapters.registry import ENGINES
-from reports.metrics import METRICS
-from reports.metrics.context import Evidence
-from scenarios.catalogue import catalogue
-from scenarios.families.rod import CLEARANCE
-from scenarios.scenario import ORIGIN, PairCoefficients, Scenario
-from scenarios.solids import ball, slab
+from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Evidence
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.families.rod import CLEARANCE
+from touchstone.scenarios.scenario import ORIGIN, PairCoefficients, Scenario
+from touchstone.scenarios.solids import ball, slab
 
 G = 9.81
 RADIUS = 0.05

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.recorder import record
-from adapters.registry import ENGINES
-from reports.limit_counts import counted
-from reports.noisy_limits import judged
-from reports.results import UNAPPLIED, Row
-from reports.run.measure import measured
-from scenarios.avatar.noisy_tracker import noisy
-from scenarios.catalogue import catalogue, tagged
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.limit_counts import counted
+from touchstone.reports.noisy_limits import judged
+from touchstone.reports.results import UNAPPLIED, Row
+from touchstone.reports.run.measure import measured
+from touchstone.scenarios.avatar.noisy_tracker import noisy
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 QUICK = ("ball_snip", "volley")
 """A hand's scene and a person's; the rest of the gallery are slow tests."""

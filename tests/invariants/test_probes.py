@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.contract import Unsupported
-from adapters.registry import ENGINES
-from reports.metrics import METRICS
-from reports.results import Row
-from scenarios.catalogue import tagged
+from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import Row
+from touchstone.scenarios.catalogue import tagged
 
 PROBES = [scenario.name for scenario in tagged("probe")]
 SEEDED = [scenario.name for scenario in tagged("seeded")]

@@ -7,15 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.recorder import record
-from adapters.recording import Recording
-from adapters.registry import ENGINES, load
-from reports.metrics.contacts.sliding import friction_coast
-from reports.metrics.context import Evidence
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue
-from scenarios.families.push_box import STOP
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES, load
+from touchstone.reports.metrics.contacts.sliding import friction_coast
+from touchstone.reports.metrics.context import Evidence
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.families.push_box import STOP
 
 YIELDS = (
     "a chain gives way to a movable body as to a wall and takes its velocity from where it ends: hands stop "

@@ -10,14 +10,21 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from adapters.contract import Engine, Settings
-from reports.limits import judged
-from reports.studies.robustness.play import EXACT, Task, assess
-from reports.studies.robustness.study import Run, line, rows_of_runs
-from scenarios.random_scenes.bodies import masses, random_orientation, random_shape, scattered, solid, support
-from scenarios.random_scenes.setup import DOWN
-from scenarios.scenario import Body, PairCoefficients, Scenario, vector
-from scenarios.solids import slab
+from touchstone.adapters.contract import Engine, Settings
+from touchstone.reports.limits import judged
+from touchstone.reports.studies.robustness.play import EXACT, Task, assess
+from touchstone.reports.studies.robustness.study import Run, line, rows_of_runs
+from touchstone.scenarios.random_scenes.bodies import (
+    masses,
+    random_orientation,
+    random_shape,
+    scattered,
+    solid,
+    support,
+)
+from touchstone.scenarios.random_scenes.setup import DOWN
+from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, vector
+from touchstone.scenarios.solids import slab
 
 FRAME = 1 / 60
 PROFILES = ("balanced", "accurate")
@@ -37,7 +44,7 @@ pytestmark = pytest.mark.timeout(3600)  # five hundred scenes take minutes
 @cache
 def reference() -> Engine:
     """The reference, loaded once."""
-    from adapters.registry import load
+    from touchstone.adapters.registry import load
 
     return load("reference")
 

@@ -7,12 +7,12 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from adapters.recorder import record
-from adapters.recording import Recording
-from adapters.registry import ENGINES
-from reports.metrics import METRICS
-from reports.metrics.motion.events import subjects
-from scenarios.catalogue import catalogue, tagged
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.motion.events import subjects
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 GALLERY = [scenario.name for scenario in tagged("gallery")]
 USUAL = ("ball_snip", "wall_push")

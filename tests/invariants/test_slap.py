@@ -7,18 +7,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.recorder import record
-from adapters.recording import Recording
-from adapters.registry import ENGINES, load
-from reports.metrics.contacts.passages import passages
-from reports.metrics.context import Evidence
-from scenarios.avatar.hand import hand_parts
-from scenarios.gallery import TABLE_TOP, gallery
-from scenarios.materials import TABLE_1
-from scenarios.random_scenes import random_scene
-from scenarios.scenario import Body, Box, Piece, Scenario, Tracker
-from scenarios.solids import ball
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES, load
+from touchstone.reports.metrics.contacts.passages import passages
+from touchstone.reports.metrics.context import Evidence
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.gallery import TABLE_TOP, gallery
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Tracker
+from touchstone.scenarios.solids import ball
 
 DISCRETE = "{} tests for overlap at the end of a frame only: what moves farther than both are thick passes"
 

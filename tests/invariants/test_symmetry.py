@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.recorder import record
-from reports.metrics.context import Evidence
-from reports.metrics.motion.energy import mechanical_energy
-from scenarios.catalogue import catalogue
-from scenarios.random_scenes.bodies import random_orientation, random_shape, scattered, solid
-from scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector, vector
-from scenarios.solids import block, slab
-from scenarios.transforms import mirror, mirrored, permuted, translated
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.motion.energy import mechanical_energy
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.random_scenes.bodies import random_orientation, random_shape, scattered, solid
+from touchstone.scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector, vector
+from touchstone.scenarios.solids import block, slab
+from touchstone.scenarios.transforms import mirror, mirrored, permuted, translated
 
 FRAME = 1 / 60
 PROFILES = ("balanced", "accurate")

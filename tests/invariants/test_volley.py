@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports.metrics import METRICS
-from reports.metrics.context import Evidence
-from scenarios.avatar.kinematics import tracked_poses
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue
-from scenarios.families.volley import HITS
-from scenarios.scenario import GRAVITY
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Evidence
+from touchstone.scenarios.avatar.kinematics import tracked_poses
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.families.volley import HITS
+from touchstone.scenarios.scenario import GRAVITY
 
 BALLS = [f"ball_{k}" for k in range(1, len(HITS) + 1)]
 SWEPT = ("balanced", "accurate")

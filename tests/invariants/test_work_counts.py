@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 SCENES = [scenario.name for scenario in tagged("gallery")]
 WITH_CHAINS = [name for name in SCENES if catalogue()[name].chains]

@@ -5,13 +5,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.engines.reference.reference_world import piece_arrays
-from reference_impl.continuous.free_rotation import rotate_freely
-from reference_impl.continuous.time_of_impact import distance_at, time_of_impact
-from reference_impl.core.conventions import FLIGHT_BALLISTIC, HULL, IMPACT_SLACK, IMPACT_TARGET, SIMULATED
-from reference_impl.core.state_dtype import STATE
-from reference_impl.core.world import BODY, PAIR
-from scenarios.scenario import Piece, Shape
+from touchstone.adapters.engines.reference.reference_world import piece_arrays
+from touchstone.reference_impl.continuous.free_rotation import rotate_freely
+from touchstone.reference_impl.continuous.time_of_impact import distance_at, time_of_impact
+from touchstone.reference_impl.core.conventions import (
+    FLIGHT_BALLISTIC,
+    HULL,
+    IMPACT_SLACK,
+    IMPACT_TARGET,
+    SIMULATED,
+)
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.core.world import BODY, PAIR
+from touchstone.scenarios.scenario import Piece, Shape
 
 NEAR = IMPACT_TARGET + IMPACT_SLACK
 """Gap at which an impact may be reported [m]."""

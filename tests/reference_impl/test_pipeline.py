@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.engines.reference.engine import ReferenceEngine
-from adapters.recorder import record
-from scenarios.catalogue import catalogue
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.adapters.recorder import record
+from touchstone.scenarios.catalogue import catalogue
 
 PROFILES = tuple(ReferenceEngine.profiles)
 SNIP_SHIFT = 0.26

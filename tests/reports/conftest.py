@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reports.metrics import METRICS
-from reports.metrics.context import Evidence
-from scenarios.closed_form import motion
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Evidence
+from touchstone.scenarios.closed_form import motion
 
 G = 9.81
 RADIUS = 0.05

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from adapters.contract import AdapterError, Manifest, Unsupported
+from touchstone.adapters.contract import AdapterError, Manifest, Unsupported
 
 
 def load(name):

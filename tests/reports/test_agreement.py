@@ -11,15 +11,15 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from adapters.workers.children import Outcome
-from reports.output_folder import OutputError
-from reports.results import COLUMNS, table
-from reports.studies.agreement import study as agreement
-from reports.studies.agreement.picture import convergence
-from reports.studies.agreement.study import LADDER, SCENES, Course, NoTruth, order_of, run
-from reports.studies.agreement.table import show
-from scenarios.catalogue import catalogue
-from scenarios.closed_form import motion
+from touchstone.adapters.workers.children import Outcome
+from touchstone.reports.output_folder import OutputError
+from touchstone.reports.results import COLUMNS, table
+from touchstone.reports.studies.agreement import study as agreement
+from touchstone.reports.studies.agreement.picture import convergence
+from touchstone.reports.studies.agreement.study import LADDER, SCENES, Course, NoTruth, order_of, run
+from touchstone.reports.studies.agreement.table import show
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.closed_form import motion
 
 ORDERS = {"reference": (0.0, inf), "dart": (0.0, 1.0), "bullet": (0.0, 2.0), "mujoco": (0.05, 1.0)}
 """Per engine the error [m] that no step mends, and the order at which the rest vanishes."""

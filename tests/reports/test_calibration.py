@@ -10,17 +10,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from adapters.contract import Settings
-from adapters.recorder import record
-from adapters.registry import ACCURATE, ENGINES, Entry
-from reports.results import COLUMNS
-from reports.studies.calibration.children import motion_of
-from reports.studies.calibration.estimates import friction_of, lowest_speed, rebound_of, restitution_of
-from reports.studies.calibration.findings import findings, report
-from reports.studies.calibration.rows import subject_of
-from reports.studies.calibration.scenes import DROP, HEIGHT, SHAPES, SLIDE_TIME, G, Probe, scene
-from reports.studies.calibration.study import Grid, jobs_of, run, steps
-from reports.studies.calibration.table import NOTES, Values, grids, remarks
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ACCURATE, ENGINES, Entry
+from touchstone.reports.results import COLUMNS
+from touchstone.reports.studies.calibration.children import motion_of
+from touchstone.reports.studies.calibration.estimates import (
+    friction_of,
+    lowest_speed,
+    rebound_of,
+    restitution_of,
+)
+from touchstone.reports.studies.calibration.findings import findings, report
+from touchstone.reports.studies.calibration.rows import subject_of
+from touchstone.reports.studies.calibration.scenes import DROP, HEIGHT, SHAPES, SLIDE_TIME, G, Probe, scene
+from touchstone.reports.studies.calibration.study import Grid, jobs_of, run, steps
+from touchstone.reports.studies.calibration.table import NOTES, Values, grids, remarks
 
 TINY = Grid(
     pairs=("sphere-box", "box-box"),
@@ -274,7 +279,7 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     """Print a row per column under the values asked for, and the reason of a skipped engine."""
     from rich.console import Console
 
-    from reports.studies.calibration.show import show
+    from touchstone.reports.studies.calibration.show import show
 
     frame = results[0]
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
@@ -305,7 +310,7 @@ def test_findings_need_their_numbers(results) -> None:
 def test_motion_is_the_recordings() -> None:
     """Take heights and velocities from the recording, the surface's with the spin."""
     probe, settings = Probe("sphere-box", "friction", 0.3, headings=(0.0, 45.0)), Settings("balanced", 1 / 60)
-    from adapters.registry import load
+    from touchstone.adapters.registry import load
 
     engine = load("reference")
     motion, kept = motion_of(engine, probe, settings), record(engine, scene(probe, settings.dt), settings)

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.registry import ENGINES
-from reports.metrics import METRICS
-from reports.metrics.context import Evidence
-from reports.metrics.motion.time_series import Course, course
-from reports.results import Row, table
-from reports.run.request import Request, Results, columns_of
-from reports.views.comparison import TOPICS, command, not_played, sections, worst_lines
-from reports.views.comparison_pictures import PICTURES, draw
-from reports.views.markdown import report
-from scenarios.catalogue import catalogue
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.motion.time_series import Course, course
+from touchstone.reports.results import Row, table
+from touchstone.reports.run.request import Request, Results, columns_of
+from touchstone.reports.views.comparison import TOPICS, command, not_played, sections, worst_lines
+from touchstone.reports.views.comparison_pictures import PICTURES, draw
+from touchstone.reports.views.markdown import report
+from touchstone.scenarios.catalogue import catalogue
 
 PROFILES = {engine: next(iter(entry.profiles)) for engine, entry in ENGINES.items()}
 SIGNATURE = b"\x89PNG"

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from adapters.contract import Settings
-from adapters.workers.variants import Pace, Variant, play
-from reports.results import Row, rows_of
-from reports.studies.effects import study as effects
-from reports.studies.effects import table as effects_table
-from reports.studies.effects.study import ALL, IDENTICAL, MATTERS, WITHIN
-from scenarios.catalogue import catalogue
-from scenarios.effects import PLANNED
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.workers.variants import Pace, Variant, play
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.effects import study as effects
+from touchstone.reports.studies.effects import table as effects_table
+from touchstone.reports.studies.effects.study import ALL, IDENTICAL, MATTERS, WITHIN
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.effects import PLANNED
 
 BASE = Row("effects", "fall", "reference", "balanced", 1 / 60, "")
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from reports.views.frame_budget import HEADS, budget_rows, budgets
-from reports.views.frame_budget_picture import write_picture
-from reports.views.terminal import console, show_budget
-from scenarios.catalogue import tagged
+from touchstone.reports.views.frame_budget import HEADS, budget_rows, budgets
+from touchstone.reports.views.frame_budget_picture import write_picture
+from touchstone.reports.views.terminal import console, show_budget
+from touchstone.scenarios.catalogue import tagged
 
 
 @pytest.fixture

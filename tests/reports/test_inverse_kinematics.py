@@ -11,10 +11,19 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from reports.cli import main as cli
-from reports.results import table
-from reports.studies.inverse_kinematics.study import NEAR, SOLVERS, STARTS, Arm, GoalsError, draw, rows, run
-from reports.studies.inverse_kinematics.table import show
+from touchstone.reports.cli import main as cli
+from touchstone.reports.results import table
+from touchstone.reports.studies.inverse_kinematics.study import (
+    NEAR,
+    SOLVERS,
+    STARTS,
+    Arm,
+    GoalsError,
+    draw,
+    rows,
+    run,
+)
+from touchstone.reports.studies.inverse_kinematics.table import show
 
 GOALS = 40
 MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]

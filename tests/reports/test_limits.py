@@ -8,28 +8,28 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from adapters.detectors import DETECTORS
-from adapters.registry import ENGINES
-from reports import limits as module
-from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
-from reports.bench.geometry import MOTION
-from reports.bench.poses import FAMILIES
-from reports.known_failures import bounds as known_bounds
-from reports.known_failures.bounds import UNMEASURED
-from reports.known_failures.cause import NOISY
-from reports.known_failures.table import CAUSES
-from reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
-from reports.metrics import METRICS
-from reports.results import VERDICTS, Row
-from reports.studies.calibration.rows import ALL, LARGEST
-from reports.studies.calibration.scenes import SHAPES
-from reports.studies.effects import study as effects
-from reports.studies.inverse_kinematics.study import MEASURED, SOLVERS, STARTS
-from reports.studies.predictability.study import ERROR
-from reports.studies.robustness import study as robustness
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue, tags
-from scenarios.effects import PLANNED
+from touchstone.adapters.detectors import DETECTORS
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports import limits as module
+from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
+from touchstone.reports.bench.geometry import MOTION
+from touchstone.reports.bench.poses import FAMILIES
+from touchstone.reports.known_failures import bounds as known_bounds
+from touchstone.reports.known_failures.bounds import UNMEASURED
+from touchstone.reports.known_failures.cause import NOISY
+from touchstone.reports.known_failures.table import CAUSES
+from touchstone.reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import VERDICTS, Row
+from touchstone.reports.studies.calibration.rows import ALL, LARGEST
+from touchstone.reports.studies.calibration.scenes import SHAPES
+from touchstone.reports.studies.effects import study as effects
+from touchstone.reports.studies.inverse_kinematics.study import MEASURED, SOLVERS, STARTS
+from touchstone.reports.studies.predictability.study import ERROR
+from touchstone.reports.studies.robustness import study as robustness
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue, tags
+from touchstone.scenarios.effects import PLANNED
 
 BENCH_METRICS = ("ratio.time", "certificate.open", "certificate.false", "scaling.exponent")
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")
@@ -294,7 +294,7 @@ def test_a_known_failing_may_be_gone_at_another_step(limits):
 def test_a_persons_energy_is_that_of_its_tracker(scene):
     """Give the largest kinetic energy that a tracker asks for, by pinocchio, to two digits."""
     pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
-    from adapters.oracles.articulated import Articulated
+    from touchstone.adapters.oracles.articulated import Articulated
 
     scenario = catalogue()[scene]
     tracker = scenario.trackers[0]

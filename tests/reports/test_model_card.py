@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapters.recorder import record
-from adapters.registry import ENGINES
-from scenarios.catalogue import catalogue
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ENGINES
+from touchstone.scenarios.catalogue import catalogue
 
 pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
 
-from reports.views.model_card import AGREED, NotDriven, card_rows, deviation
+from touchstone.reports.views.model_card import AGREED, NotDriven, card_rows, deviation
 
 SCENES = ("ball_snip", "wall_push", "arms_cross")
 

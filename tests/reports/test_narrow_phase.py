@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
-from reports.output_folder import OutputError
-from reports.results import COLUMNS
-from reports.studies.narrow_phase.rows import Measured, depth_errors, normal_errors
-from reports.studies.narrow_phase.study import PairsError, run, truth_of
-from reports.studies.poses import FAMILIES, TOUCH, draw
+from touchstone.adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
+from touchstone.reports.output_folder import OutputError
+from touchstone.reports.results import COLUMNS
+from touchstone.reports.studies.narrow_phase.rows import Measured, depth_errors, normal_errors
+from touchstone.reports.studies.narrow_phase.study import PairsError, run, truth_of
+from touchstone.reports.studies.poses import FAMILIES, TOUCH, draw
 
 PAIRS = 3 * len(FAMILIES)
 OTHER, ABSENT = "coal", "absent"
@@ -99,7 +99,7 @@ def test_the_terminal_shows_every_detector(results) -> None:
     """Print a row per detector and the reason of a skipped one."""
     from rich.console import Console
 
-    from reports.studies.narrow_phase.table import show
+    from touchstone.reports.studies.narrow_phase.table import show
 
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
     show(results[0], console)
@@ -166,7 +166,7 @@ def test_missed_and_failed_count_apart(truth) -> None:
     assert np.isnan(errors[truth.distance > 0]).all()
     deep = -truth.distance > 1e-3 * truth.size
     np.testing.assert_array_equal(errors[deep], 1.0)
-    from adapters.detectors import Failure
+    from touchstone.adapters.detectors import Failure
 
     nothing.failures = {k: Failure("threw", "test") for k in range(n)}
     assert np.isnan(depth_errors(truth, nothing)).all()

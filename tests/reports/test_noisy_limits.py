@@ -7,12 +7,12 @@ from math import isnan
 
 import pytest
 
-from adapters.contract import Settings
-from reports import limits
-from reports.known_failures.cause import NOISY, Cause
-from reports.limit_counts import counted
-from reports.noisy_limits import NOT_IDEAL, judged
-from reports.results import UNAPPLIED, Row
+from touchstone.adapters.contract import Settings
+from touchstone.reports import limits
+from touchstone.reports.known_failures.cause import NOISY, Cause
+from touchstone.reports.limit_counts import counted
+from touchstone.reports.noisy_limits import NOT_IDEAL, judged
+from touchstone.reports.results import UNAPPLIED, Row
 
 LABEL = f"balanced{NOISY}"
 ROW = Row("run", "wall_push", "reference", LABEL, 1 / 60, "overlap.max", 1e-7)

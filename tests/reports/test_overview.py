@@ -7,10 +7,10 @@ from math import nan
 
 from rich.console import Console
 
-from reports.results import Row, table
-from reports.views.overview import TOTALS, overview
-from reports.views.tables import MARKS
-from reports.views.terminal import IN_FULL, show
+from touchstone.reports.results import Row, table
+from touchstone.reports.views.overview import TOTALS, overview
+from touchstone.reports.views.tables import MARKS
+from touchstone.reports.views.terminal import IN_FULL, show
 
 COLUMNS = (("reference", "balanced", 1 / 60), ("dart", "recommended", 1 / 1020))
 

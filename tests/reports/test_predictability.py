@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from adapters.workers.children import Outcome
-from reports.studies.predictability import study as study
-from reports.studies.predictability.picture import amplifications
-from reports.studies.predictability.study import (
+from touchstone.adapters.workers.children import Outcome
+from touchstone.reports.studies.predictability import study as study
+from touchstone.reports.studies.predictability.picture import amplifications
+from touchstone.reports.studies.predictability.study import (
     CLOSED_FORM,
     DRAWS,
     SCENES,
@@ -18,9 +18,9 @@ from reports.studies.predictability.study import (
     run,
     touching,
 )
-from reports.studies.predictability.table import show
-from scenarios.catalogue import catalogue
-from scenarios.closed_form_ends import final_positions
+from touchstone.reports.studies.predictability.table import show
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.closed_form_ends import final_positions
 
 FACTORS = {"reference": 1.0, "dart": 0.5, "bullet": 40.0, "mujoco": 1.0}
 """By which the player of an engine multiplies perturbations."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports.bootstrap import exponent, median_interval, time_ratio
+from touchstone.reports.bootstrap import exponent, median_interval, time_ratio
 
 
 def noisy(seed, median, spikes=0.0, frames=180):

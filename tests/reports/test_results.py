@@ -8,7 +8,7 @@ from math import isnan
 import pandas as pd
 import pytest
 
-from reports.results import COLUMNS, Row, save, table, write_beside
+from touchstone.reports.results import COLUMNS, Row, save, table, write_beside
 
 ROW = Row(
     "run", "scene", "mujoco", "recommended", 1 / 540, "overlap.max", 1 / 3, "m", "a, b", reason='so "so"\n'

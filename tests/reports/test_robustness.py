@@ -11,16 +11,16 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from adapters.contract import Settings
-from adapters.registry import ENGINES
-from reports.studies.robustness import study as study
-from reports.studies.robustness.picture import rise_over_residual
-from reports.studies.robustness.play import EXACT, Task, assess, available
-from reports.studies.robustness.study import ALL, line, run, table_of_runs, tasks
-from reports.studies.robustness.table import short, show
-from scenarios.random_scenes import random_scene
-from scenarios.scenario import PairCoefficients, Scenario
-from scenarios.solids import ball, block, slab
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.studies.robustness import study as study
+from touchstone.reports.studies.robustness.picture import rise_over_residual
+from touchstone.reports.studies.robustness.play import EXACT, Task, assess, available
+from touchstone.reports.studies.robustness.study import ALL, line, run, table_of_runs, tasks
+from touchstone.reports.studies.robustness.table import short, show
+from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.scenario import PairCoefficients, Scenario
+from touchstone.scenarios.solids import ball, block, slab
 
 SETTINGS = Settings("balanced", 1 / 60)
 TOWER = next(seed for seed in range(100) if random_scene(seed).tags[1] == "tower")

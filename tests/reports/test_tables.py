@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.metrics import METRICS
-from reports.results import Row, table
-from reports.run.request import Request, Results
-from reports.views.markdown import report
-from reports.views.tables import HIDDEN, MARKS, grid, number
-from scenarios.catalogue import catalogue
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import Row, table
+from touchstone.reports.run.request import Request, Results
+from touchstone.reports.views.markdown import report
+from touchstone.reports.views.tables import HIDDEN, MARKS, grid, number
+from touchstone.scenarios.catalogue import catalogue
 
 COLUMNS = (
     ("reference", "balanced"),

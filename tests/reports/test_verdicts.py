@@ -8,15 +8,15 @@ from math import nan
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.registry import ENGINES
-from adapters.workers.children import Job, Outcome
-from reports import metrics
-from reports.metrics.context import JudgeMissing
-from reports.results import Row, table
-from reports.run import study
-from reports.run.comparisons import _compared
-from reports.run.request import Request, Results
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.workers.children import Job, Outcome
+from touchstone.reports import metrics
+from touchstone.reports.metrics.context import JudgeMissing
+from touchstone.reports.results import Row, table
+from touchstone.reports.run import study
+from touchstone.reports.run.comparisons import _compared
+from touchstone.reports.run.request import Request, Results
 
 COLUMNS = (("reference", "balanced"), ("mujoco", "recommended"))
 WEIGHT = 9.81 / 60

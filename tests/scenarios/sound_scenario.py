@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scenarios.scenario import (
+from touchstone.scenarios.scenario import (
     Body,
     Box,
     Expectation,
@@ -17,7 +17,7 @@ from scenarios.scenario import (
     Sphere,
     Tracker,
 )
-from scenarios.solids import sphere_inertia
+from touchstone.scenarios.solids import sphere_inertia
 
 CUBE = tuple((float(x), float(y), float(z)) for x in (0, 1) for y in (0, 1) for z in (0, 1))
 QUIET = (1.0, 0.0, 0.0, 0.0)

@@ -9,12 +9,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.engines.reference.reference_world import translate
-from adapters.oracles.minkowski import signed_distance
-from reference_impl.driven.reach_cone import recover_angles
-from reference_impl.driven.skeleton import pose_links
-from scenarios.avatar.avatar import MARGIN, MASS, SEGMENTS, STATURE, Parts, arm_with_hand_parts, avatar_parts
-from scenarios.avatar.chains import hinge_axes
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reference_impl.driven.reach_cone import recover_angles
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.scenarios.avatar.avatar import (
+    MARGIN,
+    MASS,
+    SEGMENTS,
+    STATURE,
+    Parts,
+    arm_with_hand_parts,
+    avatar_parts,
+)
+from touchstone.scenarios.avatar.chains import hinge_axes
 
 ROUNDING = 1e-12
 """Some hundred operations on numbers of about 1."""

@@ -8,7 +8,7 @@ from math import nan
 import pytest
 from sound_scenario import faults_of, sound
 
-from scenarios.scenario import Chain, Joint, ReachCone, Scenario
+from touchstone.scenarios.scenario import Chain, Joint, ReachCone, Scenario
 
 CORNERS = ((0.5, 0.5, 0.5**0.5), (-0.5, 0.5, 0.5**0.5), (-0.5, -0.5, 0.5**0.5), (0.5, -0.5, 0.5**0.5))
 CONE = ReachCone(("one", "two", "elbow"), (0.0, 0.0, 1.0), CORNERS, (-1.0, 1.0))

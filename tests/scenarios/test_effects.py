@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.motion_bounds import bounds
-from scenarios.effects import PLANNED, Plan, plan
-from scenarios.scenario import Scenario
+from touchstone.adapters.motion_bounds import bounds
+from touchstone.scenarios.effects import PLANNED, Plan, plan
+from touchstone.scenarios.scenario import Scenario
 
 
 def planned(scenario: Scenario, effects=None) -> Plan:

@@ -8,11 +8,11 @@ from math import cos, radians, sin
 import numpy as np
 import pytest
 
-from scenarios.catalogue import catalogue, tagged
-from scenarios.equilibrium import Support, can_stand
-from scenarios.families.masonry import ARCHES, DEPTH, RADIUS, STONES, Arch, _arch
-from scenarios.families.tip import CASES, Case, _tip
-from scenarios.scenario import PairCoefficients, Scenario, vector
+from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.equilibrium import Support, can_stand
+from touchstone.scenarios.families.masonry import ARCHES, DEPTH, RADIUS, STONES, Arch, _arch
+from touchstone.scenarios.families.tip import CASES, Case, _tip
+from touchstone.scenarios.scenario import PairCoefficients, Scenario, vector
 
 
 def joints(thickness: float) -> list[Support]:
@@ -138,7 +138,7 @@ def test_no_answer_without_friction() -> None:
 
 def test_symmetric_scenes_are_their_own_mirror_images() -> None:
     """Find each body of a symmetric scene at the mirror image of one that moves in the same way."""
-    from scenarios.transforms import mirrored
+    from touchstone.scenarios.transforms import mirrored
 
     scenes = list(tagged("symmetric"))
     assert len(scenes) >= 4

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from reference_impl.driven.skeleton import pose_links
-from reports.metrics.posture import cone_excess, limit_excess
-from scenarios.avatar.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
-from scenarios.avatar.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue, tagged
-from scenarios.gallery import DOORWAY, gallery
-from scenarios.scenario import Box, Hull
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reports.metrics.posture import cone_excess, limit_excess
+from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
+from touchstone.scenarios.avatar.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.gallery import DOORWAY, gallery
+from touchstone.scenarios.scenario import Box, Hull
 
 BUILDING = {"floor", "north_wall", "south_wall", "west_wall", "east_wall", "partition"}
 SCENES = [scene.name for scene in tagged("gallery")]
@@ -139,7 +139,7 @@ def test_a_person_stands_over_the_floor_and_is_critically_damped() -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_gallery_scenes_start_free_of_overlap(name: str, lab: SimpleNamespace, recordings) -> None:
     """Begin with no two bodies that may touch in each other."""
-    oracle = pytest.importorskip("adapters.oracles.overlap")
+    oracle = pytest.importorskip("touchstone.adapters.oracles.overlap")
     scenario = catalogue()[name]
     world = lab.build(scenario)
     short = dataclasses.replace(

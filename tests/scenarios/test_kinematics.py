@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.kinematics import joint_space_inertia, link_poses, piece_box, tracked_poses
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses, piece_box, tracked_poses
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 SAMPLES = 5
 ROUNDING = 1e-13
@@ -23,7 +23,7 @@ ROUNDING = 1e-13
 def test_poses_and_inertia_are_pinocchios(name: str) -> None:
     """Pose a hand and a person anywhere, and feel the inertia that pinocchio finds there."""
     pytest.importorskip("pinocchio", reason="pinocchio is not installed")
-    from adapters.oracles.articulated import Articulated
+    from touchstone.adapters.oracles.articulated import Articulated
 
     scenario = catalogue()[name]
     tracker = scenario.trackers[0]
@@ -46,7 +46,7 @@ def test_poses_and_inertia_are_pinocchios(name: str) -> None:
 @pytest.mark.parametrize("scene", ["ball_snip", "table_slide", "wall_push", "arms_cross"])
 def test_tracked_links_are_where_pinocchio_puts_them(scene: str) -> None:
     """Agree to rounding on positions and orientations of all links at ten times of a scene."""
-    from adapters.oracles.articulated import Articulated
+    from touchstone.adapters.oracles.articulated import Articulated
 
     scenario = catalogue()[scene]
     tracker = scenario.trackers[0]
@@ -107,11 +107,11 @@ def test_an_engines_child_loads_nothing_of_the_reference() -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     code = """
 import sys
-from adapters.workers.children import _Run
-from adapters.contract import Settings
-from adapters.recorder import ready
-from adapters.registry import load
-from scenarios.catalogue import catalogue
+from touchstone.adapters.workers.children import _Run
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import ready
+from touchstone.adapters.registry import load
+from touchstone.scenarios.catalogue import catalogue
 player = ready(load("mujoco"), catalogue()["ball_snip"], Settings("recommended", 1 / 540))
 player.play(2)
 found = sorted(name for name in sys.modules if name.split(".")[0] in ("reference_impl", "numba"))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.noisy_tracker import JITTER, JITTER_ANGLE, LOSS, RATE, noisy, noisy_tracker
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue
-from scenarios.scenario import IDENTITY, ScenarioError, Tracker
+from touchstone.scenarios.avatar.noisy_tracker import JITTER, JITTER_ANGLE, LOSS, RATE, noisy, noisy_tracker
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import IDENTITY, ScenarioError, Tracker
 
 LONG = 200.0
 """A recording of 12,001 samples [s]: standard deviations are good to a percent, chances to a tenth."""

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.catalogue import catalogue
-from scenarios.closed_form import motion
-from scenarios.closed_form_ends import final_positions
-from scenarios.scenario import vector
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.closed_form_ends import final_positions
+from touchstone.scenarios.scenario import vector
 
 COVERED = [name for name, scenario in catalogue().items() if final_positions(scenario) is not None]
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.places import coinciding
-from scenarios.scenario import Hull, Piece
-from scenarios.solids import ball, block, hull
+from touchstone.scenarios.places import coinciding
+from touchstone.scenarios.scenario import Hull, Piece
+from touchstone.scenarios.solids import ball, block, hull
 
 HERE = (0.3, -0.2, 1.0)
 CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

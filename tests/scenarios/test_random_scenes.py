@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import State
-from scenarios.random_scenes import KINDS, random_scene
-from scenarios.random_scenes.bodies import SHAPES, random_orientation, random_shape, support
-from scenarios.scenario import Capsule, Ellipsoid, Hull, Scenario
+from touchstone.adapters.contract import State
+from touchstone.scenarios.random_scenes import KINDS, random_scene
+from touchstone.scenarios.random_scenes.bodies import SHAPES, random_orientation, random_shape, support
+from touchstone.scenarios.scenario import Capsule, Ellipsoid, Hull, Scenario
 
 SEEDS = range(120)
 FOUND = 1e-8
@@ -68,7 +68,9 @@ def at_start(registry: SimpleNamespace, scene: Scenario) -> State:
 
 def test_nothing_overlaps_at_the_start(registry: SimpleNamespace, recordings: SimpleNamespace) -> None:
     """Find no overlap in any first frame by the oracle, and exact contact in many."""
-    oracle = pytest.importorskip("adapters.oracles.overlap", reason="not installed: coal or python-fcl")
+    oracle = pytest.importorskip(
+        "touchstone.adapters.oracles.overlap", reason="not installed: coal or python-fcl"
+    )
     touching = 0
     for seed in SEEDS:
         scene = random_scene(seed)

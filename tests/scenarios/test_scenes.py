@@ -11,13 +11,19 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from scenarios import families
-from scenarios.avatar.hand import HAND_MASS, hand_parts
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import built, catalogue, scene, tagged, tags
-from scenarios.families import ball_snip as snip
-from scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
-from scenarios.solids import box_inertia, capsule_inertia, ellipsoid_inertia, elliptic_hull, sphere_inertia
+from touchstone.scenarios import families
+from touchstone.scenarios.avatar.hand import HAND_MASS, hand_parts
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import built, catalogue, scene, tagged, tags
+from touchstone.scenarios.families import ball_snip as snip
+from touchstone.scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
+from touchstone.scenarios.solids import (
+    box_inertia,
+    capsule_inertia,
+    ellipsoid_inertia,
+    elliptic_hull,
+    sphere_inertia,
+)
 
 
 def test_the_hand_has_its_mass_and_parts() -> None:
@@ -145,7 +151,7 @@ def test_two_scenes_of_one_name_are_rejected(monkeypatch: pytest.MonkeyPatch) ->
     finally:
         monkeypatch.undo()
         built.cache_clear()
-    assert families.__name__ == "scenarios.families"
+    assert families.__name__ == "touchstone.scenarios.families"
 
 
 def test_probes_and_seeded_scenes_are_told_apart() -> None:
@@ -171,7 +177,7 @@ def test_probes_and_seeded_scenes_are_told_apart() -> None:
 )
 def test_probes_start_free_of_overlap(scenario, recordings) -> None:
     """Start with no two bodies deeper in each other than rounding of their positions."""
-    oracle = pytest.importorskip("adapters.oracles.overlap")
+    oracle = pytest.importorskip("touchstone.adapters.oracles.overlap")
     still = recordings.recording(dataclasses.replace(scenario, truths=()))
     short = dataclasses.replace(still, time=still.time[:1])
     found = oracle.measure(short, scenario).distance

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scenarios.scenario import PairCoefficients, Scenario
-from scenarios.solids import (
+from touchstone.scenarios.scenario import PairCoefficients, Scenario
+from touchstone.scenarios.solids import (
     block,
     box_inertia,
     capsule,

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Settings, State
-from adapters.recorder import record
-from scenarios.catalogue import catalogue
-from scenarios.closed_form import motion
-from scenarios.random_scenes import random_scene
-from scenarios.scenario import Scenario
-from scenarios.transforms import mirrored, permuted, perturbed, shifted, translated
+from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.recorder import record
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.transforms import mirrored, permuted, perturbed, shifted, translated
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 SCENES = [random_scene(seed) for seed in range(30)]

@@ -8,8 +8,8 @@ from math import nan
 import pytest
 from sound_scenario import faults_of, sound
 
-from scenarios.scenario import Arc, Scenario, Truth
-from scenarios.solids import box_inertia
+from touchstone.scenarios.scenario import Arc, Scenario, Truth
+from touchstone.scenarios.solids import box_inertia
 
 START = Arc(0.0, (0.0, 0.0, 1.0))
 TRUTH = [

@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue, tagged
-from scenarios.closed_form import flips, motion
-from scenarios.scenario import Arc, Scenario, Truth
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.closed_form import flips, motion
+from touchstone.scenarios.scenario import Arc, Scenario, Truth
 
 ALL = [
     (scenario.name, truth.body)

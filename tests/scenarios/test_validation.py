@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 from sound_scenario import CUBE, QUIET, faults_of, sound
 
-from scenarios.catalogue import catalogue
-from scenarios.scenario import HOLD_LAST, Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import HOLD_LAST, Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
 
 
 def test_a_sound_scenario_is_accepted() -> None:

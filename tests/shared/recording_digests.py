@@ -17,12 +17,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from adapters.contract import AdapterError, Settings
-from adapters.recorder import record
-from adapters.registry import ENGINES, load
-from scenarios.catalogue import catalogue
-from scenarios.random_scenes import random_scene
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ENGINES, load
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.scenario import Scenario
 
 MOST_BODIES = 40
 SEEDS = range(10)

@@ -24,9 +24,18 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State, Unsupported
-from adapters.engines.bullet import tables as bullet_tables
-from adapters.engines.bullet.tables import (
+from touchstone.adapters.contract import (
+    Array,
+    BodyFacts,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+    Unsupported,
+)
+from touchstone.adapters.engines.bullet import tables as bullet_tables
+from touchstone.adapters.engines.bullet.tables import (
     BASE,
     FRICTION_MAX,
     LINK,
@@ -37,11 +46,11 @@ from adapters.engines.bullet.tables import (
     Multibody,
     Part,
 )
-from adapters.material_combine import check_range, frictions, product_factors, restitutions
-from adapters.posed_drive import posed_of
-from adapters.registry import ACCURATE, ENGINES, MAXIMAL, require_profile
-from adapters.servo import Drive
-from scenarios.scenario import (
+from touchstone.adapters.material_combine import check_range, frictions, product_factors, restitutions
+from touchstone.adapters.posed_drive import posed_of
+from touchstone.adapters.registry import ACCURATE, ENGINES, MAXIMAL, require_profile
+from touchstone.adapters.servo import Drive
+from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
     Body,
@@ -54,7 +63,7 @@ from scenarios.scenario import (
     Scenario,
     Sphere,
 )
-from scenarios.solids import box_inertia, sphere_inertia
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 Joints = tuple[Joint, ...]
 INERTIA_TOLERANCE = 1e-12

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pybullet
 
-from scenarios.scenario import ORIGIN
+from touchstone.scenarios.scenario import ORIGIN
 
 Links = tuple[int, ...]
 

@@ -18,8 +18,8 @@ from typing import Any, ClassVar
 import dartpy
 import numpy as np
 
-from adapters.contract import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
-from adapters.engines.dart.model import (
+from touchstone.adapters.contract import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
+from touchstone.adapters.engines.dart.model import (
     ROOT_DOFS,
     add_body,
     add_driven,
@@ -31,11 +31,17 @@ from adapters.engines.dart.model import (
     reason_for_bullet,
     set_mass,
 )
-from adapters.material_combine import check_range, frictions, minimum_factors, product_factors, restitutions
-from adapters.posed_drive import posed_of
-from adapters.registry import ACCURATE, ENGINES, require_profile
-from adapters.servo import Drive
-from scenarios.scenario import Scenario
+from touchstone.adapters.material_combine import (
+    check_range,
+    frictions,
+    minimum_factors,
+    product_factors,
+    restitutions,
+)
+from touchstone.adapters.posed_drive import posed_of
+from touchstone.adapters.registry import ACCURATE, ENGINES, require_profile
+from touchstone.adapters.servo import Drive
+from touchstone.scenarios.scenario import Scenario
 
 COEFFICIENT_MIN = 1e-3
 """Restitution and friction up to here are none to DART (ContactSurface.hpp) [1]."""

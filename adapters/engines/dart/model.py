@@ -24,10 +24,10 @@ import dartpy
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from adapters.contract import Unsupported
-from adapters.registry import DEFAULT
-from adapters.servo import Drive
-from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.registry import DEFAULT
+from touchstone.adapters.servo import Drive
+from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 ROOT_DOFS = 6

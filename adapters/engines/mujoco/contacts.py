@@ -28,11 +28,11 @@ from typing import Any
 
 from scipy.optimize import brentq
 
-from adapters.contract import Array, Settings
-from adapters.engines.mujoco.masks import GeomFilter, contact_filter
-from adapters.material_combine import check_range, frictions, restitutions
-from adapters.registry import ACCURATE
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Array, Settings
+from touchstone.adapters.engines.mujoco.masks import GeomFilter, contact_filter
+from touchstone.adapters.material_combine import check_range, frictions, restitutions
+from touchstone.adapters.registry import ACCURATE
+from touchstone.scenarios.scenario import Scenario
 
 TIME_CONSTANT = 0.02
 """MuJoCo's default time constant of a contact, 1 / (zeta w) [s]."""

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
-from adapters.contract import (
+from touchstone.adapters.contract import (
     AdapterError,
     Array,
     BodyFacts,
@@ -29,12 +29,12 @@ from adapters.contract import (
     State,
     Unsupported,
 )
-from adapters.engines.mujoco.contacts import add_contacts, contact_parameters, restitution_of
-from adapters.engines.mujoco.model import add_bodies, add_servos, inverse, set_options, turned
-from adapters.posed_drive import posed_of
-from adapters.registry import ENGINES, require_profile
-from adapters.servo import Drive
-from scenarios.scenario import Scenario
+from touchstone.adapters.engines.mujoco.contacts import add_contacts, contact_parameters, restitution_of
+from touchstone.adapters.engines.mujoco.model import add_bodies, add_servos, inverse, set_options, turned
+from touchstone.adapters.posed_drive import posed_of
+from touchstone.adapters.registry import ENGINES, require_profile
+from touchstone.adapters.servo import Drive
+from touchstone.scenarios.scenario import Scenario
 
 OPTIONS = (
     *("timestep", "iterations", "tolerance", "ls_iterations", "ls_tolerance", "noslip_iterations"),

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import Scenario
 
 Coefficients = tuple[float, float]
 """Restitution and friction [1]."""

@@ -8,10 +8,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from adapters.contract import Array, Settings, Unsupported
-from adapters.registry import ACCURATE, DEFAULT
-from adapters.servo import Drive
-from scenarios.scenario import (
+from touchstone.adapters.contract import Array, Settings, Unsupported
+from touchstone.adapters.registry import ACCURATE, DEFAULT
+from touchstone.adapters.servo import Drive
+from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.contract import AdapterError
-from adapters.engines.reference.reference_world import PAIRS_PER_PIECE
-from reference_impl.broad_phase.spatial_hash import list_pieces
-from reference_impl.broad_phase.sweep_and_prune import find_pairs
-from reference_impl.core.conventions import SIMULATED
-from reference_impl.core.kernel import clock, kernel
-from reference_impl.core.state_dtype import STATE
-from reference_impl.core.world import BODY, PAIR, PIECE
+from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.engines.reference.reference_world import PAIRS_PER_PIECE
+from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
+from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
+from touchstone.reference_impl.core.conventions import SIMULATED
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.core.world import BODY, PAIR, PIECE
 
 DENSITY = 0.6
 """Pieces per unit cube, boxes having sides of 1: each box meets 8 x 0.6 others, less at the walls."""

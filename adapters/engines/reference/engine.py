@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.lib.recfunctions import structured_to_unstructured
 
-from adapters.contract import (
+from touchstone.adapters.contract import (
     AdapterError,
     BodyFacts,
     Manifest,
@@ -24,18 +24,18 @@ from adapters.contract import (
     State,
     contact_overflow,
 )
-from adapters.engines.reference.reference_world import translate
-from adapters.engines.reference.settings import configure, describe
-from adapters.registry import ENGINES
-from reference_impl.broad_phase.detection import detect
-from reference_impl.core import conventions
-from reference_impl.core.conventions import DRIVEN, SIMULATED
-from reference_impl.core.kernel import CACHE_FOLDER, JIT, kernel
-from reference_impl.core.world import World
-from reference_impl.pipeline import prepare, step
-from scenarios.avatar.tracking import TrackerMotion, sample
-from scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.engines.reference.settings import configure, describe
+from touchstone.adapters.registry import ENGINES
+from touchstone.reference_impl.broad_phase.detection import detect
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
+from touchstone.reference_impl.core.kernel import CACHE_FOLDER, JIT, kernel
+from touchstone.reference_impl.core.world import World
+from touchstone.reference_impl.pipeline import prepare, step
+from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
+from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that the compiled step can skip."""

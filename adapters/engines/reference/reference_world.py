@@ -8,15 +8,15 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Unsupported
-from adapters.engines.reference.support_table import hull_rows, hull_width
-from reference_impl.core import conventions
-from reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
-from reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
-from reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
-from scenarios.avatar.chains import hinge_axes
-from scenarios.avatar.tracking import sample
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
+from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.engines.reference.support_table import hull_rows, hull_width
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
+from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
+from touchstone.reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
+from touchstone.scenarios.avatar.chains import hinge_axes
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
 CONTACT_CAPACITY = 32_768

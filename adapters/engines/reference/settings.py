@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any
 
-from adapters.contract import AdapterError, Scalar
-from reference_impl.core import conventions
+from touchstone.adapters.contract import AdapterError, Scalar
+from touchstone.reference_impl.core import conventions
 
 PROFILES = ("paper", "balanced", "accurate")
 """The columns of the table."""

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from adapters.contract import Array
-from reference_impl.core.world import VERTEX
-from scenarios.scenario import Vector
+from touchstone.adapters.contract import Array
+from touchstone.reference_impl.core.world import VERTEX
+from touchstone.scenarios.scenario import Vector
 
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Value, Values, worst
-from reports.metrics.motion.ballistic_arcs import OPEN_GAP, Bounce, Gap, bounces, gap_of
-from scenarios.scenario import ORIGIN, Body, Sphere
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values, worst
+from touchstone.reports.metrics.motion.ballistic_arcs import OPEN_GAP, Bounce, Gap, bounces, gap_of
+from touchstone.scenarios.scenario import ORIGIN, Body, Sphere
 
 Mask = NDArray[np.bool_]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.contract import Array
-from reports.metrics.context import ROUNDING as STARTS
-from reports.metrics.context import Evidence, NotMeasured, Values, worst
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import ROUNDING as STARTS
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
 
 SLIDING_SPEED = 0.05
 """Slip above which a contact slides [m/s]."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.contract import Array
-from reports.metrics.contacts.passages import passages
-from reports.metrics.context import Evidence, NotMeasured, Value, Values
-from reports.metrics.tracked import Mask, pressed
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.contacts.passages import passages
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values
+from touchstone.reports.metrics.tracked import Mask, pressed
 
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""

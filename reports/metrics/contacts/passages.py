@@ -18,9 +18,9 @@ from math import ceil, floor, hypot
 
 import numpy as np
 
-from reports.metrics.contacts.swept_boxes import Motions, Pair, Sample, Step
-from reports.metrics.contacts.swept_pairs import SweptPairs
-from reports.metrics.context import Evidence, judging
+from touchstone.reports.metrics.contacts.swept_boxes import Motions, Pair, Sample, Step
+from touchstone.reports.metrics.contacts.swept_pairs import SweptPairs
+from touchstone.reports.metrics.context import Evidence, judging
 
 THROUGH = 0.5
 """Depth of a passage over the sum of both pieces' inner radii, at least [1]: less is a graze. A ball passes
@@ -50,7 +50,7 @@ def passages(evidence: Evidence) -> list[Passage]:
     Raises JudgeMissing where the overlap oracle cannot be imported.
     """
     with judging():
-        import adapters.oracles.overlap  # noqa: F401
+        import touchstone.adapters.oracles.overlap  # noqa: F401
     motions = Motions(evidence)
     found: list[tuple[float, float, Passage]] = []
     for pair, steps in SweptPairs(evidence, motions).pairs(THROUGH):

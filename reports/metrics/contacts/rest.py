@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Values, worst
-from scenarios.scenario import Body, Box, Piece
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
+from touchstone.scenarios.scenario import Body, Box, Piece
 
 LAST = 0.5
 """End of a run over which speeds are told [s]: a body that is pushed for a moment rests all the same."""

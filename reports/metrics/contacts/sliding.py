@@ -7,9 +7,9 @@ from math import atan2, cos, sin
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Values, worst
-from scenarios.scenario import Arc, Box, Sphere
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
+from touchstone.scenarios.scenario import Arc, Box, Sphere
 
 SUPPORTED = 1e-4
 """Gap at the start within which a body lies on a fixed one [m]."""

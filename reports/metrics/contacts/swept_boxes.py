@@ -17,11 +17,11 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+from touchstone.adapters.contract import Array
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 if TYPE_CHECKING:
-    from reports.metrics.context import Evidence
+    from touchstone.reports.metrics.context import Evidence
 
 STEPS_PER_THICKNESS = 16
 """Steps in which a motion through two pieces is sampled, per sum of their inner radii [1]."""
@@ -144,7 +144,7 @@ class Pair:
 
     def sample(self, steps: tuple[Step, Step], share: float, time: float) -> tuple[Sample, Array]:
         """The pair after a share of both bodies' steps, and the midpoint of the witnesses [m, world]."""
-        from adapters.oracles.overlap import signed_distance
+        from touchstone.adapters.oracles.overlap import signed_distance
 
         poses = [self.motions.pose(body, step, share) for body, step in zip(self.bodies, steps)]
         placed = [
@@ -215,6 +215,6 @@ def _size(shape: Shape) -> tuple[Array, float, float]:
 
 @cache
 def _oracle_shape(shape: Shape) -> object:
-    from adapters.oracles.overlap import coal_shape
+    from touchstone.adapters.oracles.overlap import coal_shape
 
     return coal_shape(shape)

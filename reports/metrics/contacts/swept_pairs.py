@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from reports.metrics.contacts.swept_boxes import Motions, Pair, extent
-from reports.metrics.context import Evidence
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.contacts.swept_boxes import Motions, Pair, extent
+from touchstone.reports.metrics.context import Evidence
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 LARGE_TURN = 1.0
 """Turn within a frame from which a piece is bounded by a ball [rad]: extents at its ends tell too little."""

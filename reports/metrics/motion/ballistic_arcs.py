@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence
 
 TOUCH_GAP = 1e-4
 """Gap below which bodies touch [m]."""

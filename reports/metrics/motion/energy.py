@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Value, Values
-from reports.metrics.posture import limit_excess
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values
+from touchstone.reports.metrics.posture import limit_excess
 
 STORING = 1e-4
 """Overlap from which a soft contact may hold more than rounding of elastic energy [m]."""

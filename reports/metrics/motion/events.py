@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reports.metrics.context import ROUNDING, Evidence, NotMeasured, Values
-from reports.metrics.motion.ballistic_arcs import (
+from touchstone.reports.metrics.context import ROUNDING, Evidence, NotMeasured, Values
+from touchstone.reports.metrics.motion.ballistic_arcs import (
     OPEN_GAP,
     TOUCH_GAP,
     Gap,
@@ -15,7 +15,7 @@ from reports.metrics.motion.ballistic_arcs import (
     gap_of,
     last_opening,
 )
-from scenarios.scenario import Expectation, Scenario
+from touchstone.scenarios.scenario import Expectation, Scenario
 
 ROLL_SLIP = 0.01
 """Slip below which a contact rolls [m/s]."""

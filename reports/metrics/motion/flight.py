@@ -6,10 +6,10 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
-from reports.metrics.context import Evidence, NotMeasured, Values
-from reports.metrics.motion.ballistic_arcs import bounces
-from scenarios.closed_form import flips
-from scenarios.scenario import Arc
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values
+from touchstone.reports.metrics.motion.ballistic_arcs import bounces
+from touchstone.scenarios.closed_form import flips
+from touchstone.scenarios.scenario import Arc
 
 SEEN = 2.0
 """Length of an arc from which a displayed frame surely falls into its middle [frames]."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Values
-from reports.metrics.motion.energy import spin
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values
+from touchstone.reports.metrics.motion.energy import spin
 
 NOTHING = 1e-12
 """Angular momentum over (sum m |v|) times the distance of the centres below which only rounding turns [1]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reports.metrics.context import Evidence, NotMeasured, Values, worst
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
 
 SAME_PLACE = 1e-9
 """Distance within which a body starts at the mirror image of another [m]: rounding."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from adapters.contract import Array
-from reports.metrics.contacts.overlap import overlap_depth
-from reports.metrics.context import Evidence
-from reports.metrics.motion.energy import energy_rise
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.contacts.overlap import overlap_depth
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.motion.energy import energy_rise
 
 _OVER_TIME: dict[str, Callable[[Evidence], dict[str, Array]]] = {
     "overlap.max": lambda evidence: {"": overlap_depth(evidence)},

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Array
-from reports.metrics.context import Evidence, NotMeasured, Values, worst
-from scenarios.closed_form import Motion
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
+from touchstone.scenarios.closed_form import Motion
 
 
 def truth_position(evidence: Evidence) -> Values:

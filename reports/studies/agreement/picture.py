@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from reports.results import rows_of
-from reports.run.request import step_text
-from reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.results import rows_of
+from touchstone.reports.run.request import step_text
+from touchstone.reports.views.pictures import COLOURS, INK, PALE
 
 COLUMNS = 4
 FLOOR = 1e-12

@@ -19,19 +19,19 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 from scipy.stats import linregress, t
 
-from adapters.contract import MISSING, Array, Settings
-from adapters.recording import load
-from adapters.registry import ENGINES, installed, missing_reason
-from adapters.workers.children import Children, Job, Outcome
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.metrics.context import Evidence
-from reports.output_folder import output_folder
-from reports.results import Row, save, table, write_beside
-from reports.run.request import step_text
-from scenarios.catalogue import catalogue
-from scenarios.effects import PLANNED
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import MISSING, Array, Settings
+from touchstone.adapters.recording import load
+from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.adapters.workers.children import Children, Job, Outcome
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, table, write_beside
+from touchstone.reports.run.request import step_text
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.scenario import Scenario
 
 STUDY = "agreement"
 LADDER = tuple(1 / (120 * 2**k) for k in range(5))
@@ -112,7 +112,7 @@ def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.Data
         frame = table(rows)
         save(frame, folder)
         _save_manifest(scenarios, folder)
-        from reports.studies.agreement.picture import convergence
+        from touchstone.reports.studies.agreement.picture import convergence
 
         write_beside(folder / "agreement.png", lambda part: convergence(frame, part))
     return frame
@@ -253,7 +253,7 @@ def _outlier(base: Row, played: Mapping[str, Mapping[float, Course]], quantity: 
 
 
 def _save_manifest(scenarios: Sequence[Scenario], folder: Path) -> None:
-    from reports.machine import machine
+    from touchstone.reports.machine import machine
 
     manifest = {
         "study": STUDY,

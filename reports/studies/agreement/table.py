@@ -7,11 +7,11 @@ from math import isnan
 import pandas as pd
 from rich.console import Console
 
-from reports.results import Row, rows_of
-from reports.run.request import step_text
-from reports.studies.agreement.study import ROUNDING
-from reports.views.tables import number
-from reports.views.terminal import print_notes, table_of
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.run.request import step_text
+from touchstone.reports.studies.agreement.study import ROUNDING
+from touchstone.reports.views.tables import number
+from touchstone.reports.views.terminal import print_notes, table_of
 
 HEADS = ("engine", "own step\n[s]", "error", "discreti-\nsation", "model", "order\n(95 % interval)", "")
 NOTES = (

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adapters.contract import AdapterError, Array, Engine, Settings
-from adapters.recorder import record
-from adapters.registry import load
-from adapters.workers.process import PATIENCE, ChildProcess
-from reports.studies.calibration.scenes import HEIGHT, Probe, scene
+from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.process import PATIENCE, ChildProcess
+from touchstone.reports.studies.calibration.scenes import HEIGHT, Probe, scene
 
 Loader = Callable[[str], Engine]
 

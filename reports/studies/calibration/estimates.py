@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.contract import Array
+from touchstone.adapters.contract import Array
 
 FREE = 1e-3
 """Share of its weight by which the floor may push a free body [1]: a solver's residual is far less."""

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from reports.results import rows_of
-from reports.run.request import step_text
-from reports.studies.calibration.scenes import HEIGHT, G
-from reports.studies.calibration.table import NOTES, Values, grids, remarks
+from touchstone.reports.results import rows_of
+from touchstone.reports.run.request import step_text
+from touchstone.reports.studies.calibration.scenes import HEIGHT, G
+from touchstone.reports.studies.calibration.table import NOTES, Values, grids, remarks
 
 DART_BOUNCE = 0.1
 """DART bounces where e v is above this (DART_BOUNCING_VELOCITY_THRESHOLD, ContactSurface.hpp) [m/s]."""

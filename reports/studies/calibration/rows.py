@@ -8,18 +8,18 @@ from math import isnan, nan
 
 import numpy as np
 
-from adapters.contract import Array, Settings
-from adapters.registry import ENGINES
-from reports.results import Row
-from reports.studies.calibration.children import Motion
-from reports.studies.calibration.estimates import (
+from touchstone.adapters.contract import Array, Settings
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.results import Row
+from touchstone.reports.studies.calibration.children import Motion
+from touchstone.reports.studies.calibration.estimates import (
     BOUNCES,
     friction_of,
     lowest_speed,
     rebound_of,
     restitution_of,
 )
-from reports.studies.calibration.scenes import DROP, G, Probe
+from touchstone.reports.studies.calibration.scenes import DROP, G, Probe
 
 STUDY = "calibration"
 ALL = "all"

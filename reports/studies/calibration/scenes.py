@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 from typing import Literal
 
-from scenarios.scenario import (
+from touchstone.scenarios.scenario import (
     Body,
     Box,
     Hull,
@@ -22,7 +22,7 @@ from scenarios.scenario import (
     Sphere,
     Vector,
 )
-from scenarios.solids import box_inertia, sphere_inertia
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 G = 9.81
 HEIGHT = 0.1

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.studies.calibration.findings import findings
-from reports.studies.calibration.table import NOTES, grids, remarks
-from reports.views.terminal import print_notes, table_of
+from touchstone.reports.studies.calibration.findings import findings
+from touchstone.reports.studies.calibration.table import NOTES, grids, remarks
+from touchstone.reports.views.terminal import print_notes, table_of
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:

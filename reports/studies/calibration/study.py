@@ -14,15 +14,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapters.contract import MISSING, Settings
-from adapters.registry import ENGINES, installed, missing_reason
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import save, table, write_beside
-from reports.studies.calibration.children import Child, Loader, Motion
-from reports.studies.calibration.rows import STUDY, Measured, rows_of_study
-from reports.studies.calibration.scenes import SHAPES, Probe
+from touchstone.adapters.contract import MISSING, Settings
+from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import save, table, write_beside
+from touchstone.reports.studies.calibration.children import Child, Loader, Motion
+from touchstone.reports.studies.calibration.rows import STUDY, Measured, rows_of_study
+from touchstone.reports.studies.calibration.scenes import SHAPES, Probe
 
 Job = tuple[Settings, Probe]
 LADDER_PART = 26
@@ -88,8 +88,8 @@ def run(
         frame = table(judged(row, ()) for row in rows_of_study(measured))
         save(frame, folder)
         _save_manifest(grid, measured, folder)
-        from reports.studies.calibration.findings import report
-        from reports.views.pictures import requested_and_achieved
+        from touchstone.reports.studies.calibration.findings import report
+        from touchstone.reports.views.pictures import requested_and_achieved
 
         write_beside(folder / "report.md", lambda part: part.write_text(report(frame)))
         write_beside(folder / "calibration.png", lambda part: requested_and_achieved(frame, part))
@@ -152,7 +152,7 @@ def _play(
 
 
 def _save_manifest(grid: Grid, measured: dict[str, Measured], folder: Path) -> None:
-    from reports.machine import machine
+    from touchstone.reports.machine import machine
 
     manifest = {
         "study": STUDY,

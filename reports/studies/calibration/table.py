@@ -9,11 +9,11 @@ from math import isnan, nan
 import numpy as np
 import pandas as pd
 
-from adapters.registry import ACCURATE, DEFAULT
-from reports.results import rows_of
-from reports.run.request import step_text
-from reports.studies.calibration.rows import ALL, subject_of
-from reports.studies.calibration.scenes import SHAPES
+from touchstone.adapters.registry import ACCURATE, DEFAULT
+from touchstone.reports.results import rows_of
+from touchstone.reports.run.request import step_text
+from touchstone.reports.studies.calibration.rows import ALL, subject_of
+from touchstone.reports.studies.calibration.scenes import SHAPES
 
 SHOWN_SPEED = 1.0
 """Approach speed of the restitutions in the table [m/s]."""

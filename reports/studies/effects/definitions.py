@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarios.effects import PLANNED
+from touchstone.scenarios.effects import PLANNED
 
 GROUPS = ("gallery", "probe")
 """Tags of the scenes that are played unless some are named, and for which means are told apart."""

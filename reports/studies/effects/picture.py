@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from reports.results import Row, rows_of
-from reports.studies.agreement.picture import MARKS
-from reports.studies.effects.definitions import ALL, REFERENCE, TOGGLED
-from reports.studies.effects.table import mark
-from reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.agreement.picture import MARKS
+from touchstone.reports.studies.effects.definitions import ALL, REFERENCE, TOGGLED
+from touchstone.reports.studies.effects.table import mark
+from touchstone.reports.views.pictures import COLOURS, INK, PALE
 
 CELLS = {
     "M": ("#0072B2", "needed, and it matters"),

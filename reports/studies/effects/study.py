@@ -17,20 +17,28 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.contract import MISSING, Array, Settings
-from adapters.registry import ENGINES, installed, load, missing_reason
-from adapters.workers.stepping import Loader
-from adapters.workers.variants import Pace, Variant, VariantPlayer
-from reports.bootstrap import median_interval, time_ratio
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import Row, save, save_manifest, table, write_beside
-from reports.studies.effects.definitions import ALL, GROUPS, IDENTICAL, MATTERS, REFERENCE, TOGGLED, WITHIN
-from reports.studies.effects.picture import savings
-from scenarios.catalogue import tagged
-from scenarios.effects import PLANNED
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import MISSING, Array, Settings
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.stepping import Loader
+from touchstone.adapters.workers.variants import Pace, Variant, VariantPlayer
+from touchstone.reports.bootstrap import median_interval, time_ratio
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.studies.effects.definitions import (
+    ALL,
+    GROUPS,
+    IDENTICAL,
+    MATTERS,
+    REFERENCE,
+    TOGGLED,
+    WITHIN,
+)
+from touchstone.reports.studies.effects.picture import savings
+from touchstone.scenarios.catalogue import tagged
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.scenario import Scenario
 
 STUDY = "effects"
 TOLERANCE = 1e-6
@@ -137,7 +145,7 @@ def _rows_of_scene(child: VariantPlayer, base: Row, scenario: Scenario) -> list[
 
 def toggles(scenario: Scenario) -> dict[str, tuple[str, ...]]:
     """Effects to run by what is toggled: "+friction" where the plan has none, "-friction" where it has."""
-    from adapters.motion_bounds import planned
+    from touchstone.adapters.motion_bounds import planned
 
     stages = set(planned(scenario).stages)
     named: dict[str, tuple[str, ...]] = {}

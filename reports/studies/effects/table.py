@@ -5,11 +5,19 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.bench.tables import MICRO, limit_text, print_remarks, value_text
-from reports.results import Row, rows_of
-from reports.studies.effects.definitions import ALL, GROUPS, IDENTICAL, MATTERS, REFERENCE, TOGGLED, WITHIN
-from reports.views.tables import exact_number
-from reports.views.terminal import table_of
+from touchstone.reports.bench.tables import MICRO, limit_text, print_remarks, value_text
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.effects.definitions import (
+    ALL,
+    GROUPS,
+    IDENTICAL,
+    MATTERS,
+    REFERENCE,
+    TOGGLED,
+    WITHIN,
+)
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import table_of
 
 HEADS = (
     *("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "outcome"),

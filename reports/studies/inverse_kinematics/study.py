@@ -19,23 +19,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from adapters.contract import Array
-from adapters.engines.reference.reference_world import translate
-from adapters.oracles.articulated import DampedLeastSquares
-from reference_impl.chains.accurate_ik import accurate_ik
-from reference_impl.chains.ccd_ik import ccd_ik
-from reference_impl.core.conventions import ANGLE_ATAN2, IK_CAP, IK_TOLERANCE, PASSES_EXTRAPOLATED
-from reference_impl.core.kernel import clock, kernel
-from reference_impl.driven.reach_cone import keep_in_cone
-from reference_impl.driven.skeleton import pose_links
-from reports.bootstrap import median_interval, time_ratio
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import Row, save, save_manifest, table
-from scenarios.avatar.avatar import HAND_LENGTH, avatar_parts, standing_tracker
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Scenario, Vector
+from touchstone.adapters.contract import Array
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.oracles.articulated import DampedLeastSquares
+from touchstone.reference_impl.chains.accurate_ik import accurate_ik
+from touchstone.reference_impl.chains.ccd_ik import ccd_ik
+from touchstone.reference_impl.core.conventions import ANGLE_ATAN2, IK_CAP, IK_TOLERANCE, PASSES_EXTRAPOLATED
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.driven.reach_cone import keep_in_cone
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reports.bootstrap import median_interval, time_ratio
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.scenarios.avatar.avatar import HAND_LENGTH, avatar_parts, standing_tracker
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Scenario, Vector
 
 STUDY, CHAIN = "ik", "left_arm"
 POINT: Vector = (0.0, 0.0, -HAND_LENGTH / 2)

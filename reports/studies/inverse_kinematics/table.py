@@ -5,10 +5,10 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.results import rows_of
-from reports.studies.inverse_kinematics.study import SOLVERS, STARTS
-from reports.views.tables import exact_number
-from reports.views.terminal import print_notes, table_of
+from touchstone.reports.results import rows_of
+from touchstone.reports.studies.inverse_kinematics.study import SOLVERS, STARTS
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import print_notes, table_of
 
 MICRO = 1e6
 HEADS = (

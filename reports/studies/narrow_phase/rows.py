@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.contract import Array
-from adapters.detectors import DETECTORS, FAILURES, REFERENCE, UNCONVERGED, Pair
-from reports.bootstrap import median_interval, time_ratio
-from reports.results import Row
-from reports.studies.interleaved_timing import Measured
-from reports.studies.poses import FAMILIES
+from touchstone.adapters.contract import Array
+from touchstone.adapters.detectors import DETECTORS, FAILURES, REFERENCE, UNCONVERGED, Pair
+from touchstone.reports.bootstrap import median_interval, time_ratio
+from touchstone.reports.results import Row
+from touchstone.reports.studies.interleaved_timing import Measured
+from touchstone.reports.studies.poses import FAMILIES
 
 STUDY = "narrow-phase"
 ALL = "all"

@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.detectors import DETECTORS
-from adapters.oracles.minkowski import signed_distance
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import save, save_manifest, table, write_beside
-from reports.studies.interleaved_timing import Stretch, measure
-from reports.studies.narrow_phase.rows import STUDY, Truth, rows_of_study
-from reports.studies.poses import FAMILIES, corners, draw, size_of
+from touchstone.adapters.detectors import DETECTORS
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import save, save_manifest, table, write_beside
+from touchstone.reports.studies.interleaved_timing import Stretch, measure
+from touchstone.reports.studies.narrow_phase.rows import STUDY, Truth, rows_of_study
+from touchstone.reports.studies.poses import FAMILIES, corners, draw, size_of
 
 SLICE = 5 * len(FAMILIES)
 """Pairs per turn: every family five times, so that detectors share the machine's ups and downs."""
@@ -54,7 +54,7 @@ def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
         save(frame, folder)
         facts = {name: dict(mine.facts) for name, mine in measured.items()}
         save_manifest(folder, {"study": STUDY, "pairs": pairs, "seed": seed, "detectors": facts})
-        from reports.views.pictures import work_precision
+        from touchstone.reports.views.pictures import work_precision
 
         write_beside(folder / "narrow_phase.png", lambda part: work_precision(frame, part))
     return frame

@@ -9,10 +9,10 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from reports.results import NOT_RUN, rows_of
-from reports.studies.poses import FAMILIES
-from reports.views.tables import exact_number
-from reports.views.terminal import print_notes, table_of
+from touchstone.reports.results import NOT_RUN, rows_of
+from touchstone.reports.studies.poses import FAMILIES
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import print_notes, table_of
 
 MICRO = 1e6
 ROUNDING, FINE = 1e-12, 1e-4

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from reports.results import rows_of
-from reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
-from reports.views.comparison_pictures import MARKS
-from reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.results import rows_of
+from touchstone.reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
+from touchstone.reports.views.comparison_pictures import MARKS
+from touchstone.reports.views.pictures import COLOURS, INK, PALE
 
 ACROSS = 3
 """Most panels side by side."""

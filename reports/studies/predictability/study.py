@@ -15,20 +15,27 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapters.contract import MISSING, Array, Settings
-from adapters.recording import Recording, load
-from adapters.registry import ENGINES, installed, missing_reason
-from adapters.workers.children import Children, Job
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import Row, save, save_manifest, table, write_beside
-from reports.studies.agreement.study import own_profile
-from reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, ERROR, METRIC, SIZES, STUDY
-from reports.studies.predictability.picture import amplifications
-from scenarios.closed_form_ends import final_positions
-from scenarios.scenario import Scenario
-from scenarios.transforms import shifted
+from touchstone.adapters.contract import MISSING, Array, Settings
+from touchstone.adapters.recording import Recording, load
+from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.adapters.workers.children import Children, Job
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.studies.agreement.study import own_profile
+from touchstone.reports.studies.predictability.definitions import (
+    CLOSED_FORM,
+    DRAWS,
+    ERROR,
+    METRIC,
+    SIZES,
+    STUDY,
+)
+from touchstone.reports.studies.predictability.picture import amplifications
+from touchstone.scenarios.closed_form_ends import final_positions
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.transforms import shifted
 
 NEAR = 2 * SIZES[-1]
 """Gap within which bodies touch at the start [m]: these are not pressed together or lifted."""
@@ -106,7 +113,7 @@ def directions(scenario: Scenario, normals: Array, seed: int) -> list[Array]:
 
 def touching(recording: Recording, scenario: Scenario) -> Array:
     """Per pair that touches in the first frame a row (3 n,): how its gap changes as simulated bodies move."""
-    from adapters.oracles.overlap import measure
+    from touchstone.adapters.oracles.overlap import measure
 
     start = {name: getattr(recording, name)[:1] for name in ("time", "position", "orientation")}
     distances = measure(replace(recording, **start), scenario)

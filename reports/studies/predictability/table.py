@@ -5,10 +5,10 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.results import Row, rows_of
-from reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
-from reports.views.tables import number
-from reports.views.terminal import print_notes, table_of
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
+from touchstone.reports.views.tables import number
+from touchstone.reports.views.terminal import print_notes, table_of
 
 NOTES = (
     f"final distance over perturbation: median of {DRAWS} random directions (least to largest)",

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from reports.studies.robustness.play import EXACT, UNSOLVED
-from reports.views.pictures import INK, PALE
-from scenarios.random_scenes import KINDS
+from touchstone.reports.studies.robustness.play import EXACT, UNSOLVED
+from touchstone.reports.views.pictures import INK, PALE
+from touchstone.scenarios.random_scenes import KINDS
 
 ACROSS = 2
 """Panels side by side."""

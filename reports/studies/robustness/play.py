@@ -16,21 +16,21 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import AdapterError, Array, Engine, Settings, Unsupported
-from adapters.recorder import Player, ready
-from adapters.recording import Recording
-from adapters.registry import load
-from adapters.workers.process import ChildProcess
-from reports.metrics.contacts.overlap import overlap_depth
-from reports.metrics.contacts.passages import passages
-from reports.metrics.contacts.swept_boxes import UNBOUNDED
-from reports.metrics.context import Evidence, NotMeasured
-from reports.metrics.motion.energy import STORING, mechanical_energy
-from reports.metrics.motion.momentum import momentum_angular, momentum_linear
-from scenarios.random_scenes import random_scene
-from scenarios.random_scenes.bodies import support
-from scenarios.scenario import Scenario
-from scenarios.transforms import perturbed
+from touchstone.adapters.contract import AdapterError, Array, Engine, Settings, Unsupported
+from touchstone.adapters.recorder import Player, ready
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.process import ChildProcess
+from touchstone.reports.metrics.contacts.overlap import overlap_depth
+from touchstone.reports.metrics.contacts.passages import passages
+from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED
+from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.motion.energy import STORING, mechanical_energy
+from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
+from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.random_scenes.bodies import support
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.transforms import perturbed
 
 Loader = Callable[[str], Engine]
 

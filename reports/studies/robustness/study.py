@@ -17,14 +17,14 @@ from queue import SimpleQueue
 import numpy as np
 import pandas as pd
 
-from adapters.contract import MISSING, Settings
-from adapters.registry import ENGINES, installed, load, missing_reason
-from reports.cli.progress import Progress
-from reports.limits import judged
-from reports.output_folder import output_folder
-from reports.results import Row, save, save_manifest, table, write_beside
-from reports.studies.robustness.picture import rise_over_residual
-from reports.studies.robustness.play import (
+from touchstone.adapters.contract import MISSING, Settings
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.limits import judged
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.studies.robustness.picture import rise_over_residual
+from touchstone.reports.studies.robustness.play import (
     COUNTERS,
     OUTCOMES,
     PATIENCE,
@@ -34,7 +34,7 @@ from reports.studies.robustness.play import (
     Loader,
     Task,
 )
-from scenarios.random_scenes import ALL_KINDS, kind_of
+from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
 
 STUDY = "robustness"
 ALL = "all"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from reports.results import Row, rows_of
-from reports.studies.robustness.play import OUTCOMES
-from reports.studies.robustness.study import ALL, COUNTS, STUDY
-from reports.views.terminal import print_notes, table_of
-from scenarios.random_scenes import ALL_KINDS
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.robustness.play import OUTCOMES
+from touchstone.reports.studies.robustness.study import ALL, COUNTS, STUDY
+from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.scenarios.random_scenes import ALL_KINDS
 
 FIGURES = {
     "rise p50": "rise.p50",

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.broad_phase.detection import detect, is_free
-from reference_impl.core.conventions import SIMULATED, TOUCH_DISTANCE
-from scenarios.scenario import PairCoefficients, Scenario
+from touchstone.reference_impl.broad_phase.detection import detect, is_free
+from touchstone.reference_impl.core.conventions import SIMULATED, TOUCH_DISTANCE
+from touchstone.scenarios.scenario import PairCoefficients, Scenario
 
 
 def test_touching_pairs_move_to_the_front(lab: SimpleNamespace) -> None:

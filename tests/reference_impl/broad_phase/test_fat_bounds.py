@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import Settings
-from adapters.engines.reference.engine import ReferenceEngine
-from reference_impl.broad_phase.detection import place_pieces
-from reference_impl.broad_phase.fat_bounds import inside_fat_bounds, update_fat_bounds
-from reference_impl.core.conventions import DRIVEN, SIMULATED
-from reference_impl.pipeline import step
-from scenarios.catalogue import catalogue
-from scenarios.scenario import Scenario
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.reference_impl.broad_phase.detection import place_pieces
+from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds, update_fat_bounds
+from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
+from touchstone.reference_impl.pipeline import step
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Scenario
 
 FRAME = 1 / 60
 
@@ -123,7 +123,7 @@ def test_a_leap_out_of_a_room_is_seen(lab: SimpleNamespace):
 
 def test_rooms_are_for_the_plan_alone(registry: SimpleNamespace):
     """Seek rooms where no effects are asked for, never for sweeps; the manifest tells."""
-    from adapters.recorder import ready
+    from touchstone.adapters.recorder import ready
 
     told = {}
     for profile, effects in (("balanced", None), ("balanced", ("contact", "gravity")), ("accurate", None)):

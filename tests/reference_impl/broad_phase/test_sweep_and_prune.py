@@ -5,11 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_impl.broad_phase.spatial_hash import list_pieces
-from reference_impl.broad_phase.sweep_and_prune import find_pairs
-from reference_impl.core.conventions import COLUMN_FAR, DRIVEN, FIXED, SIMULATED, SPATIAL_HASH_PIECE_COUNT
-from reference_impl.core.state_dtype import STATE
-from reference_impl.core.world import BODY, PAIR, PIECE
+from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
+from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
+from touchstone.reference_impl.core.conventions import (
+    COLUMN_FAR,
+    DRIVEN,
+    FIXED,
+    SIMULATED,
+    SPATIAL_HASH_PIECE_COUNT,
+)
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.core.world import BODY, PAIR, PIECE
 
 KINDS = [SIMULATED, DRIVEN]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_impl.chains.accurate_ik import accurate_ik, next_random
-from reference_impl.chains.ccd_ik import ccd_ik, fix_end_effector, pose_angles, turn_toward
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.chains.accurate_ik import accurate_ik, next_random
+from touchstone.reference_impl.chains.ccd_ik import ccd_ik, fix_end_effector, pose_angles, turn_toward
+from touchstone.reference_impl.core.conventions import (
     ANGLE_ACOS,
     ANGLE_ATAN2,
     IK_CAP,
@@ -15,8 +15,8 @@ from reference_impl.core.conventions import (
     PASSES_EXTRAPOLATED,
     PASSES_PLAIN,
 )
-from reference_impl.driven.skeleton import pose_links
-from reports.studies.inverse_kinematics.study import POINT, Arm, draw
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reports.studies.inverse_kinematics.study import POINT, Arm, draw
 
 SETTINGS = [(angle, passes) for angle in (ANGLE_ACOS, ANGLE_ATAN2) for passes in (0, 1)]
 

@@ -16,24 +16,24 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from adapters.contract import AdapterError, Settings
-from adapters.engines.reference.engine import ReferenceEngine
-from adapters.engines.reference.reference_world import translate
-from adapters.engines.reference.settings import PROFILES
-from adapters.oracles.overlap import measure
-from adapters.recorder import record
-from adapters.recording import Recording
-from reference_impl.chains.chain_overlap_removal import shuffle_chains
-from reference_impl.core.conventions import ATTRACTION_TIME, OVERLAP_TOLERANCE
-from reference_impl.core.driver_dtypes import DRIVER
-from reference_impl.core.state_dtype import STATE
-from reference_impl.driven.reach_cone import keep_in_cone
-from reference_impl.driven.skeleton import pose_links
-from scenarios.avatar.avatar import avatar_parts
-from scenarios.avatar.chains import hinge_axes
-from scenarios.avatar.tracking import sample
-from scenarios.materials import TABLE_1
-from scenarios.scenario import IDENTITY, Body, Scenario, Tracker
+from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.engines.reference.settings import PROFILES
+from touchstone.adapters.oracles.overlap import measure
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
+from touchstone.reference_impl.chains.chain_overlap_removal import shuffle_chains
+from touchstone.reference_impl.core.conventions import ATTRACTION_TIME, OVERLAP_TOLERANCE
+from touchstone.reference_impl.core.driver_dtypes import DRIVER
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.driven.reach_cone import keep_in_cone
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.scenarios.avatar.avatar import avatar_parts
+from touchstone.scenarios.avatar.chains import hinge_axes
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import IDENTITY, Body, Scenario, Tracker
 
 ROOT = Path(__file__).parents[2]
 FRAME = 1 / 60
@@ -358,8 +358,8 @@ INTERPRETED = """
 import json, sys
 sys.path.insert(0, "tests/reference_impl")
 from test_chain_removal import arms_cross, FRAME
-from adapters.contract import Settings
-from adapters.engines.reference.engine import ReferenceEngine
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
 scenario = arms_cross()
 world = ReferenceEngine().build(scenario, Settings("balanced", FRAME))
 for frame in range(30, 60):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from reference_impl.chains.posture_constraints import drop_constraints, gather_constraints
-from reference_impl.chains.posture_qp import apply_turns, missed_share, solve_posture_qp
-from reference_impl.core.conventions import QP_CLEARANCE, QP_LEVER, QP_TOLERANCE, QP_TURN_MAX
-from reference_impl.core.world import PAIR
-from reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.chains.posture_constraints import drop_constraints, gather_constraints
+from touchstone.reference_impl.chains.posture_qp import apply_turns, missed_share, solve_posture_qp
+from touchstone.reference_impl.core.conventions import QP_CLEARANCE, QP_LEVER, QP_TOLERANCE, QP_TURN_MAX
+from touchstone.reference_impl.core.world import PAIR
+from touchstone.reference_impl.driven.skeleton import pose_links
 
 CHAIN, RIGHT = 1, 2
 """The left arm, and the other."""

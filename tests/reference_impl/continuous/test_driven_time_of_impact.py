@@ -8,19 +8,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.engines.reference.engine import ReferenceEngine
-from adapters.oracles.overlap import measure
-from adapters.recorder import record
-from reference_impl.core.conventions import OVERLAP_TOLERANCE
-from reference_impl.pipeline import step
-from scenarios.avatar.avatar import SHOULDER, arm_with_hand_parts
-from scenarios.avatar.hand import hand_parts
-from scenarios.avatar.postures import person_tracker, reach
-from scenarios.effects import PLANNED
-from scenarios.materials import TABLE_1
-from scenarios.scenario import ORIGIN, Body, Piece, Scenario, Sphere, Tracker
-from scenarios.solids import sphere_inertia
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.adapters.oracles.overlap import measure
+from touchstone.adapters.recorder import record
+from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
+from touchstone.reference_impl.pipeline import step
+from touchstone.scenarios.avatar.avatar import SHOULDER, arm_with_hand_parts
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.avatar.postures import person_tracker, reach
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import ORIGIN, Body, Piece, Scenario, Sphere, Tracker
+from touchstone.scenarios.solids import sphere_inertia
 
 SWEPT = ("balanced", "accurate")
 DISCRETE = "detection=discrete"

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET
+from touchstone.reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 10.0])

@@ -9,10 +9,21 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
-from reference_impl.continuous.free_rotation import free_omega, refresh_inertia, rotate_freely, rotation_at
-from reference_impl.core.conventions import FLIGHT_BALLISTIC, FLIGHT_EULER, SPIN_STEP, SPIN_STEPS, SPIN_TERMS
-from reference_impl.core.rotation import matrix_of
-from reference_impl.core.world import BODY
+from touchstone.reference_impl.continuous.free_rotation import (
+    free_omega,
+    refresh_inertia,
+    rotate_freely,
+    rotation_at,
+)
+from touchstone.reference_impl.core.conventions import (
+    FLIGHT_BALLISTIC,
+    FLIGHT_EULER,
+    SPIN_STEP,
+    SPIN_STEPS,
+    SPIN_TERMS,
+)
+from touchstone.reference_impl.core.rotation import matrix_of
+from touchstone.reference_impl.core.world import BODY
 
 ROUNDING = 1e-14
 """Some roundings of a number near 1, and of an angle of a radian or so."""

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from reference_impl.continuous.swept_motion import (
+from touchstone.reference_impl.continuous.swept_motion import (
     center_speed,
     flight_motion,
     most_curl,
@@ -16,9 +16,9 @@ from reference_impl.continuous.swept_motion import (
     pose_along,
     shown_motion,
 )
-from reference_impl.core import conventions
-from reference_impl.core.conventions import FLIGHT_BALLISTIC, FLIGHT_EULER, SIMULATED
-from reference_impl.core.world import BODY
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.conventions import FLIGHT_BALLISTIC, FLIGHT_EULER, SIMULATED
+from touchstone.reference_impl.core.world import BODY
 
 ROUNDING = 1e-14
 """A few roundings of numbers near 1."""

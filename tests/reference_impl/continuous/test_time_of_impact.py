@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from moving_pair import CLOSE, NEAR, ROUNDING, Scene, assert_true
 from scipy.spatial.transform import Rotation
 
-from adapters.oracles.minkowski import signed_distance
-from reference_impl.continuous.swept_motion import swept_box
-from reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET, TIME_OF_IMPACT_STEPS
-from scenarios.scenario import Box, Ellipsoid, Hull, Sphere
-from scenarios.solids import elliptic_hull
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reference_impl.continuous.swept_motion import swept_box
+from touchstone.reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET, TIME_OF_IMPACT_STEPS
+from touchstone.scenarios.scenario import Box, Ellipsoid, Hull, Sphere
+from touchstone.scenarios.solids import elliptic_hull
 
 FRAME = 1 / 60
 SLOPE = np.array([2.0, -1.0, 2.0]) / 3

@@ -9,10 +9,10 @@ import pytest
 from moving_pair import CLOSE, NEAR, ROUNDING, Scene, assert_true
 from scipy.spatial.transform import Rotation
 
-from reference_impl.core.conventions import IMPACT_TARGET, OVERLAP_TOLERANCE
-from reference_impl.pipeline import step
-from scenarios.scenario import ORIGIN, Box, Hull, Sphere
-from scenarios.solids import elliptic_hull
+from touchstone.reference_impl.core.conventions import IMPACT_TARGET, OVERLAP_TOLERANCE
+from touchstone.reference_impl.pipeline import step
+from touchstone.scenarios.scenario import ORIGIN, Box, Hull, Sphere
+from touchstone.scenarios.solids import elliptic_hull
 
 FRAME = 1 / 60
 PLATE = np.array([0.5, 0.4, 5e-4])

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-import reference_impl
-from reference_impl.core.kernel_cache import remove_old_folders, source_key
+import touchstone.reference_impl
+from touchstone.reference_impl.core.kernel_cache import remove_old_folders, source_key
 
-SOURCE = Path(reference_impl.__file__).parent
+SOURCE = Path(touchstone.reference_impl.__file__).resolve().parent
 ROOT = SOURCE.parent
 
 INNER = """
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel
@@ -27,8 +27,8 @@ def inner(x):
     return x + 1.0
 """
 OUTER = """
-from reference_impl.inner import inner
-from reference_impl.core.kernel import kernel
+from touchstone.reference_impl.inner import inner
+from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel
@@ -38,12 +38,12 @@ def outer(x):
 
 SIGNATURES = """
 import json
-from adapters.contract import Settings
-from adapters.recorder import Player
-from adapters.engines.reference.engine import ReferenceEngine
-from reference_impl.core import kernel
-from reports.studies.inverse_kinematics.study import rows
-from scenarios.catalogue import catalogue
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import Player
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.reference_impl.core import kernel
+from touchstone.reports.studies.inverse_kinematics.study import rows
+from touchstone.scenarios.catalogue import catalogue
 
 engine, scenario = ReferenceEngine(), catalogue()["ball_snip"]
 for profile, dt in engine.profiles.items():
@@ -78,9 +78,10 @@ def run(code: str, **environment: str) -> str:
 @pytest.fixture
 def package(tmp_path: Path) -> dict[str, str]:
     """A package of `kernel*.py` and two kernels, one calling the other; the environment that finds it."""
-    folder = tmp_path / "reference_impl"
+    folder = tmp_path / "touchstone" / "reference_impl"
     core = folder / "core"
     core.mkdir(parents=True)
+    (folder.parent / "__init__.py").touch()
     (folder / "__init__.py").touch()
     (core / "__init__.py").touch()
     for source in (SOURCE / "core").glob("kernel*.py"):
@@ -90,7 +91,10 @@ def package(tmp_path: Path) -> dict[str, str]:
     return {"PYTHONPATH": str(tmp_path), "TOUCHSTONE_CACHE": str(tmp_path / "cache")}
 
 
-CALL = "from reference_impl.outer import outer; from reference_impl.core import kernel; print(outer(1.0)); "
+CALL = (
+    "from touchstone.reference_impl.outer import outer; "
+    "from touchstone.reference_impl.core import kernel; print(outer(1.0)); "
+)
 FOLDER = "print(kernel.CACHE_FOLDER)"
 COUNT = "print(kernel.compile_count())"
 
@@ -98,7 +102,7 @@ COUNT = "print(kernel.compile_count())"
 @pytest.fixture
 def named(package: dict[str, str]) -> dict[str, str]:
     """The package with every kernel named, though it is small, and a third one between the two, inlined."""
-    folder = Path(package["PYTHONPATH"]) / "reference_impl"
+    folder = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl"
     linking = folder / "core" / "kernel_linking.py"
     linking.write_text(re.sub(r"LINES_COPIED = \d+", "LINES_COPIED = 0", linking.read_text()))
     (folder / "middle.py").write_text(
@@ -108,14 +112,16 @@ def named(package: dict[str, str]) -> dict[str, str]:
     return package
 
 
-SYMBOLS = "from reference_impl.core import kernel_linking; print(*sorted(kernel_linking._owners)); "
+SYMBOLS = (
+    "from touchstone.reference_impl.core import kernel_linking; print(*sorted(kernel_linking._owners)); "
+)
 
 
 def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> None:
     """Compile the caller anew when a kernel in another file changes, and only then."""
     assert run(CALL + COUNT, **package).split() == ["2.0", "2"]
     assert run(CALL + COUNT, **package).split() == ["2.0", "0"]
-    inner = Path(package["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("1.0", "100.0"))
     assert run(CALL + COUNT, **package).split() == ["101.0", "2"]
     inner.write_text("# comment\n" + INNER.replace("1.0", "100.0"))
@@ -124,8 +130,9 @@ def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> 
 
 def test_an_edit_between_imports_stays_out_of_the_cache(package: dict[str, str]) -> None:
     """Keep code that was imported after an edit out of the folder of the sources before it."""
-    inner = Path(package["PYTHONPATH"]) / "reference_impl" / "inner.py"
-    edit = f"from reference_impl.core import kernel; import pathlib; file = pathlib.Path({str(inner)!r}); "
+    inner = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
+    edit = "from touchstone.reference_impl.core import kernel; import pathlib; "
+    edit += f"file = pathlib.Path({str(inner)!r}); "
     edit += "file.write_text(file.read_text().replace('1.0', '100.0')); "
     for _ in range(2):
         assert run(edit + CALL, **package).split() == ["101.0"]
@@ -137,21 +144,21 @@ def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
     """Call a kernel by its symbol in the process that compiled it, and in one that loaded its caller."""
     first = run(CALL + COUNT + ";" + SYMBOLS, **named).split()
     assert first[:2] == ["2.0", "3"]
-    assert [symbol.rpartition(".")[0] for symbol in first[2:]] == ["reference_impl.inner.inner"]
+    assert [symbol.rpartition(".")[0] for symbol in first[2:]] == ["touchstone.reference_impl.inner.inner"]
     assert run(CALL + COUNT + ";" + SYMBOLS, **named).split() == ["2.0", "0", *first[2:]]
 
 
 def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> None:
     """Call the edited kernel, not the one that the cache holds."""
     assert run(CALL, **named).split() == ["2.0"]
-    inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("1.0", "100.0"))
     assert run(CALL, **named).split() == ["101.0"]
 
 
 def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
     """Compile a kernel that calls itself, called by another kernel."""
-    inner = Path(named["PYTHONPATH"]) / "reference_impl" / "inner.py"
+    inner = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("return x", "if x < 3.0:\n        return inner(x + 1.0)\n    return x"))
     for _ in range(2):
         assert run(CALL, **named).split() == ["4.0"]
@@ -159,7 +166,7 @@ def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
 
 def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
     """Give a kernel a name of its own for every signature, the same in every process."""
-    middle = Path(named["PYTHONPATH"]) / "reference_impl" / "middle.py"
+    middle = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "middle.py"
     middle.write_text(middle.read_text().replace("inner(x)", "inner(x) + inner(int(x))"))
     first = run(CALL + SYMBOLS, **named).split()
     assert first[0] == "4.0"
@@ -187,7 +194,7 @@ def test_processes_share_a_cold_cache(named: dict[str, str]) -> None:
 
 def test_numba_has_the_parts_that_naming_uses() -> None:
     """Notice a version of Numba that lacks a private part, before compilation becomes slow."""
-    kernel_linking = pytest.importorskip("reference_impl.core.kernel_linking")
+    kernel_linking = pytest.importorskip("touchstone.reference_impl.core.kernel_linking")
     assert kernel_linking.missing_parts() == []
     assert kernel_linking.missing_parts([(Path, "no_part")]) == ["Path.no_part"]
 
@@ -199,7 +206,7 @@ from numba.core import caching
 del caching.CompileResultCacheImpl
 with warnings.catch_warnings(record=True) as found:
     warnings.simplefilter("always")
-    from reference_impl.outer import outer
+    from touchstone.reference_impl.outer import outer
 print(outer(1.0))
 for one in found:
     print(one.message)
@@ -218,13 +225,13 @@ def test_kernels_are_linked_plainly_without_a_part(named: dict[str, str]) -> Non
 
 def test_kernels_run_uncompiled(named: dict[str, str]) -> None:
     """Leave the naming of kernels out where nothing is compiled."""
-    code = CALL + "import sys; print('reference_impl.core.kernel_linking' in sys.modules)"
+    code = CALL + "import sys; print('touchstone.reference_impl.core.kernel_linking' in sys.modules)"
     assert run(code, NUMBA_DISABLE_JIT="1", **named).split() == ["2.0", "False"]
 
 
 def test_constants_and_numbers_share_a_signature(package: dict[str, str]) -> None:
     """Compile a kernel once for the constants that callers hand to it."""
-    outer = Path(package["PYTHONPATH"]) / "reference_impl" / "outer.py"
+    outer = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "outer.py"
     outer.write_text(OUTER.replace("return inner(x)", "return inner(1) + inner(2) + inner(int(x))"))
     counted = "print(*(len(k.signatures) for k in kernel.KERNELS if k.py_func.__name__ == 'inner'))"
     assert run(CALL + counted, **package).split() == ["7.0", "0", "1"]  # called by kernels only

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reference_impl.core.rotation import invert_symmetric, matrix_of, quaternion_of, rotation_between, turn
+from touchstone.reference_impl.core.rotation import (
+    invert_symmetric,
+    matrix_of,
+    quaternion_of,
+    rotation_between,
+    turn,
+)
 
 ANGLES = [0.0, 1e-12, 1e-8, 1e-4, 1.0, 3.0, np.pi - 1e-9, np.pi]
 

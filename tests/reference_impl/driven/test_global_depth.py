@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_impl.core.world import BODY, PAIR
-from reference_impl.driven.global_depth import global_depth, side_of
+from touchstone.reference_impl.core.world import BODY, PAIR
+from touchstone.reference_impl.driven.global_depth import global_depth, side_of
 
 
 def shift_of(contacts, mover=1, driver=-1):

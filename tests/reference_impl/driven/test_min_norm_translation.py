@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize, nnls
 
-from reference_impl.core.conventions import LONGEST_SHIFT, PLANE_TOLERANCE
-from reference_impl.core.world import BODY, PAIR
-from reference_impl.driven.min_norm_translation import min_norm_translation
+from touchstone.reference_impl.core.conventions import LONGEST_SHIFT, PLANE_TOLERANCE
+from touchstone.reference_impl.core.world import BODY, PAIR
+from touchstone.reference_impl.driven.min_norm_translation import min_norm_translation
 
 X, Y, Z = np.eye(3)
 

@@ -7,18 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adapters.contract import Settings
-from adapters.engines.reference.engine import ReferenceEngine
-from reference_impl.broad_phase.detection import place_pieces
-from reference_impl.core.conventions import OVERLAP_TOLERANCE, SEPARATION_DEPTH, SIMULATED
-from reference_impl.driven.overlap_removal import remove_overlap
-from reference_impl.driven.skeleton import pose_links
-from reference_impl.simulated.separation import separate_simulated
-from scenarios.avatar.hand import hand_parts
-from scenarios.catalogue import catalogue
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Body, Piece, Scenario, Sphere, Tracker
-from scenarios.solids import sphere_inertia
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.reference_impl.broad_phase.detection import place_pieces
+from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SEPARATION_DEPTH, SIMULATED
+from touchstone.reference_impl.driven.overlap_removal import remove_overlap
+from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.simulated.separation import separate_simulated
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Body, Piece, Scenario, Sphere, Tracker
+from touchstone.scenarios.solids import sphere_inertia
 
 RADIUS = 0.05
 TRANSLATIONS = ("balanced", "accurate")

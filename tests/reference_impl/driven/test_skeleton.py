@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reference_impl.driven.skeleton import composite_inertia, joint_space_inertia, move_links, pose_links
-from scenarios.catalogue import catalogue
+from touchstone.reference_impl.driven.skeleton import (
+    composite_inertia,
+    joint_space_inertia,
+    move_links,
+    pose_links,
+)
+from touchstone.scenarios.catalogue import catalogue
 
 STEP = 1e-6
 """Half width of central differences [s]: their error is about 1e-12 + 1e-16 / 1e-6."""

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from reference_impl.core.driver_dtypes import DRIVER
-from reference_impl.driven.virtual_coupling import decay, follow_tracker
+from touchstone.reference_impl.core.driver_dtypes import DRIVER
+from touchstone.reference_impl.driven.virtual_coupling import decay, follow_tracker
 
 HAND = (1000 / 0.4, 40 / 0.4)
 SPRINGS = {

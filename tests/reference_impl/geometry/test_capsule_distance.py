@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
-from adapters.oracles.minkowski import signed_distance
-from reference_impl.core.conventions import TOUCHING_DISTANCE_SHARE
-from scenarios.scenario import Box, Capsule, Piece, Sphere
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reference_impl.core.conventions import TOUCHING_DISTANCE_SHARE
+from touchstone.scenarios.scenario import Box, Capsule, Piece, Sphere
 
 ROUNDING = 1e-14
 """A few roundings of lengths of about 1 m [m]."""

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from reference_impl.broad_phase.detection import detect
-from reference_impl.core.conventions import SIMULATED, TOUCH_DISTANCE
-from reference_impl.geometry.contact_manifold import expand_manifolds
-from scenarios.scenario import Body, Capsule, Hull, Piece
-from scenarios.solids import box_inertia, capsule_inertia
+from touchstone.reference_impl.broad_phase.detection import detect
+from touchstone.reference_impl.core.conventions import SIMULATED, TOUCH_DISTANCE
+from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
+from touchstone.scenarios.scenario import Body, Capsule, Hull, Piece
+from touchstone.scenarios.solids import box_inertia, capsule_inertia
 
 HALF = (0.1, 0.08, 0.05)
 G = 9.81

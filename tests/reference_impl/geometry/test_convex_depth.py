@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.oracles.minkowski import signed_distance
-from reference_impl.core.conventions import TOUCHING_DISTANCE_SHARE
-from scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
-from scenarios.solids import elliptic_hull
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reference_impl.core.conventions import TOUCHING_DISTANCE_SHARE
+from touchstone.scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
+from touchstone.scenarios.solids import elliptic_hull
 
 PAIRS = 250
 """Random pairs of a seed: ten seeds, nine of them slow, make 10,000."""

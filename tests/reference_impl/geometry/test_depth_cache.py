@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adapters.engines.reference.reference_world import translate
-from reference_impl.broad_phase.detection import detect
-from reference_impl.core import conventions
-from reference_impl.core.state_dtype import STATE
-from reference_impl.geometry.depth_cache import find_entry
-from reference_impl.pipeline import prepare, step
-from scenarios.catalogue import catalogue
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.reference_impl.broad_phase.detection import detect
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.geometry.depth_cache import find_entry
+from touchstone.reference_impl.pipeline import prepare, step
+from touchstone.scenarios.catalogue import catalogue
 
 
 def test_a_bucket_forgets_what_was_unused_for_longest() -> None:

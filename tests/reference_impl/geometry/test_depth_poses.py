@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from adapters.oracles.minkowski import signed_distance
-from reports.studies.poses import FAMILIES, Shapes, size_of
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reports.studies.poses import FAMILIES, Shapes, size_of
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 
 EXACT = 1e-11
 """Allowed error over max(depth, a thousandth of the size), as in the study."""

@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.engines.reference.reference_world import piece_arrays
-from reference_impl.core import conventions
-from reference_impl.core.state_dtype import STATE
-from reference_impl.core.world import BODY, PAIR
-from reference_impl.geometry.convex_depth import convex_depth
-from reference_impl.geometry.depth_cache import steady_support
-from reference_impl.geometry.depth_warm_start import warm_started_depth
-from reference_impl.geometry.shapes import local_support, place_piece
-from scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
-from scenarios.solids import elliptic_hull
+from touchstone.adapters.engines.reference.reference_world import piece_arrays
+from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.core.world import BODY, PAIR
+from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.geometry.depth_cache import steady_support
+from touchstone.reference_impl.geometry.depth_warm_start import warm_started_depth
+from touchstone.reference_impl.geometry.shapes import local_support, place_piece
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.solids import elliptic_hull
 
 AGREE = 1e-11
 """Allowed difference from exact depth over max(|distance|, size / 1000): as in test_convex_depth."""

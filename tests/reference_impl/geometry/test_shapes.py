@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from adapters.engines.reference.reference_world import piece_arrays, translate
-from adapters.engines.reference.support_table import BRUTE, hull_rows
-from reference_impl.geometry.shapes import corner_of_hull, local_support, place_piece
-from scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
-from scenarios.solids import elliptic_hull, sphere_inertia
+from touchstone.adapters.engines.reference.reference_world import piece_arrays, translate
+from touchstone.adapters.engines.reference.support_table import BRUTE, hull_rows
+from touchstone.reference_impl.geometry.shapes import corner_of_hull, local_support, place_piece
+from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
+from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
 
 SHAPES = {
     "sphere": Sphere(0.3),

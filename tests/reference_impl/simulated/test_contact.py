@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.core.world import PAIR
-from reference_impl.simulated.contact import apply_impulse, contact_mobility, surface_velocity
-from scenarios.catalogue import catalogue
+from touchstone.reference_impl.core.world import PAIR
+from touchstone.reference_impl.simulated.contact import apply_impulse, contact_mobility, surface_velocity
+from touchstone.scenarios.catalogue import catalogue
 
 
 @pytest.fixture

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     FRICTION_COULOMB,
     FRICTION_PAPER,
     RESTITUTION_GUARDED,
     RESTITUTION_NEWTON,
 )
-from reference_impl.simulated.impulse import contact_impulse, resting_restitution
+from touchstone.reference_impl.simulated.impulse import contact_impulse, resting_restitution
 
 UP = np.array([0.0, 0.0, 1.0])
 NUMBER = st.floats(-10, 10)

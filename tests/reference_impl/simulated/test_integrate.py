@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scenarios.scenario import ORIGIN
+from touchstone.scenarios.scenario import ORIGIN
 
 
 @pytest.mark.parametrize("frames", [1, 60])

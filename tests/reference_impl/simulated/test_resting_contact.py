@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.core.conventions import IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER
+from touchstone.reference_impl.core.conventions import IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER
 
 G, MU, SPEED = 9.81, 0.1, 0.29
 HALF = np.array((0.16, 0.16, 0.1))

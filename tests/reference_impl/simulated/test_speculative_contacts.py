@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import (
     DENSE_SUBSTEPS,
     EVENT_CAP,
     IMPACT_SLACK,
@@ -15,8 +15,8 @@ from reference_impl.core.conventions import (
     OVERLAP_TOLERANCE,
     TOUCH_CLOSED,
 )
-from reference_impl.pipeline import step
-from scenarios.scenario import ORIGIN
+from touchstone.reference_impl.pipeline import step
+from touchstone.scenarios.scenario import ORIGIN
 
 RADIUS = 0.05
 

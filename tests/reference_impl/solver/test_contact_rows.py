@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_impl.core.state_dtype import STATE
-from reference_impl.solver.contact_newton import newton
-from reference_impl.solver.contact_rows import (
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.solver.contact_newton import newton
+from touchstone.reference_impl.solver.contact_rows import (
     into_cone,
     keep_best,
     make_passive,

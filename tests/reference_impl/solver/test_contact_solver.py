@@ -7,7 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference_impl.core.conventions import IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER, RESIDUAL_ACCEPTED
+from touchstone.reference_impl.core.conventions import (
+    IMPULSES_SEQUENTIAL,
+    IMPULSES_TOGETHER,
+    RESIDUAL_ACCEPTED,
+)
 
 HALF = 0.05
 

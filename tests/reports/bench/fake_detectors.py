@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adapters.detectors import UNCONVERGED, Answers, Failure
+from touchstone.adapters.detectors import UNCONVERGED, Answers, Failure
 
 PER_VERTEX = 1e-6
 """Seconds a query takes per vertex of its first hull."""

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from reports import limits
-from reports.bench import BENCHES, load, scaling
-from reports.bench.curves import BROAD_PHASE
-from reports.cli import main as cli
-from reports.limits import Limit
-from reports.output_folder import OutputError
-from reports.results import Row, table
+from touchstone.reports import limits
+from touchstone.reports.bench import BENCHES, load, scaling
+from touchstone.reports.bench.curves import BROAD_PHASE
+from touchstone.reports.cli import main as cli
+from touchstone.reports.limits import Limit
+from touchstone.reports.output_folder import OutputError
+from touchstone.reports.results import Row, table
 
 
 def silence(label: str, count: int) -> None:

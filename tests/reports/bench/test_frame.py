@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.bench import frame
-from reports.results import Row, table
-from reports.run.comparisons import ratio_limits
-from reports.run.request import Results
-from scenarios.catalogue import catalogue
+from touchstone.reports.bench import frame
+from touchstone.reports.results import Row, table
+from touchstone.reports.run.comparisons import ratio_limits
+from touchstone.reports.run.request import Results
+from touchstone.scenarios.catalogue import catalogue
 
 
 def silence(label: str, count: int) -> None:

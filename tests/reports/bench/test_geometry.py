@@ -10,14 +10,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from adapters.detectors import DETECTORS, REFERENCE, UNCONVERGED, Entry, Failure, missing_reason
-from adapters.oracles.minkowski import signed_distance
-from reports.bench import geometry
-from reports.bench.geometry import MOTION, Plan, queries, rows_of_bench
-from reports.bench.poses import FAMILIES, STEP, TOUCH_DEPTH, hand_slide, hull_slide, spread_vertices
-from reports.results import COLUMNS
-from reports.studies.interleaved_timing import Measured
-from reports.studies.poses import corners
+from touchstone.adapters.detectors import DETECTORS, REFERENCE, UNCONVERGED, Entry, Failure, missing_reason
+from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.reports.bench import geometry
+from touchstone.reports.bench.geometry import MOTION, Plan, queries, rows_of_bench
+from touchstone.reports.bench.poses import (
+    FAMILIES,
+    STEP,
+    TOUCH_DEPTH,
+    hand_slide,
+    hull_slide,
+    spread_vertices,
+)
+from touchstone.reports.results import COLUMNS
+from touchstone.reports.studies.interleaved_timing import Measured
+from touchstone.reports.studies.poses import corners
 
 OTHER, ABSENT = "coal", "absent"
 TINY = Plan(pairs=2, frames=3, turns=1, passes=1)

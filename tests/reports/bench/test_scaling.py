@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adapters.detectors import REFERENCE
-from adapters.recorder import warm_up
-from reports import limits
-from reports.bench import scaling
-from reports.bench.curves import BALLS, BROAD_PHASE, VERTICES, Curve, balls_at_rest, resting_balls
-from reports.bench.scaling import rows_of_curves
-from reports.results import table
+from touchstone.adapters.detectors import REFERENCE
+from touchstone.adapters.recorder import warm_up
+from touchstone.reports import limits
+from touchstone.reports.bench import scaling
+from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES, Curve, balls_at_rest, resting_balls
+from touchstone.reports.bench.scaling import rows_of_curves
+from touchstone.reports.results import table
 
 OTHER = "coal"
 
@@ -50,7 +50,7 @@ def test_exponents_of_power_laws_are_exact() -> None:
 
 def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
     """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
-    monkeypatch.setattr("reports.bench.curves.installed", lambda name: name != "mujoco")
+    monkeypatch.setattr("touchstone.reports.bench.curves.installed", lambda name: name != "mujoco")
     curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, silence, fakes[0])
     found = {curve.engine: curve for curve in curves}
     assert found["reference"].sizes == [2, 4, 6]
@@ -74,8 +74,8 @@ def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> 
 
 def test_balls_rest_on_the_floor_and_apart() -> None:
     """Touch the floor and nothing else, and stay where they are for a second."""
-    from adapters.contract import Settings
-    from adapters.engines.reference.engine import ReferenceEngine
+    from touchstone.adapters.contract import Settings
+    from touchstone.adapters.engines.reference.engine import ReferenceEngine
 
     scenario = resting_balls(10)
     assert len(scenario.bodies) == 11

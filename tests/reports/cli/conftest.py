@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from adapters.workers.children import Outcome
-from reports.cli import main as cli
-from reports.run import study
-from scenarios.catalogue import built, scene
-from scenarios.families import ball_snip as snip
+from touchstone.adapters.workers.children import Outcome
+from touchstone.reports.cli import main as cli
+from touchstone.reports.run import study
+from touchstone.scenarios.catalogue import built, scene
+from touchstone.scenarios.families import ball_snip as snip
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.catalogue import catalogue
+from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
 REFERENCE = ("--engine", "reference")
@@ -18,7 +18,7 @@ def test_help_imports_nothing_heavy():
     """`touchstone --help` names the commands and imports neither numpy, pandas, numba nor any engine."""
     code = (
         "import sys; sys.argv = ['touchstone', '--help']\n"
-        "from reports.cli.main import main\n"
+        "from touchstone.reports.cli.main import main\n"
         "try:\n    main()\nexcept SystemExit as end:\n"
         f"    print([m for m in {HEAVY} if m in sys.modules], end.code or 0, file=sys.stderr)\n"
     )

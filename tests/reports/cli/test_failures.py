@@ -13,13 +13,13 @@ from math import nan
 import pytest
 import typer
 
-from adapters.registry import missing_reason
-from adapters.workers.children import Outcome
-from reports import limits
-from reports.cli.options import exit_for
-from reports.limits import Limit
-from reports.run import study
-from scenarios.catalogue import catalogue
+from touchstone.adapters.registry import missing_reason
+from touchstone.adapters.workers.children import Outcome
+from touchstone.reports import limits
+from touchstone.reports.cli.options import exit_for
+from touchstone.reports.limits import Limit
+from touchstone.reports.run import study
+from touchstone.scenarios.catalogue import catalogue
 
 REFERENCE = ("--engine", "reference")
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
@@ -156,7 +156,7 @@ def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, monkeypatch, re
 
 def test_a_run_without_its_judge_says_so(touchstone, quick, monkeypatch):
     """Without the libraries that measure overlap nothing of it passes: a line on standard error, exit 4."""
-    for name in [name for name in sys.modules if name.startswith("adapters.oracles")]:
+    for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "coal", None)
     code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")

@@ -65,7 +65,8 @@ def test_a_full_disk_leaves_nothing_half_written(touchstone, quick, monkeypatch,
 @pytest.mark.parametrize("command", [["list", "engines"], ["show", "wall_push", "--format", "json"]])
 def test_output_to_a_full_disk_is_one_line(command):
     """When what is printed finds no room: exit 2 and one line, whether it is told at once or at the end."""
-    code = f"import sys; sys.argv = ['touchstone', *{command}]; from reports.cli.main import main; main()"
+    code = f"import sys; sys.argv = ['touchstone', *{command}]; "
+    code += "from touchstone.reports.cli.main import main; main()"
     with open("/dev/full", "w") as full:
         done = subprocess.run([sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True)
     assert (done.returncode, done.stderr) == (2, "touchstone: standard output: No space left on device\n")
@@ -86,7 +87,7 @@ def interrupted(tmp_path, marker):
     # where tests run in the background, SIGINT is ignored and children inherit that
     code = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-        f"sys.argv = ['touchstone', *{arguments}]; from reports.cli.main import main; main()"
+        f"sys.argv = ['touchstone', *{arguments}]; from touchstone.reports.cli.main import main; main()"
     )
     program = subprocess.Popen(
         [sys.executable, "-c", code],

@@ -11,10 +11,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from reports.metrics import METRICS
-from reports.results import COLUMNS, Row
-from reports.run.measure import NEEDED, measured
-from scenarios.catalogue import catalogue
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import COLUMNS, Row
+from touchstone.reports.run.measure import NEEDED, measured
+from touchstone.scenarios.catalogue import catalogue
 
 REFERENCE = ("--engine", "reference")
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
@@ -64,7 +64,7 @@ def test_machine_output_parses_and_stands_alone(touchstone, quick, form):
 
 def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
     """Print the long table of `study calibration` as CSV and nothing else, and end well."""
-    from reports.studies import calibration
+    from touchstone.reports.studies import calibration
 
     tiny = {"restitutions": (0.5,), "speeds": (2.0,), "frictions": (0.3,), "ladder": (), "steps": ()}
     monkeypatch.setattr(calibration, "Grid", partial(calibration.Grid, pairs=("sphere-box",), **tiny))

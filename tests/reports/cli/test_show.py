@@ -10,9 +10,9 @@ import sys
 
 import pytest
 
-from adapters.registry import ENGINES
-from reports.metrics import METRICS
-from scenarios.catalogue import catalogue
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics import METRICS
+from touchstone.scenarios.catalogue import catalogue
 
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
@@ -82,7 +82,7 @@ def test_show_knows_the_nearest_name(touchstone):
 def test_a_closed_pipe_is_no_error():
     """A reader that stops reading, as `head` does, sees no traceback."""
     arguments = ["touchstone", "show", "ball_snip", "--format", "json"]
-    code = f"import sys; sys.argv = {arguments}; from reports.cli.main import main; main()"
+    code = f"import sys; sys.argv = {arguments}; from touchstone.reports.cli.main import main; main()"
     program = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

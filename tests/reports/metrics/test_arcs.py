@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports.metrics.context import Evidence, NotMeasured
-from reports.metrics.motion.ballistic_arcs import TOUCH_GAP, bounces, first_closing, gap_of
-from scenarios.scenario import Expectation
+from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.motion.ballistic_arcs import TOUCH_GAP, bounces, first_closing, gap_of
+from touchstone.scenarios.scenario import Expectation
 
 BETWEEN_FRAMES = 1e-6
 """What the oracle's 1e-8 m are worth in time at the slowest speed here, ten times over [s]."""

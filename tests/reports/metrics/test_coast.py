@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reports.metrics.context import NotMeasured
-from scenarios.scenario import Body, Piece, Scenario, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.scenarios.scenario import Body, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 MU, G, SPEED, RELEASE = 0.3, 9.81, 1.2, 10
 """The box is pushed until the end of frame RELEASE."""

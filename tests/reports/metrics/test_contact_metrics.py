@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.metrics.contacts.contact import REFERENCE_SPEED
-from reports.metrics.context import NotMeasured
-from scenarios.catalogue import catalogue
+from touchstone.reports.metrics.contacts.contact import REFERENCE_SPEED
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.scenarios.catalogue import catalogue
 
 UP = (0.0, 0.0, 1.0)
 

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from adapters.contract import Settings
-from adapters.recorder import record
-from reports.metrics.context import Evidence, NotMeasured
-from reports.metrics.motion.energy import energy_ledger
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.motion.energy import energy_ledger
 
 FRAME = 1 / 60
 ROUNDING = 1e-12

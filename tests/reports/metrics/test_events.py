@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports.metrics.context import NotMeasured
-from reports.metrics.motion.ballistic_arcs import OPEN_GAP, TOUCH_GAP
-from reports.metrics.motion.events import PART_GAP, ROLL_SLIP
-from scenarios.scenario import Body, Expectation, Piece, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.reports.metrics.motion.ballistic_arcs import OPEN_GAP, TOUCH_GAP
+from touchstone.reports.metrics.motion.events import PART_GAP, ROLL_SLIP
+from touchstone.scenarios.scenario import Body, Expectation, Piece, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 EXACT = 1e-6
 """The oracle's 1e-8 m at the speeds here, tenfold [s]."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.metrics.context import NotMeasured
-from scenarios.scenario import Body, Piece, Sphere
-from scenarios.solids import sphere_inertia
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.scenarios.scenario import Body, Piece, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 ROUNDING = 1e-12
 MU, MASS, DT = 0.5, 2.0, 1 / 240

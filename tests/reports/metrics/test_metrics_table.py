@@ -8,10 +8,10 @@ from math import isfinite, isnan
 
 import pytest
 
-from adapters.registry import ENGINES
-from reports.metrics import IMPULSE_METRICS, METRICS, SOLVER_METRICS, posture_optimum
-from reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
-from scenarios.catalogue import catalogue, tagged
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics import IMPULSE_METRICS, METRICS, SOLVER_METRICS, posture_optimum
+from touchstone.reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad", "rad/s"}
 OF_PROBES = (
@@ -95,7 +95,7 @@ def test_a_missing_oracle_is_told(registry, monkeypatch):
     """Without coal what needs distances is not judged, with the line that installs it; the rest is."""
     scene = catalogue()["ball_snip"]
     evidence = Evidence(registry.played("ball_snip", "reference"), scene)
-    monkeypatch.delitem(sys.modules, "adapters.oracles.overlap", raising=False)
+    monkeypatch.delitem(sys.modules, "touchstone.adapters.oracles.overlap", raising=False)
     monkeypatch.setitem(sys.modules, "coal", None)
     for name in ("overlap.max", "overlap.tunnelled", "contact.gap"):
         with pytest.raises(JudgeMissing, match="pip install --force-reinstall touchstone"):

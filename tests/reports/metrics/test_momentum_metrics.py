@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.metrics.context import NotMeasured
-from scenarios.catalogue import catalogue, tagged
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 ROUNDING = 1e-12
 

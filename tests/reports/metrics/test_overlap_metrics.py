@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.metrics.context import NotMeasured
-from scenarios.scenario import Tracker
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.scenarios.scenario import Tracker
 
 EXACT = 1e-7
 """Ten times the oracle's tolerance [m]."""

@@ -8,14 +8,14 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from adapters.driven_poses import driven_pieces
-from reports.metrics.contacts.passages import passages
-from reports.metrics.context import Evidence, Value
-from scenarios.avatar.hand import hand_parts
-from scenarios.gallery import TABLE_HALF
-from scenarios.materials import TABLE_1
-from scenarios.scenario import Body, Box, Capsule, Piece, Scenario, Tracker
-from scenarios.solids import box_inertia
+from touchstone.adapters.driven_poses import driven_pieces
+from touchstone.reports.metrics.contacts.passages import passages
+from touchstone.reports.metrics.context import Evidence, Value
+from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.gallery import TABLE_HALF
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import Body, Box, Capsule, Piece, Scenario, Tracker
+from touchstone.scenarios.solids import box_inertia
 
 FRAME = 1 / 60
 RADIUS = 0.05

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reports.metrics.context import Evidence
-from reports.metrics.posture import cone_excess, limit_excess
-from scenarios.avatar.chains import hinge_axes
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.posture import cone_excess, limit_excess
+from touchstone.scenarios.avatar.chains import hinge_axes
 
 
 @pytest.fixture

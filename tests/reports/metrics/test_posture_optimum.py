@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.metrics import posture_optimum
-from reports.metrics.context import Evidence, NotMeasured
-from scenarios.avatar.tracking import sample
-from scenarios.catalogue import catalogue
+from touchstone.reports.metrics import posture_optimum
+from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import catalogue
 
 pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
 

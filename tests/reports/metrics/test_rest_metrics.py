@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from reports.metrics.context import NotMeasured
+from touchstone.reports.metrics.context import NotMeasured
 
 
 @pytest.fixture

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports import limits
-from reports.known_failures.table import Known
-from reports.limits import judged
-from reports.metrics import METRICS, SOLVER_METRICS
-from reports.metrics.context import Evidence, NotMeasured
-from reports.metrics.solver import CAPS, Place, worst_place
-from reports.results import Row
-from reports.run.measure import measured_of
-from reports.views.unresolved import warning
-from scenarios.catalogue import catalogue
+from touchstone.reports import limits
+from touchstone.reports.known_failures.table import Known
+from touchstone.reports.limits import judged
+from touchstone.reports.metrics import METRICS, SOLVER_METRICS
+from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.solver import CAPS, Place, worst_place
+from touchstone.reports.results import Row
+from touchstone.reports.run.measure import measured_of
+from touchstone.reports.views.unresolved import warning
+from touchstone.scenarios.catalogue import catalogue
 
 NAMES = (
     *("contacts", "dropped_time", "gave_up", "lost", "parted_energy"),

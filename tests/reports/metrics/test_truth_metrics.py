@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reports.metrics.context import NotMeasured
-from scenarios.catalogue import catalogue, tagged
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 PROBES = [scenario.name for scenario in tagged("probe")]
 OF_TRUTH = ("truth.position", "truth.velocity", "truth.orientation", "truth.spin")
@@ -103,7 +103,7 @@ def test_flips_that_come_late_or_never(recordings, known):
         scenario, bodies=(replace(scenario.bodies[0], angular_velocity=(0.1 / 1.01, 6 / 1.01, 0.1 / 1.01)),)
     )
     late = known.ideal(recordings, slow)
-    from scenarios.closed_form import flips
+    from touchstone.scenarios.closed_form import flips
 
     last = flips(scenario, scenario.truths[0])[-1]
     assert known.value("rotation.flip", late, scenario)["box"] == pytest.approx(0.01 * last, abs=1e-5)
@@ -197,7 +197,7 @@ def test_slip_that_ends_late(recordings, known):
     """Friction at 0.8 of mu ends the slip 1.25 times as late; a ball that never slows never rolls."""
     scenario = catalogue()["slip"]
     weaker = replace(scenario, coefficients=(replace(scenario.coefficients[0], friction=0.24),))
-    from scenarios.families.roll import rolling
+    from touchstone.scenarios.families.roll import rolling
 
     late = rolling("slip", ("headings",), (0.0, 22.5, 45.0), 0.24, 2.0, 0.0, 1.0)
     assert weaker.coefficients == late.coefficients

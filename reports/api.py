@@ -1,0 +1,66 @@
+"""`touchstone.run`: the study `run` as a function."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from math import isfinite
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from touchstone.adapters.recorder import substeps
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.run.request import DEFAULT_PROFILES, Request, Results, columns_of
+from touchstone.reports.run.study import run as run_study
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Scenario
+
+
+def run(
+    scenes: str | Scenario | Iterable[str | Scenario],
+    engines: Sequence[str] | None = None,
+    profiles: Sequence[str] | None = None,
+    dt: float | None = None,
+    out: str | Path | None = None,
+) -> Results:
+    """Play scenes on engines, each engine in a process of its own, and judge what they did.
+
+    Args:
+        scenes: names of the catalogue or scenarios of your own; one, or several.
+        engines: names; None: all. One that is not installed gives a row that says so.
+        profiles: names; None: `balanced`, `recommended` and `equal-step`, each on the engines that have it.
+        dt: native step of all engines [s]; None: that of each profile.
+        out: new folder that keeps table, recordings, report and pictures; None: nothing is kept on disk.
+    Returns:
+        `frame`, a DataFrame with a row per metric, and `recordings` by (scene, engine, profile).
+    Raises:
+        ValueError: an unknown name, or a step that does not divide the frame; the message names valid ones.
+    """
+    chosen = [scenes] if isinstance(scenes, (str, Scenario)) else list(scenes)
+    scenarios = tuple(
+        one if isinstance(one, Scenario) else catalogue()[_known("scene", one, catalogue())] for one in chosen
+    )
+    names = [_known("engine", name, ENGINES) for name in engines or ENGINES]
+    every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
+    wanted = [_known("profile", name, every) for name in profiles or DEFAULT_PROFILES]
+    columns = columns_of(names, wanted)
+    if not columns:
+        raise ValueError(f"no engine of {', '.join(names)} has a profile of {', '.join(wanted)}")
+    if dt is not None:
+        if not isfinite(dt) or dt <= 0:
+            raise ValueError(f"dt: {dt} is no step; give seconds, such as 1/240")
+        for scenario in scenarios:
+            substeps(scenario, dt)
+    with TemporaryDirectory() as folder:
+        request = Request(scenarios, columns, Path(out) if out else Path(folder) / "run", dt)
+        return run_study(request, lambda label, frames: None)
+
+
+def _known(kind: str, name: str, valid: Iterable[str]) -> str:
+    """The name, if it is valid."""
+    names = list(valid)
+    if name in names:
+        return name
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+    raise ValueError(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})")

@@ -1,0 +1,82 @@
+"""`import touchstone`: names that work in scripts, from standard input and beside the user's packages."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import touchstone
+
+PLAY = """
+import touchstone
+results = touchstone.run("fall", engines=["reference"], profiles=["balanced"])
+print(results.recordings["fall", "reference", "balanced"].position.shape[1:], len(results.frame) > 10)
+"""
+
+
+def test_every_public_name_exists():
+    """Each name of `__all__` can be used, and no other is offered."""
+    for name in touchstone.__all__:
+        assert getattr(touchstone, name) is not None
+    assert dir(touchstone) == sorted(touchstone.__all__)
+    with pytest.raises(AttributeError, match="its names are Body, "):
+        _ = touchstone.nothing
+
+
+def test_scenarios_are_listed_by_name_and_tag():
+    """`touchstone.scenarios()` is the catalogue, a dict of scenarios."""
+    found = touchstone.scenarios()
+    assert isinstance(found["ball_snip"], touchstone.Scenario)
+    gallery = touchstone.scenarios("gallery")
+    assert 0 < len(gallery) < len(found)
+    assert all("gallery" in scene.tags for scene in gallery.values())
+
+
+@pytest.mark.parametrize("way", ["standard input", "script"])
+def test_a_run_needs_no_guard_and_no_free_names(tmp_path: Path, way: str):
+    """A script without a `__main__` guard runs in a folder that has packages called like ours."""
+    for name in ("adapters", "reports", "scenarios", "reference_impl"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("raise ImportError('not this one')\n")
+    (tmp_path / "script.py").write_text(PLAY)
+    arguments = ["-"] if way == "standard input" else ["script.py"]
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        input=PLAY if way == "standard input" else None,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert (done.stdout, done.returncode) == ("(2, 3) True\n", 0), done.stderr
+
+
+def test_a_saved_run_is_loaded_again(tmp_path: Path):
+    """With `out` the folder stays, and `touchstone.load` reads its recordings."""
+    results = touchstone.run(["fall"], ["reference"], ["balanced"], out=tmp_path / "kept")
+    recording = touchstone.load(tmp_path / "kept" / "recordings" / "fall-reference-balanced.npz")
+    played = results.recordings["fall", "reference", "balanced"]
+    assert (recording.position == played.position).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"scenes": "fal"}, r"unknown scene 'fal'; did you mean 'fall'"),
+        ({"scenes": "fall", "engines": ["mujco"]}, r"unknown engine 'mujco'; did you mean 'mujoco'"),
+        ({"scenes": "fall", "profiles": ["best"]}, r"unknown profile 'best'"),
+        (
+            {"scenes": "fall", "engines": ["mujoco"], "profiles": ["paper"]},
+            r"no engine of mujoco has",
+        ),
+        ({"scenes": "fall", "dt": 0.013}, r"does not divide the frame"),
+        ({"scenes": "fall", "dt": float("nan")}, r"is no step"),
+    ],
+)
+def test_wrong_input_names_what_is_valid(arguments: dict, message: str):
+    """A wrong name or step is one line that tells what is valid."""
+    with pytest.raises(ValueError, match=message):
+        touchstone.run(**arguments)

@@ -1,0 +1,57 @@
+"""Contact handling for avatars: a reference implementation, and DART, Bullet and MuJoCo on the same scenes.
+
+    import touchstone
+
+    results = touchstone.run(["fall", "ball_snip"], engines=["reference", "mujoco"])
+    results.frame  # every metric of every run, a row each
+    results.recordings["fall", "mujoco", "recommended"].position  # (f, n, 3) [m]
+
+`run` plays scenes and judges them, `scenarios` lists them, `load` reads a recording from a file. `Scenario`
+and its parts describe a scene of your own. Names are imported when they are used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_PARTS = (
+    "Body",
+    "Box",
+    "Capsule",
+    "Chain",
+    "Ellipsoid",
+    "Expectation",
+    "Hull",
+    "Joint",
+    "PairCoefficients",
+    "Piece",
+    "ReachCone",
+    "Scenario",
+    "ScenarioError",
+    "Sphere",
+    "Tracker",
+    "Truth",
+)
+_HOME = {
+    "run": "touchstone.reports.api",
+    "Results": "touchstone.reports.run.request",
+    "Recording": "touchstone.adapters.recording",
+    "load": "touchstone.adapters.recording",
+    "scenarios": "touchstone.scenarios",
+    **dict.fromkeys(_PARTS, "touchstone.scenarios.scenario"),
+}
+
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is used first."""
+    if name not in _HOME:
+        raise AttributeError(f"touchstone has no {name!r}; its names are {', '.join(sorted(_HOME))}")
+    module = importlib.import_module(_HOME[name])
+    return module if name == "scenarios" else getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_HOME)
