@@ -14,7 +14,8 @@ from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenari
 from touchstone.scenarios.solids import sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-from touchstone.adapters import mujoco_contacts, mujoco_engine  # noqa: E402
+from touchstone.adapters.engines.mujoco import contacts as mujoco_contacts  # noqa: E402
+from touchstone.adapters.engines.mujoco import engine as mujoco_engine  # noqa: E402
 from touchstone.adapters.engines.mujoco.masks import contact_filter  # noqa: E402
 
 DT = 1 / 540
