@@ -108,7 +108,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         _fly(bodies, joints, drivers, pairs, s)
     elif is_isolated(bodies, pieces, drivers, s):
         _fly(bodies, joints, drivers, pairs, s)
-        # the driven loop needs their placed pieces
+        # the driven loop needs the placed pieces of simulated bodies
         if len(drivers) > 0:
             place_listed(bodies, pieces, vertices, SIMULATED, s)
     else:

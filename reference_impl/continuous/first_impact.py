@@ -23,8 +23,8 @@ from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 
 @kernel
 def earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state):
-    """Fraction of the substep at which the first new contact closes to `impact_gap`, or a touching pair first
-    sinks because another of its points has landed.
+    """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
+    pair sinks because another of its points has landed.
 
     Args:
         pairs: marked pairs (`mark_pairs`) are resting contacts: they touch at the start, or nearly. The
