@@ -88,7 +88,7 @@ def _extrapolate(bodies, joints, first, last, point, goal, left, ratio):
     end effector comes no nearer to its goal.
 
     Returns:
-        (distance left [m], whether it was kept).
+        (distance left [m], whether the extrapolation was kept).
     """
     ratio = min(ratio, IK_RATIO_MAX)
     for k in range(first, last + 1):
@@ -183,7 +183,7 @@ def turn_toward(bodies, joints, k, point, goal, angle):
     c_old, s_old = joint["cosine"], joint["sine"]
     measure_angle(joint)
     if joint["angle"] == wanted:
-        # the end effector now points to the goal: its place follows without the angle's cosine and sine
+        # the end effector now points to the goal: `point` does not depend on the angle's cosine and sine
         c = sqrt(u / w)
         ux, uy, uz, s = wx, wy, wz, 0.0
     else:

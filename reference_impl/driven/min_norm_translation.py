@@ -1,9 +1,9 @@
 """Minimum-norm translation that resolves all depths of a mover at once (method, section 3).
 
 In three dimensions at most three constraints n_i . x >= d_i are active. A dual active-set method adds the
-most violated constraint to the active set, and finds the smallest x that satisfies these at most four among
-the seven subsets that contain the new one. |x| grows with every constraint added, so no active set returns
-and the method terminates.
+most violated constraint to the active set. It finds the smallest x that satisfies these at most four by
+trying the seven subsets of at most three that contain the new one. |x| grows with every constraint added, so
+no active set recurs and the method terminates.
 """
 
 from math import inf, sqrt
