@@ -1,10 +1,10 @@
 """Time of impact of driven bodies between their last free pose and the new one.
 
 Contact does not stop a driven body: overlap removal resolves shallow overlap, so the body slides along
-surfaces. From deep inside an obstacle, the shortest way out may lead to the far side. The motion of a driven
-body therefore ends where a link has gone a share DRIVEN_DEPTH_SHARE of the width of both pieces into an
-obstacle, along the normal found at the impact. With DETECTION_FAST only links that moved farther than half
-the width of both are swept.
+surfaces. From deep overlap, the shortest way out may lead to the far side of the obstacle. The motion of a
+driven body therefore ends where the depth of a link reaches a share DRIVEN_DEPTH_SHARE of the width of both
+pieces along the normal at the impact. DETECTION_FAST sweeps only links that moved farther than half the width
+of both.
 """
 
 from touchstone.reference_impl.broad_phase.detection import find_swept_pairs

@@ -6,10 +6,10 @@ kinematics are quadratic:
     M' = M x w,    p' = p w / 2,    w = J^-1 M
 
 M is the angular momentum, w the angular velocity, p the quaternion of the rotation since the start, and J the
-world inertia at the start, where M is the conserved angular momentum in the world. Cauchy products give each
-coefficient from the previous ones; this needs no principal axes and holds for any inertia. For every physical
-inertia, the poles of the elliptic functions that solve M are at least about 1.5 rad away; a substep is
-therefore divided into steps of SPIN_STEP.
+world inertia at the start. At the start M equals the angular momentum in the world, which is conserved.
+Cauchy products give each coefficient from the previous ones; this needs no principal axes and holds for any
+inertia. For every physical inertia, the poles of the elliptic functions that solve M are at least about
+1.5 rad away; a substep is therefore divided into steps of SPIN_STEP.
 """
 
 from math import sqrt

@@ -58,7 +58,7 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
     while iterations < TIME_OF_IMPACT_STEPS:
         iterations += 1
         gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
-        # pair["distance"] is an upper bound; it equals the lower one, `gap`, if the distance converged
+        # pair["distance"] is an upper bound on the distance, `gap` uses a lower one; both agree if converged
         if pair["distance"] - target <= slack:
             return s, iterations, True
         if gap <= 0:
