@@ -23,7 +23,7 @@ from touchstone.reference_impl.solver.warm_start import load_impulse, store_impu
 
 @kernel
 def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, h):
-    """Apply forces over a substep, and impulses in the friction cone that keep touching pairs apart.
+    """Apply forces over a substep, and impulses in the friction cone that let no touching pair approach.
 
     Args:
         time, h: start of the substep in the frame, and its length [s].

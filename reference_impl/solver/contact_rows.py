@@ -2,7 +2,7 @@
 
 Conventions: u = free + J x is the velocity of B relative to A at a contact point, x the change of the movers'
 velocities by the impulses. Coulomb's law: u.n >= floor and impulse.n >= 0, one of them with equality;
-friction is at most mu times impulse.n, and opposes any sliding with exactly that.
+friction is at most mu times impulse.n, and exactly that, opposite to the sliding, if there is any.
 """
 
 from math import sqrt
@@ -189,7 +189,7 @@ def make_passive(solver):
 
 @kernel
 def prepare_row(row):
-    """Compute a row's tangents, and its normal and tangential mobility with the normal impulse eliminated."""
+    """Compute a row's tangents, normal mobility, and tangential mobility at a fixed normal velocity."""
     n, t, s, w = row["normal"], row["across_1"], row["across_2"], row["mobility"]
     ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
     least = 0 if ax <= ay and ax <= az else (1 if ay <= az else 2)
@@ -219,7 +219,7 @@ def solve_row(row, movers, always):
     """Solve Coulomb's law in one row with the other impulses fixed; returns the impulse change / m [m/s].
 
     Args:
-        always: friction is always mu times the normal impulse, opposite to the sliding (Eq. 10), not at most.
+        always: friction is always mu times the normal impulse, against the sliding (Eq. 10); else at most.
     """
     f, p, w = row["free"], row["impulse"], row["mobility"]
     n, t, s = row["normal"], row["across_1"], row["across_2"]
