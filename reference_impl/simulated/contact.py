@@ -38,7 +38,7 @@ def meeting_velocity(bodies, pair):
 
 @kernel
 def contact_point(pair, out_point):
-    """Contact point between the two witness points: their midpoint, or the one on a manifold's face.
+    """Contact point of two witness points: their midpoint, or the one on a manifold's reference face.
 
     All points of a manifold then lie in one plane, so a body that rotates about an edge can stick to all.
     """

@@ -25,6 +25,7 @@ def log_contact(contacts, state, pair, point, time):
 
 @kernel
 def close_row(bodies, contact, p):
+    """Complete a row of the contact log with its impulse p and the surface velocities after it."""
     copy_vector(p, contact["impulse"])
     surface_velocity(bodies[contact["body_a"]], contact["position"], contact["velocity_a_after"])
     surface_velocity(bodies[contact["body_b"]], contact["position"], contact["velocity_b_after"])

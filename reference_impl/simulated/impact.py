@@ -1,10 +1,10 @@
 """Impacts: all approaching contacts simultaneously, or one at a time from a priority queue (section 5).
 
 Simultaneous impacts are generalized reflections (Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012): all
-approaching contacts get impulses together, each by Newton's law for its own velocity before; this repeats
-until none approaches. Contacts that touch without approaching get no impulse. So a Newton's cradle passes its
-impulse from ball to ball, and a break of equal balls stays symmetric. The result does not depend on the order
-of bodies or contacts.
+approaching contacts get impulses together, each by Newton's law for its own velocity before the impact; this
+repeats until none approaches. Contacts that touch without approaching get no impulse. So a Newton's cradle
+passes its impulse from ball to ball, and a break of equal balls stays symmetric. The result does not depend
+on the order of bodies or contacts.
 """
 
 from math import sqrt

@@ -96,10 +96,10 @@ def _add_impulse(bodies, joints, drivers, pair, share, state):
 
 @kernel
 def to_middle(pairs, pair):
-    """Move a row's contact point to the mean of its manifold's points that approach as fast, to APPROACH_MIN.
+    """Move a row's contact point to the mean of its manifold's points that approach as fast.
 
-    A sequential impact acts on a pair at one point. If a face or an edge meets another flatly, all points of
-    the manifold are the deepest.
+    Speeds within APPROACH_MIN count as equal. A sequential impact acts on a pair at one point, but if a face
+    or an edge meets another flatly, all points of the manifold are equally deep.
     """
     point, count, k = pair["point"], 0, pair["manifold"]
     point[0] = point[1] = point[2] = 0.0

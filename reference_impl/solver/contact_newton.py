@@ -98,10 +98,10 @@ def _extrapolate(solver, residual):
     """Extrapolate the last change of the impulses, at most until a normal impulse vanishes.
 
     If the points of a face are nearly redundant, the residual stays constant while load moves between them,
-    until one of them opens. The proximal iteration takes thousands of steps to get there.
+    until one of them opens. Without extrapolation this takes thousands of proximal iterations.
 
     Returns:
-        Whether it succeeded: the residual rises by at most EXTRAPOLATION_RISE.
+        Whether it succeeded: the residual rises at most by the factor EXTRAPOLATION_RISE.
     """
     rows, count, length = solver["rows"], solver["row_count"], EXTRAPOLATION_MOST
     for k in range(count):

@@ -219,7 +219,7 @@ def solve_row(row, movers, always):
     """Solve Coulomb's law in one row with the other impulses fixed; returns the impulse change / m [m/s].
 
     Args:
-        always: friction is always mu times the normal impulse, against the sliding (Eq. 10); else at most.
+        always: friction is always mu times the normal impulse (Eq. 10), instead of at most that.
     """
     f, p, w = row["free"], row["impulse"], row["mobility"]
     n, t, s = row["normal"], row["across_1"], row["across_2"]

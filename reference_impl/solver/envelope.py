@@ -1,8 +1,8 @@
-"""Envelope matrix with six unknowns per mover: ordering, LU factorisation and solution.
+"""Matrix with six unknowns per mover in a symmetric envelope: ordering, LU factorisation and solution.
 
-The envelope is symmetric. Row i of the lower half and column i of the upper half store their entries from
-`begin[i]` to the diagonal; the factorisation causes no fill-in outside (Jennings 1966). Movers are ordered
-breadth first from an end of the island (Cuthill & McKee 1969), which keeps rows short.
+Row i of the lower half and column i of the upper half store their entries from `begin[i]` to the diagonal;
+the factorisation causes no fill-in outside (Jennings 1966). Movers are ordered breadth first from an end of
+the island (Cuthill & McKee 1969), which keeps rows short.
 """
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
