@@ -155,7 +155,7 @@ REMOVAL_ROUNDS = 32
 VANISHING_SHIFT = 1e-3
 """|PD| over the largest depth below which opposing normals cancel [1]."""
 LONGEST_SHIFT = 100.0
-"""|x| over the largest depth above which normals count as opposing [1]: within 1.1 degrees of it."""
+"""|x| over the largest depth above which normals count as opposing [1]: within 1.1 degrees of opposition."""
 STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
@@ -178,8 +178,8 @@ PARALLEL_SINE = 1e-15
 TOUCH_DISTANCE = 1e-6
 """Distance below which pieces touch [m]."""
 IMPACT_TARGET = 5e-7
-"""Gap at which a driven link stops, and at which impacts in dense substeps are found [m]: within
-TOUCH_DISTANCE, free of overlap. Other impacts are found at the setting `impact_gap`."""
+"""Gap at which impacts of driven links, and impacts in dense substeps, are found [m]: within TOUCH_DISTANCE,
+free of overlap. Other impacts are found at the setting `impact_gap`."""
 IMPACT_SLACK = 2e-7
 """Accepted deviation from IMPACT_TARGET [m]."""
 IMPACT_SHARE = 0.4
@@ -195,10 +195,11 @@ SEPARATION_MIN = 1e-8
 NO_FLOOR = -1e300
 """Floor of an open contact, which gets no impulse: below any speed [m/s]."""
 SLIDE_MIN = 1e-4
-"""Sliding speed from which the end of sliding is an event [m/s]; slower, it displaces a body by 1e-7 m."""
+"""Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7
+m."""
 STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
-"""Fraction of a substep from which a sliding contact stops at its end, and fraction of the time to an earlier
-stop that the substep takes [1]: exactly at the stop, on the cone without sliding, sweeps converge slowly."""
+"""Fraction of a substep from which the end of sliding counts as its end, and fraction of the time to an
+earlier one that the substep takes [1]: exactly there, on the cone without sliding, sweeps converge slowly."""
 RESTING_CONTACT_ROUNDS = 6
 """Attempts at a substep in which sliding contacts stop; 1 or 2 are usual."""
 SLIP_MIN = 1e-9
@@ -265,7 +266,8 @@ square root of the residual [m/s] if that is less; last; and least, for towers a
 COMPLIANCE_ROUNDING = 1e-17
 """Compliance times the residual [m/s] below which rounding exceeds the remaining residual."""
 COMPLIANCE_FALL, COMPLIANCE_RISE = 0.3, 5.0
-"""Factors of the compliance after a slow fall of the residual, and after a failure of Newton's method [1]."""
+"""Factors of the compliance after a slow decrease of the residual, and after a failed Newton iteration
+[1]."""
 RESIDUAL_FALL = 0.1
 """Fraction of the residual that an outer iteration may leave before the compliance falls [1]."""
 INNER_SHARE = 1e-2
@@ -311,7 +313,7 @@ where the far side is nearer."""
 DRIVEN_DEPTH_SLACK = 0.025
 """Accepted deviation from DRIVEN_DEPTH_SHARE [1]."""
 SEGMENT_TURN = 0.5
-"""Rotation of a link per straight segment of its swept arc [rad]: the error is 1/32 of its length."""
+"""Rotation of a link per straight segment of its swept arc [rad]: the error is 1/32 of the link's length."""
 
 # virtual coupling (method, section 5)
 NEAR_CRITICAL = 1e-5
@@ -321,10 +323,10 @@ NEAR_CRITICAL = 1e-5
 ATTRACTION_TIME = 0.1
 """Lag of the attraction in `paper`, and lag that sets its least stride for a slow tracker [s]."""
 ATTRACTION_TURN = 0.02
-"""Rotation of all hinges of a chain in one part of the attraction [rad]: 14 mm at the end of an arm, half of
-what two hands are thick."""
+"""Rotation of all hinges of a chain in one part of the attraction [rad]: 14 mm at the end of an arm, half the
+thickness of two hands."""
 ATTRACTION_MOST = 0.04
-"""Upper limit of that rotation, however few parts are left [rad]: what a hand is thick."""
+"""Upper limit of that rotation, however few parts are left [rad]: the thickness of a hand."""
 ATTRACTION_SETTLED = 1e-3
 """Rotation of all hinges in a part at which attraction ends [rad]: linearisation error 0.5e-6 m."""
 CHAIN_ROUNDS = 16
@@ -340,7 +342,7 @@ BEND_SHARE = 0.05
 BEND_ROUNDS = 4
 """Rounds in which a chain is bent: a straight leg is 3 mm too long after one, 20 mm after four."""
 ALONG_COSINE = 0.17364817766693033
-"""Cosine between a link and the way out below which the link lies along the obstacle [1]: sin 10 degrees."""
+"""Cosine between link and way out below which the link lies along the obstacle [1]: sin 10 degrees."""
 CHAIN_JOINTS = 16
 """Most hinges of a chain."""
 POSTURE_CONSTRAINTS = 32
@@ -353,7 +355,7 @@ QP_PLAIN_SWEEPS = 8
 QP_RELAXATION = 1.7
 """Plain sweeps, and over-relaxation factor of the later ones [1]: hundreds of sweeps become tens."""
 QP_TOLERANCE = 1e-8
-"""Largest change of a depth in the last sweep [m]: a hundredth of OVERLAP_TOLERANCE."""
+"""Change of a depth in a sweep at which the QP has converged [m]: a hundredth of OVERLAP_TOLERANCE."""
 QP_ROUGH_TOLERANCE = 1e-6
 """The same with the tracker's pull [m]: overlap removal follows it."""
 QP_CLEARANCE = 5e-7

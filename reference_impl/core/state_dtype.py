@@ -34,7 +34,7 @@ DEPTH_CACHE_ENTRY = record(
     corner=("i8", (3, 2)),
     # by side: corner that is the support point for directions within `cone` (squared, 1) of `toward`
     best=("i8", (2,)),
-    steady=("i8", (2,)),  # look-ups since this corner was found
+    steady=("i8", (2,)),  # look-ups since the corner or its cone changed
     toward=("f8", (2, 3)),  # piece frame
     cone=("f8", (2,)),
 )

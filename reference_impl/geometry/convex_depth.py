@@ -81,8 +81,8 @@ def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
     """Distance [m] of two cores by GJK, with normal and witnesses; 0 if they overlap.
 
     For a tiny gap at a round surface, rounding tilts the normal and the bounds do not meet. B is then shifted
-    away along the normal, which is a step of the proximal point method: a shift t leaves t / (R + t) of the
-    tilt, where R is the radius of curvature.
+    away along the normal (a step of the proximal point method). A shift t leaves t / (R + t) of the tilt,
+    where R is the radius of curvature.
 
     Returns:
         (distance, iterations, whether the bounds met)

@@ -72,8 +72,8 @@ def steady_support(piece, vertices, memory, side, u, v, w):
 def _watch(piece, vertices, memory, side, corner, u, v, w):
     """Compute the cone of directions around (u, v, w) in which a hull's corner is the support point.
 
-    This scans all vertices, so it waits until the corner has been the support point for so many look-ups that
-    the scan costs at most one more look-up each.
+    The scan of all vertices waits until the corner has been the support point for so many look-ups that it
+    costs at most one more look-up per frame.
     """
     if corner != memory["best"][side]:
         memory["best"][side], memory["steady"][side], memory["cone"][side] = corner, 0, 0.0
