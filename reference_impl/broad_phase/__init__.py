@@ -1,1 +1,1 @@
-"""Pairs of pieces whose bounding boxes meet, and detection at one instant."""
+"""Broad phase: pairs of pieces whose bounding boxes overlap, and collision detection at one instant."""

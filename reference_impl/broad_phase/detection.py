@@ -1,4 +1,4 @@
-"""Collision detection of one instant: boxes, pairs, depths."""
+"""Collision detection at one instant: bounding boxes, broad-phase pairs and penetration depths."""
 
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
@@ -23,7 +23,7 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 
 @kernel
 def place_pieces(bodies, pieces, vertices, kind):
-    """World poses and boxes of the pieces of all bodies of `kind`; boxes hold TOUCH_DISTANCE to spare."""
+    """World poses and AABBs of all pieces of bodies of `kind`; boxes are enlarged by TOUCH_DISTANCE."""
     for k in range(len(pieces)):
         body = bodies[pieces[k]["body"]]
         if body["kind"] == kind:
@@ -32,7 +32,7 @@ def place_pieces(bodies, pieces, vertices, kind):
 
 @kernel
 def place_listed(bodies, pieces, vertices, kind, state):
-    """The same for pieces that are listed: fixed ones, most of a room, are not looked through."""
+    """`place_pieces` for the listed pieces of one group; it does not iterate over the fixed pieces."""
     group = state["groups"][kind]
     for k in range(group["first"], group["end"]):
         piece = pieces[pieces[k]["order"]]
@@ -41,12 +41,12 @@ def place_listed(bodies, pieces, vertices, kind, state):
 
 @kernel
 def detect(bodies, pieces, vertices, pairs, state, kind, first):
-    """Pairs that touch or overlap and in which a body of `kind` takes part, from `pairs[first]` on.
+    """Find the pairs that touch or overlap and contain a body of `kind`, and write them from `pairs[first]`.
 
-    Places the pieces of `kind` first.
+    Updates the poses and boxes of the pieces of `kind` first.
 
     Returns:
-        (end, deepest): index after the last of them, and the largest depth [m].
+        (end, deepest): index after the last pair, and the largest depth [m].
     """
     since = clock(state["clock"])
     place_listed(bodies, pieces, vertices, kind, state)
@@ -67,7 +67,7 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
             continue
         set_coefficients(bodies, pair, state)
         deepest = max(deepest, -pair["distance"])
-        # touching pairs move to the front; what lies between is forgotten
+        # compact: touching pairs move to the front and overwrite the others
         if k != end:
             pairs[end] = pair
         end += 1
@@ -78,7 +78,7 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
 
 @kernel
 def detect_for(bodies, pieces, vertices, pairs, state, d, later):
-    """Detect for driven bodies; of driver d's overlap with later drivers the share `later` counts.
+    """Detect pairs of driven bodies, and scale driver d's distance to drivers of higher index by `later`.
 
     Returns:
         Index after the last pair.
@@ -94,7 +94,7 @@ def detect_for(bodies, pieces, vertices, pairs, state, d, later):
 
 @kernel
 def set_coefficients(bodies, pair, state):
-    """Restitution and friction of a pair's materials."""
+    """Set a pair's coefficients of restitution and friction from its two materials."""
     a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
     pair["restitution"] = state["restitution"][a, b]
     pair["friction"] = state["friction_coefficient"][a, b]
@@ -102,9 +102,9 @@ def set_coefficients(bodies, pair, state):
 
 @kernel
 def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
-    """Pairs whose boxes meet somewhere on the ways of bodies of `kind`, from `pairs[first]` on.
+    """Find the pairs whose swept boxes overlap and contain a body of `kind`, written from `pairs[first]`.
 
-    Leaves the pieces of `kind` at the start, in their swept boxes; returns the index after the last pair.
+    Leaves the pieces of `kind` at the start pose with swept boxes; returns the index after the last pair.
     """
     _enclose_ways(bodies, pieces, vertices, kind, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
@@ -119,7 +119,7 @@ def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
 
 @kernel
 def _enclose_ways(bodies, pieces, vertices, kind, state):
-    """Boxes of the listed pieces of a kind over their bodies' whole ways."""
+    """Swept AABBs of the listed pieces of a kind over the motion of the substep."""
     group = state["groups"][kind]
     for k in range(group["first"], group["end"]):
         piece = pieces[pieces[k]["order"]]
@@ -128,7 +128,7 @@ def _enclose_ways(bodies, pieces, vertices, kind, state):
 
 @kernel
 def mark_pairs(bodies, pieces, pairs, count):
-    """Mark `pairs[:count]`, and no others, for `is_marked`: in lists at one piece of each."""
+    """Mark exactly `pairs[:count]` for `is_marked`; one piece of each pair holds a linked list of pairs."""
     for k in range(len(pieces)):
         pieces[k]["marked"] = 0
     for k in range(count):
@@ -139,7 +139,7 @@ def mark_pairs(bodies, pieces, pairs, count):
 
 @kernel
 def is_marked(bodies, pieces, pairs, pair):
-    """Whether `mark_pairs` was last given a pair of the same two pieces."""
+    """Whether the last call of `mark_pairs` marked a pair of the same two pieces."""
     k = pieces[_listing_piece(bodies, pair)]["marked"] - 1
     while k >= 0 and (pairs[k]["piece_a"] != pair["piece_a"] or pairs[k]["piece_b"] != pair["piece_b"]):
         k = pairs[k]["next_marked"] - 1
@@ -148,11 +148,14 @@ def is_marked(bodies, pieces, pairs, pair):
 
 @kernel
 def _listing_piece(bodies, pair):
-    """The later piece of those of simulated bodies: few pairs share it, while all share a floor."""
+    """The piece whose list holds the pair: piece B if its body is simulated, else piece A.
+
+    Few pairs share a simulated piece, while all pairs may share a floor.
+    """
     return pair["piece_b"] if bodies[pair["body_b"]]["kind"] == SIMULATED else pair["piece_a"]
 
 
 @kernel
 def is_free(deepest):
-    """Whether the largest depth counts as no overlap."""
+    """Whether the largest depth is within OVERLAP_TOLERANCE."""
     return deepest <= OVERLAP_TOLERANCE

@@ -1,12 +1,12 @@
-"""Rooms: what a moving piece has to itself for some frames, so that it need not be looked at in them.
+"""Fat AABBs: bodies whose fat AABBs overlap no others skip collision checks for several frames.
 
-A room is a box. A driven piece' is its own box, widened by where it will get as it goes now; a simulated
-piece' is round all of its flight, however it turns. A driven link whose rooms meet no other's, and no fixed
-piece, can meet nothing while every piece keeps to its own: it is `clear`, and its pieces are neither placed
-nor listed. Where all simulated bodies are, their contacts are left out, where all driven ones are, the
-removal of overlap. Nothing is taken for granted: every detection asks whether all are in their rooms still;
-if not, all is looked at again. (Boxes with a margin: Verlet 1967, Computer "experiments" on classical fluids;
-Catto 2019, Dynamic bounding volume hierarchies.)
+The fat AABB of a driven piece is its box enlarged by its predicted motion at the present velocity; that of a
+simulated piece encloses its whole ballistic flight in any orientation. A driven link is isolated if the fat
+AABBs of its pieces overlap neither another body's nor a fixed piece. It cannot collide while every piece
+stays inside its fat AABB, so its pieces are neither placed nor listed. If all simulated bodies are isolated,
+the step skips their contacts; if all driven bodies are, it skips overlap removal. Every detection checks that
+all pieces are still inside their fat AABBs, and drops these if one is not. (Verlet 1967, Computer
+"experiments" on classical fluids; Catto 2019, Dynamic bounding volume hierarchies.)
 """
 
 from math import sqrt
@@ -33,7 +33,7 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 
 @kernel
 def reset_fat_bounds(state):
-    """No rooms yet; none are sought where sweeps look at ways, or where pieces are many."""
+    """Clear the fat bounds, and disable them for swept detection and for scenes that use the spatial hash."""
     many = state["groups"][SIMULATED]["single_column"] == 0 or state["groups"][DRIVEN]["single_column"] == 0
     if state["detection"] == DETECTION_SWEEP or many:
         state["update_fat_bounds"] = 0
@@ -45,9 +45,9 @@ def reset_fat_bounds(state):
 
 @kernel
 def inside_fat_bounds(bodies, pieces, state):
-    """Whether clear links, as they are posed, and all other moving pieces, as placed, keep to their rooms.
+    """Whether all moving pieces are inside their fat bounds: isolated links by pose, others by box.
 
-    No point of a link went farther than its origin did and the most distant one turned.
+    A point of a link moves at most as far as the link's origin, plus what rotation adds at `fat_reach`.
     """
     for b in range(len(bodies)):
         body = bodies[b]
@@ -71,7 +71,7 @@ def inside_fat_bounds(bodies, pieces, state):
 
 @kernel
 def drop_fat_bounds(bodies, pieces, state):
-    """Nothing is clear any more; new rooms are sought at the end of the frame."""
+    """Discard all fat bounds; `update_fat_bounds` computes new ones at the end of the frame."""
     state["has_fat_bounds"] = state["simulated_isolated"] = state["driven_isolated"] = state[
         "fat_bounds_wait"
     ] = 0
@@ -80,7 +80,7 @@ def drop_fat_bounds(bodies, pieces, state):
 
 @kernel
 def _activate_all(bodies, pieces, state):
-    """No link counts as clear."""
+    """Mark all links as not isolated, and list their pieces."""
     for b in range(len(bodies)):
         bodies[b]["isolated"] = 0
     _list_active_links(bodies, pieces, state)
@@ -88,7 +88,7 @@ def _activate_all(bodies, pieces, state):
 
 @kernel
 def _list_active_links(bodies, pieces, state):
-    """List the driven pieces that are not clear; the others are kept behind them."""
+    """List the driven pieces of links that are not isolated; the others stay behind the end of the list."""
     group = state["groups"][DRIVEN]
     end = group["first"]
     for k in range(group["first"], len(pieces)):
@@ -103,7 +103,7 @@ def _list_active_links(bodies, pieces, state):
 
 @kernel
 def is_isolated(bodies, pieces, drivers, state):
-    """Whether no simulated body can meet anything in the frame that begins, for which drivers have moved."""
+    """Whether no simulated body can collide in the frame that begins; drivers have already moved."""
     if state["simulated_isolated"] == 0 or (
         len(drivers) > 0 and not inside_fat_bounds(bodies, pieces, state)
     ):
@@ -113,13 +113,13 @@ def is_isolated(bodies, pieces, drivers, state):
 
 @kernel
 def _stays_inside_next_frame(bodies, state):
-    """Whether simulated bodies have room for one frame more."""
+    """Whether the centres of simulated bodies stay inside their fat bounds for one more frame."""
     h, g = state["dt"], state["gravity"]
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
             for i in range(3):
-                # at the frame's end, by either law of flight
+                # position at the frame's end, by either flight law
                 early = body["center"][i] + body["velocity"][i] * h
                 late = early + g[i] * h * h
                 if min(early, late) < body["fat_low"][i] or max(early, late) > body["fat_high"][i]:
@@ -129,7 +129,7 @@ def _stays_inside_next_frame(bodies, state):
 
 @kernel
 def update_fat_bounds(bodies, pieces, vertices, drivers, pairs, state):
-    """At the end of a frame: give all moving pieces rooms where that may spare something."""
+    """At the end of a frame: compute new fat bounds of all moving pieces if that can skip a stage."""
     state["fat_bounds_wait"] -= 1
     if state["simulated_isolated"] == 1 and not _stays_inside_next_frame(bodies, state):
         state["simulated_isolated"] = state["fat_bounds_wait"] = 0
@@ -142,10 +142,10 @@ def update_fat_bounds(bodies, pieces, vertices, drivers, pairs, state):
     for k in range(moving, len(pieces)):
         piece = pieces[pieces[k]["order"]]
         body = bodies[piece["body"]]
-        # others are placed where they are
+        # the other pieces are already placed
         if body["kind"] == SIMULATED or body["isolated"] == 1:
             place_piece(piece, body, vertices, TOUCH_DISTANCE)
-    # links that are clear stay so as long as bodies keep to their flights
+    # the flight horizon must last as long as the bounds of driven links
     shortest = FAT_BOUNDS_FRAMES if drive else FLIGHT_HORIZONS[0]
     state["flight_horizon"] = max(state["flight_horizon"], shortest)
     _activate_all(bodies, pieces, state)
@@ -168,7 +168,7 @@ def update_fat_bounds(bodies, pieces, vertices, drivers, pairs, state):
     if drive:
         end, lost = find_pairs(pieces, DRIVEN, 0, pairs, state)
         drive = _isolate_links(bodies, pairs, end)
-        # what is lost may meet anything
+        # a dropped pair may contain any link
         if lost > 0:
             drive = False
             _activate_all(bodies, pieces, state)
@@ -183,7 +183,7 @@ def update_fat_bounds(bodies, pieces, vertices, drivers, pairs, state):
 
 @kernel
 def _bound_flights(bodies, state):
-    """Where the centres of simulated bodies are in the next `flight_horizon` frames."""
+    """Bound the centres of simulated bodies during the next `flight_horizon` frames of ballistic flight."""
     h, g = state["flight_horizon"] * state["dt"], state["gravity"]
     for b in range(len(bodies)):
         body = bodies[b]
@@ -198,8 +198,8 @@ def _bound_flights(bodies, state):
 
 @kernel
 def _bound_links(bodies, pieces, moving, state):
-    """Bound how far the origins of driven links move, and their points by turning, within a few frames at
-    the present velocities, with a margin; all links count as isolated."""
+    """Bound the translation of driven links' origins, and the arc of their points, over FAT_BOUNDS_FRAMES at
+    the present velocities plus a margin; mark all links as isolated."""
     h = FAT_BOUNDS_FRAMES * state["dt"]
     for b in range(len(bodies)):
         bodies[b]["fat_reach"] = 0.0
@@ -228,7 +228,7 @@ def _bound_links(bodies, pieces, moving, state):
 
 @kernel
 def _reach(piece, point):
-    """Distance of a placed piece' farthest point from a point of its body [m], or a bound on it."""
+    """Upper bound on the distance of a placed piece's farthest point from a point of its body [m]."""
     if piece["kind"] == SPHERE:
         low = high = piece["world_position"]
         more = piece["radius"] + TOUCH_DISTANCE
@@ -242,7 +242,7 @@ def _reach(piece, point):
 
 @kernel
 def _widen(bodies, pieces, moving):
-    """Rooms of all moving pieces, listed from `moving` on."""
+    """Fat AABBs of all moving pieces: those listed from index `moving`."""
     for k in range(moving, len(pieces)):
         piece = pieces[pieces[k]["order"]]
         body = bodies[piece["body"]]
@@ -259,7 +259,7 @@ def _widen(bodies, pieces, moving):
 
 @kernel
 def _swap(pieces, moving):
-    """Put rooms in place of boxes, or back."""
+    """Swap the boxes and the fat AABBs of all moving pieces."""
     for k in range(moving, len(pieces)):
         piece = pieces[pieces[k]["order"]]
         for i in range(3):
@@ -269,7 +269,7 @@ def _swap(pieces, moving):
 
 @kernel
 def _isolate_links(bodies, pairs, end):
-    """Whether all driven links are clear; those in `pairs[:end]`, adjacent ones apart, are not."""
+    """Whether all driven links are isolated; clears the flag of the non-adjacent pairs in `pairs[:end]`."""
     all_clear = True
     for k in range(end):
         a, b = pairs[k]["body_a"], pairs[k]["body_b"]

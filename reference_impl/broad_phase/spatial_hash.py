@@ -1,13 +1,13 @@
-"""Pieces in strips along x, each sorted along x: what the broad phase sweeps.
+"""Hierarchical spatial hash: columns of pieces parallel to x, each sorted along x for sweep and prune.
 
-Pieces of fixed, simulated and driven bodies are three groups. Few pieces of a group make one strip. Of many,
-those make one that share a square of the y-z plane: the square where the low corner of a piece's box lies. It
-is at least as wide as the boxes in it, so boxes that meet lie in neighbouring squares. Boxes too wide for the
-smallest squares (level 0) go to squares twice as wide, and so on; a hash finds them (Teschner et al. 2003,
-Optimized spatial hashing). The order along x is kept from frame to frame.
+Pieces of fixed, simulated and driven bodies form three groups. A small group is one column. In a large group,
+a column holds the pieces whose boxes have their low corner in the same square cell of the y-z plane. A cell
+is at least as wide as the boxes in it, so overlapping boxes lie in neighbouring cells. Boxes too wide for the
+smallest cells (level 0) use cells twice as wide, and so on. A hash maps cells to columns (Teschner et al.
+2003, Optimized spatial hashing). The order along x persists from frame to frame.
 
-Work is linear in the number of pieces. One list along x is not: in a cloud of n pieces each would be swept
-past n^(2/3) others.
+The cost is linear in the number of pieces. A single list along x would test each piece of a cloud of n pieces
+against n^(2/3) others.
 """
 
 from math import floor, frexp, inf, ldexp
@@ -26,12 +26,12 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.kernel import kernel
 
 HASH_Y, HASH_Z, HASH_LEVEL = 73856093, 19349663, 83492791
-"""Primes of Teschner et al."""
+"""Primes of the hash function (Teschner et al. 2003)."""
 
 
 @kernel
 def list_pieces(bodies, pieces, state):
-    """List the pieces by kind of body, and sort the fixed ones, which must be placed, for good."""
+    """List the pieces by kind of body, and sort the fixed ones once; these must already be placed."""
     groups = state["groups"]
     k = 0
     for kind in range(len(groups)):
@@ -39,14 +39,14 @@ def list_pieces(bodies, pieces, state):
         for p in range(len(pieces)):
             body = bodies[pieces[p]["body"]]
             if body["kind"] == kind:
-                # pieces of one body never meet, nor do those of one driver's links unless they may
+                # pieces of one body never pair; those of one driver pair only with self-collision enabled
                 alone = body["driver"] < 0 or (state["self_collision"] == 1 and body["hinge"] >= 0)
                 pieces[p]["filter_group"] = pieces[p]["body"] if alone else -1 - body["driver"]
                 pieces[k]["order"] = p
                 pieces[k]["slot"]["piece"] = p
                 k += 1
         _one_column(pieces, groups[kind], first, k)
-    # where few move, one list of the fixed ones is swept fastest
+    # with few moving pieces, sweeping a single list of fixed pieces is fastest
     if groups[SIMULATED]["single_column"] == 1 and groups[DRIVEN]["single_column"] == 1:
         groups[FIXED]["single_column"] = 1
     arrange(pieces, groups[FIXED])
@@ -54,7 +54,7 @@ def list_pieces(bodies, pieces, state):
 
 @kernel
 def _one_column(pieces, group, first, end):
-    """All pieces of a group in one strip without bounds."""
+    """Put all pieces of a group into one unbounded column."""
     group["first"], group["end"] = first, end
     group["single_column"] = 1 if end - first <= SPATIAL_HASH_PIECE_COUNT else 0
     group["columns"] = 1 if end > first else 0
@@ -74,7 +74,7 @@ def _one_column(pieces, group, first, end):
 
 @kernel
 def arrange(pieces, group):
-    """Put the pieces of a group, as they are placed now, into strips, each in the order of its low x."""
+    """Assign the placed pieces of a group to columns, and sort each column by the boxes' low x."""
     if group["single_column"] == 1:
         _sort(pieces, group["first"], group["end"])
         return
@@ -88,7 +88,7 @@ def arrange(pieces, group):
 
 @kernel
 def cell_index(x, width):
-    """Row of squares in which a coordinate lies; what is farther than COLUMN_FAR rows, or NaN, shares one."""
+    """Index of the cell that contains a coordinate, clamped to +-COLUMN_FAR; NaN counts as -COLUMN_FAR."""
     t = x / width
     if not t > -COLUMN_FAR:
         t = -COLUMN_FAR
@@ -99,7 +99,7 @@ def cell_index(x, width):
 
 @kernel
 def find_column(pieces, group, level, y, z):
-    """Number of the strip at a level's square (y, z), or -1."""
+    """Index of the column at cell (y, z) of a level, or -1."""
     s = pieces[_bucket(group, level, y, z)]["column"]["bucket"]
     while s >= 0:
         strip = pieces[s]["column"]
@@ -117,12 +117,12 @@ def _bucket(group, level, y, z):
 
 @kernel
 def _choose_width(pieces, group):
-    """Width of the smallest squares: COLUMN_SHARE of the boxes fit; kept while it is neither too small nor
-    much too large."""
+    """Choose the width of the smallest cells so that COLUMN_SHARE of the boxes fit; the last width stays
+    unless it is too small or more than COLUMN_SLACK^2 too large."""
     tally, widest = group["tally"], group["widest"]
     for k in range(COLUMN_LEVELS):
         tally[k], widest[k] = 0, 0.0
-    # boxes by powers of two
+    # histogram of box extents by powers of two
     for k in range(group["first"], group["end"]):
         extent = _extent(pieces[pieces[k]["order"]])
         _, power = frexp(extent)
@@ -147,20 +147,20 @@ def _extent(piece):
 
 @kernel
 def _assign(pieces, group):
-    """Give every piece its strip, and write the pieces to `order` strip by strip."""
+    """Assign every piece to a column, and write the pieces to `order` column by column (counting sort)."""
     first, end = group["first"], group["end"]
     group["columns"], group["levels"] = 0, 0
     for k in range(COLUMN_LEVELS):
         group["tally"][k] = 0
     for k in range(first, end):
         pieces[k]["column"]["bucket"] = -1
-    # count the pieces of each strip, in the order of the last frame
+    # count the pieces of each column, in the order of the last frame
     s = first
     for k in range(first, end):
         s = _column_of(pieces, group, pieces[pieces[k]["slot"]["piece"]], s)
         pieces[s]["column"]["end"] += 1
         pieces[k]["column_of"] = s
-    # strips stand one behind the other
+    # columns are contiguous
     place = first
     for s in range(first, first + group["columns"]):
         strip = pieces[s]["column"]
@@ -175,7 +175,7 @@ def _assign(pieces, group):
 
 @kernel
 def _column_of(pieces, group, piece, s):
-    """Number of the strip a piece belongs to, a new one if need be; `s` is looked at first."""
+    """Index of the column of a piece, created if it does not exist; `s` is the first guess."""
     extent, width = _extent(piece), group["width"]
     level = 0
     if extent > width:
@@ -200,14 +200,16 @@ def _column_of(pieces, group, piece, s):
 
 @kernel
 def _sort(pieces, first, end):
-    """Insertion sort of slots by the boxes' low x, nearly linear while the motion is coherent; a slot holds a
-    copy of its piece's box, so that a sweep reads memory in order."""
+    """Insertion sort of slots by the boxes' low x, nearly linear for coherent motion.
+
+    A slot holds a copy of its piece's box, so that a sweep reads memory in order.
+    """
     for k in range(first, end):
         p = pieces[k]["order"]
         piece = pieces[p]
         low, high = piece["low"], piece["high"]
         place = k
-        # of boxes that open together the first piece' is first, whatever the order was
+        # ties in low x are sorted by piece index, independent of the previous order
         while place > first and (
             pieces[place - 1]["slot"]["low"][0] > low[0]
             or (pieces[place - 1]["slot"]["low"][0] == low[0] and pieces[place - 1]["order"] > p)
@@ -224,7 +226,7 @@ def _sort(pieces, first, end):
 
 @kernel
 def bound_column(pieces, strip):
-    """Bounds of a strip's boxes along y and z."""
+    """Compute the bounds of a column's boxes along y and z."""
     low, high = strip["low"], strip["high"]
     for i in range(2):
         least, greatest = inf, -inf

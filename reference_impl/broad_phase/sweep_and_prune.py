@@ -1,4 +1,4 @@
-"""Sweep and prune: pairs of pieces whose boxes overlap, strip by strip along x (see `strips.py`)."""
+"""Sweep and prune along x: pairs of pieces with overlapping boxes, column by column (`spatial_hash.py`)."""
 
 from math import ldexp
 
@@ -9,14 +9,14 @@ from touchstone.reference_impl.core.kernel import kernel
 
 @kernel
 def find_pairs(pieces, kind, first, pairs, state):
-    """Write the pairs of overlapping boxes in which a body of `kind` takes part from `pairs[first]` on.
+    """Find the pairs of overlapping boxes that contain a body of `kind`, and write them from `pairs[first]`.
 
-    Pieces of one body, of one driver and of two fixed bodies never pair. The order of the pairs follows from
-    the boxes and the order they had in the last frame: strips in the order in which they were met, in each
-    the boxes by low x; first with their like, then with fixed, simulated and driven ones.
+    Pieces with the same filter group and pieces of two fixed bodies never pair. The boxes and their order in
+    the last frame determine the order of the pairs: columns in order of creation, the boxes of a column by
+    low x; pairs within the column first, then those with fixed, simulated and driven pieces.
 
     Returns:
-        (end, lost): index after the last pair, and how many found no room.
+        (end, lost): index after the last pair, and the number of pairs dropped because `pairs` was full.
     """
     groups = state["groups"]
     arrange(pieces, groups[SIMULATED])
@@ -40,18 +40,20 @@ def find_pairs(pieces, kind, first, pairs, state):
 
 @kernel
 def _sweep_neighbours(pieces, strip, group, own, pairs, end):
-    """Sweep a strip past all others of a group that it may meet; of its `own` group past wider ones and the
-    half of its like that comes later by (z, y)."""
+    """Sweep a column against all columns of a group that it may overlap.
+
+    In its `own` group these are the columns of higher levels, and those of its level that follow by (z, y).
+    """
     low, high = strip["low"], strip["high"]
     for level in range(strip["level"] if own else 0, group["levels"]):
         if group["tally"][level] == 0:
             continue
-        # a box reaches up to its square's width beyond its low corner
+        # a box extends at most one cell width beyond its low corner
         width = ldexp(group["width"], level)
         y, last_y = cell_index(low[0] - width, width), cell_index(high[0], width)
         z, last_z = cell_index(low[1] - width, width), cell_index(high[1], width)
         half = own and level == strip["level"]
-        # look through all strips where they are fewer than the squares
+        # iterate over all columns if there are fewer columns than cells
         if float(last_y - y + 1) * float(last_z - z + 1) > group["columns"]:
             end = _sweep_level(pieces, strip, group, level, half, pairs, end)
             continue
@@ -65,7 +67,7 @@ def _sweep_neighbours(pieces, strip, group, own, pairs, end):
 
 @kernel
 def _sweep_level(pieces, strip, group, level, half, pairs, end):
-    """Sweep a strip past every strip of a level whose bounds it meets."""
+    """Sweep a column against every column of a level whose bounds overlap its own."""
     for s in range(group["first"], group["first"] + group["columns"]):
         other = pieces[s]["column"]
         if other["level"] != level or _apart(strip, other):
@@ -86,8 +88,11 @@ def _apart(one, two):
 
 @kernel
 def _sweep(pieces, one, two, pairs, end):
-    """Pairs between two strips, or within one: whichever box opens first is held against those of the other
-    strip that open before it closes. Pairs beyond the room in `pairs` are counted alone."""
+    """Find the overlapping pairs between two columns, or within one.
+
+    Sweeps both sorted lists and tests each interval against those that start before it ends. Pairs that
+    exceed the capacity of `pairs` are counted but not stored.
+    """
     i, last_i, j, last_j = one["first"], one["end"], two["first"], two["end"]
     within = i == j
     if within:
@@ -105,7 +110,7 @@ def _sweep(pieces, one, two, pairs, end):
         low, high, owner = slot["low"], slot["high"], slot["filter_group"]
         while k < stop and pieces[k]["slot"]["low"][0] <= high[0]:
             other = pieces[k]["slot"]
-            # all of it at once: a branch for each would be guessed wrong
+            # one combined condition: separate branches would be mispredicted
             if (
                 (other["low"][1] <= high[1])
                 & (other["high"][1] >= low[1])

@@ -1,1 +1,1 @@
-"""Kernels, conventions, records and rotations that every stage uses."""
+"""Compiler decorator, conventions, structured arrays and rotations that every stage uses."""

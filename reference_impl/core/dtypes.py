@@ -1,4 +1,4 @@
-"""What the structured arrays are made of."""
+"""Building blocks of the structured array types."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ MATRIX = ("f8", (3, 3))
 
 
 def record(**fields):
-    """Structured type with these fields, each a kind or (kind, shape)."""
+    """Structured dtype with the given fields, each a dtype or (dtype, shape)."""
     return np.dtype(
         [(name, *(kind if isinstance(kind, tuple) else (kind,))) for name, kind in fields.items()]
     )

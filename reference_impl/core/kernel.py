@@ -1,6 +1,6 @@
-"""`@kernel`: the decorator that compiles the functions of this package.
+"""`@kernel`: the decorator that compiles the functions of this package with Numba.
 
-Only this module and its parts `kernel_cache` and `kernel_linking` import numba.
+Only this module, `kernel_cache` and `kernel_linking` import numba.
 """
 
 import gc
@@ -15,7 +15,7 @@ from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
 
 JIT = not config.DISABLE_JIT
 LINK_BY_NAME = None
-"""Function that lets kernels call a kernel at its address; None where they copy its code."""
+"""Function that lets kernels call a kernel at its address; None if callers copy its code."""
 if JIT:
     try:
         from touchstone.reference_impl.core.kernel_linking import link_by_name as LINK_BY_NAME
@@ -27,29 +27,30 @@ if JIT:
         )
 
 OBJECTS_COLLECTED = 100_000, 50, 1000
-"""Thresholds of the garbage collector during compilation [-]: collections at Python's usual thresholds take
-8 s of a cold compilation of 60 s and find little; without any, its memory doubles."""
+"""Thresholds of the garbage collector during compilation [-]: with Python's defaults, collections take 8 s of
+a cold compilation of 60 s and free little memory; without collections, memory doubles."""
 
 KERNELS = []
-"""Every kernel twice, as Python and as kernels call it: for `compile_count` and the test of signatures."""
+"""Two dispatchers per kernel, for calls from Python and from kernels; used by `compile_count` and tests."""
 
 
 def kernel(function):
-    """Compile `function` to machine code: cached, no fastmath, x / 0 as in IEEE 754, no parallel parts.
+    """Compile `function` to machine code: cached, no fastmath, x / 0 as in IEEE 754, not parallel.
 
-    Without Numba's runtime (`_nrt`): kernels own no memory, and counting references to the arrays they pass
-    on took half of a depth's time. One that allocates, or assigns an array to a slice, does not compile.
+    Kernels do not use Numba's runtime (`_nrt`): they own no memory, and reference counts of the arrays they
+    pass took half of the time of a depth query. A kernel that allocates, or assigns an array to a slice, does
+    not compile.
     """
     return _compiled(function)
 
 
 def inlined_kernel(function):
-    """A kernel that is copied into its callers: for a few lines that are called in a hot loop."""
+    """Compile `function` as a kernel that callers inline: for a few lines in a hot loop."""
     return _compiled(function, forceinline=True)
 
 
 def _compiled(function, **options):
-    # no C wrapper: only kernels and Python call a kernel
+    # no C wrapper: only Python and other kernels call a kernel
     options |= {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
     options["cache"] = CACHE_FOLDER is not None and LINK_BY_NAME is None
     compiled = numba.njit(**options)(function)
@@ -66,7 +67,7 @@ def _compiled(function, **options):
 
 
 def _forget_literals(compiled):
-    """Let callers share one signature: Numba would compile a kernel again for every constant handed to it."""
+    """Replace literal types by plain ones: Numba would recompile a kernel for every constant argument."""
     template = compiled.get_call_template
 
     def plain_template(args, kws):
@@ -76,7 +77,7 @@ def _forget_literals(compiled):
 
 
 def _collect_less(compiled):
-    """Let the garbage collector run less often while a kernel and those it calls are compiled."""
+    """Make garbage collections rare while a kernel and its callees compile."""
     compile_now = compiled.compile
 
     def compile_with_rare_collections(signature):
@@ -92,7 +93,7 @@ def _collect_less(compiled):
 
 
 def compile_count():
-    """Kernels compiled in this process (cache misses of the dispatchers called from Python)."""
+    """Number of kernels compiled in this process (cache misses of the dispatchers called from Python)."""
     return sum(sum(k.stats.cache_misses.values()) for k in KERNELS if hasattr(k, "stats"))
 
 

@@ -1,9 +1,9 @@
-"""The folder of the compile cache: its key, its place and the removal of old ones.
+"""Compile cache folder: its key, its location and the removal of old folders.
 
-Numba's cache checks the caller's own file alone: an inner kernel edited elsewhere would leave cached
-callers on the old code. The folder is therefore keyed by a hash of every source of `reference_impl`, the
-versions of numba and numpy and the processor's name, and is chosen before the first decorator runs.
-Comments, docstrings and layout are no part of the key.
+Numba's cache checks only the caller's own file: after an edit of a callee in another file, cached callers
+would keep the old code. The key of the folder is therefore a hash of all sources of `reference_impl`, the
+versions of numba and numpy, and the processor's name. The folder is chosen before the first decorator runs.
+Comments, docstrings and layout do not change the key.
 """
 
 import ast
@@ -19,23 +19,23 @@ from numba.core import config
 
 PACKAGE = Path(__file__).resolve().parents[1]
 FOLDERS_KEPT = 8
-"""Cache folders that stay when a new one is made [-]: several checkouts and branches in use, 30 MB each."""
+"""Cache folders kept when a new one is created [-]: several checkouts and branches in use, 30 MB each."""
 MARK = "sources-"
-"""Start of the name of an empty file in a cache folder that records the bytes of its sources: where they
-are unchanged, the key is known without parsing them (0.3 s)."""
+"""Name prefix of an empty file in a cache folder that records a hash of the source bytes: if they are
+unchanged, the key is known without parsing them (0.3 s)."""
 
 
 def note_import(module):
-    """Compare the sources with those of the key while `module` is imported, at its first kernel.
+    """Check, at the first kernel of `module`, that the sources are still those of the key.
 
-    A module that is imported after an edit holds code of another key.
+    A module imported after an edit contains code of another key.
     """
     if module not in _imported:
         _imported[module] = _stamps() == SOURCE_STAMPS
 
 
 def is_key_valid():
-    """Whether all kernels so far come from the sources that the key of the cache folder stands for."""
+    """Whether all kernels so far come from the sources of the cache folder's key."""
     return all(_imported.values())
 
 
@@ -54,7 +54,7 @@ def source_key(folder):
 
 
 def choose_cache_folder():
-    """The first writable of $TOUCHSTONE_CACHE, the user's cache and the temporary folder; None if none is."""
+    """First writable of $TOUCHSTONE_CACHE, the user's cache and the temporary folder; None if none is."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     candidates = [
         os.environ.get("TOUCHSTONE_CACHE"),
@@ -71,13 +71,13 @@ def choose_cache_folder():
 
 
 def _open_folder(root, mark):
-    """The folder in `root` for the sources as they are; raises OSError if it cannot be written."""
+    """Open or create the folder in `root` for the present sources; raises OSError if it is not writable."""
     known = next(root.glob(f"*/{mark}"), None)
     folder = known.parent if known else root / source_key(PACKAGE)
     if not folder.exists():
         folder.mkdir(parents=True, exist_ok=True)
         remove_old_folders(root, FOLDERS_KEPT)
-    # a write also dates the folder's last use
+    # the write also updates the folder's time of last use
     probe = folder / f".probe-{os.getpid()}"
     probe.touch()
     probe.unlink()
@@ -87,9 +87,9 @@ def _open_folder(root, mark):
 
 
 def remove_old_folders(root, kept):
-    """Remove all but the `kept` folders of `root` that were used last.
+    """Remove all but the `kept` most recently used folders of `root`.
 
-    A process that still uses a removed folder compiles its kernels again.
+    A process that still uses a removed folder recompiles its kernels.
     """
     dated = []
     for folder in root.iterdir():
@@ -102,7 +102,7 @@ def remove_old_folders(root, kept):
 
 
 def _digest(folder, content):
-    """Hash of the name and `content(bytes)` of every source in `folder` and of what compiles them (hex)."""
+    """Hex hash of the name and `content(bytes)` of every source in `folder`, and of the compiler versions."""
     digest = hashlib.sha256()
     for source in sorted(Path(folder).rglob("*.py")):
         digest.update(
@@ -114,7 +114,7 @@ def _digest(folder, content):
 
 
 def _code(source):
-    """What of a source is compiled; all of it where it cannot be parsed, while it is edited."""
+    """The compiled part of a source; all of it if it does not parse, such as during an edit."""
     try:
         return ast.dump(_without_docstrings(ast.parse(source))).encode()
     except SyntaxError:
@@ -122,7 +122,7 @@ def _code(source):
 
 
 def _without_docstrings(tree):
-    """`tree` without docstrings and other statements that are a constant."""
+    """Remove docstrings and other constant statements from `tree`, in place; returns it."""
     for node in ast.walk(tree):
         if isinstance(getattr(node, "body", None), list):
             node.body = [statement for statement in node.body if not _is_constant(statement)]
@@ -134,7 +134,7 @@ def _is_constant(statement):
 
 
 _imported = {}
-"""By module: whether the sources were still those of the key when it was imported."""
+"""By module: whether the sources were those of the key at its import."""
 SOURCE_STAMPS = _stamps()
 CACHE_FOLDER = choose_cache_folder()
 if CACHE_FOLDER is not None:

@@ -1,11 +1,11 @@
-"""Named kernels: a caller calls a large kernel at its address instead of compiling a copy of it.
+"""Named kernels: callers call a large kernel at its address instead of compiling a copy of it.
 
-Numba links the code of a callee into each of its callers, which LLVM then optimises and generates again at
-every level of calls. Here a kernel with more than `LINES_COPIED` lines of code has a symbol: its address is
-registered under that symbol, and a caller only declares it, with Numba's calling convention.
+Numba links the code of a callee into each of its callers, and LLVM optimises and generates it again at every
+call level. Here a kernel with more than `LINES_COPIED` lines of code has a symbol: its address is registered
+under that symbol, and a caller only declares it, with Numba's calling convention.
 
 A cache entry lists the symbols that its code calls. Loading the entry first loads these kernels and registers
-their addresses: LLVM ends the process at a symbol that it does not find.
+their addresses, because LLVM terminates the process at an unknown symbol.
 """
 
 import copy
@@ -18,8 +18,8 @@ from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc, i
 from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER, PACKAGE, is_key_valid, note_import
 
 LINES_COPIED = 200
-"""Lines of optimised LLVM text up to which a kernel is linked into its callers [-]: LLVM inlines no larger
-one, except those that the sources mark as inlined."""
+"""Lines of optimised LLVM text up to which a kernel is linked into its callers [-]: LLVM does not inline
+larger ones, except those that the sources mark as inlined."""
 
 PARTS = (
     (caching, "FunctionCache"),
@@ -42,11 +42,11 @@ PARTS = (
     (funcdesc.FunctionDescriptor, "mangled_name"),
     (imputils, "user_function"),
 )
-"""What this module uses of Numba beyond its documented interface: (owner, name)."""
+"""Numba attributes outside its documented interface that this module uses: (owner, name)."""
 
 
 def missing_parts(parts=PARTS):
-    """Names of the parts that the installed Numba does not have; attributes that `__init__` sets count."""
+    """Names of the parts missing in the installed Numba; attributes set in `__init__` count as present."""
     return [f"{owner.__name__}.{name}" for owner, name in parts if not _has(owner, name)]
 
 
@@ -60,18 +60,18 @@ if missing_parts():
     raise ImportError(f"numba has no {', '.join(missing_parts())}")
 
 _kernels = {}
-"""Kernels, as kernels call them, by (module, qualified name)."""
+"""Kernels in the variant called from kernels, by (module, qualified name)."""
 _owners = {}
-"""Who has a symbol: (module, qualified name, argument types, entry point)."""
+"""Owner of each symbol: (module, qualified name, argument types, entry point)."""
 
 
 def link_by_name(compiled, callee):
-    """Let kernels call a kernel at its address where it is large.
+    """Let kernels call a large kernel at its address.
 
     Args:
-        compiled: the kernel that Python calls.
-        callee: the same kernel compiled without the wrapper that Python needs, for calls from kernels: most
-            kernels are called by kernels only, and wrappers took a sixth of the compilation.
+        compiled: the variant called from Python.
+        callee: the variant called from kernels, without the Python wrapper: only kernels call most kernels,
+            and wrappers took a sixth of the compilation time.
     """
     note_import(compiled.py_func.__module__)
     if CACHE_FOLDER is not None:
@@ -79,14 +79,14 @@ def link_by_name(compiled, callee):
     _kernels[_identity(callee)] = callee
     if _is_keyed(callee.py_func) and not callee.targetoptions.get("forceinline"):
         _name_when_called(callee)
-    # Numba asks the kernel in the caller's source for what to call, and whether the call recurses
+    # Numba queries the kernel in the caller's source for its call template and for recursion
     compiled.get_call_template = callee.get_call_template
     compiled.get_overload = callee.get_overload
     callee._compiling_counter = compiled._compiling_counter
 
 
 def _name_when_called(callee):
-    """Name the code of a kernel when a caller has compiled it, and before the caller calls it."""
+    """Register the symbol of a kernel after a caller has compiled it and before the caller calls it."""
     template = callee.get_call_template
     measured = set()
 
@@ -103,9 +103,9 @@ def _name_when_called(callee):
 
 
 def _is_keyed(function):
-    """Whether the key of the cache folder stands for the source of a function.
+    """Whether the key of the cache folder covers the source of a function.
 
-    Only such kernels are named: a caller's cache entry relies on what it calls being unchanged.
+    Only such kernels get a symbol: a caller's cache entry requires that its callees are unchanged.
     """
     source = Path(function.__code__.co_filename).resolve()
     return PACKAGE in source.parents and "<locals>" not in function.__qualname__
@@ -116,22 +116,22 @@ def _identity(compiled):
 
 
 def _is_large(result):
-    """Whether the optimised code of a kernel is too large to be copied into its callers."""
+    """Whether the optimised code of a kernel exceeds LINES_COPIED."""
     function = result.library._get_module_for_linking().get_function(result.fndesc.llvm_func_name)
     return str(function).count("\n") > LINES_COPIED
 
 
 def _symbol(compiled, args):
-    """The name of a kernel's code for argument types.
+    """Symbol of a kernel's code for the argument types.
 
-    Numba's own mangled name contains counters of the process that compiled it.
+    It replaces Numba's mangled name, which contains counters of the compiling process.
     """
     described = f"{args} {compiled.overloads[args].fndesc.abi_tags}"
     return ".".join((*_identity(compiled), hashlib.sha256(described.encode()).hexdigest()[:16]))
 
 
 def _name(compiled, args, symbol=None):
-    """Register the address of a kernel's code, and let callers declare it; False where that is impossible."""
+    """Register the address of a kernel's code, and let callers declare it; False if that is impossible."""
     result = compiled.overloads[args]
     symbol = symbol or _symbol(compiled, args)
     owner = (*_identity(compiled), args, result.entry_point)
@@ -149,10 +149,10 @@ def _name(compiled, args, symbol=None):
 
 
 def _declared_call(result, symbol):
-    """Code that declares a kernel under its symbol and calls it.
+    """Code generator that declares a kernel under its symbol and calls it.
 
-    The declaration repeats the attributes that LLVM found, such as the arguments that a kernel only reads.
-    Without them frames take 1 % longer.
+    The declaration repeats the attributes that LLVM inferred, such as read-only arguments. Without them a
+    frame takes 1 % longer.
     """
     declared = copy.copy(result.fndesc)
     declared.mangled_name = symbol
@@ -172,7 +172,7 @@ def _declared_call(result, symbol):
 
 
 def _load_named(symbol, module, name, args):
-    """Load the kernel behind a symbol, or compile it, and register it; False where it is not to be had."""
+    """Load or compile the kernel of a symbol, and register it; False if it is not available."""
     compiled = _kernels.get((module, name))
     if compiled is None:
         return False
@@ -181,9 +181,9 @@ def _load_named(symbol, module, name, args):
 
 
 class _Locator(caching._CacheLocator):
-    """Place of the kernels of this package, whose sources are the key of the cache folder.
+    """Cache locator for the kernels of this package, whose sources are the key of the cache folder.
 
-    Numba's own locators add the file's time stamp and the kernel's line, which edited comments change.
+    Numba's own locators add the file's time stamp and the kernel's line, which change with comments.
     """
 
     @classmethod
@@ -201,7 +201,7 @@ class _Locator(caching._CacheLocator):
 
 
 class _Entry(caching.CompileResultCacheImpl):
-    """A cache entry that begins with the symbols that its code calls."""
+    """Cache entry that starts with the list of symbols that its code calls."""
 
     _locator_classes = (_Locator, *caching.CompileResultCacheImpl._locator_classes)
 
@@ -217,7 +217,7 @@ class _Entry(caching.CompileResultCacheImpl):
 
 
 class _Cache(caching.FunctionCache):
-    """The cache of a kernel as Python calls it; its entries begin with symbols, which Numba's own do not."""
+    """Cache of a kernel called from Python; unlike Numba's, its entries start with a list of symbols."""
 
     _impl_class = _Entry
     _caller = "python"
@@ -234,6 +234,6 @@ class _Cache(caching.FunctionCache):
 
 
 class _CalleeCache(_Cache):
-    """The cache of a kernel as kernels call it."""
+    """Cache of a kernel called from kernels."""
 
     _caller = "kernel"

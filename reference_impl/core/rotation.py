@@ -10,21 +10,21 @@ SMALL_ANGLE = 1e-8
 
 @kernel
 def copy_vector(v, out_vector):
-    """Copy (3,) element by element: assigning a slice may allocate, which kernels cannot."""
+    """Copy a (3,) vector element by element: a slice assignment may allocate, which kernels cannot."""
     for i in range(3):
         out_vector[i] = v[i]
 
 
 @kernel
 def copy_quaternion(q, out_q):
-    """Copy (4,)."""
+    """Copy a (4,) quaternion element by element."""
     for i in range(4):
         out_q[i] = q[i]
 
 
 @kernel
 def matrix_of(q, out_matrix):
-    """Rotation matrix (3, 3) of the unit quaternion q."""
+    """Compute the rotation matrix (3, 3) of the unit quaternion q."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     out_matrix[0, 0] = 1 - 2 * (y * y + z * z)
     out_matrix[0, 1] = 2 * (x * y - w * z)
@@ -39,7 +39,7 @@ def matrix_of(q, out_matrix):
 
 @kernel
 def quaternion_of(m, out_q):
-    """Unit quaternion of a rotation matrix (Shepperd 1978: divides by the largest component)."""
+    """Compute the unit quaternion of a rotation matrix (Shepperd 1978: divides by the largest component)."""
     t = m[0, 0] + m[1, 1] + m[2, 2]
     k = 0
     if t < m[0, 0] or t < m[1, 1] or t < m[2, 2]:
@@ -59,7 +59,7 @@ def quaternion_of(m, out_q):
 
 @kernel
 def normalise(q):
-    """Scale a quaternion to length 1, in place."""
+    """Normalise a quaternion to length 1, in place."""
     size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     for i in range(4):
         q[i] /= size
@@ -67,7 +67,7 @@ def normalise(q):
 
 @kernel
 def turn(q, x, y, z, out_q):
-    """Quaternion q turned by the world rotation vector (x, y, z) [rad]: exp(v) q. `out_q` may be q."""
+    """Rotate quaternion q by the world rotation vector v = (x, y, z) [rad]: exp(v) q; `out_q` may be q."""
     angle = sqrt(x * x + y * y + z * z)
     s = 0.5 if angle < SMALL_ANGLE else sin(0.5 * angle) / angle
     c = cos(0.5 * angle)
@@ -82,7 +82,7 @@ def turn(q, x, y, z, out_q):
 
 @kernel
 def rotation_between(p, q, out_vector):
-    """World rotation vector [rad] that turns the quaternion p into q, the short way."""
+    """Compute the shortest world rotation vector [rad] from quaternion p to q."""
     w = q[0] * p[0] + q[1] * p[1] + q[2] * p[2] + q[3] * p[3]
     x = -q[0] * p[1] + q[1] * p[0] - q[2] * p[3] + q[3] * p[2]
     y = -q[0] * p[2] + q[1] * p[3] + q[2] * p[0] - q[3] * p[1]
@@ -124,7 +124,7 @@ def multiply(a, b, out_matrix):
 
 @kernel
 def invert_symmetric(m, out_matrix):
-    """Inverse of a symmetric positive definite (3, 3) matrix by cofactors; must not alias."""
+    """Invert a symmetric positive definite (3, 3) matrix by cofactors; must not alias."""
     a = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
     b = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
     c = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]

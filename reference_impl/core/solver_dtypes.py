@@ -1,42 +1,42 @@
-"""Records of the contact solver: one island's rows and movers, and the matrix of its Newton steps."""
+"""Structured types of the contact solver: an island's rows and movers, and the matrix of Newton steps."""
 
 from touchstone.reference_impl.core.dtypes import MATRIX, VECTOR, record
 
 ROW_CAPACITY = 16_384
-"""Contact points of one island; more are dropped and counted as lost."""
+"""Most contact points of one island; the solver drops further ones and counts them as lost."""
 MOVER_CAPACITY = 8_192
-"""Movers of one island."""
+"""Most movers of one island."""
 NEWTON_ROWS, NEWTON_MOVERS, NEWTON_ENTRIES = 2_048, 192, 180_000
-"""Largest island that Newton's method takes: contact points, movers, and entries of its matrix's envelope."""
+"""Largest island for Newton's method: contact points, movers, and entries of the matrix's envelope."""
 
 ROW = record(
     pair="i8",  # its row of `pairs`
-    a="i8",  # its movers, or -1 where that side does not move
+    a="i8",  # index of the mover on each side, or -1 if that side does not move
     b="i8",
-    r_a=VECTOR,  # from a mover's centre of mass to the contact point
+    r_a=VECTOR,  # from the mover's centre of mass to the contact point
     r_b=VECTOR,
     normal=VECTOR,
     friction="f8",
     floor="f8",  # least speed along the normal after the solve [m/s]
-    mobility=MATRIX,  # W: velocity of B against A per impulse on B [1/kg]
-    mass="f8",  # 3 / trace of W [kg]
-    across_1=VECTOR,  # axes across the normal
+    mobility=MATRIX,  # W: change of velocity of B relative to A per impulse on B [1/kg]
+    mass="f8",  # effective mass: 3 / trace of W [kg]
+    across_1=VECTOR,  # tangent axes t
     across_2=VECTOR,
     along="f8",  # n.W n [1/kg]
-    share_1="f8",  # n.W t over that [1]
+    share_1="f8",  # n.W t over n.W n [1]
     share_2="f8",
-    across_11="f8",  # W across the normal while the velocity along it is kept [1/kg]
+    across_11="f8",  # tangential W at constant normal velocity [1/kg]
     across_12="f8",
     across_22="f8",
-    free=VECTOR,  # velocity of B against A without impulses, less the slip at which friction holds [m/s]
-    before=VECTOR,  # at the start of the hold, and that slip
+    free=VECTOR,  # velocity of B relative to A without impulses, minus the slip at which it sticks [m/s]
+    before=VECTOR,  # velocity of B relative to A before forces act, plus that slip [m/s]
     impulse=VECTOR,  # on B [N s]
-    start=VECTOR,  # the impulse that the solve starts from
-    best=VECTOR,  # that of the least residual so far
-    # sweeps: the impulse before the sweep, and the conjugate direction
+    start=VECTOR,  # warm-start impulse
+    best=VECTOR,  # impulse of the least residual so far
+    # sweeps: impulse before the sweep, and conjugate direction
     swept=VECTOR,
     direction=VECTOR,
-    # Newton's method: proximal centre, velocity, and its change along a step
+    # Newton's method: proximal centre, velocity, and change of velocity along a step
     centre=VECTOR,
     velocity=VECTOR,
     rate=VECTOR,
@@ -47,11 +47,11 @@ MOVER = record(
     inverse_mass="f8",
     inverse_inertia=MATRIX,
     center=VECTOR,
-    velocity=VECTOR,  # change by the impulses, of the centre of mass [m/s]
+    velocity=VECTOR,  # change of the centre of mass's velocity by the impulses [m/s]
     omega=VECTOR,
     inertia=MATRIX,
-    place="i8",  # of its block of six unknowns in the matrix
-    first_place="i8",  # least place of a mover that it touches, itself included
+    place="i8",  # index of its block of six unknowns in the matrix
+    first_place="i8",  # least such index among itself and the movers in contact with it
 )
 SOLVER = record(
     row_count="i8",
@@ -59,7 +59,7 @@ SOLVER = record(
     best_residual="f8",  # [m/s]
     rows=(ROW, (ROW_CAPACITY,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
-    order=("i8", (NEWTON_MOVERS,)),  # mover at each place
+    order=("i8", (NEWTON_MOVERS,)),  # mover of each block
     offset=("i8", (6 * NEWTON_MOVERS,)),  # entries (i, j) and (j, i), i >= j: lower and upper[offset[i] + j]
     begin=("i8", (6 * NEWTON_MOVERS,)),  # first column of row i
     lower=("f8", (NEWTON_ENTRIES,)),
@@ -67,5 +67,5 @@ SOLVER = record(
     gradient=("f8", (6 * NEWTON_MOVERS,)),
     step=("f8", (6 * NEWTON_MOVERS,)),
     block=("f8", (6, 3)),
-    kernel=MATRIX,  # derivative of a row's impulse by its velocity, negative [kg]
+    kernel=MATRIX,  # negative derivative of a row's impulse with respect to its velocity [kg]
 )

@@ -1,1 +1,1 @@
-"""Convex pieces: support functions, distance, penetration depth and contact manifolds."""
+"""Narrow phase of convex pieces: support functions, distance, penetration depth and contact manifolds."""

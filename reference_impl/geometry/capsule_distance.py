@@ -1,7 +1,7 @@
-"""Signed distance of capsules and spheres in closed form: that of their cores, less their radii.
+"""Signed distance of capsules and spheres in closed form: the distance of their cores minus their radii.
 
-A core is a segment or a point, given by its half as a vector `u` or `v` in world axes, zero for a sphere. GJK
-and EPA would do as well, but not where two cores cross: their difference is flat.
+A core is a segment or a point, given by its half vector `u` or `v` in world axes, zero for a sphere. GJK and
+EPA give the same result except for crossing cores, whose Minkowski difference has no volume.
 """
 
 from math import sqrt
@@ -19,12 +19,12 @@ def have_segments(piece_a, piece_b):
 
 @kernel
 def segment_distance(piece_a, piece_b, out_pair):
-    """Signed distance [m], normal A to B, and a witness on each piece, written to `out_pair` (PAIR)."""
+    """Compute signed distance [m], normal A to B, and a witness on each piece; writes `out_pair` (PAIR)."""
     u, v = _half_core(piece_a), _half_core(piece_b)
     a, b = piece_a["world_position"], piece_b["world_position"]
     c = (a[0] - b[0], a[1] - b[1], a[2] - b[2])
     s, t = _nearest_places(u, v, c)
-    # from A's core to B's
+    # vector from A's nearest core point to B's
     w = (t * v[0] - s * u[0] - c[0], t * v[1] - s * u[1] - c[1], t * v[2] - s * u[2] - c[2])
     gap = sqrt(_dot(w, w))
     if gap <= TOUCHING_DISTANCE_SHARE * (sqrt(_dot(u, u)) + sqrt(_dot(v, v)) + sqrt(_dot(c, c))):
@@ -56,7 +56,7 @@ def _cross(p, q):
 
 @kernel
 def _foot(p, x, y, z):
-    """Place in [-1, 1] of the point of the core p nearest to (x, y, z)."""
+    """Parameter in [-1, 1] of the point on the core with half vector p that is nearest to (x, y, z)."""
     square = _dot(p, p)
     return min(1.0, max(-1.0, _dot(p, (x, y, z)) / square)) if square > 0 else 0.0
 
@@ -69,13 +69,13 @@ def _are_parallel(u, v):
 
 @kernel
 def _nearest_places(u, v, c):
-    """Places s, t in [-1, 1] of the nearest points c + s u and t v."""
+    """Parameters s, t in [-1, 1] of the nearest points c + s u and t v."""
     if _are_parallel(u, v):
-        # the middle of where they face each other
+        # the middle of the section in which the segments face each other
         s = _foot(u, v[0] - c[0], v[1] - c[1], v[2] - c[2]) / 2
         s += _foot(u, -v[0] - c[0], -v[1] - c[1], -v[2] - c[2]) / 2
         return s, _foot(v, c[0] + s * u[0], c[1] + s * u[1], c[2] + s * u[2])
-    # where the lines are nearest (by cross products: a determinant loses twice the digits), or at an end
+    # candidates: the lines' closest points (cross products lose half the digits of a determinant), and ends
     n = _cross(u, v)
     cross = min(1.0, max(-1.0, _dot(_cross(v, c), n) / _dot(n, n)))
     best_s = best_t = 0.0
@@ -96,7 +96,7 @@ def _nearest_places(u, v, c):
 
 @kernel
 def _across(u, v, w):
-    """A direction across both cores, on the side of w."""
+    """A direction perpendicular to both cores, on the side of w."""
     if _are_parallel(u, v):
         p = u if _dot(u, u) >= _dot(v, v) else v
         x, y, z = abs(p[0]), abs(p[1]), abs(p[2])
@@ -107,7 +107,7 @@ def _across(u, v, w):
         n = _cross(p, (ex, ey, 1.0 - ex - ey))
     else:
         p, n = u, _cross(u, v)
-    # what rounding left along a core counts where they are nearly parallel
+    # remove the component along a core that rounding leaves: it matters for nearly parallel cores
     along = _dot(n, p) / _dot(p, p)
     n = (n[0] - along * p[0], n[1] - along * p[1], n[2] - along * p[2])
     return n if _dot(n, w) >= 0 else (-n[0], -n[1], -n[2])

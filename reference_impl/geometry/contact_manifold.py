@@ -1,10 +1,10 @@
-"""The contact patch of two polyhedra: up to four points where a face meets a face, an edge or a corner.
+"""Contact manifold of two polyhedra: up to four points where a face touches a face, an edge or a corner.
 
 A capsule's side counts as an edge, its end as a corner.
 
-Conventions: the work is done in the contact's frame `state["mobility"]` (rows are its axes in the world):
-origin at A's witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of the
-face is z = p[0] x + p[1] y + p[2].
+All computation uses the contact frame `state["mobility"]` (rows are its axes in the world): origin at A's
+witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of the reference face is
+z = p[0] x + p[1] y + p[2].
 """
 
 from math import sqrt
@@ -20,19 +20,19 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.kernel import kernel
 
 NEVER = 1e300
-"""Beyond any height [m]."""
+"""Larger than any height [m]."""
 EQUAL_AREA = 1e-9
-"""Difference of two areas over their sum, and component of a normal, that count as none [1]."""
+"""Relative difference of two areas, and component of a normal, that count as zero [1]."""
 
 
 @kernel
 def expand_manifolds(pieces, vertices, pairs, touching, state):
-    """Give each touching pair of polyhedra one row per point of its patch; other pairs keep their witness.
+    """Write one row per manifold point of each touching pair of polyhedra; other pairs keep their witnesses.
 
     Args:
-        pairs: `pairs[:touching]` touch. A pair's deepest point takes its place there, its other points follow
-            behind all pairs, as many as find room. Rows of one pair share `patch`, the index of the first;
-            it is -1 where a side is round. `sibling` leads from one to the next, and ends with -1.
+        pairs: `pairs[:touching]` touch. A pair's own row receives the deepest point. The other points are
+            appended until `pairs` is full. Rows of one pair share `manifold`, the index of the first row, or
+            -1 for a pair with a round piece. `next_point` links these rows and ends with -1.
     Returns:
         Index after the last row.
     """
@@ -48,7 +48,7 @@ def expand_manifolds(pieces, vertices, pairs, touching, state):
         pair["manifold"] = k
         count, face_on_a = _clipped_feature(a, b, vertices, pair, state)
         count = _keep_four(state["w"], count)
-        # the deepest is written last: the other rows start as copies of the pair's own, the last found first
+        # in reverse: the appended rows start as copies of the pair's row, which the deepest point overwrites
         for c in range(count - 1, -1, -1):
             row = k
             if c > 0:
@@ -63,7 +63,7 @@ def expand_manifolds(pieces, vertices, pairs, touching, state):
 
 @kernel
 def is_polyhedral(piece_a, piece_b):
-    """Whether two pieces can meet in more than one point: a face with a face, or with a capsule's side."""
+    """Whether two pieces can touch in more than one point: a face with a face, or with a capsule's side."""
     a, b = piece_a["kind"], piece_b["kind"]
     faces_a, faces_b = a == BOX or a == HULL, b == BOX or b == HULL
     return (faces_a and (faces_b or b == CAPSULE)) or (faces_b and a == CAPSULE)
@@ -71,11 +71,11 @@ def is_polyhedral(piece_a, piece_b):
 
 @kernel
 def _clipped_feature(piece_a, piece_b, vertices, pair, state):
-    """Touching face, edge or corner of one piece, clipped by the face of the other.
+    """Clip the incident feature (face, edge or corner) of one piece by the reference face of the other.
 
     Returns:
-        (count, face_on_a): points (x, y, gap) in `state["w"]`, none where no face takes part, and whether the
-        face is A's; its plane is in `state["tangent"]`.
+        (count, face_on_a): number of points (x, y, gap) in `state["w"]`, 0 if neither feature is a face, and
+        whether the reference face is A's; its plane is in `state["tangent"]`.
     """
     lower, upper, plane = state["w"], state["a"], state["tangent"]
     _frame(pair["normal"], state["mobility"])
@@ -91,7 +91,7 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
         count = _clip(upper, count_b, lower, count_a, state["normal"])
     else:
         count = _clip(lower, count_a, upper, count_b, state["normal"])
-    # keep what touches
+    # keep the touching points
     points, kept = upper if face_on_a else lower, 0
     for k in range(count):
         x, y = points[k, 0], points[k, 1]
@@ -105,7 +105,8 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
 
 @kernel
 def _is_reference(area_a, area_b, n):
-    """Whether A's face clips B's: the larger one does, and of equal ones the lower, whatever their order."""
+    """Whether A's face is the reference face: the larger one, or for equal areas the lower one in the world,
+    independent of the pair's order."""
     if abs(area_a - area_b) > EQUAL_AREA * (area_a + area_b):
         return area_a > area_b
     for axis in (2, 1, 0):
@@ -116,7 +117,7 @@ def _is_reference(area_a, area_b, n):
 
 @kernel
 def _frame(n, out_frame):
-    """Rows of a right-handed frame whose z is n."""
+    """Write the rows of a right-handed frame with z along n."""
     ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
     least = 0 if ax <= ay and ax <= az else (1 if ay <= az else 2)
     size = sqrt(1 - n[least] * n[least])
@@ -129,10 +130,11 @@ def _frame(n, out_frame):
 
 @kernel
 def _feature(piece, vertices, sign, origin, frame, out_points):
-    """Vertices of a polyhedron within MANIFOLD_HEIGHT of its end along sign z; returns their count."""
+    """Gather the vertices of a polyhedron within MANIFOLD_HEIGHT of its support plane along sign * z; returns
+    their count."""
     rotation, position, size = piece["world_rotation"], piece["world_position"], piece["size"]
     is_hull, first, radius = piece["kind"] == HULL, piece["first_vertex"], piece["radius"]
-    # the corners of a capsule's core are those of a box in pairs: one of each will do
+    # four box corners coincide at each end of a capsule's core: take one of them
     count, stride = (
         (piece["vertex_count"], 1) if is_hull else ((2, 4) if piece["kind"] == CAPSULE else (8, 1))
     )
@@ -147,14 +149,14 @@ def _feature(piece, vertices, sign, origin, frame, out_points):
                 u = size[0] if k & 1 else -size[0]
                 v = size[1] if k & 2 else -size[1]
                 w = size[2] if k & 4 else -size[2]
-            # from the piece's frame to the contact's
+            # transform from the piece frame to the contact frame
             point = out_points[kept]
             point[:] = 0.0
             for i in range(3):
                 world = rotation[i, 0] * u + rotation[i, 1] * v + rotation[i, 2] * w + position[i] - origin[i]
                 for j in range(3):
                     point[j] += frame[j, i] * world
-            # from the core to the surface
+            # offset from the core to the surface
             point[2] += sign * radius
             height = sign * point[2]
             if gather == 0:
@@ -166,14 +168,14 @@ def _feature(piece, vertices, sign, origin, frame, out_points):
 
 @kernel
 def _order(points, count):
-    """Convex polygon of points seen from above, counter-clockwise, in place (Jarvis 1973); its size."""
+    """Convex hull of points in the x-y plane, counter-clockwise, in place (Jarvis 1973); returns its size."""
     for k in range(1, count):
         if points[k, 0] < points[0, 0]:
             _swap(points, 0, k)
     for end in range(1, count):
         x, y = points[end - 1, 0], points[end - 1, 1]
         best = end
-        # the last candidate is the start: it closes the polygon
+        # the last candidate is the first point, which closes the polygon
         for k in range(end + 1, count + 1):
             c = k % count
             ux, uy = points[best, 0] - x, points[best, 1] - y
@@ -195,7 +197,8 @@ def _swap(points, i, j):
 
 @kernel
 def _plane(points, count, out_plane):
-    """Plane of a polygon through its vertices' mean, by Newell's normal; returns twice its area, or 0."""
+    """Plane through the mean of a polygon's vertices with Newell's normal; returns twice the polygon's area
+    projected along z, or 0 if that is negligible."""
     x = y = z = 0.0
     out_plane[:] = 0.0
     if count < 3:
@@ -216,8 +219,8 @@ def _plane(points, count, out_plane):
 
 @kernel
 def _clip(points, count, face, face_count, scratch):
-    """Cut a convex polygon (or an edge, or a corner) by the sides of a face, in place, seen from above
-    (Sutherland & Hodgman 1974); returns the count of its points. An edge may come back with points twice."""
+    """Clip a convex polygon, edge or corner by the sides of a face in the x-y plane, in place (Sutherland &
+    Hodgman 1974); returns the number of points, in which those of an edge may occur twice."""
     for i in range(face_count):
         j = (i + 1) % face_count
         x, y = face[i, 0], face[i, 1]
@@ -244,8 +247,8 @@ def _clip(points, count, face, face_count, scratch):
 
 @kernel
 def _keep_four(points, count):
-    """Bring the deepest point, the one farthest from it, and the outermost on both sides of the line through
-    the two to the front; returns how many of these there are."""
+    """Reduce a manifold to four points: the deepest, the one farthest from it, and the outermost on either
+    side of the line through both. Moves them to the front and returns their count."""
     for k in range(1, count):
         if points[k, 2] < points[0, 2]:
             _swap(points, 0, k)
@@ -273,7 +276,7 @@ def _keep_four(points, count):
 
 @kernel
 def _write_point(point, face_on_a, origin, state, out_pair):
-    """Witnesses, distance and normal of one point (x, y, gap) of a patch, from the contact's frame."""
+    """Write witnesses, distance and normal of one manifold point (x, y, gap), given in the contact frame."""
     frame, plane = state["mobility"], state["tangent"]
     x, y, gap = point[0], point[1], point[2]
     z_face = plane[0] * x + plane[1] * y + plane[2]
@@ -285,5 +288,5 @@ def _write_point(point, face_on_a, origin, state, out_pair):
         level = origin[i] + frame[0, i] * x + frame[1, i] * y
         out_pair["normal"][i] = (frame[2, i] - plane[0] * frame[0, i] - plane[1] * frame[1, i]) / size
         out_pair["point_b"][i] = level + frame[2, i] * z_b
-        # last: the origin may be this very point
+        # written last, because `origin` may alias `point_a`
         out_pair["point_a"][i] = level + frame[2, i] * z_a

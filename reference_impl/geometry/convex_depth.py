@@ -1,8 +1,8 @@
-"""Signed distance of two convex pieces, with its normal and witness points: EPA inside, GJK outside.
+"""Signed distance of two convex pieces, with normal and witness points: EPA in overlap, GJK otherwise.
 
-Converged means that proven bounds meet, within STAGNATION_GAP of the pair's size. In overlap EPA's polytope
-bounds the depth from below, the reach along the normal from above; apart the gap along the normal bounds the
-distance from below, the witnesses from above.
+Converged means that proven bounds meet within STAGNATION_GAP of the pair's size. In overlap, EPA's polytope
+bounds the depth from below and the support value along the normal bounds it from above. For separated pieces,
+the gap along the normal bounds the distance from below and the witnesses bound it from above.
 """
 
 from math import isfinite, sqrt
@@ -28,10 +28,10 @@ from touchstone.reference_impl.geometry.gjk import (
 
 @kernel
 def convex_depth(piece_a, piece_b, vertices, state, out_pair):
-    """Signed distance [m], normal A to B, and a witness on each piece, written to `out_pair` (PAIR).
+    """Compute signed distance [m], normal A to B, and a witness on each piece; writes `out_pair` (PAIR).
 
-    The distance is exact to rounding: outside it is that of the cores less their radii, in overlap minus
-    the length of the shortest translation that parts the pieces (van den Bergen 2001).
+    The distance is exact to rounding. For separated pieces it is the cores' distance minus the radii; in
+    overlap it is minus the length of the shortest separating translation (van den Bergen 2001).
 
     Returns:
         (iterations, converged)
@@ -42,7 +42,7 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
     enter_frame(piece_a, piece_b, state)
     scale, small = scale_of(piece_a, piece_b)
     x, y, z = inward(state)
-    # where the line of centres does not part the pieces, they are taken to overlap until EPA knows better
+    # if the line of centres is not a separating axis, the pieces probably overlap: try EPA first
     tried = add_support(piece_a, piece_b, vertices, x, y, z, 0, state) >= 0
     face, depth, iterations, converged, distance = -1, 0.0, 0, False, 0.0
     if tried:
@@ -53,7 +53,7 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
             piece_a, piece_b, vertices, SHARPENING_SHIFT * small, scale, state, out_pair
         )
         iterations += steps
-        # too near for a normal from the nearest points: one from the polytope
+        # the gap is too small for a normal from the nearest points: take EPA's
         overlap = not met and distance <= TOUCHING_DISTANCE_SHARE * scale
         if overlap and not tried:
             add_support(piece_a, piece_b, vertices, x, y, z, 0, state)
@@ -68,7 +68,7 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
         witnesses_in_overlap(
             piece_a, piece_b, vertices, face, depth, SHARPENING_SHIFT * scale, state, out_pair
         )
-        # GJK may end a rounding away from an origin that lies inside
+        # GJK may report a distance of rounding size for an origin inside the difference
         if distance > 0 and depth <= 0:
             converged = converged and distance + depth <= STAGNATION_GAP * scale
         else:
@@ -78,11 +78,11 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
 
 @kernel
 def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
-    """Distance [m] of two cores by GJK, with its normal and witnesses; 0 where they overlap.
+    """Distance [m] of two cores by GJK, with normal and witnesses; 0 if they overlap.
 
-    Next to a round surface rounding tilts the normal of a tiny gap, and the bounds do not meet. Then B is
-    moved off along it: a shift t leaves t / (R + t) of the tilt, R being the radius of curvature (a step of
-    the proximal point method).
+    For a tiny gap at a round surface, rounding tilts the normal and the bounds do not meet. B is then shifted
+    away along the normal (a step of the proximal point method). A shift t leaves t / (R + t) of the tilt,
+    where R is the radius of curvature.
 
     Returns:
         (distance, iterations, whether the bounds met)
@@ -113,7 +113,8 @@ def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
 
 @kernel
 def leave_frame(piece_a, piece_b, distance, out_pair):
-    """Write distance, normal and witnesses for the surfaces in the world; returns whether all are finite."""
+    """Transform the cores' distance, normal and witnesses to the surfaces in the world frame; returns whether
+    all are finite."""
     m, origin = piece_b["world_rotation"], piece_b["world_position"]
     n, a, b = out_pair["normal"], out_pair["point_a"], out_pair["point_b"]
     rotate(m, n, n)
@@ -136,7 +137,7 @@ def leave_frame(piece_a, piece_b, distance, out_pair):
 
 @kernel
 def scale_of(piece_a, piece_b):
-    """Sum of the pieces' sizes, and the smaller one [m]."""
+    """Sum of the two pieces' sizes, and the smaller size [m]; a size is the largest extent of the AABB."""
     a = b = 0.0
     for i in range(3):
         a = max(a, piece_a["high"][i] - piece_a["low"][i])
@@ -146,8 +147,10 @@ def scale_of(piece_a, piece_b):
 
 @kernel
 def witnesses(state, count, out_pair):
-    """Points of A and B from the barycentric weights of a simplex, B's frame; `state["feature"]` keeps the
-    corners they come from."""
+    """Witnesses on A and B from the barycentric weights of a simplex, in B's frame.
+
+    `state["feature"]` receives the corners of that simplex.
+    """
     w, a, weights = state["w"], state["a"], state["weights"]
     state["feature_count"] = count
     for k in range(count):
@@ -163,11 +166,11 @@ def witnesses(state, count, out_pair):
 
 @kernel
 def witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state, out_pair):
-    """Witnesses on the deepest face: from the weights of the origin's projection on it.
+    """Witnesses of an overlapping pair from the origin's projection on the deepest face.
 
-    That need not lie on the face's triangle, for faces of a Minkowski difference are polygons. On one of two
-    edges, or of a box' face, it may lie on the other half of a parallelogram. Else: the nearest points once B
-    is parted from A along the normal, up to a gap.
+    The projection may miss the face's triangle, because faces of a Minkowski difference are polygons. On a
+    face spanned by two edges, or of a box, it may lie on the other half of a parallelogram. Otherwise the
+    witnesses are the nearest points after B is moved along the normal until the gap is `parted` [m].
     """
     n, point = out_pair["normal"], out_pair["point_a"]
     if face >= 0:
@@ -187,7 +190,8 @@ def witnesses_in_overlap(piece_a, piece_b, vertices, face, depth, parted, state,
 
 @kernel
 def _bring_to_front(state, face):
-    """Copy a face's corners to vertices 0 to 2, the lowest first: none is written over before it is read."""
+    """Copy a face's vertices to vertices 0 to 2 in ascending order, so that none is overwritten before it is
+    read."""
     start, w, a, corner = state["start"], state["w"], state["a"], state["corner"]
     i, j, k = start[4 * face], start[4 * face + 1], start[4 * face + 2]
     lowest, highest = min(i, j, k), max(i, j, k)
@@ -202,7 +206,7 @@ def _bring_to_front(state, face):
 
 @kernel
 def _on_triangle(w, n, depth, out_weights):
-    """Weights of the origin's projection on the first three vertices; whether it lies on their triangle."""
+    """Whether the origin's projection lies on the triangle of the first three vertices; writes weights."""
     x, y, z = depth * n[0], depth * n[1], depth * n[2]
     whole = _area(n, w[0], w[1], w[2, 0], w[2, 1], w[2, 2])
     u = _area(n, w[1], w[2], x, y, z) / whole
@@ -214,8 +218,10 @@ def _on_triangle(w, n, depth, out_weights):
 
 @kernel
 def _on_other_half(piece_a, piece_b, state):
-    """Turn the first three vertices, and their weights, to the other half of their parallelogram; whether
-    there is one and the origin's projection lies on it."""
+    """Whether the origin's projection lies on the other half of the first three vertices' parallelogram.
+
+    If so, replaces these vertices and their weights by those of the other half.
+    """
     w, a, corner, weights = state["w"], state["a"], state["corner"], state["weights"]
     k = 0 if weights[0] < 0 else (1 if weights[1] < 0 else 2)
     i, j = (k + 1) % 3, (k + 2) % 3
@@ -224,7 +230,7 @@ def _on_other_half(piece_a, piece_b, state):
     for side in range(2):
         piece = piece_b if side else piece_a
         p, q, r = corner[i, side], corner[j, side], corner[k, side]
-        # corners of a box are bits; others are those of an edge, at most
+        # box corners are bit masks; other pieces may contribute an edge at most
         if p < 0 or (((p ^ r) & (q ^ r)) != 0 if piece["kind"] == BOX else p != r and q != r):
             return False
     for side in range(2):

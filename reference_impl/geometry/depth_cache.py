@@ -1,8 +1,8 @@
-"""Cache of `warm_started_depth`: what it keeps of each pair of pieces from frame to frame.
+"""Set-associative cache of `warm_started_depth`: one entry per pair of pieces, kept across frames.
 
-Keyed by the pair and found in constant time: a pair lives in one bucket of four records, and takes that
-unused for longest. A record speaks of corners and of directions in the pieces' own frames alone, so it can
-grow old, but never wrong: what it proposes is proved at the poses of the day.
+The pair is the key, and look-up takes constant time: a pair maps to one bucket of four entries, and a new
+pair replaces the least recently used entry. An entry holds only corner indices and directions in the pieces'
+own frames. It may be outdated but never wrong, because every use is verified at the present poses.
 """
 
 import numpy as np
@@ -19,14 +19,14 @@ from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.shapes import local_corner, local_support, turned
 
 SHORT = 1e-290
-"""Squared length below which an edge has none [m^2]: its corners are one."""
+"""Squared length below which an edge is degenerate [m^2]: its corners coincide."""
 NO_FACE = 0
-"""Memory without a face of a box."""
+"""Value of `face` in an entry without a box face."""
 
 
 @kernel
 def find_entry(state, a, b):
-    """The record of pieces a and b; a pair that is new takes the longest unused of its bucket, emptied."""
+    """Cache entry of pieces a and b; a new pair clears and takes its bucket's least recently used entry."""
     walks = state["depth_cache"]
     mixed = a * 0x9E3779B1 + b * 0x85EBCA77
     first = DEPTH_CACHE_WAYS * ((mixed ^ (mixed >> 16)) & (DEPTH_CACHE_BUCKETS - 1))
@@ -48,10 +48,10 @@ def find_entry(state, a, b):
 
 @kernel
 def steady_support(piece, vertices, memory, side, u, v, w):
-    """`local_support`, at once where the last corner is known to be the farthest for nearby directions.
+    """`local_support`, or the cached corner if the direction lies in the corner's cone.
 
     Args:
-        side: 0 for piece A of the memory, 1 for B.
+        side: 0 for piece A of the entry, 1 for B.
         u, v, w: unit direction, piece frame.
     Returns:
         (x, y, z): the point, piece frame [m].
@@ -70,14 +70,17 @@ def steady_support(piece, vertices, memory, side, u, v, w):
 
 @kernel
 def _watch(piece, vertices, memory, side, corner, u, v, w):
-    """Find the cone of directions about (u, v, w) for which a hull's corner stays the farthest, once it has
-    been that for so long that trying all others costs as little as one more look-up a frame."""
+    """Compute the cone of directions around (u, v, w) in which a hull's corner is the support point.
+
+    The scan of all vertices waits until the corner has been the support point for so many look-ups that it
+    costs at most one more look-up per frame.
+    """
     if corner != memory["best"][side]:
         memory["best"][side], memory["steady"][side], memory["cone"][side] = corner, 0, 0.0
     if STEADY_LOOKUPS * memory["steady"][side] < piece["vertex_count"]:
         return
     x, y, z = local_corner(piece, vertices, corner)
-    # squared sine of the angle that the direction may turn by: the least over all edges from the corner
+    # squared sine of the cone's half angle: the minimum over all edges from the corner
     least = 1.0
     for k in range(np.int64(piece["vertex_count"])):
         p, q, r = local_corner(piece, vertices, k)
@@ -92,7 +95,7 @@ def _watch(piece, vertices, memory, side, corner, u, v, w):
 
 @kernel
 def pose_vertex(piece_a, piece_b, vertices, corner_a, corner_b, k, state):
-    """Vertex k of the difference from corners of A and B, as `add_support` leaves it."""
+    """Write vertex k of the difference from corners of A and B, in the format of `add_support`."""
     w, a, corner, gap = state["w"][k], state["a"][k], state["corner"][k], state["gap"]
     x, y, z = local_corner(piece_a, vertices, corner_a)
     x, y, z = turned(state["turn"], x, y, z)
@@ -104,10 +107,10 @@ def pose_vertex(piece_a, piece_b, vertices, corner_a, corner_b, k, state):
 
 @kernel
 def store_entry_of_pair(piece_a, piece_b, vertices, state, memory, normal):
-    """Keep the corners that carry the witnesses; three are turned counter-clockwise against the normal."""
+    """Store the corners of the witnesses' feature, triangles in counter-clockwise order about the normal."""
     feature, kept, count = state["feature"], memory["corner"], state["feature_count"]
     for k in range(count):
-        # a smooth core has no corners, nor has the point inside
+        # smooth cores and the interior point have no corners
         if feature[k, 0] < 0 or feature[k, 1] < 0:
             count = 0
             break
@@ -132,7 +135,7 @@ def triple(x, y, z, p, q):
 
 @kernel
 def _box_face(piece_a, piece_b, normal):
-    """The face of a box across `normal`: 1 (of B) or 7 (of A), + 2 axis + (1 for the negative side)."""
+    """Index of the box face perpendicular to `normal`: 1 (B) or 7 (A), + 2 axis + (1 if negative side)."""
     for k in range(6):
         box, turn = (piece_b, -1.0) if k < 3 else (piece_a, 1.0)
         rotation, axis = box["world_rotation"], k % 3

@@ -1,13 +1,15 @@
-"""Convex depth from frame to frame: from what carried the last answer; near-free while motion is coherent.
+"""Warm-started convex depth: checks the last frame's feature before it runs GJK and EPA.
 
-A pair's memory holds up to three corners of the Minkowski difference, as corners of A and of B: the vertex,
-edge or face that carried its last witnesses. Posed again, a face that still holds the origin's projection
-gives a lower bound, its own offset, and the difference's support along its normal an upper one. Where both
-meet it is the nearest face around (the paper's walk has nowhere to go). Apart, that is the distance. In
-overlap it is the depth if no other face is nearer: certain when the tetrahedron of the face and a point deep
-inside the difference, which lies in the difference, holds a ball round the origin as large as the depth.
+A pair's cache entry holds up to three vertices of the Minkowski difference, as corners of A and B: the
+vertex, edge or face of the last witnesses. They are posed again. If the face still contains the origin's
+projection, its offset is a lower bound, and the difference's support value along its normal an upper bound.
+If both meet, the face is locally the nearest (the paper's walk ends there). Its offset is the distance of
+separated pieces. In overlap, it is the depth if no other face is nearer. A certificate proves this: the
+tetrahedron of the face and a point deep inside the difference, which is part of the difference, contains a
+ball around the origin with the depth as radius.
 
-Anything else goes on from the remembered corners by GJK and EPA, and ends exact.
+In all other cases GJK and EPA start from the cached corners, and the result is exact. With coherent motion
+the check costs almost nothing.
 """
 
 from math import sqrt
@@ -50,7 +52,7 @@ from touchstone.reference_impl.geometry.shapes import turned
 
 @kernel
 def pair_depth(pieces, vertices, state, pair):
-    """`convex_depth` of a pair's pieces by the method that `state["depth"]` asks for, counted.
+    """`convex_depth` of a pair's pieces by the method `state["depth"]`; updates the counters.
 
     Returns:
         Whether it converged.
@@ -69,17 +71,17 @@ def pair_depth(pieces, vertices, state, pair):
 
 @kernel
 def is_empty(memory):
-    """Whether a depth will be found anew: the pair is new, or its cores are smooth or segments."""
+    """Whether a cache entry cannot warm-start: the pair is new, or its cores are smooth or segments."""
     return memory["count"] == 0 and memory["face"] == NO_FACE
 
 
 @kernel
 def warm_started_depth(piece_a, piece_b, vertices, state, memory, out_pair):
-    """Signed distance, normal and witnesses as `convex_depth` gives them, from the pair's memory on.
+    """Signed distance, normal and witnesses as in `convex_depth`, warm-started from the pair's cache entry.
 
     Returns:
-        (iterations, converged, certified): without a certificate a depth is locally the least and may be too
-        large. That is only accepted where `state["depth"]` is DEPTH_WALK.
+        (iterations, converged, certified): without a certificate a depth is only locally minimal and may be
+        too large. Only DEPTH_WALK (`state["depth"]`) accepts such a depth.
     """
     if memory["face"] != NO_FACE and _on_box_face(piece_a, piece_b, vertices, memory, out_pair):
         return 1, True, True
@@ -110,7 +112,7 @@ def warm_started_depth(piece_a, piece_b, vertices, state, memory, out_pair):
 
 @kernel
 def _go_on(piece_a, piece_b, vertices, count, scale, state, out_pair):
-    """Exact depth from the first `count` vertices of `state` on: GJK from up to 3, EPA from 4.
+    """Exact depth, started from the first `count` vertices of `state`: GJK from up to 3, EPA from 4.
 
     Returns:
         (iterations, converged)
@@ -136,17 +138,17 @@ def _go_on(piece_a, piece_b, vertices, count, scale, state, out_pair):
 
 @kernel
 def _on_box_face(piece_a, piece_b, vertices, memory, out_pair):
-    """Whether the depth of the other piece's farthest point under a face of a box is the pieces' depth.
+    """Whether the other piece's support point towards the cached box face gives the depth; fills `out_pair`.
 
-    Along the face's normal it is the depth. It is the least of all where no other face of the box is nearer
-    to the point, for the difference holds the whole box about that point; apart, where the point lies above
-    the face. `out_pair` is filled if so.
+    The point's depth is the depth of the pair along the face's normal. It is the least over all directions if
+    no other face of the box is nearer to the point, because the difference contains the box around it. For
+    separated pieces, the point must lie above the face.
     """
     face = memory["face"] - 1
     a_is_box, axis, sign = face >= 6, face % 6 // 2, 1.0 - 2.0 * (face % 2)
     box, other, side = (piece_a, piece_b, 1) if a_is_box else (piece_b, piece_a, 0)
     m, half, r, p = box["world_rotation"], box["size"], other["world_rotation"], other["world_position"]
-    # the face's normal in the world, and against it in the other piece's frame
+    # the face's normal in the world frame, and its opposite in the other piece's frame
     x, y, z = sign * m[0, axis], sign * m[1, axis], sign * m[2, axis]
     u = -(r[0, 0] * x + r[1, 0] * y + r[2, 0] * z)
     v = -(r[0, 1] * x + r[1, 1] * y + r[2, 1] * z)
@@ -157,7 +159,7 @@ def _on_box_face(piece_a, piece_b, vertices, memory, out_pair):
     q = box["world_position"]
     u, v, w = u + (p[0] - q[0]), v + (p[1] - q[1]), w + (p[2] - q[2])
     depth = half[axis] - (x * u + y * v + z * w)
-    # heights over the other five faces
+    # smallest distance from the other five faces
     least = 2 * half[axis] - depth
     for i in range(3):
         if i != axis:
@@ -178,7 +180,7 @@ def _on_box_face(piece_a, piece_b, vertices, memory, out_pair):
 
 @kernel
 def _pose_inside(piece_a, piece_b, state):
-    """Vertex 3: the difference of the pieces' centres, deep inside and no corner."""
+    """Write the difference of the pieces' centres to vertex 3: an interior point, so it has no corners."""
     w, a, corner, gap = state["w"][3], state["a"][3], state["corner"][3], state["gap"]
     c, d = piece_a["center"], piece_b["center"]
     x, y, z = turned(state["turn"], c[0], c[1], c[2])
@@ -189,12 +191,12 @@ def _pose_inside(piece_a, piece_b, state):
 
 @kernel
 def _nearest_face(piece_a, piece_b, vertices, scale, state, memory, out_pair):
-    """Whether the face of vertices 0, 1, 2 holds the origin's projection, and nothing lies beyond it.
+    """Whether the face of vertices 0, 1, 2 contains the origin's projection and is a supporting face.
 
-    Normal and witnesses, B's frame, are written to `out_pair` if so.
+    If so, writes normal and witnesses (B's frame) to `out_pair`.
 
     Returns:
-        (nearest, depth): the support along the normal [m], or if not nearest the face's offset.
+        (nearest, depth): the support value along the normal [m], or the face's offset if it is not nearest.
     """
     w, a, m, gap = state["w"], state["a"], state["turn"], state["gap"]
     x, y, z, square, longest = triangle_normal(w, 0, 1, 2)
@@ -202,9 +204,9 @@ def _nearest_face(piece_a, piece_b, vertices, scale, state, memory, out_pair):
         return False, 0.0
     inverse = 1 / sqrt(square)
     x, y, z = x * inverse, y * inverse, z * inverse
-    # no point of the face is nearer than its least corner along n, whatever n's rounding
+    # the lowest vertex along n bounds the face's offset from below, independent of n's rounding
     low = min(_along(x, y, z, w[0]), _along(x, y, z, w[1]), _along(x, y, z, w[2]))
-    # weights of the projection
+    # barycentric weights of the projection
     s, t = triple(x, y, z, w[1], w[2]) * inverse, triple(x, y, z, w[2], w[0]) * inverse
     if not (s >= 0 and t >= 0 and s + t <= 1):
         return False, low
@@ -232,7 +234,7 @@ def _along(x, y, z, p):
 
 @kernel
 def _holds_ball(w, depth, scale):
-    """Whether the three side faces of the tetrahedron of face 012 and vertex 3 are farther than `depth`."""
+    """Whether the side faces of the tetrahedron 0123 (base 012) are farther from the origin than `depth`."""
     far = depth + WARM_START_SLACK * scale
     return _farther(w[1], w[0], w[3], far, scale) and (
         _farther(w[2], w[1], w[3], far, scale) and _farther(w[0], w[2], w[3], far, scale)
@@ -241,7 +243,7 @@ def _holds_ball(w, depth, scale):
 
 @kernel
 def _farther(p, q, r, far, scale):
-    """Whether the plane pqr, counter-clockwise from outside, is farther from the origin than `far` [m]."""
+    """Whether the plane pqr, counter-clockwise from outside, is farther than `far` [m] from the origin."""
     ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
     x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

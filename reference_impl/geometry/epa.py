@@ -1,13 +1,14 @@
-"""EPA: the nearest face of the Minkowski difference, from a polytope that grows inside it.
+"""EPA: the nearest face of the Minkowski difference, by expanding a polytope inside it.
 
-The polytope's nearest face bounds the depth from below; the difference's support along any direction bounds
-it from above. Faces as far as the least reach seen, to rounding, need no look; when none nearer is left, the
-bounds have met. The origin need not lie inside at first: a face that has it before itself is expanded first.
+The polytope's nearest face bounds the depth from below; the difference's support value along any direction
+bounds it from above. The search skips faces whose offset equals the least support value, to rounding; if no
+nearer face is left, the bounds have met. The origin may start outside the polytope: a face with the origin in
+front has a negative offset and is expanded first.
 
-Frame: that of B. Face f has the half-edges 4f, 4f + 1, 4f + 2, counter-clockwise from outside: `start` is
-the vertex a half-edge leaves, `twin` the half-edge beyond. Normals are as long as twice the face's area, and
-squares are compared, so that no root delays the next support. `key` is the signed square of a face's offset
-from the origin, `level` how far a vertex must reach along the normal for the face to see it.
+The frame is B's. Face f has the half-edges 4f, 4f + 1, 4f + 2, counter-clockwise from outside: `start` is a
+half-edge's first vertex, `twin` the opposite half-edge. A normal's length is twice the face's area, and
+comparisons use squares, so that no square root delays the next support query. `key` is the signed square of a
+face's offset from the origin. `level` is the height along the normal from which a vertex sees the face.
 """
 
 from math import inf, sqrt
@@ -34,25 +35,25 @@ from touchstone.reference_impl.geometry.gjk import (
 )
 
 DEAD = inf
-"""Key of a face that is no more."""
+"""Key of a deleted face."""
 NEVER = 1e300
-"""Key of a face without area: it closes the surface but is never the nearest."""
+"""Key of a face of zero area: it closes the surface but is never the nearest."""
 NEXT, LAST = 9, 18
-"""Two bits for each k in 0, 1, 2: the next and the last half-edge of a face."""
+"""Two bits for each k in 0, 1, 2: the next and the previous half-edge of a face."""
 
 
 @kernel
 def deepest_face(piece_a, piece_b, vertices, known, scale, state):
-    """Expand a tetrahedron to the nearest face of the difference.
+    """Find the nearest face of the difference by expanding a tetrahedron.
 
     Args:
-        known: vertices in `state` to start from: 1, the difference's farthest towards B's origin, or 4 of its
-            points.
+        known: vertices in `state` to start from: 1, the difference's support point towards B's origin, or 4
+            of its points.
         scale: size of the pair [m], for tolerances.
-        state: holds the frame. Takes the unit direction of least reach, `deepest`.
+        state: holds the frame. Receives the unit direction of least support value, `deepest`.
     Returns:
-        (face, depth, iterations, converged): the face of least reach, or -1 where that was no face's, and
-        that reach [m]: negative as soon as it parts the pieces by TOUCHING_DISTANCE_SHARE.
+        (face, depth, iterations, converged): the face whose normal has the least support value, or -1 if no
+        face's has, and that value [m]. A value below -TOUCHING_DISTANCE_SHARE of the scale ends the search.
     """
     w, n, key = state["w"], state["deepest"], state["key"]
     count, height = first_tetrahedron(piece_a, piece_b, vertices, known, scale, state)
@@ -77,7 +78,7 @@ def deepest_face(piece_a, piece_b, vertices, known, scale, state):
             break
         x, y, z = state["normal"][f, 0], state["normal"][f, 1], state["normal"][f, 2]
         reach = inline_support(piece_a, piece_b, vertices, x, y, z, vertex, state)
-        # every reach bounds the depth from above
+        # every support value bounds the depth from above
         square = x * x + y * y + z * z
         if _signed_square(reach) < upper * square:
             upper, best = _signed_square(reach) / square, f
@@ -85,11 +86,11 @@ def deepest_face(piece_a, piece_b, vertices, known, scale, state):
             cut = _signed_square(_signed_root(upper) - tolerance)
         if key[f] >= cut:
             continue
-        # what is left of this gap is rounding
+        # the remaining gap is rounding
         if reach <= state["level"][f] or repeats(w, vertex):
             stalled = True
             continue
-        # the face is passed over: the least reach seen was farther out than its plane
+        # the expansion deletes face f, because the support value lies beyond its plane
         best = -1 if best == f else best
         added = _expand(state, f, vertex, faces, waiting, scale)
         vertex += 1
@@ -103,7 +104,7 @@ def deepest_face(piece_a, piece_b, vertices, known, scale, state):
     if converged and (stalled or best < 0):
         nearest, least = _nearest_face(state, faces)
         converged = depth - least <= STAGNATION_GAP * scale
-        # a direction that was no face's may be that of one which was never looked at
+        # the best direction may be the normal of a face that was never expanded
         if best < 0 and _reaches(state, nearest, depth - tolerance):
             best = nearest
     return best, depth, vertex - 4, converged
@@ -121,15 +122,15 @@ def _signed_root(x):
 
 @inlined_kernel
 def _nearest_open(state, waiting, cut):
-    """Take the nearest face off the list of those to be looked at, and all that lie beyond the cut.
+    """Remove the nearest face, and all faces beyond the cut, from the list of open faces.
 
     Returns:
-        (face, count left), a count of -1 where there was none.
+        (face, faces left), -1 if there was none.
     """
     key, listed = state["key"], state["open"]
     kept = place = nearest = 0
     least = cut
-    # without branches: what is written beyond the count is written over
+    # branch-free: later writes replace entries beyond `kept`
     for k in range(waiting):
         f = listed[k]
         offset = key[f]
@@ -146,7 +147,7 @@ def _nearest_open(state, waiting, cut):
 
 @kernel
 def _nearest_face(state, faces):
-    """(face, offset) of the nearest face of all."""
+    """Nearest face of the polytope: (face, offset [m])."""
     nearest, least = 0, NEVER
     for f in range(faces):
         if state["key"][f] < least:
@@ -156,7 +157,7 @@ def _nearest_face(state, faces):
 
 @kernel
 def _reaches(state, face, least):
-    """Whether all corners of a face reach `least` along the direction of least reach."""
+    """Whether all vertices of a face are at least at height `least` [m] along the direction `deepest`."""
     n, w = state["deepest"], state["w"]
     for k in range(3):
         v = w[state["start"][4 * face + k]]
@@ -167,15 +168,16 @@ def _reaches(state, face, least):
 
 @kernel
 def _expand(state, first, vertex, faces, waiting, scale):
-    """Replace the faces that see `vertex`, found from face `first` on, by a cone from their horizon.
+    """Replace the faces visible from `vertex`, found by flood fill from face `first`, by faces that connect
+    the horizon to it.
 
     Returns:
-        How many faces were added, or -1 where the horizon is no simple loop or the room is used up.
+        Number of faces added, or -1 if the horizon is not a simple loop or the face buffer is full.
     """
     w, normal, level, key = state["w"], state["normal"], state["level"], state["key"]
     start, twin, stack, listed = state["start"], state["twin"], state["stack"], state["open"]
     x, y, z = w[vertex, 0], w[vertex, 1], w[vertex, 2]
-    # flood depth first: half-edges of faces that do not see the vertex are the horizon, in order
+    # depth-first flood fill: it meets the half-edges of the horizon in order
     key[first] = DEAD
     stack[0], stack[1], stack[2] = twin[4 * first + 2], twin[4 * first + 1], twin[4 * first]
     new, top, begin, end = faces, 3, -1, -1
@@ -190,7 +192,7 @@ def _expand(state, first, vertex, faces, waiting, scale):
             stack[top], stack[top + 1] = twin[4 * g + (LAST >> k & 3)], twin[4 * g + (NEXT >> k & 3)]
             top += 2
             continue
-        # a face from there to the vertex, next to the one before it
+        # connect this horizon edge to the vertex; the new face adjoins the previous one
         i, j = np.int64(start[4 * g + (NEXT >> k & 3)]), np.int64(start[h])
         if new == faces:
             begin = i
@@ -207,7 +209,7 @@ def _expand(state, first, vertex, faces, waiting, scale):
 
 @inlined_kernel
 def _set_face(state, f, i, j, k, scale):
-    """Face ijk, counter-clockwise from outside: its normal, level and key."""
+    """Write face ijk, counter-clockwise from outside: its normal, level and key."""
     w, n, start = state["w"], state["normal"][f], state["start"]
     start[4 * f], start[4 * f + 1], start[4 * f + 2] = i, j, k
     x, y, z, square, longest = triangle_normal(w, i, j, k)
@@ -222,7 +224,7 @@ def _set_face(state, f, i, j, k, scale):
 
 @kernel
 def _close(state, height, scale):
-    """Faces of the first four vertices; the sign of the fourth's height over the others tells outside."""
+    """Write the faces of the first tetrahedron, oriented by the sign of the fourth vertex's height."""
     twin = state["twin"]
     # the fourth vertex lies behind the face of the first three
     i, j = (0, 1) if height < 0 else (1, 0)

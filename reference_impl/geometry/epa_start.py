@@ -1,4 +1,4 @@
-"""The tetrahedron in the Minkowski difference that EPA starts from."""
+"""The initial tetrahedron of EPA in the Minkowski difference."""
 
 from math import sqrt
 
@@ -12,14 +12,14 @@ RING = ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75)))
 
 @kernel
 def first_tetrahedron(piece_a, piece_b, vertices, known, scale, state):
-    """Make a tetrahedron with volume from the `known` first 1 or 4 of its vertices.
+    """Build a tetrahedron of nonzero volume, given its first vertex or all four (`known`: 1 or 4).
 
     Returns:
-        (count, height): vertices found, fewer than 4 where the difference has no volume, and the fourth's
+        (count, height): vertices found, fewer than 4 if the difference has no volume, and the fourth's
         height over the plane of the others, times twice the area of their triangle.
     """
     w = state["w"]
-    # across the first and 120 degrees apart; the supports do not wait for one another
+    # three directions perpendicular to the first, 120 degrees apart; the queries are independent
     x, y, z = inward(state)
     px, py, pz = _across(x, y, z)
     qx, qy, qz = y * pz - z * py, z * px - x * pz, x * py - y * px
@@ -42,7 +42,7 @@ def first_tetrahedron(piece_a, piece_b, vertices, known, scale, state):
 
 @kernel
 def _across(x, y, z):
-    """A unit vector across (x, y, z) and the axis least along it."""
+    """Unit vector perpendicular to (x, y, z) and to the axis of its smallest component."""
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax <= ay and ax <= az:
         p, q, r = 0.0, z, -y
@@ -56,7 +56,8 @@ def _across(x, y, z):
 
 @kernel
 def _height(w):
-    """Height of the fourth vertex over the first three, times the length of their normal; its square."""
+    """Height of the fourth vertex over the first three, times the length of their normal, and that length
+    squared."""
     x, y, z, square, _ = triangle_normal(w, 0, 1, 2)
     return x * (w[3, 0] - w[0, 0]) + y * (w[3, 1] - w[0, 1]) + z * (w[3, 2] - w[0, 2]), square
 
@@ -100,7 +101,7 @@ def _grow_triangle(piece_a, piece_b, vertices, scale, state):
     area = sqrt(square)
     x, y, z = x / area, y / area, z / area
     base = x * w[0, 0] + y * w[0, 1] + z * w[0, 2]
-    # the side that reaches farther holds the origin's volume
+    # put the fourth vertex on the side where the difference extends farther
     down = add_support(piece_a, piece_b, vertices, -x, -y, -z, 3, state) + base
     up = add_support(piece_a, piece_b, vertices, x, y, z, 3, state) - base
     if up < down:
@@ -110,7 +111,7 @@ def _grow_triangle(piece_a, piece_b, vertices, scale, state):
 
 @kernel
 def flat_normal(w, count, out_normal):
-    """Unit normal of a difference without a volume, of which `count` vertices are known: a point's is z."""
+    """Unit normal of a difference of zero volume from its first `count` vertices; z for a point."""
     n = out_normal
     if count == 1:
         n[0], n[1], n[2] = 0.0, 0.0, 1.0

@@ -1,8 +1,7 @@
-"""GJK: the point of a Minkowski difference nearest to the origin, or the simplex that holds it.
+"""GJK: the point of a Minkowski difference nearest to the origin, or a simplex that contains the origin.
 
-The Minkowski difference of A and B is {a - b}, in B's frame. A simplex of up to four vertices lies in
-`state["w"]`, with the points of A they come from in `state["a"]` and the corners of A and B in
-`state["corner"]`.
+The Minkowski difference of A and B is {a - b}, in B's frame. `state["w"]` holds the simplex of up to four
+vertices, `state["a"]` the support points of A, and `state["corner"]` the corners of A and B.
 """
 
 from math import sqrt
@@ -12,12 +11,12 @@ from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.geometry.shapes import local_support
 
 INSIDE = 15
-"""Mask of all four vertices: the tetrahedron holds the origin."""
+"""Mask of all four vertices: the tetrahedron contains the origin."""
 
 
 @kernel
 def enter_frame(piece_a, piece_b, state):
-    """Lay down A's pose in B's frame, where all queries run: one rotation less for each support."""
+    """Compute A's pose in B's frame; all queries run in that frame, which saves one rotation per support."""
     m, n, turn, gap = piece_a["world_rotation"], piece_b["world_rotation"], state["turn"], state["gap"]
     p, q = piece_a["world_position"], piece_b["world_position"]
     x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
@@ -29,7 +28,7 @@ def enter_frame(piece_a, piece_b, state):
 
 @kernel
 def inward(state):
-    """Unit direction from A's origin to B's, or x where they coincide."""
+    """Unit direction from A's origin to B's, or x if they coincide."""
     gap = state["gap"]
     x, y, z = gap[0], gap[1], gap[2]
     length = sqrt(x * x + y * y + z * z)
@@ -40,13 +39,13 @@ def inward(state):
 
 @kernel
 def add_support(piece_a, piece_b, vertices, x, y, z, k, state):
-    """Write the difference's support along (x, y, z) into vertex k; returns its reach along it."""
+    """Write the difference's support point along (x, y, z) to vertex k; returns the support value [m]."""
     return inline_support(piece_a, piece_b, vertices, x, y, z, k, state)
 
 
 @inlined_kernel
 def inline_support(piece_a, piece_b, vertices, x, y, z, k, state):
-    """`add_support` for the hottest loop, which gains 10 % from not calling it."""
+    """`add_support` inlined: the hottest loop gains 10 %."""
     turn, gap = state["turn"], state["gap"]
     w, a, corner = state["w"][k], state["a"][k], state["corner"][k]
     u = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
@@ -64,7 +63,7 @@ def inline_support(piece_a, piece_b, vertices, x, y, z, k, state):
 
 @kernel
 def shift_simplex(state, count, x, y, z):
-    """Move B by (x, y, z) against A, and with it the first `count` vertices."""
+    """Translate B by (x, y, z) relative to A, and update the first `count` vertices."""
     w, a, gap = state["w"], state["a"], state["gap"]
     gap[0], gap[1], gap[2] = gap[0] - x, gap[1] - y, gap[2] - z
     for k in range(count):
@@ -74,12 +73,12 @@ def shift_simplex(state, count, x, y, z):
 
 @kernel
 def nearest_on_simplex(piece_a, piece_b, vertices, count, state):
-    """GJK until rounding ends it, from the first `count` vertices of `state`, at most 3.
+    """Run GJK to rounding from the first `count` vertices of `state`, at most 3.
 
     Returns:
         (count, distance, bound, x, y, z, iterations): vertices left in the simplex; distance of the
         difference from the origin [m], a lower bound on it, and its nearest point. Count 4 and distance 0
-        when it holds the origin. `state["weights"]` are the nearest point's barycentric ones.
+        if it contains the origin. `state["weights"]` holds the nearest point's barycentric coordinates.
     """
     w, largest = state["w"], 0.0
     for k in range(count):
@@ -92,14 +91,14 @@ def nearest_on_simplex(piece_a, piece_b, vertices, count, state):
         if count == 4 or square <= DISTANCE_TOLERANCE * DISTANCE_TOLERANCE * largest:
             return count, 0.0, 0.0, x, y, z, iterations
         reach = add_support(piece_a, piece_b, vertices, -x, -y, -z, count, state)
-        # no point of the difference is nearer than the plane through the new vertex
+        # the plane through the new vertex bounds the distance of the difference from below
         bound = -reach / sqrt(square)
         if square + reach <= DISTANCE_TOLERANCE * sqrt(square * largest) or repeats(w, count):
             break
         largest = max(largest, w[count, 0] ** 2 + w[count, 1] ** 2 + w[count, 2] ** 2)
         choice = _nearest(w, count + 1)
         nearer = _square(w, choice)
-        # rounding ends progress: the last simplex stands
+        # rounding prevents further progress: keep the last simplex
         if nearer >= square + DISTANCE_TOLERANCE * sqrt(square * largest) and choice[0] != INSIDE:
             break
         count, x, y, z = _keep(state, choice)
@@ -128,7 +127,7 @@ def repeats(w, count):
 
 @kernel
 def _keep(state, choice):
-    """Keep the vertices that carry the nearest point; returns (count, x, y, z)."""
+    """Reduce the simplex to the vertices that support the nearest point; returns (count, x, y, z)."""
     w, a, corner, weights = state["w"], state["a"], state["corner"], state["weights"]
     mask, p, q, r, s = choice
     kept = 0
@@ -144,7 +143,7 @@ def _keep(state, choice):
             y += share * w[kept, 1]
             z += share * w[kept, 2]
             kept += 1
-    # of a triangle rather along its normal: next to it rounding would turn the direction
+    # for a triangle, project onto the normal: near its plane, rounding would turn the weighted sum
     if kept == 3:
         nx, ny, nz, square, _ = triangle_normal(w, 0, 1, 2)
         share = (nx * w[0, 0] + ny * w[0, 1] + nz * w[0, 2]) / square
@@ -165,7 +164,7 @@ def _between(p, q, r):
 
 @kernel
 def _place(i, j, k, u, v, t):
-    """Weights u, v, t at vertices i, j, k (-1: none) as (mask, four weights)."""
+    """Pack weights u, v, t of vertices i, j, k (-1: none) as (mask, four weights)."""
     mask = 0
     p = q = r = s = 0.0
     for n in range(3):
@@ -199,9 +198,9 @@ def _segment(w, i, j):
 
 @inlined_kernel
 def triangle_normal(w, i, j, k):
-    """(w_j - w_i) x (w_k - w_i), its square and that of the longer of these edges.
+    """Normal (w_j - w_i) x (w_k - w_i), its squared length and that of the longer of these edges.
 
-    Of a sliver it is taken from the two shorter edges: rounding grows with the product of their lengths.
+    A sliver's normal comes from its two shorter edges: rounding grows with the product of edge lengths.
     """
     px, py, pz = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
     qx, qy, qz = w[k, 0] - w[i, 0], w[k, 1] - w[i, 1], w[k, 2] - w[i, 2]
@@ -222,7 +221,7 @@ def triangle_normal(w, i, j, k):
 
 @inlined_kernel
 def _square(w, choice):
-    """Squared distance from the origin of the point with mask and weights `choice`."""
+    """Squared distance from the origin to the point with mask and weights `choice`."""
     _, p, q, r, s = choice
     total = 0.0
     for i in range(3):
@@ -236,7 +235,7 @@ def _square(w, choice):
 def _triangle(w, i, j, k):
     """Nearest point of triangle ijk to the origin: (mask, four weights)."""
     nx, ny, nz, square, _ = triangle_normal(w, i, j, k)
-    # signed areas of the sub-triangles that the origin's projection spans
+    # signed areas of the sub-triangles at the origin's projection
     a, b, c = w[i], w[j], w[k]
     u = nx * (b[1] * c[2] - b[2] * c[1]) + ny * (b[2] * c[0] - b[0] * c[2]) + nz * (b[0] * c[1] - b[1] * c[0])
     v = nx * (c[1] * a[2] - c[2] * a[1]) + ny * (c[2] * a[0] - c[0] * a[2]) + nz * (c[0] * a[1] - c[1] * a[0])
@@ -255,7 +254,7 @@ def _triangle(w, i, j, k):
 
 @inlined_kernel
 def _tetrahedron(w):
-    """Nearest point of the tetrahedron to the origin: (mask, four weights); INSIDE when it holds it."""
+    """Nearest point of the tetrahedron to the origin: (mask, four weights); INSIDE if it contains it."""
     best = (0, 0.0, 0.0, 0.0, 0.0)
     least = -1.0
     for n in range(4):
@@ -265,7 +264,7 @@ def _tetrahedron(w):
         inner = origin + nx * w[n, 0] + ny * w[n, 1] + nz * w[n, 2]
         height = inner * inner
         flat = height <= FLAT_HEIGHT * FLAT_HEIGHT * square * _between(w[n], w[i], w[i])
-        # the origin is on the far side of this face from the fourth vertex, or the tetrahedron has no volume
+        # the face separates the origin from the fourth vertex, or the tetrahedron has no volume
         if origin * inner < 0 or flat:
             choice = _triangle(w, i, j, k)
             square = _square(w, choice)

@@ -1,7 +1,7 @@
-"""Convex pieces: pose in the world, bounding box, and support function of the core.
+"""Convex pieces: world pose, bounding box, and support function of the core.
 
-A piece is a core plus a `radius` round it: a sphere is a point, a capsule a segment along z of half length
-`size[2]`. The other kinds have none.
+A piece is a core enlarged by `radius` (Minkowski sum with a ball). A sphere's core is a point, a capsule's a
+segment along z of half length `size[2]`. The other kinds have radius 0.
 """
 
 from math import inf, sqrt
@@ -13,12 +13,12 @@ from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import multiply, rotate
 
 FAINT, HUGE = 1e-290, 1e290
-"""Sums of a direction's components between which its shares are neither lost nor infinite [1]."""
+"""Range of a direction's component sum within which the components' shares are finite and nonzero [1]."""
 
 
 @kernel
 def place_piece(piece, body, vertices, margin):
-    """World pose and bounding box of a piece from its body's pose; the box is widened by `margin` [m]."""
+    """Compute world pose and AABB of a piece from its body's pose; `margin` [m] enlarges the box."""
     multiply(body["rotation"], piece["rotation"], piece["world_rotation"])
     rotate(body["rotation"], piece["position"], piece["world_position"])
     position, rotation = piece["world_position"], piece["world_rotation"]
@@ -42,11 +42,11 @@ def place_piece(piece, body, vertices, margin):
 
 @inlined_kernel
 def corner_of_hull(piece, vertices, u, v, w):
-    """Row of the hull's vertex farthest along (u, v, w), piece frame; the first of equally far ones.
+    """Row of the hull's support vertex along (u, v, w), piece frame; ties go to the lowest row.
 
-    Tries all vertices, or the candidates of the direction's cell: see `support_table.py`.
+    Scans all vertices, or the candidates in the direction's cell of the support table (`support_table.py`).
     """
-    # known not to be negative: spares Numba's check for negative indices
+    # unsigned fields are never negative, which spares Numba's check for negative indices
     first, count = np.int64(piece["first_vertex"]), np.int64(piece["vertex_count"])
     cells, size = np.int64(piece["cells"]), piece["size"]
     p, q = abs(u) * size[0], abs(v) * size[1]
@@ -65,14 +65,14 @@ def corner_of_hull(piece, vertices, u, v, w):
     most = -inf
     while True:
         listed = vertices[first + count + (place >> 2)]["lists"][place & 3]
-        # a fourth that is no vertex numbers the list that goes on
+        # a fourth entry beyond the vertices is the index of the list's continuation
         place = np.int64(listed[3]) - count
         more = place >= 0
         i, j, k = first + listed[0], first + listed[1], first + listed[2]
         m = k if more else first + listed[3]
         along, other = _along(vertices, i, u, v, w), _along(vertices, j, u, v, w)
         third, fourth = _along(vertices, k, u, v, w), _along(vertices, m, u, v, w)
-        # two by two: the processor needs not wait for one comparison to do the next
+        # compare in pairs: the processor can overlap independent comparisons
         i, along = (j, other) if other > along else (i, along)
         k, third = (m, fourth) if fourth > third else (k, third)
         i, along = (k, third) if third > along else (i, along)
@@ -84,18 +84,18 @@ def corner_of_hull(piece, vertices, u, v, w):
 
 @inlined_kernel
 def _along(vertices, row, u, v, w):
-    """Height of a vertex along (u, v, w) [m]."""
+    """Dot product of a vertex with (u, v, w) [m]."""
     position = vertices[row]["position"]
     return u * position[0] + v * position[1] + w * position[2]
 
 
 @inlined_kernel
 def local_support(piece, vertices, u, v, w):
-    """Point of the core farthest along (u, v, w), piece frame [m].
+    """Support point of the core along (u, v, w), piece frame [m].
 
     Returns:
-        (corner, x, y, z): the point, and which corner it is: the hull's vertex, the box' octant (bits: x, y,
-        z not negative; a capsule's end alike), 0 for a point, -1 on a smooth core.
+        (corner, x, y, z): the index of the corner, and the point. The index is the hull's vertex, the octant
+        of a box or of a capsule's end (bits: x, y, z not negative), 0 for a point, -1 for a smooth core.
     """
     kind, size = piece["kind"], piece["size"]
     if kind == HULL:
@@ -119,7 +119,7 @@ def local_support(piece, vertices, u, v, w):
 
 @kernel
 def local_corner(piece, vertices, corner):
-    """A corner as `support` tells it, piece frame [m]: (x, y, z)."""
+    """Position (x, y, z) of the corner with an index from `local_support`, piece frame [m]."""
     size = piece["size"]
     if piece["kind"] == HULL:
         position = vertices[piece["first_vertex"] + corner]["position"]
@@ -133,7 +133,7 @@ def local_corner(piece, vertices, corner):
 
 @kernel
 def turned(rotation, u, v, w):
-    """A vector (u, v, w) turned by a rotation matrix: (x, y, z)."""
+    """Rotate the vector (u, v, w) by a rotation matrix: (x, y, z)."""
     return (
         rotation[0, 0] * u + rotation[0, 1] * v + rotation[0, 2] * w,
         rotation[1, 0] * u + rotation[1, 1] * v + rotation[1, 2] * w,
