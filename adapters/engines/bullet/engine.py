@@ -224,8 +224,8 @@ class World:
         return int(number)
 
     def _tell(self, number: int, bodies: Links, turned: int) -> None:
-        """Set coefficients, damping and activation of a new base and its links; link k belongs to bodies[k +
-        1]. Set moments of inertia of the base and of the first `turned` links."""
+        """Set coefficients, damping and activation of a new base and its links (link k: bodies[k + 1]), and
+        moments of inertia of the base and of the first `turned` links."""
         root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         told = self._told.base | (self._told.hull if has_hull else {})
