@@ -25,7 +25,7 @@ def signed_distance(vertices_a: Array, vertices_b: Array) -> tuple[float, Array]
         vertices_a, vertices_b: world coordinates (n, 3) and (m, 3) [m].
     Returns:
         Minus the minimum offset of the difference's faces if it contains the origin; otherwise the distance
-            of the origin from it, by a non-negative least-squares problem.
+        of the origin from it, by a non-negative least-squares problem.
     """
     difference = (vertices_a[:, None, :] - vertices_b[None, :, :]).reshape(-1, 3)
     hull = ConvexHull(difference)
