@@ -43,8 +43,7 @@ class Answers:
     """Results of a batch of n queries.
 
     Distance (n,) [m] and normal (n, 3) are NaN if nothing is reported; `failures` maps a query's index to its
-    failure. For a motion, `held` (n,) tells whether the previous frame's answer, posed in this frame, was
-    certified.
+    failure. For a motion, `held` (n,) marks queries whose previous answer, moved with the pieces, was certified.
     """
 
     distance: Array

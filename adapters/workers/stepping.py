@@ -1,4 +1,4 @@
-"""Child processes that time the steps of worlds and read nothing out, one per engine: for benchmarks."""
+"""Child processes that time the steps of worlds without reading the state, one per engine: for benchmarks."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Forward kinematics of a driven body in NumPy, its joint-space inertia, and bounding boxes of pieces.
 
-Servos, bounds and postures of every engine use this module, as do the tracked postures of the overlap judge:
-neither needs the reference. Conventions as in `scenario.py`: at angle q the child frame is at the hinge's
-position in the parent frame, with orientation rotation(axis, q) * the hinge's orientation.
+Servos, bounds and postures of every engine use this module, as do the tracked postures from which the judge
+measures pressing: neither needs the reference. Conventions as in `scenario.py`: at angle q the child frame is
+at the hinge's position in the parent frame, with orientation rotation(axis, q) * the hinge's orientation.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Vertices of a convex hull for the kernels, with a lookup table for support queries in constant time.
 
-The table sorts directions by octant (the signs of the components) and then by a regular grid over (|u|, |v|)
-/ (|u| + |v| + |w|). Each axis is first scaled by the hull's half extent, so a needle's table is as good as a
-ball's. A grid cell stores its candidates: the vertices that can be the support point for one of its
+The table sorts directions by octant (the signs of the components) and then by a regular grid over
+(|u|, |v|) / (|u| + |v| + |w|). Each axis is first scaled by the hull's half extent, so a needle's table is as
+good as a ball's. A grid cell stores its candidates: the vertices that can be the support point for one of its
 directions. A vertex is dropped if another is farther at all corners of the cell: heights are linear in the
 direction, so that vertex is farther in the whole cell. A list holds four entries; longer lists are chained.
 """
