@@ -83,7 +83,7 @@ class Settings:
         changes: "key=value" that differ from the profile (reference only).
         effects: effects requested; None: those that the scene requires.
         skipped: stages that the reference skips, from the plan.
-        rooms: whether the reference skips collision checks of pieces that stay inside their fat bounds.
+        fat_bounds: whether the reference skips collision checks of pieces that stay inside their fat bounds.
         sleeping: whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds.
         drive: one of DRIVES.
         tracker: one of TRACKERS, the variant of the scene's trackers.

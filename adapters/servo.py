@@ -1,12 +1,12 @@
 """Virtual coupling of the root and hinge servo, the same for every dynamics engine.
 
 Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6), and a torque, critically damped at the
-same frequency w = sqrt(K / m): I (w^2 theta + 2 w (omega_t - omega)). Hinges: torque M (w_h^2 (q_t - q) + 2
-w_h (q_t' - q')). I is the inertia of the whole driven body about the root's origin in the first posture. M is
-the effective inertia of the hinges in that posture with the root *free*, limited to `INERTIA_RATIO` times the
-effective inertia in any posture of the tracker: a bent arm's twist has thirty times the inertia of a
-stretched one's. With the root fixed, or without the limit, the gains would be too high, and an explicit servo
-diverges at 1/240 s. Manifests publish both as gains.
+same frequency w = sqrt(K / m): I (w^2 theta + 2 w (omega_t - omega)). Hinges: torque
+M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the inertia of the whole driven body about the root's origin in
+the first posture. M is the effective inertia of the hinges in that posture with the root *free*, limited to
+`INERTIA_RATIO` times the effective inertia in any posture of the tracker: a bent arm's twist has thirty times
+the inertia of a stretched one's. With the root fixed, or without the limit, the gains would be too high, and
+an explicit servo diverges at 1/240 s. Manifests publish both as gains.
 
 By default (`native`) hinges follow an engine's own position servo, with one gain per hinge
 (`servo_stiffness`, `servo_damping`); each adapter documents its servo. Explicit torques held over a step add

@@ -1,8 +1,8 @@
 """Art gallery of the scenes: two rooms joined by a doorway, with twenty objects.
 
-The west room contains `table`, whose top is centred above the world's origin; the floor's upper face is z =
-0. Bodies that are not convex (tables, frames, the ring, the partition with its doorway) are unions of convex
-pieces; sculptures have hundreds of triangles each. All bodies are fixed and of one material.
+The west room contains `table`, whose top is centred above the world's origin; the floor's upper face is
+z = 0. Bodies that are not convex (tables, frames, the ring, the partition with its doorway) are unions of
+convex pieces; sculptures have hundreds of triangles each. All bodies are fixed and of one material.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class Answers:
     """Results of a batch of n queries.
 
     Distance (n,) [m] and normal (n, 3) are NaN if nothing is reported; `failures` maps a query's index to its
-    failure. For a motion, `held` (n,) marks queries whose previous answer, moved with the pieces, was certified.
+    failure. For a motion, `held` (n,) marks queries whose moved previous answer was certified.
     """
 
     distance: Array

@@ -25,8 +25,8 @@ from touchstone.scenarios.scenario import Piece, Scenario, Tracker
 FREE = 1e-6
 """Maximum overlap of a free posture [m]: tolerance of the reference's removal."""
 SETTLED = 1e-3
-"""Rotation of every hinge below which the iteration has converged [rad]: near a minimum the change of |q -
-q_tracker|^2 is of second order, 1e-6 rad^2."""
+"""Rotation of every hinge below which the iteration has converged [rad]: near a minimum the change of
+|q - q_tracker|^2 is of second order, 1e-6 rad^2."""
 REACH = 0.1
 """Distance within which pairs give half-spaces [m]: as far as STRIDE moves an elbow."""
 STRIDE = 0.3
@@ -109,8 +109,8 @@ class NearestPosture:
         return best
 
     def _descend(self, posture: Array, tracked: Array, most: float) -> Array | None:
-        """Local minimum from a start; None if no posture is free within LINEARISATIONS, or if |q -
-        q_tracker|^2 exceeds `most` after MEMORY of them."""
+        """Local minimum from a start; None if no posture is free within LINEARISATIONS, or if
+        |q - q_tracker|^2 exceeds `most` after MEMORY of them."""
         kept: list[_Plane] = []
         for number in range(LINEARISATIONS):
             depth, planes = self._near(posture, kept)

@@ -4,8 +4,8 @@ MuJoCo has springs instead of e. A contact takes its stiffness and damping per u
 solref = (-stiffness, -damping).
 
 By default zeta = -ln e / sqrt(pi^2 + ln^2 e), the ratio at which a spring that may also pull has this e, and
-solref = (-w^2, -2 zeta w) with w = 1 / max(0.02 zeta, 2 dt). This is the default time constant of 20 ms (e =
-0 is MuJoCo's default contact), but never stiffer than MuJoCo's own limit for a critically damped contact
+solref = (-w^2, -2 zeta w) with w = 1 / max(0.02 zeta, 2 dt). This is the default time constant of 20 ms
+(e = 0 is MuJoCo's default contact), but never stiffer than MuJoCo's limit for a critically damped contact
 (timeconst >= 2 dt; the positive form has no such limit for zeta < 1 and gains energy). Friction is set per
 pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal cone share the pair's damping:
 friction is Coulomb's for e up to about .8, decreases above, and vanishes at e = 1.
