@@ -12,7 +12,7 @@ from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Set
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An engine's "module:Class", the package it needs, and its native step per profile [s].
+    """An engine's "module:Class", the package it needs, and its native step [s] per profile.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one
