@@ -1,1 +1,1 @@
-"""Scenario in, Recording out. One file per engine; the only place an engine is imported."""
+"""Adapters that turn a Scenario into a Recording, one per engine; no other package imports an engine."""

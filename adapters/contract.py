@@ -1,10 +1,10 @@
-"""The contract every engine meets: Engine, World, Settings, State, Manifest, Unsupported.
+"""Interface of every engine: Engine, World, Settings, State, Manifest, Unsupported.
 
-Conventions: SI, radians, z up, quaternions wxyz. A body's position is its origin in the world, its linear
-velocity that of its *centre of mass*, its angular velocity along the world's axes. A contact's normal
-points from body A to body B and A comes before B in the scenario; its distance is negative in overlap; its
-impulse is the one B feels in this step, in world axes, friction included. A body drawn from a driven hand
-is one link. Contacts carry the geometry of the *start* of the step they acted in.
+Conventions: SI units, radians, z up, quaternions wxyz. A body's position is its origin in the world frame;
+its linear velocity is that of its *centre of mass*; its angular velocity is along the world axes. In a
+contact, A comes before B in the scenario and the normal points from A to B. The distance is negative in
+overlap. The impulse acts on B during this step, in world axes, friction included. A body drawn from a driven
+hand is one link. Contacts carry the geometry at the *start* of the step they acted in.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ Array = NDArray[np.float64]
 Scalar = str | int | float | bool
 
 CONTACT_CAPACITY = 32_768
-"""Contact points a step may report; more is an error, never a silent loss."""
+"""Maximum number of contact points per step; overflow raises an error instead of dropping points."""
 
 DRIVES = ("native", "torque", "posed")
-"""How an engine's hinges follow their tracker: by its own position servo (the default), by explicit torques
-that we hold over a step, or not at all, for links are kinematic (`posed.py`)."""
+"""Ways to drive an engine's hinges: by the engine's own position servo (default), by explicit torques held
+constant over a step, or not at all because links are kinematic (`posed_drive.py`)."""
 
 RESIDUAL_COUNTERS = ("residual", "residual.body_a", "residual.body_b")
-"""Counters that belong together: the largest speed by which a contact misses its law after it was solved
-[m/s], and its bodies by index (-1: none). Of several steps those of the largest residual are kept."""
+"""Counters that belong together: the largest speed by which a contact violates its law after the solve [m/s],
+and the indices of its bodies (-1: none). Over several steps, those of the largest residual are kept."""
 
 CONTACT_FIELDS = np.dtype(
     [
-        ("time", "f8"),  # [s] start of the step, or the moment of the impact where an engine knows it
+        ("time", "f8"),  # [s] start of the step, or time of the impact if the engine knows it
         ("body_a", "i8"),
         ("body_b", "i8"),
         ("position", "f8", 3),  # [m] midpoint of the two witnesses
         ("normal", "f8", 3),  # from A to B
         ("distance", "f8"),  # [m]
         ("impulse", "f8", 3),  # [N s] on B
-        ("velocity_a_before", "f8", 3),  # [m/s] of A's surface at `position`; NaN: record.py works it out
+        ("velocity_a_before", "f8", 3),  # [m/s] of A's surface at `position`; NaN: the recorder computes it
         ("velocity_b_before", "f8", 3),
         ("velocity_a_after", "f8", 3),
         ("velocity_b_after", "f8", 3),
@@ -52,11 +52,11 @@ CONTACT_FIELDS = np.dtype(
 
 
 MISSING, UNIMPORTABLE = "missing", "unimportable"
-"""How a run ends whose engine is not installed, and whose engine is installed but cannot be imported."""
+"""Status of a run whose engine is not installed, or is installed but cannot be imported."""
 
 
 class AdapterError(Exception):
-    """Base of what adapters raise on purpose; `status` is how a run that raises it ends."""
+    """Base class of the adapters' exceptions; `status` is the status of a run that raises it."""
 
     status: ClassVar[str] = "error"
 
@@ -68,18 +68,26 @@ class Unsupported(AdapterError):
 
 
 class NotInstalled(AdapterError):
-    """The engine's package is missing; the message names the extra that brings it."""
+    """The engine's package is missing; the message names the extra that installs it."""
 
     status = MISSING
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How an engine is to run: a named profile, the native step [s], and "key=value" that differ from the
-    profile (reference only); the effects asked for, or None for those that the scene calls for; and, filled
-    in from the plan, the stages that the reference leaves out, whether it leaves out in each frame what can
-    meet nothing in it, and whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds;
-    one of DRIVES, how they drive hinges; and one of TRACKERS, which variant of them the scene was given."""
+    """How to run an engine.
+
+    Attributes:
+        profile: name of the profile.
+        dt: native step [s].
+        changes: "key=value" that differ from the profile (reference only).
+        effects: effects requested; None: those that the scene requires.
+        skipped: stages that the reference skips, from the plan.
+        fat_bounds: whether the reference skips collision checks of pieces that stay inside their fat bounds.
+        sleeping: whether DART, Bullet and MuJoCo let bodies sleep, by their own thresholds.
+        drive: one of DRIVES.
+        tracker: one of TRACKERS, the variant of the scene's trackers.
+    """
 
     profile: str
     dt: float
@@ -93,7 +101,7 @@ class Settings:
 
     @property
     def label(self) -> str:
-        """What results are filed under: a changed profile is never mistaken for the profile."""
+        """Key of the results, distinct for every change of a profile."""
         changed = [*self.changes]
         if self.drive != DRIVES[0]:
             changed.append(f"drive={self.drive}")
@@ -115,7 +123,7 @@ class BodyFacts:
 
 @dataclass(frozen=True, slots=True)
 class PairFacts:
-    """Restitution and friction the engine will use for a pair of bodies, under its own mixing rule."""
+    """Restitution and friction that the engine uses for a pair of bodies, after its own combine rule."""
 
     body_a: str
     body_b: str
@@ -125,7 +133,7 @@ class PairFacts:
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """What the engine says it simulates: everything here is read back from it, hidden defaults included."""
+    """What the engine simulates, read back from it, hidden defaults included."""
 
     engine: str
     version: str
@@ -135,23 +143,23 @@ class Manifest:
     bodies: Mapping[str, BodyFacts]
     pairs: tuple[PairFacts, ...]
     drives: Mapping[str, object] = field(default_factory=dict)
-    effects: Mapping[str, str] = field(default_factory=dict)  # what the plan does about each, and why
+    effects: Mapping[str, str] = field(default_factory=dict)  # the plan's decision on each, and why
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of each hinge [rad]
     pieces: Mapping[str, int] = field(default_factory=dict)  # of each body
     freedom: int = 0  # degrees of freedom of all simulated and driven bodies
 
 
 def contact_overflow(capacity: int) -> str:
-    """The line for a step with more contact points than there is room for."""
+    """Message for a step whose contact points exceed the capacity."""
     return f"more than {capacity} contact points in one step: the scene has too many contacts to record"
 
 
 class State:
-    """What a step leaves behind, in preallocated arrays that `World.read` fills.
+    """State after a step, in preallocated arrays that `World.read` fills.
 
-    n bodies (links included), t trackers, j hinges in the order of the trackers' joints. `force` and
-    `torque` [N, N m; world, at the root's origin] and `hinge_torque` [N m] are what the drive applied during
-    the step; NaN where the engine poses its driven bodies itself.
+    n bodies (links included), t trackers, j hinges in the order of the trackers' joints. `force` and `torque`
+    [N, N m; world, at the root's origin] and `hinge_torque` [N m] are what the drive applied during the step;
+    NaN if the engine poses its driven bodies itself.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -170,14 +178,14 @@ class State:
         self.contact_count = 0
 
     def clear_contacts(self) -> None:
-        """Forget the contacts of the last step."""
+        """Clear the contacts of the last step."""
         self.contact_count = 0
 
     def add_contact(
         self, a: int, b: int, position: Array, normal: Array, distance: float, impulse: Array
     ) -> None:
-        """Append one contact point. `normal` goes from body a to body b and `impulse` acts on b; both are
-        turned round when a comes after b in the scenario."""
+        """Append one contact point. `normal` points from body a to body b and `impulse` acts on b; both are
+        flipped if a comes after b in the scenario."""
         if self.contact_count == CONTACT_CAPACITY:
             raise AdapterError(contact_overflow(CONTACT_CAPACITY))
         sign = 1.0 if a < b else -1.0
@@ -199,43 +207,46 @@ class State:
 
 
 class World(Protocol):
-    """A scene inside an engine. `record.py` calls, per step: drive, step, read."""
+    """A scene inside an engine. The recorder calls drive, step and read in every step."""
 
     def drive(self, step: int) -> None:
         """Command the driven bodies for native step number `step` (0 is the first)."""
 
     def step(self) -> None:
-        """Advance by one native step: the engine's own call and nothing else, for it is what is timed."""
+        """Advance by one native step. This call is timed, so it contains the engine's own call and nothing
+        else."""
 
     def read(self, state: State) -> None:
-        """Write poses, velocities, hinges, drive and contacts of the step just made into `state`."""
+        """Write poses, velocities, hinges, drive and contacts of the last step into `state`."""
 
     def describe(self) -> Manifest:
-        """The manifest, as read back from the engine."""
+        """Manifest as read back from the engine."""
 
     def cross(self) -> None:
-        """An empty call into the engine: what crossing from Python costs."""
+        """Make an empty call into the engine, which measures the call overhead from Python."""
 
     def stage_seconds(self) -> Mapping[str, float]:
-        """Seconds per stage since the last call; empty where the engine tells nothing."""
+        """Time per stage since the last call [s]; empty if the engine reports none."""
 
     def work(self) -> Mapping[str, float]:
-        """Work counters of the last step (pairs, impulses, iterations), and what it left unresolved:
-        RESIDUAL_COUNTERS, `dropped_time` [s] that was not simulated, `parted_energy` [J] that parting
-        overlapping bodies added. Empty where the engine reports none."""
+        """Work counters of the last step (pairs, impulses, iterations) and what it left unresolved.
+
+        The latter are RESIDUAL_COUNTERS, `dropped_time` [s] that was not simulated, and `parted_energy` [J]
+        added by the separation of overlapping bodies. Empty if the engine reports none.
+        """
 
     def close(self) -> None:
-        """Free what the engine holds."""
+        """Release the engine's resources."""
 
 
 class Engine(Protocol):
-    """An engine. `profiles` maps each profile's name to its native step [s]; it stands in the registry."""
+    """An engine. `profiles` maps each profile's name to its native step [s], as in the registry."""
 
     name: ClassVar[str]
     profiles: ClassVar[Mapping[str, float]]
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported where the engine cannot represent it."""
+        """Translate a scenario; raises Unsupported if the engine cannot represent it."""
 
     def version(self) -> str:
-        """The engine's version, as it says itself."""
+        """Version that the engine reports."""

@@ -1,4 +1,4 @@
-"""Whether a run still simulates its scene: finite numbers, energies and places that it can reach."""
+"""Divergence checks of a run: finite values, bounded energy, and positions within the plan's bounds."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from touchstone.scenarios.effects import Plan
 from touchstone.scenarios.scenario import Scenario, Tracker
 
 SPEED_MAX = 1e6
-"""Speed [m/s] and angular speed [rad/s] beyond which a run has diverged. Scenes measure metres and last
-seconds: nothing in them moves by 16 km or turns 2,600 times in a frame."""
+"""Speed [m/s] and angular speed [rad/s] beyond which a run has diverged: 16 km or 2,600 turns per frame, in
+scenes that measure metres and last seconds."""
 EXPLODED = 300.0
-"""Factor over the energy that a scene allows from which a run has diverged, wherever its bodies are. Known
-defects stay below: the worst of the catalogue, under the reference's `paper`, are 13 (`rod_e1`) and 42
-(`stack`, which starts at rest). An explosion passes it within some frames."""
+"""Factor over the allowed energy beyond which a run has diverged, wherever its bodies are. Known defects stay
+below: the worst of the catalogue, under the reference's `paper`, are 13 (`rod_e1`) and 42 (`stack`, which
+starts at rest). An explosion exceeds it within a few frames."""
 GROWN = 2.0
-"""Factor over the energy that a scene allows from which a body that leaves its plan's bounds has been thrown
-out. Below it, the bounds themselves are wrong: an integrator of first order gains some percent."""
+"""Factor over the allowed energy beyond which a body outside its plan's bounds counts as diverged. Below it
+the bounds themselves are wrong: a first-order integrator gains a few percent."""
 UNSEEN = 0.1
-"""Speed of all bodies [m/s] whose energy is allowed in any scene: the noise of one at rest."""
+"""Speed of all bodies whose energy is allowed in any scene [m/s]: numerical noise of bodies at rest."""
 TESTED = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
-"""Fields of a state that must be finite."""
+"""State fields that must be finite."""
 
 
 class Watch:
-    """Checks of a run. A fault is one sentence; the caller adds when it happened."""
+    """Checks of a run. A fault is one sentence; the caller adds the time."""
 
     def __init__(self, scenario: Scenario, plan: Plan | None = None) -> None:
         self._plan = plan
@@ -46,16 +46,16 @@ class Watch:
         for name in ("position", "orientation", "linear_velocity", "angular_velocity"):
             getattr(start, name)[:] = [getattr(body, name) for body in scenario.bodies]
         self._top = self._potential(start)
-        # a body that a wall of speed u hits leaves with up to 2 u
+        # A body hit by a wall of speed u leaves with up to 2 u.
         paid = self._mass.sum() * (UNSEEN**2 + (2 * drive_speed) ** 2) / 2
         self._paid = paid + float(self._kinetic(start).sum())
         self._fall = 0.0
 
     def step_fault(self, state: State) -> str | None:
-        """What is not finite, or faster than SPEED_MAX; None where nothing is."""
+        """Message if a value is not finite or exceeds SPEED_MAX; None otherwise."""
         for name in TESTED:
             rows = getattr(state, name)
-            # one product tells: what is not finite, or overflows, is not less
+            # The comparison is false for values that are not finite or overflow.
             if not np.vdot(rows, rows) < SPEED_MAX**2:
                 fault = self._explained(name, rows)
                 if fault:
@@ -63,7 +63,7 @@ class Watch:
         return None
 
     def _explained(self, name: str, rows: Array) -> str | None:
-        """What is wrong with a field of the state, if anything is."""
+        """Message for a faulty field of the state; None if it is sound."""
         quantity = name.replace("_", " ")
         if not np.isfinite(rows).all():
             row = int(np.argmin(np.isfinite(rows.reshape(len(rows), -1)).all(axis=1)))
@@ -79,7 +79,7 @@ class Watch:
         return f"diverged: the {quantity} of {self._names[row]!r} is {speeds[row]:.2g} {unit}"
 
     def frame_fault(self, state: State) -> str | None:
-        """Energy from nowhere, or a place that the plan leaves out; None where there is neither."""
+        """Message if energy grows without a cause or a body leaves its plan's bounds; None otherwise."""
         left = self._plan and self._plan.broken(state.position, self._names)
         grown = self._grown(state, GROWN if left else EXPLODED)
         if grown or not left:
@@ -87,11 +87,12 @@ class Watch:
         return f"{left} (the plan does not hold; --effects all plays it)"
 
     def _grown(self, state: State, factor: float) -> str | None:
-        """Energy above `factor` times what the start, gravity and the drivers allow, in words.
+        """Message if the energy exceeds `factor` times what the start, gravity and the drivers allow; else
+        None.
 
-        Without drivers, kinetic energy is at most that of the start and what bodies have fallen, and a rise
-        costs as much. A driver lifts bodies: then the fall counts from their highest place, and a rise costs
-        nothing.
+        Without drivers, kinetic energy is bounded by the initial one plus the potential energy released, and
+        a rise above the start counts as energy. Drivers lift bodies: with them the fall counts from the
+        highest potential energy reached, and a rise is free.
         """
         potential = self._potential(state)
         if self._driven:
@@ -122,7 +123,7 @@ class Watch:
 
 
 def _drive_speed(scenario: Scenario, tracker: Tracker) -> float:
-    """Speed that no point of a driven body exceeds while it follows its tracker [m/s]."""
+    """Upper bound on the speed of all points of a driven body that follows its tracker [m/s]."""
     joints = {joint.name: joint for joint in scenario.joints}
     pieces = [piece for k in scenario.links(tracker) for piece in scenario.bodies[k].pieces]
     reach = sum(float(np.linalg.norm(joints[name].position)) for name in tracker.joints)

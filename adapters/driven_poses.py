@@ -1,4 +1,4 @@
-"""Where the pieces of driven bodies are."""
+"""Initial world poses of the pieces of driven bodies."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from touchstone.scenarios.scenario import Piece, Scenario
 
 
 def driven_pieces(scenario: Scenario) -> list[Piece]:
-    """All pieces of driven bodies, posed in the world as their trackers show them at time 0."""
+    """All pieces of driven bodies, posed in the world by their trackers at time 0."""
     placed = []
     for tracker in scenario.trackers:
         start = sample(tracker, np.zeros(1))
@@ -23,7 +23,7 @@ def driven_pieces(scenario: Scenario) -> list[Piece]:
 
 
 def moved(piece: Piece, turn: Rotation, shift: np.ndarray) -> Piece:
-    """A piece turned about the origin, then shifted (3,) [m]."""
+    """A piece rotated about the origin, then translated by (3,) [m]."""
     own = Rotation.from_quat(np.array(piece.orientation), scalar_first=True)
     x, y, z = (turn.apply(piece.position) + shift).tolist()
     qw, qx, qy, qz = (turn * own).as_quat(scalar_first=True).tolist()

@@ -1,8 +1,8 @@
-"""Restitution and friction of every pair that can meet, and per-body numbers that mix to them.
+"""Restitution and friction of all pairs that can touch, and per-body factors that combine to them.
 
-Engines that keep coefficients per body mix them by a rule of their own. Table 1 of the method has no such
-numbers for all its materials at once, but few materials meet in one scene: solved per scene and body, most
-scenes have them. Where one has not, its name and its pairs are told: `Unsupported`.
+Some engines store coefficients per body and combine them by their own rule. Table 1 of the method has no such
+factors for all its materials at once. Few materials occur in one scene, so most scenes have factors when they
+are solved per scene and body. Otherwise `Unsupported` names the coefficient and the pairs.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from touchstone.adapters.contract import Unsupported
 from touchstone.scenarios.scenario import Scenario
 
 MIX_TOLERANCE = 1e-9
-"""Accepted deviation of a mixed coefficient from the one asked for [1]: rounding."""
+"""Tolerance of a combined coefficient [1]: rounding."""
 
 Pairs = dict[tuple[int, int], float]
 
 
 def restitutions(scenario: Scenario) -> Pairs:
-    """Restitution per pair of bodies that can meet (a < b)."""
+    """Restitution per pair of bodies that can touch (a < b)."""
     return {pair: scenario.pair_coefficients(*pair)[0] for pair in scenario.touching_pairs()}
 
 
 def frictions(scenario: Scenario) -> Pairs:
-    """Friction per pair of bodies that can meet (a < b)."""
+    """Friction per pair of bodies that can touch (a < b)."""
     return {pair: scenario.pair_coefficients(*pair)[1] for pair in scenario.touching_pairs()}
 
 
 def check_range(
     engine: str, kind: str, scenario: Scenario, wanted: Pairs, least: float = 0.0, greatest: float = inf
 ) -> None:
-    """Raise Unsupported for the pairs whose coefficient an engine would alter: up to `least` but not zero (it
-    ignores or raises it), or above `greatest` (it cuts it)."""
+    """Raise Unsupported for pairs whose coefficient an engine would alter: nonzero ones up to `least`, which
+    it ignores or raises, and those above `greatest`, which it clamps."""
     out = [pair for pair, value in wanted.items() if 0 < value <= least or value > greatest]
     if out:
         value = wanted[out[0]]
@@ -47,9 +47,9 @@ def check_range(
 def product_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
     """Factors per body with f_a f_b = the pair's coefficient, for engines that multiply.
 
-    A linear system in the logarithms, by its normal equations: scenes of hundreds of bodies have tens of
-    thousands of pairs. Pairs of coefficient zero need one factor of zero, taken from the body that has no
-    other pair than such. Raises Unsupported with the pairs named where none exists.
+    Solves a linear system in the logarithms by its normal equations: scenes of hundreds of bodies have tens
+    of thousands of pairs. A pair with coefficient zero needs one zero factor, taken from the body all of
+    whose pairs are zero. Raises Unsupported with the pairs if no factors exist.
     """
     count = len(scenario.bodies)
     system, logs = np.zeros((count, count)), np.zeros(count)
@@ -64,9 +64,10 @@ def product_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -
 
 
 def minimum_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
-    """Factors per body with min(f_a, f_b) = the pair's coefficient, for engines that take the smaller.
+    """Factors per body with min(f_a, f_b) = the pair's coefficient, for engines that take the minimum.
 
-    The largest coefficient among a body's pairs is the only candidate. Raises Unsupported likewise.
+    The largest coefficient among a body's pairs is the only candidate. Raises Unsupported with the pairs if
+    no factors exist.
     """
     factors = [
         max((value for pair, value in wanted.items() if k in pair), default=0.0)
@@ -92,7 +93,7 @@ def _check(
 
 
 def _named(scenario: Scenario, pairs: list[tuple[int, int]]) -> str:
-    """The first four pairs by name, and how many more there are."""
+    """Names of the first four pairs, and the number of the others."""
     names = [f"{scenario.bodies[a].name}-{scenario.bodies[b].name}" for a, b in pairs]
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     return ", ".join(names[:4]) + more

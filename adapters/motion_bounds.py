@@ -1,11 +1,11 @@
-"""What the bodies of a scenario can reach at most, by kinematics and by energy.
+"""Conservative bounds on the motion of a scenario's bodies, by kinematics and by energy.
 
-Fixed pieces stay. A driven body's links keep to their tracker's way, up to REACH; those of chains to a ball
-round the chain's root, in which they bend as they must. A simulated body that meets nothing flies in closed
-form. One that can meet others keeps within what its energy allows: impacts and friction take energy away, and
-gravity adds speed at most at g to all that can pass it on. One that a driven body can meet is not bounded at
-all; nor is one that is no ball and meets others with restitution and friction: Eqs. 8 and 10, taken as they
-are printed, add energy at every impact. A run watches that bodies keep to it: `Plan.broken`.
+Fixed pieces do not move. Links of a driven body stay within REACH of their tracker's path; links of a chain
+stay in a ball about the chain's root. A simulated body without contacts flies in closed form. A body with
+contacts is bounded by energy: impacts and friction remove energy, and gravity adds speed at most at rate g to
+each group of bodies that can exchange it. Two kinds of bodies are unbounded: those that a driven body can
+touch, and those that are not balls and touch others with both restitution and friction, because Eqs. 8 and 10
+as printed add energy at every impact. A run checks the bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, 
 Indices = NDArray[np.intp]
 
 REACH = 0.3
-"""How far a driven link may be off its tracker's way [m]: held back by objects, carried on by its mass."""
+"""Maximum deviation of a driven link from its tracker's path [m], through obstacles or inertia."""
 POSTURE = 0.1
-"""How much nearer two links of one driven body may come than their tracker shows them [m]."""
+"""Maximum by which the distance of two links of one driven body may fall below the tracked one [m]."""
 SLACK = 0.05
-"""How far a simulated body may be off its closed form or its energy's reach [m], beside the error g h T / 2
-of a first-order step of a displayed frame."""
+"""Maximum deviation of a simulated body from its closed form or its energy bound [m], in addition to the
+error g h T / 2 of a first-order integrator with a step of one displayed frame."""
 GAIN = 2.0
-"""Factor of a speed that laws which gain energy may add to balls [1]: mu j always."""
+"""Factor on the speed of balls for laws that gain energy (friction always mu j) [1]."""
 TOUCH = 1e-6
-"""Distance at which bodies still touch [m]: to spare round fixed pieces."""
+"""Margin about fixed pieces [m]: bodies touch up to this distance."""
 MANY = 3000
-"""Pieces from which on everything is taken to meet: telling them apart would take seconds."""
+"""Piece count beyond which all pieces are assumed to meet, because the test would take seconds."""
 
 
 @lru_cache(maxsize=16)
 def planned(scenario: Scenario, effects: tuple[str, ...] | None = None) -> Plan:
-    """The plan of a scenario, by its bounds; `effects` as in `scenarios.effects.plan`."""
+    """Plan of a scenario from its bounds; `effects` as in `scenarios.effects.plan`."""
     return plan(scenario, bounds(scenario), effects)
 
 
 def bounds(scenario: Scenario) -> Bounds:
-    """Boxes that bodies' origins keep to, and how far bodies then stay from pieces at least."""
+    """Boxes that contain the bodies' origins, and lower bounds on distances between bodies and pieces."""
     world = _World(scenario)
     body = world.body
     n, p = len(scenario.bodies), len(body)
@@ -63,7 +63,7 @@ def bounds(scenario: Scenario) -> Bounds:
 
 
 def extent(piece: Piece) -> float:
-    """Distance of a piece's farthest point from its body's origin [m], or a bound on it."""
+    """Distance of a piece's farthest point from its body's origin [m], or an upper bound."""
     match piece.shape:
         case Sphere(radius):
             size = radius
@@ -79,8 +79,8 @@ def extent(piece: Piece) -> float:
 
 
 def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
-    """Boxes of driven links' origins, from their trackers; returns what the links of one driven body stay
-    apart at least (n, n) [m], infinite elsewhere."""
+    """Set boxes of driven links' origins from their trackers; returns lower bounds on the distances between
+    links of one driven body (n, n) [m], infinite elsewhere."""
     own = np.full((len(reach), len(reach)), np.inf)
     times = np.linspace(0.0, scenario.duration, scenario.frame_count + 1)
     for tracker in scenario.trackers:
@@ -94,7 +94,7 @@ def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
         way = place[near]
         around = reach[links] + arm
         between = np.array([np.sqrt(((way - one) ** 2).sum(axis=-1).min(axis=1)) for one in way])
-        # a link goes on between frames
+        # Account for the motion between frames.
         stride = np.linalg.norm(np.diff(way, axis=1), axis=-1).max(initial=0.0)
         own[np.ix_(links, links)] = (
             between[np.ix_(which, which)] - around[:, None] - around - POSTURE - stride
@@ -105,8 +105,10 @@ def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
 
 
 def _refuse_crossing(scenario: Scenario, shown: Mapping[int, tuple[Array, Array]], times: Array) -> None:
-    """Refuse a person whose tracker puts links through each other that are declared never to meet: where the
-    largest balls within two pieces overlap, nothing but contact between them keeps them apart."""
+    """Refuse a tracker whose links pass through each other without declared self-collision.
+
+    If the inscribed balls of two pieces overlap, only contact between the links could keep them apart.
+    """
     balls = {
         k: [(place + rotation @ piece.position, _inner(piece)) for piece in scenario.bodies[k].pieces]
         for k, (place, rotation) in shown.items()
@@ -127,7 +129,7 @@ def _refuse_crossing(scenario: Scenario, shown: Mapping[int, tuple[Array, Array]
 
 
 def _inner(piece: Piece) -> float:
-    """Radius of a ball round a piece's origin that lies within the piece [m]; 0 where none is known."""
+    """Radius of a ball about a piece's origin inside the piece [m]; 0 if unknown."""
     match piece.shape:
         case Sphere(radius) | Capsule(radius, _):
             return radius
@@ -140,8 +142,12 @@ def _inner(piece: Piece) -> float:
 
 
 def _anchors(scenario: Scenario, tracker: Tracker) -> tuple[Indices, Array, NDArray[np.bool_]]:
-    """What each link's origin stays near, by index in `links`, and how near [m]: itself where its tracker
-    poses it, the root of its chain where inverse kinematics does, at most stretched; and whether it does."""
+    """Anchor link of each link, by index in `links`; maximum distance of the origins [m]; whether it is in a
+    chain.
+
+    A link posed by its tracker anchors itself; a link posed by inverse kinematics is anchored to its chain's
+    root, at the distance of the stretched chain.
+    """
     named = {name for chain in scenario.chains for name in chain.joints}
     count = 1 + len(tracker.joints)
     anchor, arm, chained = np.arange(count), np.zeros(count), np.zeros(count, bool)
@@ -154,7 +160,7 @@ def _anchors(scenario: Scenario, tracker: Tracker) -> tuple[Indices, Array, NDAr
 
 
 class _World:
-    """Arrays of n bodies and their p pieces: what the bounds are worked out from."""
+    """Arrays of n bodies and p pieces from which the bounds are computed."""
 
     def __init__(self, scenario: Scenario) -> None:
         bodies = scenario.bodies
@@ -167,7 +173,7 @@ class _World:
         self.omega = np.array([body.angular_velocity for body in bodies])
         self.mass = np.array([body.mass for body in bodies])
         self.inertia = np.array([body.inertia for body in bodies])
-        # boxes of fixed pieces
+        # Boxes of fixed pieces.
         self.low, self.high = np.zeros((len(self.body), 3)), np.zeros((len(self.body), 3))
         pieces = [piece for body in bodies for piece in body.pieces]
         for row, (k, piece) in enumerate(zip(self.body, pieces)):
@@ -177,7 +183,7 @@ class _World:
 
 
 def _fly(scenario: Scenario, world: _World, low: Array, high: Array) -> None:
-    """Boxes of simulated bodies' origins in free flight."""
+    """Set boxes of simulated bodies' origins in free flight."""
     g, end = np.array(scenario.acting_gravity), scenario.duration
     slack = SLACK + float(np.linalg.norm(g)) * end / (2 * scenario.frame_rate)
     for k in np.flatnonzero([b.kind == "simulated" for b in scenario.bodies]):
@@ -190,15 +196,15 @@ def _fly(scenario: Scenario, world: _World, low: Array, high: Array) -> None:
 
 
 def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: Array) -> Array:
-    """Widen the boxes of simulated bodies that can meet something until nothing more can; returns how far
-    bodies stay from pieces (n, p) [m]."""
+    """Widen the boxes of simulated bodies that can meet others until no further pairs can meet; returns lower
+    bounds on the distances between bodies and pieces (n, p) [m]."""
     kind = np.array([b.kind for b in scenario.bodies])
     body = world.body
     may = np.zeros((len(kind), len(kind)), bool)
     pairs = np.array(list(scenario.touching_pairs()), dtype=np.intp).reshape(-1, 2)
     may[pairs[:, 0], pairs[:, 1]] = may[pairs[:, 1], pairs[:, 0]] = True
     group = np.arange(len(kind))
-    state = np.zeros(len(kind), np.intp)  # of a group: 0 flies, 1 keeps within its energy, 2 is not bounded
+    state = np.zeros(len(kind), np.intp)  # of a group: 0 free flight, 1 bounded by energy, 2 unbounded
     while True:
         gap = _gaps(world, kind, reach, low, high)
         meets = may & (least_gap(gap, body) <= 0)
@@ -218,15 +224,18 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
 
 
 def _gains(scenario: Scenario, k: int, others: Indices) -> bool:
-    """Whether the printed laws can add energy where a body meets others: restitution and friction, and a
-    normal force that turns it. Newton's e with mu j makes a rod faster at every impact."""
+    """Whether the printed laws can add energy at a body's contacts.
+
+    This needs restitution, friction and a normal force that turns the body: Newton's e with mu j makes a rod
+    faster at every impact.
+    """
     if centred_ball(scenario.bodies[k]):
         return False
     return any(min(scenario.pair_coefficients(*sorted((k, int(other))))) > 0 for other in others)
 
 
 def _gaps(world: _World, kind: NDArray[np.str_], reach: Array, low: Array, high: Array) -> Array:
-    """Distances between the boxes of all bodies and all pieces (n, p) [m]; 0 where they overlap."""
+    """Distances between the boxes of all bodies and all pieces (n, p) [m]; 0 if they overlap."""
     body = world.body
     fixed = (kind == "fixed")[body, None]
     piece_low = np.where(fixed, world.low, low[body] - reach[body, None])
@@ -242,10 +251,10 @@ def _spread(
     low: Array,
     high: Array,
 ) -> None:
-    """Boxes of simulated bodies by the energy of their group.
+    """Set boxes of simulated bodies by the energy of their group.
 
-    With V^2 = sum(m v^2 + w.I w) of a group, gravity adds at most g sqrt(M) t to V, impacts take away: a body
-    is no faster than V / sqrt(m).
+    Let V^2 = sum(m v^2 + w.I w) over a group of total mass M. Gravity adds at most g sqrt(M) t to V, and
+    impacts only reduce it, so a body moves at most at V / sqrt(m).
     """
     g, end = float(np.linalg.norm(scenario.acting_gravity)), scenario.duration
     for one in np.unique(group[state[group] > 0]):

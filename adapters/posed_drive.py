@@ -1,8 +1,8 @@
-"""Driven links as kinematic bodies: each is where its tracker shows it, whatever it meets (drive `posed`).
+"""Driven links as kinematic bodies that follow their tracker regardless of contacts (drive `posed`).
 
-It is what the reference does with a hand, and what its clock is like for like with: no link dynamics. Engines
-differ in what a kinematic link's motion does to what it meets: DART's contacts see its velocity, those of
-MuJoCo (mocap bodies) and of pybullet (bodies without mass) do not.
+The reference drives a hand in this way, so this drive makes timing comparable: there are no link dynamics.
+Engines differ in how a kinematic link's motion acts on bodies in contact: DART's contacts use its velocity;
+those of MuJoCo (mocap bodies) and pybullet (bodies without mass) do not.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from touchstone.scenarios.scenario import Scenario, Tracker
 
 
 class Posed:
-    """The links of one tracker over the native steps of a run; index 0 is the start, k + 1 the end of step k.
+    """Motion of one tracker's links over the native steps of a run; index 0 is the start, k + 1 the end of
+    step k.
 
     Attributes:
-        links: bodies, the root's first.
-        place, orientation: of their origins (n, steps + 1, 3) [m] and (n, steps + 1, 4) wxyz, world.
-        center: of their centres of mass (n, steps + 1, 3) [m], world.
+        links: bodies, root first.
+        place, orientation: of the links' origins (n, steps + 1, 3) [m] and (n, steps + 1, 4) wxyz, world.
+        center: centres of mass (n, steps + 1, 3) [m], world.
         velocity, omega: of the centres of mass [m/s] and of the links [rad/s] during each step (n, steps, 3).
     """
 
@@ -42,7 +43,7 @@ class Posed:
         self.omega = turned.reshape(len(self.links), steps, 3) / dt
 
     def show(self, moment: int, state: State, hinges: slice) -> None:
-        """Write the links' poses and velocities at a moment, and the angles of their hinges, into a state."""
+        """Write the links' poses and velocities and their hinges' angles at step `moment` into a state."""
         links, step = list(self.links), max(moment - 1, 0)
         state.position[links], state.orientation[links] = self.place[:, moment], self.orientation[:, moment]
         state.linear_velocity[links], state.angular_velocity[links] = (
@@ -53,7 +54,7 @@ class Posed:
 
 
 def posed_of(scenario: Scenario, dt: float) -> tuple[tuple[Posed, slice], ...]:
-    """All trackers' links, each with its hinges among all hinges."""
+    """Motions of all trackers, each with the slice of its hinges among all hinges."""
     found, first = [], 0
     for tracker in scenario.trackers:
         found.append((Posed(scenario, tracker, dt), slice(first, first + len(tracker.joints))))

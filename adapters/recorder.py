@@ -1,4 +1,4 @@
-"""The one loop and the one clock: plays a world frame by frame and keeps what it did."""
+"""Playback and timing of a world, frame by frame; the only loop and the only clock of all engines."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
-"""Frames played and thrown away before the clock counts: compilers and caches."""
+"""Untimed frames before the run, which fill compilers' and processors' caches."""
 TRIES = 10
-"""Frames until one is undisturbed: those of milliseconds are as long as a scheduler's slice."""
+"""Maximum number of tries for a measurement without preemption: frames of milliseconds are as long as a
+scheduler's time slice."""
 CROSSINGS = 200
 """Empty calls timed per run."""
 
@@ -49,7 +50,7 @@ def manifest_json(manifest: Manifest) -> str:
 
 
 def substeps(scenario: Scenario, dt: float) -> int:
-    """Native steps per displayed frame; raises ValueError where `dt` does not divide the frame."""
+    """Native steps per displayed frame; raises ValueError if `dt` does not divide the frame."""
     frame = 1 / scenario.frame_rate
     count = round(frame / dt) if dt > 0 else 0
     if count < 1 or abs(count * dt - frame) > 1e-9 * frame:
@@ -58,9 +59,9 @@ def substeps(scenario: Scenario, dt: float) -> int:
 
 
 def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
-    """A player of a world in which only those effects are simulated that the plan has.
+    """Player of a world that simulates the effects of the plan only.
 
-    Raises AdapterError where two bodies start in one place: what each engine makes of that is chance.
+    Raises AdapterError if two bodies start at the same place: engines resolve this arbitrarily.
     """
     fault = coinciding(scenario)
     if fault:
@@ -73,7 +74,7 @@ def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
 
 
 def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
-    """Play a few frames of a world that is thrown away."""
+    """Play a few frames in a world that is then discarded."""
     player = ready(engine, scenario, settings)
     player.play(min(WARM_UP_FRAMES, scenario.frame_count))
     player.world.close()
@@ -83,7 +84,7 @@ def record(engine: Engine, scenario: Scenario, settings: Settings) -> Recording:
     """Play a whole scene in this process, without warm-up.
 
     Raises:
-        RunEnded: the run diverged, left its plan or failed in the engine; it holds the recording until then.
+        RunEnded: the run diverged, violated its plan or failed in the engine; holds the recording until then.
     """
     player = ready(engine, scenario, settings)
     try:
@@ -96,7 +97,8 @@ def record(engine: Engine, scenario: Scenario, settings: Settings) -> Recording:
 
 
 def undisturbed(measure: Callable[[], float]) -> float:
-    """The first of TRIES measurements during which no other process was given the processor, or the least."""
+    """Repeat a measurement until the process is not preempted, at most TRIES times; then return the
+    minimum."""
     seconds = []
     for _ in range(TRIES):
         before = getrusage(RUSAGE_THREAD).ru_nivcsw
@@ -107,7 +109,7 @@ def undisturbed(measure: Callable[[], float]) -> float:
 
 
 def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: int) -> float:
-    """Seconds of the step calls of one displayed frame; nothing is read out."""
+    """Time of the step calls of one displayed frame [s]; reads no state."""
     each = substeps(scenario, settings.dt)
     seconds = 0.0
     for substep in range(number * each, (number + 1) * each):
@@ -119,10 +121,10 @@ def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: 
 
 
 class Player:
-    """A world, the scene it plays and what it has done so far.
+    """A world, its scene and the recording so far.
 
-    A run that diverges ends with an AdapterError, and so does one that leaves what its plan leans on, for a
-    dropped effect may matter there; `recording` then holds all whole frames before.
+    A run ends with an AdapterError if it diverges, or if it violates the bounds of its plan: an effect that
+    was left out may then matter. `recording` holds all complete frames before.
     """
 
     def __init__(
@@ -145,18 +147,18 @@ class Player:
         self._stages: list[Mapping[str, float]] = []
         self._counters: list[dict[str, float]] = []
         self._contacts: list[np.ndarray] = []
-        self._whole = 0  # steps with contacts, of whole frames
+        self._whole = 0  # number of steps with contacts in complete frames
         self._keep_frame()
         world.stage_seconds()
 
     @property
     def frames_played(self) -> int:
-        """Displayed frames so far."""
+        """Number of displayed frames played."""
         return len(self._timings)
 
     def play(self, frames: int, most: float = inf) -> int:
-        """Advance by a number of displayed frames, or one at least until `most` seconds are over; how many
-        are left."""
+        """Advance by a number of displayed frames, or until `most` seconds have passed, but by at least one;
+        returns the number of frames left."""
         end = perf_counter() + most
         for left in reversed(range(frames)):
             seconds = np.zeros(3)
@@ -177,11 +179,11 @@ class Player:
 
     @property
     def seconds_played(self) -> float:
-        """What the native steps so far took [s]."""
+        """Total time of the native steps so far [s]."""
         return sum(step for step, _, _ in self._timings)
 
     def _step(self, number: int) -> tuple[float, float, float]:
-        """One native step; returns the seconds of step, drive and read."""
+        """Advance one native step; returns the times of step, drive and read [s]."""
         self._before, self._state = self._state, self._before
         self._state.clear_contacts()
         try:
@@ -203,7 +205,7 @@ class Player:
         return stepped - driven, driven - start, done - stepped
 
     def _moment(self, steps: int) -> str:
-        """When a number of native steps ends, in words; frame 0 is the initial state."""
+        """Text for the end time of a number of native steps; frame 0 is the initial state."""
         frame = -(-steps // self._substeps)
         return f"in frame {frame} at {steps * self._settings.dt:.4f} s"
 
@@ -224,8 +226,8 @@ class Player:
         self._whole = len(self._contacts)
 
     def _keep_contacts(self, time: float) -> None:
-        """Keep the step's contacts; where the engine knows no moment of impact, the velocities are those at
-        the start and at the end of the step."""
+        """Store the step's contacts; if the engine knows no time of impact, velocities are those at the
+        step's start and end."""
         rows = self._state.contacts[: self._state.contact_count].copy()
         if not len(rows):
             return
@@ -239,7 +241,7 @@ class Player:
         self._contacts.append(rows)
 
     def _point_velocity(self, state: State, body: np.ndarray, point: Array) -> Array:
-        """World velocities of bodies at world points, under the geometry at the step's start."""
+        """World velocities of bodies at world points, for the poses at the step's start."""
         arm = point - self._world_center(self._before, body)
         return state.linear_velocity[body] + cross(state.angular_velocity[body], arm)
 
@@ -247,7 +249,7 @@ class Player:
         return state.position[body] + turned(state.orientation[body], self._mass_center[body])
 
     def _driver_work(self) -> float:
-        """Work of the drives over the step: applied force and torque times the mean velocity."""
+        """Work of the drives over the step [J]: applied force and torque times the mean velocity."""
         state, work = self._state, 0.0
         for k, root in enumerate(self._roots):
             index = np.array([root])
@@ -262,7 +264,7 @@ class Player:
         return work * self._settings.dt
 
     def recording(self, ended: str = "") -> Recording:
-        """All whole frames so far; `ended`: why there will be no more, if the scene is longer."""
+        """Recording of all complete frames; `ended`: why the run ended before its scene."""
         stage_names = sorted({name for stages in self._stages for name in stages})
         work_names = sorted({name for counters in self._counters for name in counters})
         timings = np.array(self._timings).reshape(-1, 3)
@@ -285,7 +287,7 @@ class Player:
         )
 
     def _manifest(self) -> Manifest:
-        """What the engine says it simulates, and the plan."""
+        """Manifest of the engine, with the plan."""
         told = self.world.describe()
         if self._plan is None:
             return told
@@ -305,7 +307,7 @@ class Player:
 
 
 def _beyond(engine: str, decision: Decision) -> str:
-    """What an engine cannot do about an effect."""
+    """Note on an effect that an engine cannot represent."""
     if engine == "reference":
         return "; no such stage" if decision.effect == "sleeping" else ""
     if decision.effect in STAGES_OF_OURS:
@@ -316,7 +318,7 @@ def _beyond(engine: str, decision: Decision) -> str:
 
 
 def _count(counters: dict[str, float], step: Mapping[str, float]) -> None:
-    """Add a native step's counters to those of its frame; of residuals the largest stays, with its bodies."""
+    """Add a native step's counters to those of its frame; for residuals keep the largest, with its bodies."""
     largest = RESIDUAL_COUNTERS[0]
     if largest in step and step[largest] >= counters.get(largest, 0.0):
         counters.update({name: step[name] for name in RESIDUAL_COUNTERS if name in step})

@@ -1,7 +1,7 @@
-"""What a run leaves: a struct of arrays, saved as .npz with its scenario and manifest as JSON.
+"""Recording of a run: a struct of arrays, saved as .npz with its scenario and manifest as JSON.
 
-Conventions as in `engine.py`. f frames (the initial one included), n bodies, t trackers, j hinges,
-s displayed steps = f - 1.
+Conventions as in `contract.py`. f frames (the initial one included), n bodies, t trackers, j hinges, s
+displayed steps = f - 1.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from touchstone.adapters.contract import AdapterError, Array
 
 FORMAT_VERSION = 3
 DAMAGED = (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error)
-"""What numpy and zipfile raise on files that are no archive of arrays, or no longer."""
+"""Exceptions of numpy and zipfile on damaged files or files of another format."""
 
 
 class RecordingError(AdapterError):
-    """A file that is no recording of this format."""
+    """The file is not a recording of this format."""
 
 
 class RunEnded(AdapterError):
-    """A run that ended before its scene does, and why; `recording` is what it did until then."""
+    """The run ended before its scene, with the reason; `recording` holds the run until then."""
 
     def __init__(self, reason: str, recording: Recording) -> None:
         super().__init__(reason)
@@ -37,7 +37,7 @@ class RunEnded(AdapterError):
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """One run of one engine on one scene. `scenario` and `manifest` are JSON texts."""
+    """A run of one engine on one scene. `scenario` and `manifest` are JSON texts."""
 
     scenario: str
     manifest: str
@@ -48,26 +48,26 @@ class Recording:
     angular_velocity: Array  # (f, n, 3) world
     joint_angle: Array  # (f, j)
     joint_rate: Array  # (f, j)
-    driver_work: Array  # (f,) [J] done by the drives since the start; NaN where they are kinematic
-    driver_impulse: Array  # (f, t, 3) [N s] on each root by its drive since the start; NaN likewise
-    contacts: NDArray[np.void]  # CONTACT_FIELDS, every contact point of every native step, in time order
+    driver_work: Array  # (f,) [J] done by the drives since the start; NaN if they are kinematic
+    driver_impulse: Array  # (f, t, 3) [N s] on each root by its drive since the start; NaN as above
+    contacts: NDArray[np.void]  # CONTACT_FIELDS, all contact points of all native steps, in time order
     time_frame: Array  # (s,) [s] native step calls of a displayed frame
-    time_drive: Array  # (s,) commands set from Python
-    time_read: Array  # (s,) reading the state out
-    time_crossing: Array  # (k,) an empty call into the engine
+    time_drive: Array  # (s,) [s] setting commands from Python
+    time_read: Array  # (s,) [s] reading the state
+    time_crossing: Array  # (k,) [s] an empty call into the engine
     stage_names: NDArray[np.str_]  # (m,)
     stage_seconds: Array  # (s, m)
     work_names: NDArray[np.str_]  # (w,)
-    work: Array  # (s, w) summed over a displayed frame; of RESIDUAL_COUNTERS the largest
-    ended: str = ""  # why the run ended before its scene does; empty where it did not fail
+    work: Array  # (s, w) summed over a displayed frame; the maximum for RESIDUAL_COUNTERS
+    ended: str = ""  # why the run ended before its scene; empty if it did not fail
 
     @property
     def facts(self) -> dict:
-        """The manifest as a dictionary."""
+        """Manifest as a dictionary."""
         return json.loads(self.manifest)
 
     def save(self, path: Path) -> None:
-        """Write to `path` whole or not at all (beside, then renamed)."""
+        """Write to `path` atomically (to a file beside it, then rename)."""
         part = path.with_name(path.name + ".part")
         try:
             with open(part, "wb") as file:
@@ -79,7 +79,7 @@ class Recording:
 
 
 def load(path: Path) -> Recording:
-    """Read a recording; raises RecordingError with the reason where the file is not one of this format."""
+    """Read a recording; raises RecordingError with the reason if the file is not one of this format."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             columns = {name: archive[name] for name in archive.files}

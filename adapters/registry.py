@@ -1,4 +1,4 @@
-"""The engines: where each is implemented (imported on demand), what must be installed, and its profiles."""
+"""Registry of the engines: implementing class (imported on demand), required package and profiles."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ class Entry:
         color, marker: of the engine in pictures, as matplotlib writes them.
         rounding: what the engine stores less exactly than it is told; "" if nothing.
 
-    `recommended` is what the engine's documentation and maintainers recommend for such scenes, at the
-    engine's default step, rounded to the next smaller divisor of a frame of 1/60 s; `equal-step` is the same
-    at one step for all; `default` is as the engine comes; `accurate` is what its documentation offers to meet
-    Newton's and Coulomb's laws better, as `touchstone study calibration` measures. Adapters cite what they
-    set. `maximal` is Bullet with free balls and boxes in maximal coordinates: faster, and not the same.
+    Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
+    the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one
+    step for all engines; `default` keeps all defaults; `accurate` uses options of its documentation that
+    improve Newton's and Coulomb's laws, as `touchstone study calibration` measures. Adapters cite the sources
+    of their settings. `maximal` is Bullet with free balls and boxes in maximal coordinates: faster, with
+    different results.
     """
 
     implementation: str
@@ -83,19 +84,19 @@ ENGINES: dict[str, Entry] = {
 
 
 def installed(name: str) -> bool:
-    """Whether the package behind an engine can be found; imports nothing."""
+    """Whether an engine's package can be found; imports nothing."""
     return importlib.util.find_spec(_entry(name).package) is not None
 
 
 def missing_reason(name: str) -> str:
-    """Why an engine is skipped when it is not installed."""
-    # numba is no extra: the project itself brings it
+    """Why an engine is skipped if it is not installed."""
+    # numba is no extra: the project itself requires it.
     wanted = "touchstone" if name == "reference" else f"'touchstone[{name}]'"
     return f"not installed (pip install {wanted})"
 
 
 def load(name: str) -> Engine:
-    """The engine called `name`; raises NotInstalled with the extra that brings it."""
+    """Load the engine called `name`; raises NotInstalled with the extra that installs it."""
     if not installed(name):
         raise NotInstalled(missing_reason(name))
     module, _, attribute = _entry(name).implementation.partition(":")
@@ -104,8 +105,8 @@ def load(name: str) -> Engine:
 
 
 def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
-    """The profiles of an engine with their native steps [s]; raises AdapterError with the valid names where
-    the engine, or the profile asked for, is unknown."""
+    """Profiles of an engine with their native steps [s]; raises AdapterError with the valid names if the
+    engine or the profile is unknown."""
     valid = _entry(name).profiles
     if profile and profile not in valid:
         raise AdapterError(f"{name}: no profile {profile!r}; valid: {', '.join(valid)}")
@@ -113,7 +114,7 @@ def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
 
 
 def require_profile(name: str, settings: Settings) -> None:
-    """Raise Unsupported where an engine has no such profile, or no settings to change; names what it has."""
+    """Raise Unsupported if an engine lacks the profile or has no settings to change; names what it has."""
     valid = ENGINES[name].profiles
     if settings.profile not in valid:
         raise Unsupported(f"{name}: no profile {settings.profile!r}; valid: {', '.join(valid)}")

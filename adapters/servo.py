@@ -1,16 +1,16 @@
-"""The same virtual coupling and the same hinge servo for every dynamics engine.
+"""Virtual coupling of the root and hinge servo, the same for every dynamics engine.
 
-Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6) and a torque that is critically damped at
-the same frequency, I (w^2 theta + 2 w (omega_t - omega)) with w = sqrt(K / m). Hinges: the torque
-M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the whole driven body's inertia about the root's origin in its
-first posture, M what the hinges feel in that posture with the root *free*, cut to at most `INERTIA_RATIO`
-times what they feel in any posture of the tracker (a bent arm's twist has thirty times the inertia of a
-stretched one's). With the root held, or not cut, the gains would be too high, and an explicit servo diverges
-at 1/240 s. Both are published as gains.
+Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6), and a torque, critically damped at the
+same frequency w = sqrt(K / m): I (w^2 theta + 2 w (omega_t - omega)). Hinges: torque
+M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the inertia of the whole driven body about the root's origin in
+the first posture. M is the effective inertia of the hinges in that posture with the root *free*, limited to
+`INERTIA_RATIO` times the effective inertia in any posture of the tracker: a bent arm's twist has thirty times
+the inertia of a stretched one's. With the root fixed, or without the limit, the gains would be too high, and
+an explicit servo diverges at 1/240 s. Manifests publish both as gains.
 
-By default (`native`) hinges follow an engine's own position servo, one gain per hinge (`servo_stiffness`,
-`servo_damping`); which servo it is stands in each adapter. Explicit torques held over a step feed energy
-where a limb is pressed; they stay as `torque`.
+By default (`native`) hinges follow an engine's own position servo, with one gain per hinge
+(`servo_stiffness`, `servo_damping`); each adapter documents its servo. Explicit torques held over a step add
+energy where a limb is pressed; they remain available as `torque`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.scenario import Scenario, Tracker
 
 INERTIA_RATIO = 2.0
-"""Of a servo's inertia over that of the hinges, in any direction and posture [1]: at 70 rad/s and 1/240 s the
-loop diverges from 3.2 on."""
+"""Maximum ratio of the servo's inertia to that of the hinges, in any direction and posture [1]. At 70 rad/s
+and 1/240 s the loop diverges from 3.2."""
 POSTURES_PER_SECOND = 10
-"""Postures of a tracker at which its hinges' inertia is looked at [1/s]: fast ones take 0.1 s."""
+"""Rate at which a tracker's postures are sampled for the hinges' inertia [1/s]: fast ones take 0.1 s."""
 
 
 class Drive:
@@ -61,7 +61,7 @@ class Drive:
 
     @staticmethod
     def _poses(scenario: Scenario, tracker: Tracker, motion: TrackerMotion) -> tuple[Array, Array]:
-        """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as a tracker shows them."""
+        """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as the tracker specifies them."""
         return link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
 
     @property
@@ -75,9 +75,12 @@ class Drive:
         return self._per_hinge(self.hinge_damping)
 
     def _per_hinge(self, gains: Array) -> Array:
-        """One gain for each hinge (j,) of a matrix (j, j): what it has where it turns alone; of a hand the
-        geometric mean of that and of what it has where all turn with it. A person's limbs, of which many hang
-        on one hinge, gain energy with the mean where they are pressed."""
+        """One gain per hinge (j,) from a gain matrix (j, j).
+
+        For a person, the diagonal; for a hand, the geometric mean of the diagonal and the row's absolute sum
+        (all hinges turn together). The mean would add energy where a person's limbs are pressed, because many
+        hang on one hinge.
+        """
         alone = gains.diagonal()
         if self._person:
             return alone
@@ -85,7 +88,7 @@ class Drive:
         return found
 
     def largest_torques(self, step: int, angle: Array, rate: Array) -> Array:
-        """Bounds (j,) [N m] on `hinge_torques`, whatever the signs of the errors at the step's start."""
+        """Bounds (j,) [N m] on `hinge_torques`, for any signs of the errors at the step's start."""
         error = np.abs(self.target.angle[step] - angle)
         error_rate = np.abs(self.target.rate[step] - rate)
         return np.abs(self.hinge_stiffness) @ error + np.abs(self.hinge_damping) @ error_rate
@@ -117,7 +120,7 @@ class Drive:
         return self.hinge_stiffness @ error + self.hinge_damping @ error_rate
 
     def gains(self) -> dict[str, object]:
-        """The published gains."""
+        """Published gains."""
         return {
             "stiffness [N/m]": self.stiffness,
             "damping [N s/m]": self.damping,
@@ -129,15 +132,15 @@ class Drive:
 
 
 def _felt(inertia: Array) -> Array:
-    """What the hinges (j, j) feel of a joint-space inertia (6 + j, 6 + j) whose root is free."""
+    """Effective inertia (j, j) of the hinges for a joint-space inertia (6 + j, 6 + j) with a free root."""
     root, across = inertia[:6, :6], inertia[:6, 6:]
     felt: Array = inertia[6:, 6:] - across.T @ np.linalg.solve(root, across)
     return felt
 
 
 def cut(servo: Array, felt: Array) -> Array:
-    """The servo's inertia (j, j), cut in the directions in which it has more than `INERTIA_RATIO` times what
-    the hinges feel; nowhere larger than before."""
+    """Servo inertia (j, j), limited to `INERTIA_RATIO` times the hinges' effective inertia in every
+    direction; never larger than before."""
     root = np.linalg.cholesky(felt)
     inverse = np.linalg.inv(root)
     ratios, axes = np.linalg.eigh(inverse @ servo @ inverse.T)

@@ -1,6 +1,6 @@
-"""What is simulated, as plain data. Knows no engine.
+"""Scenes as plain data, independent of any engine.
 
-`touchstone.scenarios()` gives all scenes of the catalogue by name.
+`touchstone.scenarios()` returns all scenes of the catalogue by name.
 """
 
 import sys
@@ -8,7 +8,7 @@ from types import ModuleType
 
 
 class _Scenarios(ModuleType):
-    """This package as a function: the public API names both alike."""
+    """Callable package: the public API uses one name for the package and for the function."""
 
     def __call__(self, tag: str = ""):  # type: ignore[no-untyped-def]
         """All scenes by name, or those with a tag: dict of `Scenario`."""

@@ -1,4 +1,4 @@
-"""Name -> Scenario, with tags. Finds every function marked `@scene` in `families/` by itself."""
+"""Catalogue of scenarios by name, with tags; collects every function of `families/` marked `@scene`."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _MARK = "is_touchstone_scene"
 
 
 def scene(function: Scene) -> Scene:
-    """Mark a function of `families/` that builds a scenario, or several that differ in their numbers."""
+    """Mark a function of `families/` that builds a scenario, or several with different parameters."""
     setattr(function, _MARK, True)
     return function
 
 
 def catalogue(hold_last: bool = False) -> dict[str, Scenario]:
-    """All scenarios by name, in alphabetical order; trackers may hold their last good sample where one is not
-    finite, which is refused otherwise."""
+    """All scenarios by name, in alphabetical order. With `hold_last`, trackers repeat their last good sample
+    where one is not finite; otherwise such a tracker is refused."""
     return built(hold_last)
 
 
 @cache
 def built(hold_last: bool) -> dict[str, Scenario]:
-    """The same, built once."""
+    """Cached result of `catalogue`."""
     token = HOLD_LAST.set(hold_last)
     try:
         return dict(sorted(_collected().items()))
@@ -57,5 +57,5 @@ def tags(hold_last: bool = False) -> tuple[str, ...]:
 
 
 def tagged(tag: str, hold_last: bool = False) -> Iterable[Scenario]:
-    """The scenarios that carry `tag`."""
+    """Scenarios with the tag `tag`."""
     return [scenario for scenario in catalogue(hold_last).values() if tag in scenario.tags]

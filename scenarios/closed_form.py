@@ -1,4 +1,4 @@
-"""How bodies must move, worked out from a scenario's truths at any times.
+"""Closed-form motion of bodies at any times, from a scenario's truths.
 
 Sources: Landau and Lifshitz, *Mechanics*, section 37, for the free asymmetric top; Eq. 6 for the coupling.
 """
@@ -21,12 +21,13 @@ from touchstone.scenarios.scenario import Arc, Body, Scenario, Tracker, Truth
 Array = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
-"""Quadrature of the precession over one interval: to rounding where it is below a turn of the body."""
+"""Quadrature of the precession over one interval: exact to rounding if the body turns less than once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A body at n times: centre of mass and its velocity, orientation wxyz, angular velocity; world."""
+    """State of a body at n times: centre of mass and its velocity, orientation wxyz, angular velocity;
+    world."""
 
     position: Array  # (n, 3) [m]
     velocity: Array  # (n, 3) [m/s]
@@ -35,7 +36,7 @@ class Motion:
 
 
 def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
-    """Where `truth.body` must be at increasing `times` [s] from 0 on, and how it must move."""
+    """Closed-form motion of `truth.body` at increasing `times` [s] >= 0."""
     body = scenario.bodies[scenario.body_index(truth.body)]
     match truth.law:
         case "arcs":
@@ -72,8 +73,10 @@ def _along_arcs(body: Body, arcs: tuple[Arc, ...], times: Array) -> Motion:
 
 @dataclass(frozen=True, slots=True)
 class _Top:
-    """A free top in principal axes 1, 2, 3: the angular velocity circles round axis 3, axis 2 has the middle
-    moment. w = (a_1 cn, a_2 sn, a_3 dn)(phase + rate t | m)."""
+    """Free top in principal axes 1, 2, 3: w = (a_1 cn, a_2 sn, a_3 dn)(phase + rate t | m).
+
+    The angular velocity circles about axis 3; axis 2 has the intermediate moment.
+    """
 
     axes: Array  # (3, 3) principal axes in the body frame, right-handed, as columns
     moments: Array  # (3,)
@@ -83,7 +86,7 @@ class _Top:
     m: float
 
     def angular_velocity(self, times: Array) -> Array:
-        """Along the principal axes (n, 3)."""
+        """Angular velocity along the principal axes (n, 3)."""
         sn, cn, dn, _ = ellipj(self.phase + self.rate * times, self.m)
         return np.stack([cn, sn, dn], axis=-1) * self.amplitude
 
@@ -92,14 +95,14 @@ def _top(body: Body) -> _Top:
     moments, axes = np.linalg.eigh(np.array(body.inertia))
     turned = Rotation.from_quat(body.orientation, scalar_first=True).as_matrix()
     w = axes.T @ (turned.T @ np.array(body.angular_velocity))
-    # axis 3 is the one round which the angular velocity circles: the largest moment's, or the smallest's
+    # Axis 3, about which the angular velocity circles, has the largest or the smallest moment.
     square, twice_energy = float(np.sum((moments * w) ** 2)), float(np.sum(moments * w**2))
     order = [0, 1, 2] if square >= twice_energy * moments[1] else [2, 1, 0]
     moments, axes, w = moments[order], axes[:, order], w[order]
     if np.linalg.det(axes) < 0:
         axes[:, 1], w[1] = -axes[:, 1], -w[1]
     i1, i2, i3 = moments
-    # the invariants' differences, free of cancellation
+    # Differences of the invariants, without cancellation.
     to_third = i1 * (i3 - i1) * w[0] ** 2 + i2 * (i3 - i2) * w[1] ** 2
     to_first = i2 * (i2 - i1) * w[1] ** 2 + i3 * (i3 - i1) * w[2] ** 2
     amplitude = np.sqrt(
@@ -114,8 +117,11 @@ def _top(body: Body) -> _Top:
 
 
 def _free_top(scenario: Scenario, body: Body, times: Array) -> Motion:
-    """Euler's angles about the angular momentum: two from its components in the body, the precession by
-    quadrature of L (I_1 w_1^2 + I_2 w_2^2) / (L_1^2 + L_2^2)."""
+    """Motion of a free top by Euler angles about the angular momentum.
+
+    Two angles follow from its components in the body, the precession from quadrature of L (I_1 w_1^2 + I_2
+    w_2^2) / (L_1^2 + L_2^2).
+    """
     top = _top(body)
     w = top.angular_velocity(times)
     momentum = top.moments * top.angular_velocity(np.zeros(1))[0]
@@ -144,14 +150,14 @@ def _free_top(scenario: Scenario, body: Body, times: Array) -> Motion:
 
 
 def _about_momentum(top: _Top, w: Array, size: float, precession: Array) -> Rotation:
-    """Principal axes against a frame whose z is the angular momentum."""
+    """Orientation of the principal axes in a frame whose z is along the angular momentum."""
     x, y, z = (top.moments * w / size).T
     nutation, spin = np.arctan2(np.hypot(x, y), z), np.arctan2(x, y)
     return Rotation.from_euler("ZXZ", np.stack([precession, nutation, spin], axis=-1))
 
 
 def _integral(function: Callable[[Array], Array], times: Array, rate: float) -> Array:
-    """Integral of a smooth function from 0 to increasing times, in pieces of a sixteenth of 1 / `rate`."""
+    """Integral of a smooth function from 0 to increasing times, in intervals of at most 1 / (16 `rate`)."""
     found, total, last = np.zeros(len(times)), 0.0, 0.0
     for k, time in enumerate(times):
         pieces = max(1, int(np.ceil((time - last) * rate * 16)))
@@ -163,7 +169,7 @@ def _integral(function: Callable[[Array], Array], times: Array, rate: float) -> 
 
 
 def flips(scenario: Scenario, truth: Truth) -> Array:
-    """Times [s] at which a free top's rate about the axis of its middle moment changes its sign."""
+    """Times [s] at which a free top's rate about its intermediate axis changes sign."""
     top = _top(scenario.bodies[scenario.body_index(truth.body)])
     half = 2 * float(ellipk(top.m)) / top.rate
     first = -top.phase / top.rate % half
@@ -171,8 +177,10 @@ def flips(scenario: Scenario, truth: Truth) -> Array:
 
 
 def _coupled(body: Body, tracker: Tracker, frame_rate: int, times: Array) -> Motion:
-    """Eq. 6, m p'' = -K (p - p_t) - R (p' - p_t'), its tracker linear between frames: frame by frame the
-    exponential of the linear system in (p - p_t, p' - p_t'), p_t' jumping at frames."""
+    """Motion under Eq. 6, m p'' = -K (p - p_t) - R (p' - p_t'), with a tracker that is linear between frames.
+
+    Each frame applies the exponential of the linear system in (p - p_t, p' - p_t'); p_t' jumps at frames.
+    """
     k, r = tracker.stiffness / body.mass, tracker.damping / body.mass
     system = np.array([[0.0, 1.0], [-k, -r]])
     knots = np.arange(round(tracker.times[-1] * frame_rate) + 1) / frame_rate

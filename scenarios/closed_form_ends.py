@@ -1,4 +1,4 @@
-"""Where simulated bodies end, in closed form, from any start near the scene's own."""
+"""Closed-form final positions of simulated bodies, for any start near the scene's own."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from touchstone.scenarios.scenario import Body, Scenario, Sphere
 
 Array = NDArray[np.float64]
 STILL = 1e-9
-"""Speed of a bounce below which a ball lies still [m/s]: it would rise by 5e-20 m."""
+"""Bounce speed below which a ball is at rest [m/s]: it would rise by 5e-20 m."""
 ROLLING = 2 / 7
-"""Share of the effective mass that the tangential impulse on balls meets [1]."""
+"""Effective mass of balls for the tangential impulse, relative to the normal one [1]."""
 
 
 def final_positions(scenario: Scenario) -> Array | None:
-    """Positions at the end (n, 3) [m] of a body in free flight, a ball dropped over level ground, or two free
-    balls; None for other scenes."""
+    """Final positions (n, 3) [m] of a body in free flight, a ball dropped on level ground, or two free balls;
+    None for other scenes."""
     simulated = [body for body in scenario.bodies if body.kind == "simulated"]
     others = [body for body in scenario.bodies if body.kind != "simulated"]
     gravity = np.array(scenario.acting_gravity)
@@ -52,7 +52,7 @@ def _spins(bodies: list[Body]) -> bool:
 
 
 def _bounced(height: float, e: float, g: float, duration: float) -> float:
-    """Height [m] at the end of a ball dropped from rest over the ground at 0."""
+    """Final height [m] of a ball dropped from rest above the ground at 0."""
     fall = sqrt(2 * height / g)
     if duration <= fall:
         return height - g * duration**2 / 2
@@ -65,13 +65,14 @@ def _bounced(height: float, e: float, g: float, duration: float) -> float:
 
 
 def _two_balls(scenario: Scenario, a: Body, b: Body) -> Array:
-    """Newton's and Coulomb's laws where they meet, if they do; B against A, normal from A to B."""
+    """Final positions of two free balls by Newton's and Coulomb's laws; B relative to A, normal from A to
+    B."""
     p = np.array([a.position, b.position])
     v = np.array([a.linear_velocity, b.linear_velocity])
     apart, pace, reach = p[1] - p[0], v[1] - v[0], _radius(a) + _radius(b)
     square, half, rest = pace @ pace, apart @ pace, apart @ apart - reach**2
     met = half < 0 <= half**2 - square * rest
-    # the smaller root, free of cancellation
+    # The smaller root, without cancellation.
     time = rest / (sqrt(half**2 - square * rest) - half) if met else scenario.duration
     if time >= scenario.duration:
         return np.asarray(p + v * scenario.duration)

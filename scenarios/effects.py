@@ -1,7 +1,7 @@
-"""Which effects a scene calls for, and why: from bounds on its motion, never by playing it.
+"""Plan of the effects that a scene requires, with reasons, from bounds on its motion and without simulation.
 
-An effect is left out only where nothing it does could change the outcome while the bounds hold; a run watches
-them (`Plan.broken`). `adapters/motion_bounds.py` works the bounds out.
+The plan omits an effect only if it cannot change the outcome while the bounds hold; a run checks them
+(`Plan.broken`). `adapters/motion_bounds.py` computes the bounds.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Pair = tuple[int, int]
 State = Literal["needed", "not needed", "forced on", "forced off"]
 Need = tuple[bool, str]
-"""Whether an effect is needed, and the reason as words for a table."""
+"""Whether an effect is needed, and the reason in words for a table."""
 
 PLANNED = (
     "gravity",
@@ -40,27 +40,28 @@ PLANNED = (
 
 
 SKIPPED = ("drive", "removal", "contact", "rotation", "sweep")
-"""Stages of the reference that a plan may leave out: the driven loop, removal of its overlap, contacts of
-simulated bodies, and their rotation; with sweeps it tests ends of steps alone."""
+"""Stages of the reference that a plan may skip: the drive, overlap removal, contacts of simulated bodies,
+their rotation, and time of impact; without the last, it tests the ends of steps only."""
 STAGES_OF_OURS = ("overlap_removal", "inverse_kinematics", "reach_cones", "attraction", "sweep")
-"""Effects that the reference alone has a stage for: an engine's contacts push, its hinges follow a servo."""
+"""Effects for which only the reference has a stage: in other engines contacts push and hinges follow a
+servo."""
 APPROXIMATE = ("sleeping",)
-"""Left out where all effects are asked for, for it leaves motion out: on only where named among some."""
+"""Effects excluded when all are requested, because they discard motion; name them to enable them."""
 STIFF = 1e9
-"""Factor of the inertia of bodies that are asked not to turn [1]: no impact moves them by more than rounding
-shows in a picture, and no engine divides by zero."""
+"""Factor on the inertia of bodies that must not turn [1]: impacts turn them by no more than rounding shows in
+a picture, and no engine divides by zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What n bodies and their p pieces, in order, can reach at most.
+    """Bounds on the motion of n bodies and their p pieces, in order.
 
     Attributes:
         body: index of each piece's body (p,).
-        reach: of a body's pieces round its origin (n,) [m].
-        low, high: box that a body's origin keeps to (n, 3) [m, world]; infinite where nothing bounds it.
-        gap: what bodies stay from pieces at least (n, p) [m]; 0 where they may meet. Between links of one
-            driven body: by the balls of `reach` round their origins.
+        reach: radius of a body's pieces about its origin (n,) [m].
+        low, high: box that contains a body's origin (n, 3) [m, world]; infinite if unbounded.
+        gap: lower bounds on distances between bodies and pieces (n, p) [m]; 0 if they may meet. Between links
+            of one driven body: by the bounding balls of radius `reach` about their origins.
     """
 
     body: NDArray[np.intp]
@@ -71,15 +72,15 @@ class Bounds:
 
 
 def box_gap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
-    """Distances between n boxes and p others (n, p) [m]; 0 where they overlap."""
+    """Distances between n boxes and p others (n, p) [m]; 0 if they overlap."""
     with np.errstate(invalid="ignore"):
         apart = np.maximum(low[:, None] - other_high, other_low - high[:, None])
     return np.linalg.norm(np.maximum(np.nan_to_num(apart, nan=0.0, posinf=np.inf), 0.0), axis=-1)
 
 
 def least_gap(gap: Array, body: NDArray[np.intp]) -> Array:
-    """What n bodies stay apart at least (n, n) [m], from their gaps to the pieces of each; infinite from
-    those without pieces."""
+    """Lower bounds on the distances of n bodies (n, n) [m], from their gaps to pieces; infinite for bodies
+    without pieces."""
     least = np.full((len(gap), len(gap)), np.inf)
     for k in np.unique(body):
         least[:, k] = gap[:, body == k].min(axis=1)
@@ -88,7 +89,7 @@ def least_gap(gap: Array, body: NDArray[np.intp]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What is done about an effect, and why."""
+    """Decision on an effect, and its reason."""
 
     effect: str
     state: State
@@ -102,15 +103,15 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The effects of a run.
+    """Effects of a run.
 
     Attributes:
         decisions: one per effect, in the order of PLANNED.
-        pairs: bodies (a < b) that contact is looked for between.
-        pieces: of each body the indices of the pieces that can meet something.
-        bounds: what bodies must keep to for the plan to hold.
+        pairs: bodies (a < b) that are tested for contact.
+        pieces: per body the indices of the pieces that can meet something.
+        bounds: bounds on the bodies' motion for which the plan is valid.
         apart: links of one driven body (k, 2) that must stay apart.
-        skipped: of SKIPPED what the reference does not run.
+        skipped: those of SKIPPED that the reference does not run.
     """
 
     decisions: tuple[Decision, ...]
@@ -126,22 +127,22 @@ class Plan:
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """The effects whose stages run."""
+        """Effects whose stages run."""
         return tuple(decision.effect for decision in self.decisions if decision.on)
 
     @property
     def removed(self) -> tuple[str, ...]:
-        """Effects that the scene calls for and that are left out because that was asked for."""
+        """Effects that the scene requires but that the caller excluded."""
         return tuple(decision.effect for decision in self.decisions if decision.state == "forced off")
 
     def applied(self, scenario: Scenario) -> Scenario:
-        """The scenario without what the plan leaves out: pieces, coefficients, gravity, chains and cones."""
+        """Scenario without what the plan omits: pieces, coefficients, gravity, chains and cones."""
         driven = {k for links in map(scenario.links, scenario.trackers) for k in links if self.pieces[k]}
         groups = scenario.groups()
         followed = {groups[k] for k in driven}
         bodies = tuple(
             body
-            # a hand or an avatar stays whole: which of its links are adjacent follows from their pieces
+            # A hand or an avatar keeps all pieces, because these determine which of its links are adjacent.
             if len(kept) == len(body.pieces) or groups[k] in followed
             else replace(body, pieces=tuple(body.pieces[i] for i in kept))
             for k, (body, kept) in enumerate(zip(scenario.bodies, self.pieces))
@@ -158,8 +159,8 @@ class Plan:
         return scenario.reduced(bodies=bodies, effects=effects, chains=chains, trackers=trackers)
 
     def _shown(self, tracker: Tracker) -> Tracker:
-        """A tracker that rests as it starts where nothing is to follow it: its joints without attraction, all
-        of it without coupling."""
+        """Tracker without motion that nothing follows: constant joints without attraction, and a constant
+        root as well without coupling."""
         count = len(tracker.times)
         if {"attraction", "virtual_coupling"} & set(self.removed):
             tracker = replace(tracker, angles=tracker.angles[:1] * count)
@@ -169,7 +170,7 @@ class Plan:
         return tracker
 
     def broken(self, position: Array, names: Sequence[str]) -> str | None:
-        """The bound that the bodies' origins (n, 3) [m] have left, in words; None while all hold."""
+        """Message on the bound that the bodies' origins (n, 3) [m] violate; None if all hold."""
         bounds = self.bounds
         out = ((position < bounds.low) | (position > bounds.high)).any(axis=1)
         if out.any():
@@ -187,9 +188,9 @@ def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = N
     """Decide on every effect.
 
     Args:
-        effects: run these and no others, whatever the scene calls for, contact between all that may touch,
-            none of APPROXIMATE where all of PLANNED are named; None: those that the scene calls for, contact
-            between those that can meet.
+        effects: run exactly these effects, with contact between all pairs that may touch; if they name all of
+            PLANNED, without those of APPROXIMATE. None: the effects that the scene requires, with contact
+            between pairs that can meet.
     """
     asked_for_all = effects is not None and set(PLANNED) <= set(effects)
     may_touch = list(scenario.touching_pairs())
@@ -202,7 +203,7 @@ def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = N
     on = {decision.effect for decision in decisions if decision.on}
     group = scenario.groups()
     own = {(a, b) for a, b in may_touch if group[a] == group[b] >= 0}
-    # without an effect that it needs a scene may leave its bounds: nothing then leans on them
+    # Without an effect that it needs, a scene may leave its bounds, so the plan must not use them.
     forced_off = any(decision.state == "forced off" for decision in decisions)
     everything = asked_for_all or forced_off
     pairs = may_touch if everything or not meeting else meeting
@@ -223,7 +224,7 @@ def plan(scenario: Scenario, bounds: Bounds, effects: Collection[str] | None = N
 
 
 def _skipped(scenario: Scenario, on: Collection[str], pairs: list[Pair], everything: bool) -> tuple[str, ...]:
-    """Stages of the reference without anything to do, in the order of SKIPPED."""
+    """Stages of the reference that have nothing to do, in the order of SKIPPED."""
     simulated = {k for k, body in enumerate(scenario.bodies) if body.kind == "simulated"}
     contact = "contact" in on and (everything or any(simulated & set(pair) for pair in pairs))
     runs = {
@@ -237,7 +238,7 @@ def _skipped(scenario: Scenario, on: Collection[str], pairs: list[Pair], everyth
 
 
 def _held_from_turning(body: Body) -> Body:
-    """A simulated body that neither turns nor can be turned."""
+    """A simulated body without rotation and with an inertia that prevents it."""
     if body.kind != "simulated":
         return body
     one, two, three = ((STIFF * x, STIFF * y, STIFF * z) for x, y, z in body.inertia)
@@ -254,7 +255,7 @@ def _decide(effect: str, needed: bool, reason: str, effects: Collection[str] | N
 def _pieces(
     scenario: Scenario, bounds: Bounds, pairs: Collection[Pair], everything: bool
 ) -> tuple[tuple[int, ...], ...]:
-    """Of each body the pieces near which a body of its pairs can come; all where everything is asked for."""
+    """Per body the pieces that a body of its pairs can reach; all pieces if `everything`."""
     kept = [np.zeros(len(body.pieces), bool) for body in scenario.bodies]
     first = np.searchsorted(bounds.body, np.arange(len(scenario.bodies)))
     for pair in pairs:
@@ -323,7 +324,7 @@ def _needs(scenario: Scenario, gap: Array, may_touch: list[Pair], meeting: list[
         "self_collision": self_collision(),
         "overlap_removal": moved,
         "inverse_kinematics": kinematics,
-        # attraction leads into them, too, where the tracker leaves them
+        # Attraction also turns joints towards the cones' limits if the tracker is outside them.
         "reach_cones": (bool(cones), f"{cones} ball joints" if cones else "no ball joint"),
         "attraction": (
             bool(chains),
@@ -339,7 +340,7 @@ def _needs(scenario: Scenario, gap: Array, may_touch: list[Pair], meeting: list[
 
 
 def named_body(bodies: list[Body]) -> str:
-    """The first body's name, and how many more."""
+    """Name of the first body, and the number of others."""
     return bodies[0].name + (f" and {len(bodies) - 1} bodies more" if len(bodies) > 1 else "")
 
 
@@ -361,5 +362,5 @@ def _rotation(scenario: Scenario, meeting: list[Pair]) -> Need:
 
 
 def centred_ball(body: Body) -> bool:
-    """A ball round its centre of mass: every normal force goes through that."""
+    """Whether a body is a ball about its centre of mass, so that every normal force passes through it."""
     return all(isinstance(p.shape, Sphere) and p.position == body.center_of_mass for p in body.pieces)

@@ -1,8 +1,8 @@
-"""Whether bodies in contact can stand still: a linear program over contact forces within friction cones.
+"""Static equilibrium of bodies in contact: a linear program over contact forces within friction cones.
 
 Limit analysis of masonry (Livesley 1978): if no forces within the cones balance the weights, the bodies move;
-if some do, rigid bodies may stand. Cones are replaced by pyramids: those within the cones prove that bodies
-can stand, those around them that bodies cannot.
+if some do, rigid bodies may stand. Pyramids replace the cones: inscribed ones prove that bodies can stand,
+circumscribed ones that they cannot.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from touchstone.scenarios.scenario import Scenario, Vector
 Array = NDArray[np.float64]
 
 SIDES = 16
-"""Edges of a pyramid: it misses a cone by 2 %."""
+"""Number of a pyramid's edges: it deviates from the cone by 2 %."""
 FEASIBLE, INFEASIBLE = 0, 2
-"""What scipy's solver says of a linear program."""
+"""Status codes of scipy's linear program solver."""
 
 
 class EquilibriumError(RuntimeError):
-    """The linear program has no answer; the message says why."""
+    """The solver failed; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """A contact point of two bodies, by name: place [m, world] and unit normal from A to B."""
+    """Contact point of two bodies, by name: position [m, world] and unit normal from A to B."""
 
     body_a: str
     body_b: str
@@ -43,17 +43,17 @@ def can_stand(scenario: Scenario, supports: Sequence[Support], *, outer: bool = 
     """Whether forces at contact points within their friction pyramids balance gravity on each simulated body.
 
     Args:
-        scenario: its bodies at their initial places, their masses and friction.
-        supports: all the points at which they may push on each other.
-        outer: take pyramids around the friction cones instead of within them.
+        scenario: provides the bodies' initial poses, masses and friction.
+        supports: all points at which bodies may push on each other.
+        outer: use pyramids around the friction cones instead of inside them.
     Raises:
-        EquilibriumError: the solver finds neither an answer nor that there is none.
+        EquilibriumError: the solver neither finds a solution nor proves that there is none.
     """
     bodies = [body for body in scenario.bodies if body.kind == "simulated"]
     row = {body.name: 6 * k for k, body in enumerate(bodies)}
     centre = {body.name: np.array(body.position) for body in bodies}
     weight = np.concatenate([[*(b.mass * np.array(scenario.acting_gravity)), 0.0, 0.0, 0.0] for b in bodies])
-    # unknowns of a point: its normal force, then one force per edge of the pyramid, all along or against
+    # Unknowns of a point: its normal force, then one force per edge of the pyramid.
     balance = np.zeros((6 * len(bodies), (1 + SIDES) * len(supports)))
     cones = np.zeros((len(supports), balance.shape[1]))
     for k, point in enumerate(supports):
@@ -69,7 +69,7 @@ def can_stand(scenario: Scenario, supports: Sequence[Support], *, outer: bool = 
         mu = scenario.pair_coefficients(pair[0], pair[1])[1] / (cos(pi / SIDES) if outer else 1.0)
         cones[k, first] = -mu
         cones[k, first + 1 : first + 1 + SIDES] = 1.0
-    # in units of the heaviest body: the solver's tolerance is absolute
+    # Scale by the heaviest body: the solver's tolerance is absolute.
     scale = float(np.abs(weight).max()) or 1.0
     answer = linprog(
         np.zeros(balance.shape[1]),
@@ -86,7 +86,7 @@ def can_stand(scenario: Scenario, supports: Sequence[Support], *, outer: bool = 
 
 
 def _tangents(n: Array) -> list[Array]:
-    """SIDES unit vectors across a normal, evenly round it."""
+    """SIDES unit vectors perpendicular to a normal, evenly spaced around it."""
     first = np.cross(n, np.eye(3)[int(np.abs(n).argmin())])
     first /= np.linalg.norm(first)
     second = np.cross(n, first)

@@ -1,8 +1,8 @@
-"""The art gallery of the scenes: two rooms joined by a doorway, and twenty objects in them.
+"""Art gallery of the scenes: two rooms joined by a doorway, with twenty objects.
 
-The west room holds `table`, whose top's middle is over the world's origin; the floor's upper face is z = 0.
-Bodies that are not convex (tables, frames, the ring, the partition with its doorway) are unions of convex
-pieces; sculptures have hundreds of triangles each. Fixed all, and of one material.
+The west room contains `table`, whose top is centred above the world's origin; the floor's upper face is
+z = 0. Bodies that are not convex (tables, frames, the ring, the partition with its doorway) are unions of
+convex pieces; sculptures have hundreds of triangles each. All bodies are fixed and of one material.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _box(name: str, half_extents: Vector, position: Vector) -> Piece:
 
 
 def _building() -> dict[str, Pieces]:
-    """Floor and walls; the partition is a wall to either side of the doorway and a lintel over it."""
+    """Floor and walls; the partition is a wall on each side of the doorway and a lintel above it."""
     far = EAST + WALL
     middle, half_length, half_width = (WEST - WALL + far) / 2, (far - WEST + WALL) / 2, NORTH + WALL
     up, thick = HEIGHT / 2, WALL / 2
@@ -121,7 +121,7 @@ def _pedestal(place: tuple[float, float]) -> Pieces:
 
 
 def _frame(middle: Vector, half_width: float, half_height: float, through: str) -> Pieces:
-    """A picture in four bars on a wall that `through` is the normal of; its bars stand out of the picture."""
+    """Picture frame of four bars on a wall with normal axis `through`; the bars protrude from the picture."""
     bar, depth = 0.03, 0.02
 
     def piece(name: str, aside: float, up: float, wide: float, high: float, deep: float) -> Piece:
@@ -153,7 +153,8 @@ def _stone(name: str, count: int, half_axes: Vector, middle: Vector) -> Pieces:
 
 
 def _ring(middle: Vector, radius: float, thickness: float, count: int) -> Pieces:
-    """A standing ring across x of `count` wedges, octagonal in section: 28 triangles each."""
+    """A standing ring perpendicular to x of `count` wedges with octagonal cross-section: 28 triangles
+    each."""
     section = [(thickness * cos(t), thickness * sin(t)) for t in (np.arange(8) + 0.5) * pi / 4]
 
     def ring_point(turn: float, out: float, aside: float) -> Vector:
@@ -171,7 +172,7 @@ def _ring(middle: Vector, radius: float, thickness: float, count: int) -> Pieces
 
 
 def _twist(place: tuple[float, float], radius: float, count: int) -> Pieces:
-    """A column of `count` hexagonal drums, each turned against the one below: 20 triangles each."""
+    """A column of `count` hexagonal drums, each rotated against the one below: 20 triangles each."""
     drum, step = 0.18, pi / 18
 
     def drum_points(k: int) -> tuple[Vector, ...]:

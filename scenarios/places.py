@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.scenario import ORIGIN, Body, Hull, Piece, Scenario, Vector, vector
 
 COINCIDENT = 1e-9
-"""Distance of the centres of two solids up to which they coincide [m]: no direction leads apart rather than
-another."""
+"""Distance of the centres of two solids up to which they coincide [m]: the direction of separation is then
+undefined."""
 
 
 def coinciding(scenario: Scenario) -> str | None:
-    """Two bodies that start in the same place, with that place, in one line; None where none do.
+    """One-line message on two bodies that start at the same place; None if there are none.
 
-    What overlaps otherwise is parted by contact. Driven bodies are left out: trackers place them.
+    Contact separates all other overlaps. Driven bodies are ignored: trackers place them.
     """
     bodies = scenario.bodies
     owner = [i for i, body in enumerate(bodies) if body.kind != "driven" for _ in body.pieces]
@@ -43,5 +43,5 @@ def coinciding(scenario: Scenario) -> str | None:
 
 
 def _center(piece: Piece) -> Vector:
-    """A point inside a piece [m, its own frame]: its centre, or the mean of its vertices."""
+    """Point inside a piece [m, its own frame]: its centre, or the mean of its vertices."""
     return vector(np.mean(piece.shape.vertices, axis=0)) if isinstance(piece.shape, Hull) else ORIGIN

@@ -1,9 +1,9 @@
-"""The neutral scene: what every engine is built from.
+"""Engine-neutral scenario data from which every engine's world is built.
 
-Conventions: SI units, radians, right-handed, z up, unit quaternions wxyz. A body's `position` is its
-origin in the world; its `center_of_mass` and pieces are posed in the body frame; its inertia is taken
-about the centre of mass along the body axes. A driven body is a tree of links joined by hinges: the
-link frame has its origin on the hinge. Every object is plain, frozen data.
+Conventions: SI units, radians, right-handed, z up, unit quaternions wxyz. A body's `position` is its origin
+in the world; its `center_of_mass` and pieces are posed in the body frame; its inertia is taken about the
+centre of mass along the body axes. A driven body is a tree of links joined by hinges: the link frame has its
+origin on the hinge. Every object is plain, frozen data.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 LAWS = ("arcs", "torque_free", "coupling")
 INTERPOLATIONS = ("cubic", "held")
 GRAVITY = 9.81
-"""On the ground, unless a scene says otherwise [m/s^2]."""
+"""Default magnitude of gravity [m/s^2]."""
 HOLD_LAST: ContextVar[bool] = ContextVar("HOLD_LAST", default=False)
-"""Whether scenarios that are built hold the last good sample of a tracker where one is not finite."""
+"""Whether scenarios under construction hold a tracker's last good sample where one is not finite."""
 
 
 def vector(values: Iterable[float]) -> Vector:
-    """Three numbers, as an array has them, in plain form."""
+    """Plain tuple of three numbers from an array."""
     x, y, z = (float(value) for value in values)
     return (x, y, z)
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be simulated; `faults` lists (path of the field, what is wrong)."""
+    """Invalid scenario; `faults` lists (path of the field, what is wrong)."""
 
     def __init__(self, name: str, faults: list[tuple[str, str]]) -> None:
         self.faults = faults
@@ -51,21 +51,22 @@ class ScenarioError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Sphere:
-    """A ball of `radius` [m] round the piece's origin."""
+    """Ball of `radius` [m] about the piece's origin."""
 
     radius: float
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A box with `half_extents` [m] along the piece's axes."""
+    """Box with `half_extents` [m] along the piece's axes."""
 
     half_extents: Vector
 
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """All within `radius` [m] of a segment of `half_length` [m] to either side along the piece's z axis."""
+    """All points within `radius` [m] of a segment along the piece's z axis from -`half_length` to
+    `half_length` [m]."""
 
     radius: float
     half_length: float
@@ -73,14 +74,14 @@ class Capsule:
 
 @dataclass(frozen=True, slots=True)
 class Ellipsoid:
-    """An ellipsoid with `half_axes` [m] along the piece's axes."""
+    """Ellipsoid with `half_axes` [m] along the piece's axes."""
 
     half_axes: Vector
 
 
 @dataclass(frozen=True, slots=True)
 class Hull:
-    """The convex hull of `vertices` [m, piece frame]; each must be a corner of it."""
+    """Convex hull of `vertices` [m, piece frame], each of which must be a corner of it."""
 
     vertices: tuple[Vector, ...]
 
@@ -90,7 +91,7 @@ Shape = Sphere | Box | Capsule | Ellipsoid | Hull
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A convex piece, posed in the frame of its body."""
+    """Convex piece, posed in the frame of its body."""
 
     name: str
     shape: Shape
@@ -100,11 +101,10 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A rigid body, or one link of a driven body.
+    """Rigid body, or one link of a driven body.
 
-    `position` to `angular_velocity` [m, wxyz, m/s of the centre of mass, rad/s; world] are the initial
-    state; a driven link takes its state from its tracker and leaves them at their defaults. A fixed body
-    needs no mass.
+    `position` to `angular_velocity` [m, wxyz, m/s of the centre of mass, rad/s; world] are the initial state;
+    a driven link takes its state from its tracker and keeps their defaults. A fixed body needs no mass.
     """
 
     name: str
@@ -122,8 +122,8 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A hinge. At angle q the child frame sits at `position` of the parent frame, turned by
-    rotation(`axis`, q) after `orientation`; the axis is given in the parent frame."""
+    """Hinge. At angle q the child frame is at `position` in the parent frame, with orientation
+    rotation(`axis`, q) * `orientation`; the axis is given in the parent frame."""
 
     name: str
     parent: str
@@ -137,12 +137,13 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class ReachCone:
-    """What a ball joint may do: its three `joints` turn about right-handed perpendicular axes through one
-    point, the third of them the bone's.
+    """Joint limits of a ball joint, whose three `joints` turn about right-handed perpendicular axes through
+    one point; the third axis is the bone's.
 
-    `swing` are the corners of a spherical polygon that the bone may point into, counterclockwise round
+    `swing` holds the corners of a spherical polygon of allowed bone directions, counterclockwise about
     `center` and star-shaped from it [unit vectors, frame of the first hinge's parent at angles 0]. `twist`
-    [rad] bounds the turn about the bone beside the shortest rotations from its rest to `center` and on.
+    [rad] bounds the rotation about the bone that remains after the shortest rotations from its rest to
+    `center` and from there to its direction.
     """
 
     joints: tuple[str, str, str]
@@ -153,8 +154,8 @@ class ReachCone:
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Hinges from root to tip that inverse kinematics turns together; they follow each other in their
-    tracker's order."""
+    """Hinges from root to tip that inverse kinematics turns together; they are consecutive in their
+    tracker."""
 
     name: str
     joints: tuple[str, ...]
@@ -163,13 +164,13 @@ class Chain:
 
 @dataclass(frozen=True, slots=True)
 class Tracker:
-    """What a driven body follows: keyframes of its root's pose and of its hinges' angles.
+    """Path that a driven body follows: keyframes of its root's pose and of its hinges' angles.
 
-    `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation it is
-    critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped servo of
-    `hinge_frequency` [rad/s]; the reference poses them exactly. `held` keyframes repeat the last good sample.
-    `interpolation`: cubic splines through the keyframes, or held, where all that leads up to a keyframe sees
-    it.
+    `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation the
+    coupling is critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped
+    servo of `hinge_frequency` [rad/s]; the reference sets them exactly. `held` counts keyframes that repeat
+    the last good sample. `interpolation`: cubic splines through the keyframes, or held: each time takes the
+    next keyframe.
     """
 
     root: str
@@ -185,8 +186,8 @@ class Tracker:
     interpolation: Literal["cubic", "held"] = "cubic"
 
     def hold_last(self) -> Tracker:
-        """A copy in which keyframes with what is no finite number repeat the last good one, counted in
-        `held`. Those before the first good one stay as they are."""
+        """Copy in which non-finite keyframes repeat the last good one, counted in `held`. Those before the
+        first good one do not change."""
         samples = list(zip(self.positions, self.orientations, self.angles))
         if not 0 < len(self.positions) == len(self.orientations) == len(self.angles):
             return self
@@ -213,12 +214,12 @@ class PairCoefficients:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """An event that must happen to `body` and `other` between `earliest` and `latest` [s].
+    """Event that must happen to `body` and `other` between `earliest` and `latest` [s].
 
-    touch: their gap closes; roll: their contact stops slipping; leave: their gap opens for good;
-    land: their gap closes for the first time after the last `leave`; meet: it closes for the first time in
-    the window, open at its start; part: it opens there for a tenth of a second or more, not before.
-    What happens several times is expected several times, in order.
+    touch: their gap closes. roll: their contact stops slipping. leave: their gap opens for good. land: their
+    gap closes for the first time after the last `leave`. meet: it closes for the first time in the window, at
+    whose start it is open. part: it opens in the window, not before, for a tenth of a second or more.
+    Repeated events need repeated expectations, in order.
     """
 
     event: Literal["touch", "roll", "leave", "land", "meet", "part"]
@@ -230,8 +231,11 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """Motion from `start` [s] to the next arc: where the centre of mass is then [m] and how fast [m/s], its
-    acceleration, the angular velocity [rad/s] and its rate along the same axis, all constant; world."""
+    """Motion from `start` [s] to the next arc; world frame.
+
+    Position [m] and velocity [m/s] of the centre of mass and angular velocity [rad/s] are those at the start;
+    acceleration and angular acceleration (along the angular velocity) are constant.
+    """
 
     start: float
     position: Vector
@@ -243,11 +247,11 @@ class Arc:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """How `body` must move, in closed form; `truths.py` works it out.
+    """Closed-form motion of `body`; `closed_form.py` evaluates it.
 
-    arcs: as `arcs` say, the first from 0 s. torque_free: as its initial state and gravity make it go on, with
-    three different moments of inertia. coupling: as Eq. 6 pulls it after a tracker that moves linearly within
-    a frame.
+    arcs: piecewise motion by `arcs`, the first from 0 s. torque_free: motion from the initial state under
+    gravity, with three different moments of inertia. coupling: Eq. 6 with a tracker that moves linearly
+    within a frame.
     """
 
     body: str
@@ -261,8 +265,8 @@ CHECKS: list[Callable[[Scenario], list[tuple[str, str]]]] = []
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A scene and its truth. Building one validates it: `ScenarioError` names every fault at once; under
-    `HOLD_LAST` its trackers hold their last good samples first."""
+    """Scene with its truth. Construction validates it: `ScenarioError` names every fault at once. Under
+    `HOLD_LAST` its trackers first hold their last good samples."""
 
     name: str
     summary: str
@@ -288,8 +292,8 @@ class Scenario:
             raise ScenarioError(self.name, found)
 
     def reduced(self, **fields: object) -> Scenario:
-        """A copy with some `bodies`, `effects` or `chains` taken out; a part of what is valid, so not
-        validated again: bodies may be left without pieces."""
+        """Copy with some `bodies`, `effects` or `chains` removed. It is not validated again: part of a valid
+        scenario is valid, except that bodies may lack pieces."""
         copy = object.__new__(Scenario)
         for field in dataclass_fields(self):
             object.__setattr__(copy, field.name, fields.get(field.name, getattr(self, field.name)))
@@ -297,12 +301,12 @@ class Scenario:
 
     @property
     def frame_count(self) -> int:
-        """Displayed frames after the initial one."""
+        """Number of displayed frames after the initial one."""
         return round(self.duration * self.frame_rate)
 
     @property
     def acting_gravity(self) -> Vector:
-        """Gravity [m/s^2], or zero where the effect is off."""
+        """Gravity [m/s^2]; zero if the effect is off."""
         return self.gravity if "gravity" in self.effects else ORIGIN
 
     def body_index(self, name: str) -> int:
@@ -323,8 +327,9 @@ class Scenario:
         return tuple(group)
 
     def touching_pairs(self) -> Iterator[tuple[int, int]]:
-        """Body pairs (a < b) that may touch: not both fixed, both with pieces; links of one driven body
-        only where `self_collision` is on and they are not adjacent, links without pieces passed over."""
+        """Body pairs (a < b) that may touch: both have pieces and not both are fixed. Links of one driven
+        body may touch only with `self_collision` and if they are not adjacent, where links without pieces are
+        skipped."""
         group = self.groups()
         above = {joint.child: joint.parent for joint in self.joints}
         bare = {body.name for body in self.bodies if not body.pieces}
@@ -344,7 +349,7 @@ class Scenario:
             yield a, b
 
     def pair_coefficients(self, a: int, b: int) -> tuple[float, float]:
-        """Restitution and friction of the bodies with index a and b; zero where the effect is off."""
+        """Restitution and friction of the bodies with index a and b; zero if the effect is off."""
         wanted = {self.bodies[a].material, self.bodies[b].material}
         pair = next(c for c in self.coefficients if {c.material_a, c.material_b} == wanted)
         return (

@@ -1,4 +1,4 @@
-"""Uniform solids: mass, centre and inertia, bodies made of one, and the vertices of elliptic hulls."""
+"""Uniform solids: mass properties, bodies of one solid, and vertices of elliptic hulls."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ def capsule_inertia(mass: float, radius: float, half_length: float) -> Matrix:
 def hull_mass_properties(
     vertices: Sequence[Vector], *, mass: float | None = None, density: float | None = None
 ) -> tuple[float, Vector, Matrix]:
-    """Mass, centre of mass and inertia of a uniform convex hull, exact: the sum over tetrahedra.
+    """Mass, centre of mass and inertia of a uniform convex hull, exact by a sum over tetrahedra.
 
     A tetrahedron with corners 0, a, b, c has the second moments V / 20 (sum x x^T + s s^T), s = a + b + c.
 
     Args:
-        vertices: points [m] whose convex hull is the solid; those inside it change nothing.
-        mass: of the solid [kg], or
-        density: its density [kg/m^3]; exactly one of them.
+        vertices: points [m] whose convex hull is the solid; interior points have no effect.
+        mass: mass of the solid [kg].
+        density: density of the solid [kg/m^3]; give either mass or density.
     Returns:
         Mass [kg], centre of mass [m, frame of the vertices], inertia about it along the axes of that frame
         [kg m^2].
@@ -80,7 +80,7 @@ def hull_mass_properties(
     except (QhullError, ValueError) as error:
         reason = f"{error}".strip().partition("\n")[0]
         raise ValueError(f"{len(points)} vertices span no volume: {reason}") from error
-    # tetrahedra from a point inside to every triangle
+    # Tetrahedra from a point inside to every triangle.
     inside = points.mean(axis=0)
     corners = points[faces.simplices] - inside
     volumes = np.abs(np.linalg.det(corners)) / 6
@@ -213,8 +213,8 @@ def hull(
     """A solid convex hull whose origin is its centre of mass.
 
     Args:
-        vertices: corners of the hull [m] in any frame with the body's axes; they are shifted so that the
-            centre of mass becomes the body's origin, as that of a ball or a block is.
+        vertices: corners of the hull [m] in any frame with the body's axes; shifted so that the centre of
+            mass becomes the body's origin, as for a ball or a block.
         mass: in kg; the other arguments are the state.
     """
     _, centre, inertia = hull_mass_properties(vertices, mass=mass)
@@ -238,7 +238,7 @@ def slab(
 ) -> Body:
     """A fixed slab of 20 m by 20 m by 1 m whose upper face passes through the origin.
 
-    Its origin is the box' centre: an offset piece would be a compound to Bullet, which treats it otherwise.
+    The body's origin is the box' centre: Bullet would treat an offset piece differently, as a compound.
     """
     x, y, z = normal
     return Body(
@@ -265,7 +265,7 @@ def elliptic_hull(half_axes: Vector) -> tuple[Vector, ...]:
         + [(s, t * golden, 0.0) for s in (-1, 1) for t in (-1, 1)]
         + [(t * golden, 0.0, s) for s in (-1, 1) for t in (-1, 1)]
     )
-    # edges of the icosahedron are its shortest distances, 2
+    # The edges of the icosahedron are its shortest distances, 2.
     first, second = np.triu_indices(12, k=1)
     edges = np.linalg.norm(corners[first] - corners[second], axis=1) < 2.1
     midpoints = (corners[first] + corners[second])[edges]

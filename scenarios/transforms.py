@@ -1,9 +1,9 @@
-"""The same scene elsewhere: mirrored, translated, with its bodies in another order, or moved a little.
+"""Transformed scenes: mirrored, translated, with permuted bodies, or perturbed.
 
 An engine without a preferred place, side or order gives the same motion, transformed in the same way.
 
 Conventions: the mirror is x -> -x, M = diag(-1, 1, 1). Vectors become M v, rotations M R M, axes and angular
-velocities (pseudovectors) -M w. Angles of hinges stay as they are.
+velocities (pseudovectors) -M w. Hinge angles do not change.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 
 
 def shifted(scenario: Scenario, shift: Array) -> Scenario:
-    """The scene with its simulated bodies, or else the paths of its trackers, moved by (n, 3) [m]; without
-    truths and expectations, which are those of the scene itself."""
+    """Scene with its simulated bodies, or the paths of its trackers if it has none, moved by (n, 3) [m];
+    without truths and expectations, which hold for the original only."""
     moves = iter(shift)
     fields: dict[str, object] = {}
     if any(body.kind == "simulated" for body in scenario.bodies):
@@ -51,8 +51,8 @@ def shifted(scenario: Scenario, shift: Array) -> Scenario:
 
 
 def perturbed(scenario: Scenario, size: float, seed: int) -> Scenario:
-    """The scene with each simulated body, or else each tracker, moved by `size` [m] in a direction that the
-    seed draws. What touches may overlap by up to twice that."""
+    """Scene with each simulated body, or each tracker if it has none, moved by `size` [m] in a seeded random
+    direction. Touching bodies may then overlap by up to twice that."""
     rng = np.random.default_rng(seed)
     count = sum(body.kind == "simulated" for body in scenario.bodies) or len(scenario.trackers)
     moves = rng.normal(size=(count, 3))
@@ -60,7 +60,7 @@ def perturbed(scenario: Scenario, size: float, seed: int) -> Scenario:
 
 
 def permuted(scenario: Scenario, order: Sequence[int]) -> Scenario:
-    """The scene with its bodies in another order: body k is the one with index `order[k]` before.
+    """Scene with its bodies in another order: body k of the result is body `order[k]` of the original.
 
     Raises:
         ValueError: `order` does not name every body once.
@@ -71,7 +71,7 @@ def permuted(scenario: Scenario, order: Sequence[int]) -> Scenario:
 
 
 def translated(scenario: Scenario, offset: Vector) -> Scenario:
-    """The scene with everything moved by `offset` [m]: bodies, trackers and truths."""
+    """Scene with bodies, trackers and truths moved by `offset` [m]."""
 
     def there(place: Vector) -> Vector:
         return vector(np.add(place, offset))
@@ -90,10 +90,10 @@ def translated(scenario: Scenario, offset: Vector) -> Scenario:
 
 
 def mirrored(scenario: Scenario) -> Scenario:
-    """The mirror image of a scene, x -> -x, with its truths.
+    """Mirror image of a scene, x -> -x, with its truths.
 
     Raises:
-        ValueError: a chain has reach cones, whose swing and twist are not mirrored.
+        ValueError: a chain has reach cones, whose swing and twist cannot be mirrored.
     """
     if any(chain.cones for chain in scenario.chains):
         raise ValueError(f"scenario {scenario.name!r}: reach cones have no mirror image here")
@@ -108,17 +108,17 @@ def mirrored(scenario: Scenario) -> Scenario:
 
 
 def mirror(v: Vector) -> Vector:
-    """The mirror image of a place, a velocity or a force."""
+    """Mirror image of a position, a velocity or a force."""
     return (-v[0], v[1], v[2])
 
 
 def mirror_axis(w: Vector) -> Vector:
-    """The mirror image of an axis of rotation, an angular velocity or a torque."""
+    """Mirror image of a rotation axis, an angular velocity or a torque."""
     return (w[0], -w[1], -w[2])
 
 
 def mirror_turn(q: Quaternion) -> Quaternion:
-    """The mirror image of an orientation, wxyz."""
+    """Mirror image of an orientation, wxyz."""
     return (q[0], q[1], -q[2], -q[3])
 
 
@@ -130,7 +130,7 @@ def _mirror_matrix(m: Matrix) -> Matrix:
 def _mirrored_piece(piece: Piece) -> Piece:
     shape = piece.shape
     if isinstance(shape, Hull):
-        # all other shapes are their own mirror images
+        # All other shapes are their own mirror images.
         shape = Hull(tuple(map(mirror, shape.vertices)))
     return replace(
         piece, shape=shape, position=mirror(piece.position), orientation=mirror_turn(piece.orientation)

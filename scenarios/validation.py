@@ -1,4 +1,4 @@
-"""Every fault of a scenario at once, each with the path of the field."""
+"""Validation of a scenario: all its faults, each with the path of the field."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ Report = Callable[[str, str], None]
 SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
 
 UNIT_TOLERANCE = 1e-9
-"""Deviation of a quaternion or an axis from length 1 that rounding explains [1]."""
+"""Tolerance of the length of a unit quaternion or axis [1]: rounding."""
 FLATNESS = 1e-6
-"""Volume of a hull over the cube of its size below which it counts as flat [1]."""
+"""Volume of a hull, relative to the cube of its size, below which it counts as flat [1]."""
 SYMMETRY = 1e-12
-"""Relative slack of inertia's symmetry and triangle inequality, for rounding [1]."""
+"""Relative tolerance of the inertia's symmetry and triangle inequality [1]: rounding."""
 DISTINCT = 1e-9
-"""Share of the largest by which moments of a free top must differ, and rates count as none [1]: rounding."""
+"""Minimum difference of a free top's moments, and minimum rates, relative to the largest [1]: rounding."""
 WHOLE = 1e-9
-"""Deviation of duration times frame rate from a whole number [frames]."""
+"""Tolerance of duration times frame rate as a whole number [frames]."""
 
 
 def faults(scenario: Scenario) -> list[tuple[str, str]]:
@@ -64,7 +64,7 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     for i, tracker in enumerate(scenario.trackers):
         _check_tracker(scenario, tracker, f"trackers[{i}]", report)
     _check_driving(scenario, report)
-    if not found:  # chains lean on sound joints and trackers
+    if not found:  # the checks of chains require valid joints and trackers
         check_chains(scenario, report)
     _check_coefficients(scenario, report)
     _check_expectations(scenario, report)
@@ -236,7 +236,7 @@ def _check_joints(scenario: Scenario, report: Report) -> None:
 
 
 def _check_driving(scenario: Scenario, report: Report) -> None:
-    """Every driven body and every joint belongs to exactly one tracker, once."""
+    """Check that every driven body and every joint belongs to exactly one tracker, once."""
     joints = {joint.name: joint for joint in scenario.joints}
     posed: dict[str, list[str]] = {}
     driven: dict[str, list[str]] = {}
@@ -362,7 +362,7 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
 
 
 def _check_top(body: Body, path: str, report: Report) -> None:
-    """The closed form holds for three different moments and a spin off the principal axes."""
+    """Check for three different moments and a spin off the principal axes, as the closed form requires."""
     inertia = np.array(body.inertia)
     if inertia.shape != (3, 3):
         return

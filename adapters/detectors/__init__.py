@@ -1,8 +1,8 @@
-"""The narrow-phase contract: Detector, Batch, Query, Answers, and the registry of detectors.
+"""Interface of narrow phases (Detector, Batch, Query, Answers), and the registry of detectors.
 
-Conventions: two convex pieces with poses in the world. Distance is signed, negative in overlap [m]; the unit
-normal points from A to B. A detector that reports nothing says so with NaN: it sees no contact. Shapes and
-poses are handed over before a query is timed; what an engine does again inside its own call counts.
+Conventions: a pair is two convex pieces with world poses. Distance is signed, negative in overlap [m]; the
+unit normal points from A to B. NaN means that a detector reports no contact. Shapes and poses are passed to
+the engine before a query is timed; what an engine repeats inside its own call counts.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ Pair = tuple[Piece, Piece]
 
 TOUCHING = (Piece("a", Sphere(0.5)), Piece("b", Sphere(0.5), (0.9, 0.0, 0.0)))
 APART = (Piece("a", Sphere(0.5)), Piece("b", Sphere(0.5), (1.5, 0.0, 0.0)))
-"""Spheres [m]: where a detector has a closed form for them, a query costs little but its crossing."""
+"""Separated spheres [m]: a detector with a closed form for them spends little more than the call overhead."""
 UNSUPPORTED, THREW, UNCONVERGED = FAILURES = ("unsupported", "threw", "unconverged")
-"""How a query may fail: the detector cannot represent a piece, raised an exception, or says itself that its
-answer did not converge (the answer counts all the same)."""
+"""Reasons of failed queries: the detector cannot represent a piece, raised an exception, or reports that its
+answer did not converge (the answer still counts)."""
 
 
 class Failure(NamedTuple):
-    """Why a query has no answer or no good one: one of FAILURES, and the message."""
+    """Reason why a query has no answer or a bad one: one of FAILURES, and the message."""
 
     kind: str
     reason: str
@@ -40,9 +40,11 @@ class Failure(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What a batch of n queries gave: distance (n,) [m] and normal (n, 3), NaN where nothing is reported;
-    `failures` by the number of the query; `held` (n,) where a motion is followed: whether the answer of the
-    frame before, posed anew, was proved to be this frame's."""
+    """Results of a batch of n queries.
+
+    Distance (n,) [m] and normal (n, 3) are NaN if nothing is reported; `failures` maps a query's index to its
+    failure. For a motion, `held` (n,) marks queries whose moved previous answer was certified.
+    """
 
     distance: Array
     normal: Array
@@ -54,46 +56,47 @@ class Batch(Protocol):
     """Prepared queries."""
 
     def ask(self) -> Array:
-        """Ask every query once, in order; seconds of each (n,), NaN where it failed."""
+        """Run every query once, in order; returns the time of each (n,) [s], NaN if it failed."""
 
     def answers(self) -> Answers:
-        """What the last `ask` gave."""
+        """Results of the last `ask`."""
 
     def close(self) -> None:
-        """Free what the queries hold."""
+        """Release the queries' resources."""
 
 
 class Detector(Protocol):
-    """A narrow phase. `crossings` are two pairs whose queries cost little but the crossing from Python,
-    results handed back included: one apart, one touching; None where a whole batch crosses once."""
+    """A narrow phase. `crossings` are two pairs, one apart and one touching, whose queries measure the call
+    overhead from Python, results included; None if a whole batch is one call."""
 
     crossings: tuple[Pair, Pair] | None
 
     def prepare(self, pairs: Sequence[Pair]) -> Batch:
-        """Hand pairs over to the engine."""
+        """Pass pairs to the engine."""
 
     def describe(self) -> Mapping[str, Scalar]:
-        """Version and settings, read back where the engine tells them."""
+        """Version and settings, read back if the engine reports them."""
 
 
 @runtime_checkable
 class Follower(Detector, Protocol):
-    """A detector that gains from the answers of the frame before."""
+    """A detector that uses the previous frame's answers (warm start)."""
 
     def follow(self, pairs: Sequence[Pair], frame: int) -> Batch:
-        """Hand a motion over: every `frame` pairs are those of one frame, in the same order in each."""
+        """Pass a motion to the engine: each run of `frame` pairs is one frame, with the same order in
+        each."""
 
 
 class Query(NamedTuple):
-    """`ask` is the engine's own call; `read` turns what it returned into (distance, normal), or None where
-    it reports nothing."""
+    """`ask` is the engine's own call; `read` converts its result to (distance, normal), or None if it reports
+    nothing."""
 
     ask: Callable[[], Any]
     read: Callable[[Any], tuple[float, Array] | None]
 
 
 class PythonBatch:
-    """Queries asked one by one from Python."""
+    """Queries called one by one from Python."""
 
     def __init__(self, build: Callable[[Pair], Query], pairs: Sequence[Pair], close: Callable[[], Any]):
         self._queries = [_guarded(build, pair) for pair in pairs]
@@ -146,15 +149,15 @@ def _first_line(error: Exception) -> str:
 
 
 def unit(vector: Array) -> Array:
-    """The vector at length 1; zeros stay zeros."""
+    """Vector normalized to length 1; zeros stay zeros."""
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0 else vector
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A detector's "module:Class", the arguments of the class, the package it needs and the extra that
-    brings it ("": the project itself does); `profile` is "exact", "default" or "tight"."""
+    """A detector's "module:Class", the class's arguments, the required package and the extra that installs it
+    ("": the project itself requires it); `profile` is "exact", "default" or "tight"."""
 
     implementation: str
     package: str
@@ -190,7 +193,7 @@ DETECTORS: dict[str, Entry] = {
 
 
 def missing_reason(name: str) -> str:
-    """Why a detector is skipped, or "" when its package can be found; imports nothing."""
+    """Why a detector is skipped, or "" if its package can be found; imports nothing."""
     entry = DETECTORS[name]
     if importlib.util.find_spec(entry.package) is not None:
         return ""
@@ -199,7 +202,7 @@ def missing_reason(name: str) -> str:
 
 
 def load(name: str) -> Detector:
-    """The detector called `name`; raises AdapterError where its package is missing."""
+    """Load the detector called `name`; raises AdapterError if its package is missing."""
     if reason := missing_reason(name):
         raise AdapterError(f"{name}: {reason}")
     entry = DETECTORS[name]

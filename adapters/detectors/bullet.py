@@ -1,7 +1,7 @@
 """Bullet's closest points through pybullet.
 
-Conventions: quaternions xyzw; a point's normal goes from B to A; distance is negative in overlap. Hulls carry
-a margin of 1 mm. pybullet prints its build time on import: the child's output is redirected.
+Conventions: quaternions are xyzw; a point's normal points from B to A; distance is negative in overlap. Hulls
+have a margin of 1 mm. pybullet prints its build time on import: the child's output is redirected.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Qu
 from touchstone.scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
 
 FAR = 100.0
-"""Distance beyond which Bullet need not look [m]: more than any pair of the study has."""
+"""Maximum distance of a query [m]: larger than that of any pair in the study."""
 DISTANCE, NORMAL = 8, 7
-"""Places in the tuple of a closest point."""
+"""Indices in the tuple of a closest point."""
 
 
 class BulletDetector:
-    """`getClosestPoints` of two static bodies; the deepest point of the manifold counts. `tight` asks for no
-    collision margin."""
+    """`getClosestPoints` of two static bodies; reports the deepest point of the manifold. `tight` sets the
+    collision margin to zero."""
 
     crossings = (APART, TOUCHING)
 
@@ -34,7 +34,7 @@ class BulletDetector:
         self._client = pybullet.connect(pybullet.DIRECT)
 
     def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Add the pieces as bodies; closing the batch takes all bodies out again."""
+        """Add the pieces as bodies; closing the batch removes them."""
         return PythonBatch(self._query, pairs, lambda: pybullet.resetSimulation(physicsClientId=self._client))
 
     def describe(self) -> Mapping[str, Scalar]:

@@ -1,8 +1,9 @@
-"""One spawned child per detector, so that a crash is one row; its parent lets one of them be timed at a time.
+"""Child processes of the detectors, one each, so that a crash affects one row; the parent times one at a
+time.
 
-A child's standard output and error go to a file of its own. Commands: `load`, `prepare` (pairs, and how many
-of them make a frame), `time` (passes), `answers`. The first that fails ends the child; what it was and why
-stands in `failure`.
+A child's standard output and error go to a file. Commands: `load`, `prepare` (pairs, and number of pairs per
+frame), `time` (passes), `answers`. The first failing command ends the child; `failure` holds its name and
+reason.
 """
 
 from __future__ import annotations
@@ -18,21 +19,21 @@ from touchstone.adapters.detectors import Batch, Detector, Follower, Pair, load
 from touchstone.adapters.workers.process import PATIENCE, ChildProcess
 
 CROSSINGS = 8
-"""Queries of the crossing pair per pass: some, for the first of them pays for cold caches."""
+"""Queries of the crossing pair per pass: several, because the first one finds cold caches."""
 
 Loader = Callable[[str], Detector]
 
 
 class Times(NamedTuple):
-    """Seconds per pass and query (p, n), and of the crossings per repeat, apart and touching
-    (p * CROSSINGS, 2), zeros where a batch crosses once."""
+    """Times per pass and query (p, n), and of the crossings per repeat, apart and touching (p * CROSSINGS, 2)
+    [s]; the latter are zero if a batch is one call."""
 
     query: Array
     crossing: Array
 
 
 class Child(ChildProcess):
-    """The parent's end of one detector's process."""
+    """Parent's end of one detector's process."""
 
     def __init__(self, name: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
         super().__init__(_Server, (name, loader), output, patience)
@@ -40,7 +41,7 @@ class Child(ChildProcess):
 
 
 class _Server:
-    """The child's end: a detector and its current batches."""
+    """Child's end: a detector and its current batches."""
 
     def __init__(self, name: str, loader: Loader) -> None:
         self._name, self._loader = name, loader
@@ -48,7 +49,7 @@ class _Server:
         self.crossing: Batch | None = None
 
     def handle(self, command: str, argument: Any) -> object:
-        """Obey one command; they come in the order below."""
+        """Execute one command; the commands come in the order below."""
         match command:
             case "load":
                 self.detector = self._loader(self._name)
@@ -62,7 +63,7 @@ class _Server:
         return self.batch.answers()
 
     def prepare(self, pairs: Sequence[Pair], frame: int) -> None:
-        """Hand pairs over, in place of the last ones: a motion where `frame` of them make a frame."""
+        """Replace the prepared pairs; with `frame` they are a motion of `frame` pairs per frame."""
         for batch in (self.batch, self.crossing):
             if batch is not None:
                 batch.close()
@@ -74,7 +75,7 @@ class _Server:
         self.crossing = self.detector.prepare(crossings * CROSSINGS) if crossings else None
 
     def time(self, passes: int) -> Times:
-        """Warm up, then time every query once a pass."""
+        """Warm up, then time every query once per pass."""
         assert self.batch is not None
         self.batch.ask()
         query = np.array([self.batch.ask() for _ in range(passes)])

@@ -1,6 +1,6 @@
-"""coal's signed distance, by default or with the tolerances of the overlap oracle.
+"""coal's signed distance, with default tolerances or those of the overlap oracle.
 
-Conventions: `result.normal` goes from the first shape to the second; distance is negative in overlap.
+Conventions: `result.normal` points from the first shape to the second; distance is negative in overlap.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from touchstone.scenarios.scenario import Piece
 
 
 class CoalDetector:
-    """`coal.distance`; `tight` takes the oracle's tolerance and iterations."""
+    """`coal.distance`; `tight` uses the oracle's tolerance and iterations."""
 
     crossings = (APART, TOUCHING)
 

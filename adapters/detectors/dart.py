@@ -1,7 +1,8 @@
-"""DART's collision detectors through dartpy: fcl, bullet, and its own, dart.
+"""DART's collision detectors through dartpy: fcl, bullet and dart.
 
-Conventions: a contact's normal goes from its object 2 to its object 1, in any order; depth is positive in
-overlap. Hulls are triangle meshes, as in `dart_model.py`: shells without an inside, in single precision.
+Conventions: a contact's normal points from its object 2 to its object 1, in any order; depth is positive in
+overlap. Hulls are triangle meshes, as in `engines/dart/model.py`: shells without an interior, in single
+precision.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from touchstone.adapters.engines.dart.model import add_piece, isometry
 from touchstone.scenarios.scenario import Piece, Shape
 
 CONTACTS = 1000
-"""Contacts DART may report for a pair: its own default."""
+"""Maximum number of contacts per pair: DART's default."""
 KINDS = {
     "fcl": dartpy.collision.FCLCollisionDetector,
     "bullet": dartpy.collision.BulletCollisionDetector,
@@ -27,7 +28,7 @@ KINDS = {
 
 
 class DartDetector:
-    """A collision group per pair; the deepest contact counts, pieces apart are told as no contact."""
+    """A collision group per pair; reports the deepest contact, and no contact for separated pieces."""
 
     crossings = (APART, TOUCHING)
 
@@ -69,7 +70,7 @@ class DartDetector:
         return Query(ask, read)
 
     def _frame(self, piece: Piece) -> Any:
-        """A piece on a body of its own; a shape is loaded once."""
+        """Put a piece on its own body; each shape is loaded once."""
         skeleton = dartpy.dynamics.Skeleton(f"skeleton {len(self._skeletons)}")
         self._skeletons.append(skeleton)
         _, node = skeleton.createWeldJointAndBodyNodePair()

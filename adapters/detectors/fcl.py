@@ -1,7 +1,7 @@
 """python-fcl (FCL 0.7) with its default solver, libccd: contacts by `collide`, or `distance`.
 
-Conventions: a contact's normal goes from the first object to the second; depth is positive in overlap. Each
-call fills a new result: python-fcl's have no `clear`.
+Conventions: a contact's normal points from the first object to the second; depth is positive in overlap. Each
+call uses a new result, because python-fcl's results have no `clear`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from touchstone.scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphe
 
 
 class FclCollide:
-    """Contacts alone, by default one, the deepest: pieces apart are told as no contact."""
+    """Contacts only, by default one, the deepest; reports no contact for separated pieces."""
 
     crossings = (APART, TOUCHING)
 
@@ -47,7 +47,7 @@ class FclCollide:
 
 
 class FclDistance:
-    """Signed distance with nearest points. (Overlapping spheres go the long way through EPA: 155 us.)"""
+    """Signed distance with nearest points. (Overlapping spheres run the full EPA: 155 us.)"""
 
     crossings = (APART, APART)
 
@@ -106,7 +106,7 @@ def _shape(shape: Shape) -> Any:
 
 
 def outward_faces(points: Array) -> Any:
-    """Triangles (t, 3) of the hull of `points`, counter-clockwise from outside."""
+    """Triangles (t, 3) of the hull of `points`, counter-clockwise seen from outside."""
     hull = ConvexHull(points)
     p, q, r = (points[hull.simplices[:, k]] for k in range(3))
     inwards = np.einsum("ij,ij->i", np.cross(q - p, r - p), hull.equations[:, :3]) < 0

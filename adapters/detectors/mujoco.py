@@ -1,7 +1,7 @@
-"""MuJoCo's signed distance of two geoms, by default or to rounding.
+"""MuJoCo's signed distance of two geoms, with default settings or to rounding.
 
-Conventions: `fromto` runs from a point on geom 1 to one on geom 2, against the normal in overlap; distance is
-negative in overlap. Hulls are kept in single precision.
+Conventions: `fromto` leads from a point on geom 1 to one on geom 2, against the normal in overlap; distance
+is negative in overlap. Hulls are stored in single precision.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Qu
 from touchstone.adapters.engines.mujoco.model import add_piece
 
 FAR = 100.0
-"""Distance beyond which MuJoCo need not look [m]: more than any pair of the study has."""
+"""Maximum distance of a query [m]: larger than that of any pair in the study."""
 TIGHT_TOLERANCE = 1e-12
 TIGHT_ITERATIONS = 200
-"""`ccd_tolerance` [m] and `ccd_iterations` of the tight profile: tolerance alone ends a query."""
+"""`ccd_tolerance` [m] and `ccd_iterations` of the tight profile: queries end by tolerance only."""
 
 
 class MujocoDetector:

@@ -1,6 +1,6 @@
-"""The reference as detectors: exact depth, and depth walked from a pose nearby.
+"""The reference's narrow phase as detectors: exact depth, and warm-started depth.
 
-A batch of pairs is asked in one compiled call and clocked inside it.
+A batch of pairs is one compiled call, which times each query itself.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from touchstone.reference_impl.geometry.depth_warm_start import warm_started_dep
 from touchstone.reference_impl.geometry.shapes import place_piece
 
 FRAME_STEP = 0.01
-"""How far B was in the frame before, over the smaller piece's size [1], and how much turned [rad]: half a
-millimetre for a part of the hand."""
+"""Motion of B since the previous frame: translation relative to the smaller piece's size [1], and rotation
+[rad]; half a millimetre for a part of the hand."""
 EMPTY_CALLS = 100
-"""Empty queries timed per batch."""
+"""Number of empty queries timed per batch."""
 
 
 @kernel
 def depth_batch(pieces, vertices, state, out_pairs, out_converged, out_seconds):  # type: ignore[no-untyped-def]
-    """Signed distance of pieces 2k and 2k + 1 to `out_pairs[k]`, and the seconds each took."""
+    """Signed distance of pieces 2k and 2k + 1, written to `out_pairs[k]`, and the time of each query [s]."""
     for k in range(len(out_pairs)):
         start = clock(state[0]["clock"])
         _, converged = convex_depth(pieces[2 * k], pieces[2 * k + 1], vertices, state[0], out_pairs[k])
@@ -45,7 +45,7 @@ def depth_batch(pieces, vertices, state, out_pairs, out_converged, out_seconds):
 def walk_batch(  # type: ignore[no-untyped-def]
     pieces, before, vertices, state, out_pairs, out_converged, out_seconds
 ):
-    """As `depth_batch`, walked from the answer for the pieces of `before`, which is not timed."""
+    """As `depth_batch`, warm-started from the untimed answer for the poses in `before`."""
     for k in range(len(out_pairs)):
         a, b = 2 * k, 2 * k + 1
         warm_started_depth(before[a], before[b], vertices, state[0], find_entry(state[0], a, b), out_pairs[k])
@@ -61,7 +61,10 @@ def walk_batch(  # type: ignore[no-untyped-def]
 def walk_motion(  # type: ignore[no-untyped-def]
     pieces, vertices, frame, state, out_pairs, out_converged, out_held, out_seconds
 ):
-    """As `depth_batch`, every `frame` pairs walked from the frame before; `out_held`: at once, with proof."""
+    """As `depth_batch`, with each run of `frame` pairs warm-started from the previous frame.
+
+    `out_held`: whether the first iteration certified the previous answer.
+    """
     for k in range(len(out_pairs)):
         start = clock(state[0]["clock"])
         memory = find_entry(state[0], k % frame, frame)
@@ -75,23 +78,23 @@ def walk_motion(  # type: ignore[no-untyped-def]
 
 @kernel
 def empty_batch(state, out_seconds):  # type: ignore[no-untyped-def]
-    """The seconds that reading the clock takes."""
+    """Time of reading the clock [s]."""
     for k in range(len(out_seconds)):
         start = clock(state[0]["clock"])
         out_seconds[k] = clock(state[0]["clock"]) - start
 
 
 class ReferenceDetector:
-    """GJK outside and EPA inside, to rounding."""
+    """GJK if separated, EPA if overlapping, to rounding."""
 
     crossings = None
 
     def prepare(self, pairs: Sequence[Pair]) -> ReferenceBatch:
-        """Lay pairs out as the kernel's arrays."""
+        """Convert pairs to the kernel's arrays."""
         return ReferenceBatch(pairs)
 
     def describe(self) -> Mapping[str, Scalar]:
-        """The project's version and the tolerances of `conventions.py`."""
+        """Version of the project and tolerances of `conventions.py`."""
         return {
             "version": version("touchstone"),
             "depth_tolerance": conventions.DEPTH_TOLERANCE,
@@ -100,18 +103,18 @@ class ReferenceDetector:
 
 
 class WalkDetector(ReferenceDetector):
-    """The same answers by `warm_started_depth`, from those of a frame before."""
+    """The same answers by `warm_started_depth`, from those of a previous frame."""
 
     def prepare(self, pairs: Sequence[Pair]) -> ReferenceBatch:
-        """Lay pairs out as the kernel's arrays, twice."""
+        """Convert pairs and their previous poses to the kernel's arrays."""
         return WalkBatch(pairs)
 
     def follow(self, pairs: Sequence[Pair], frame: int) -> ReferenceBatch:
-        """Lay a motion out as the kernel's arrays."""
+        """Convert a motion to the kernel's arrays."""
         return MotionBatch(pairs, frame)
 
     def describe(self) -> Mapping[str, Scalar]:
-        """As exact depth, and how far away the frame before is."""
+        """Version and tolerances, and the motion since the previous frame."""
         return {**super().describe(), "walk_gap": conventions.WARM_START_GAP, "frame_step": FRAME_STEP}
 
 
@@ -131,7 +134,7 @@ class ReferenceBatch:
             place_piece(row, still[0], self._vertices, 0.0)
 
     def ask(self) -> Array:
-        """Seconds of each query, clocked inside the one compiled call, less those of an empty one."""
+        """Time of each query inside the compiled call, minus that of an empty query [s]."""
         seconds = np.zeros(len(self._pairs))
         depth_batch(self._pieces, self._vertices, self._state, self._pairs, self._converged, seconds)
         return self._less_empty(seconds)
@@ -142,7 +145,7 @@ class ReferenceBatch:
         return np.asarray(seconds - np.median(empty))
 
     def answers(self) -> Answers:
-        """Distances and normals; queries that did not converge are named."""
+        """Distances and normals; lists queries that did not converge."""
         failures = {
             int(k): Failure(UNCONVERGED, "reference: room for EPA's vertices ran out, or rounding stopped it")
             for k in np.flatnonzero(~self._converged)
@@ -150,11 +153,11 @@ class ReferenceBatch:
         return Answers(self._pairs["distance"].copy(), self._pairs["normal"].copy(), failures)
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Release nothing: the batch holds no external resources."""
 
 
 class WalkBatch(ReferenceBatch):
-    """The pieces as they are, and as they were in the frame before."""
+    """Pieces at their poses and at those of the previous frame."""
 
     def __init__(self, pairs: Sequence[Pair]) -> None:
         super().__init__(pairs)
@@ -169,7 +172,7 @@ class WalkBatch(ReferenceBatch):
         self._place(self._before)
 
     def ask(self) -> Array:
-        """Seconds of each query at the pieces' poses, straight after the one at the poses before."""
+        """Time of each query, run right after the query at the previous poses [s]."""
         seconds = np.zeros(len(self._pairs))
         walk_batch(
             self._pieces, self._before, self._vertices, self._state, self._pairs, self._converged, seconds
@@ -178,7 +181,7 @@ class WalkBatch(ReferenceBatch):
 
 
 class MotionBatch(ReferenceBatch):
-    """The pieces frame by frame; what is remembered of a pair stays from one `ask` to the next."""
+    """Pieces frame by frame; each pair's depth cache persists from one `ask` to the next."""
 
     def __init__(self, pairs: Sequence[Pair], frame: int) -> None:
         super().__init__(pairs)
@@ -186,7 +189,7 @@ class MotionBatch(ReferenceBatch):
         self._frame, self._held = frame, np.zeros(len(pairs), dtype=bool)
 
     def ask(self) -> Array:
-        """Seconds of each query, in order."""
+        """Time of each query, in order [s]."""
         seconds = np.zeros(len(self._pairs))
         walk_motion(
             self._pieces,
@@ -201,5 +204,5 @@ class MotionBatch(ReferenceBatch):
         return self._less_empty(seconds)
 
     def answers(self) -> Answers:
-        """As every batch, and whether the frame before sufficed."""
+        """Answers with `held`: whether the previous frame's answer was certified."""
         return replace(super().answers(), held=self._held.copy())

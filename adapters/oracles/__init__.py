@@ -1,1 +1,1 @@
-"""Independent second opinions: what no engine says about itself."""
+"""Independent checks of what engines report about themselves."""

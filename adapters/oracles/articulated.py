@@ -1,9 +1,8 @@
-"""pinocchio as the referee of articulated bodies: kinematics, inertia and energy of a driven tree, and a
-plain inverse kinematics of one chain called from Python.
+"""Kinematics, inertia and energy of driven trees by pinocchio, and a plain inverse kinematics of one chain.
 
-Conventions: pinocchio's free root takes (position, quaternion xyzw) and moves by velocities along the root's
-own axes; ours are along the world's. Its hinge sits at a placement and turns about an axis in the child's
-axes; ours is given in the parent's.
+Conventions: pinocchio's free root takes (position, quaternion xyzw) and velocities along the root's own axes;
+ours are along the world axes. Its hinge has a placement and rotates about an axis in the child's frame; ours
+is given in the parent's.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from touchstone.scenarios.scenario import Body, Chain, Joint, Scenario, Tracker,
 
 
 class Articulated:
-    """The driven body of a tracker; links are counted root first, then the children of its joints."""
+    """Driven body of a tracker; links are counted root first, then the children of its joints."""
 
     def __init__(self, scenario: Scenario, tracker: Tracker) -> None:
         by_name = {joint.name: joint for joint in scenario.joints}
@@ -47,26 +46,28 @@ class Articulated:
         return np.array([link.translation for link in links]), np.array([link.rotation for link in links])
 
     def inertia(self, posture: Array) -> Array:
-        """Joint-space inertia (6 + j, 6 + j), as `skeleton.joint_space_inertia` of the reference gives it."""
+        """Joint-space inertia (6 + j, 6 + j), in the coordinates of `joint_space_inertia` in
+        `kinematics.py`."""
         upper = np.triu(pinocchio.crba(self.model, self.data, posture))
         own = upper + np.triu(upper, 1).T
         turned = self._to_own_axes(posture)
         return turned.T @ own @ turned
 
     def body(self, posture: Array) -> tuple[float, Array, Array]:
-        """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2] of the whole, world."""
+        """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2] of the whole body,
+        world."""
         pinocchio.ccrba(self.model, self.data, posture, np.zeros(self.model.nv))
         whole = self.data.Ig
         return float(whole.mass), np.array(self.data.com[0]), np.array(whole.inertia)
 
     def kinetic_energy(self, posture: Array, rates: Array) -> float:
-        """Kinetic energy [J]; rates (6 + j,) of the root's origin and rotation along the world's axes, and of
-        the hinges."""
+        """Kinetic energy [J]; rates (6 + j,) are those of the root's origin and rotation along the world
+        axes, then of the hinges."""
         own = self._to_own_axes(posture) @ rates
         return float(pinocchio.computeKineticEnergy(self.model, self.data, posture, own))
 
     def potential_energy(self, posture: Array) -> float:
-        """Energy in the scenario's gravity [J], 0 where all mass is at the world's origin."""
+        """Potential energy in the scenario's gravity [J], 0 if all mass is at the world's origin."""
         return float(pinocchio.computePotentialEnergy(self.model, self.data, posture))
 
     def _to_own_axes(self, posture: Array) -> Array:
@@ -90,7 +91,7 @@ def _weigh(model: pinocchio.Model, joint: int, body: Body) -> None:
 
 
 class Reached(NamedTuple):
-    """Steps taken, distance left [m], and the angles [rad]."""
+    """Number of steps, remaining distance [m], and angles [rad]."""
 
     steps: int
     left: float
@@ -98,15 +99,18 @@ class Reached(NamedTuple):
 
 
 class DampedLeastSquares:
-    """Inverse kinematics of a chain as one writes it in Python: the chain's hinges alone, its root held at
-    the world's origin; joint limits by clipping, no reach cones."""
+    """Plain damped least-squares inverse kinematics of a chain, called from Python.
+
+    Moves the chain's hinges only, with its root fixed at the world's origin; clips at joint limits and has no
+    reach cones.
+    """
 
     def __init__(self, scenario: Scenario, chain: Chain, point: Vector, damping: float, cap: int) -> None:
         """
         Args:
             point: end effector in the last link's frame [m].
-            damping: of the steps [m].
-            cap: steps at most.
+            damping: damping of the steps [m].
+            cap: maximum number of steps.
         """
         by_name = {joint.name: joint for joint in scenario.joints}
         hinges = [by_name[name] for name in chain.joints]
@@ -121,13 +125,14 @@ class DampedLeastSquares:
         self.damping, self.cap = damping**2 * np.eye(3), cap
 
     def place(self, angles: Array) -> Array:
-        """The end effector (3,) [m] in the frame of the first hinge's parent."""
+        """Position of the end effector (3,) [m] in the frame of the first hinge's parent."""
         pinocchio.framesForwardKinematics(self.model, self.data, angles)
         point: Array = self.data.oMf[self.frame].translation
         return point
 
     def solve(self, angles: Array, goal: Array, tolerance: float) -> Reached:
-        """Steps J^T (J J^T + damping^2 1)^-1 (goal - point) from `angles` until it is within `tolerance`."""
+        """Iterate steps J^T (J J^T + damping^2 1)^-1 (goal - point) from `angles` until within
+        `tolerance`."""
         model, data, axes = self.model, self.data, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
         for steps in range(self.cap + 1):
             away = goal - self.place(angles)
@@ -140,5 +145,5 @@ class DampedLeastSquares:
         return Reached(steps, float(left), angles)
 
     def cross(self) -> None:
-        """The cheapest call into pinocchio."""
+        """Make the cheapest call into pinocchio."""
         self.model.existFrame("")

@@ -1,4 +1,5 @@
-"""The explicit Minkowski difference of two hulls: slow, obvious, exact. The truth for convex depth."""
+"""Exact signed distance of two hulls by their explicit Minkowski difference: slow ground truth for convex
+depth."""
 
 from __future__ import annotations
 
@@ -9,11 +10,12 @@ from scipy.spatial import ConvexHull
 from touchstone.adapters.contract import Array
 
 ON_SURFACE = 1e-14
-"""Distance over size at which the origin counts as inside: rounding [1]."""
+"""Distance, relative to size, at which the origin counts as inside [1]: rounding."""
 MERGED = 1e-9
-"""Spread over size of offsets that may be the least: qhull's merged planes are good to 1e-10 [1]."""
+"""Range, relative to size, of offsets that may be the minimum [1]: qhull's merged planes are exact to
+1e-10."""
 SLIVER = 1e-3
-"""Height over length of a triangle below which its normal is not the better one [1]."""
+"""Height over length of a triangle below which qhull's plane gives the better normal [1]."""
 
 
 def signed_distance(vertices_a: Array, vertices_b: Array) -> tuple[float, Array]:
@@ -22,8 +24,8 @@ def signed_distance(vertices_a: Array, vertices_b: Array) -> tuple[float, Array]
     Args:
         vertices_a, vertices_b: world coordinates (n, 3) and (m, 3) [m].
     Returns:
-        Minus the least offset of the difference's faces when it holds the origin; else the distance of the
-        origin from it, by a non-negative least-squares problem.
+        Minus the minimum offset of the difference's faces if it contains the origin; otherwise the distance
+        of the origin from it, by a non-negative least-squares problem.
     """
     difference = (vertices_a[:, None, :] - vertices_b[None, :, :]).reshape(-1, 3)
     hull = ConvexHull(difference)
@@ -36,7 +38,7 @@ def signed_distance(vertices_a: Array, vertices_b: Array) -> tuple[float, Array]
 
 
 def _refined(difference: Array, hull: ConvexHull, facet: int) -> tuple[float, Array]:
-    """Depth from the facet's own vertices, unless they make a sliver: then from qhull's plane."""
+    """Depth from the facet's own vertices; from qhull's plane if they form a sliver."""
     p, q, r = difference[hull.simplices[facet]]
     normal, plane = np.cross(q - p, r - p), hull.equations[facet, :3]
     length = np.linalg.norm(normal)
@@ -46,11 +48,11 @@ def _refined(difference: Array, hull: ConvexHull, facet: int) -> tuple[float, Ar
 
 
 def _outside(corners: Array) -> tuple[float, Array]:
-    """Distance of the origin from the hull of `corners`: least |sum l_i c_i| with l >= 0, sum l = 1."""
+    """Distance of the origin from the hull of `corners`: minimum of |sum l_i c_i| with l >= 0, sum l = 1."""
     heavy = 1e3 * np.abs(corners).max()
     system = np.vstack([corners.T, np.full(len(corners), heavy)])
     weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, heavy]), maxiter=100 * len(corners))
-    # the active corners span the nearest face: solve it exactly
+    # The active corners span the nearest face: solve it exactly.
     active = corners[weights > 1e-12]
     base, spread = active[0], (active[1:] - active[0]).T
     nearest = base - spread @ np.linalg.lstsq(spread, base, rcond=None)[0] if len(active) > 1 else base

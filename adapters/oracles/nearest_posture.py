@@ -1,10 +1,10 @@
-"""The best known posture: free of overlap and within joint limits, as near to a tracker's as can be found.
+"""Overlap-free posture within joint limits that is nearest to the tracker's, as a reference solution.
 
-Minimum of |q - q_tracker|^2 over the hinges, the root held where it is shown, by sequential linearisation: at
-each posture pinocchio's Jacobian and coal's distances d make n . J dq >= -d of every near pair of pieces, and
-the least-distance program over these half-spaces and the limits (Lawson & Hanson, *Solving Least Squares
-Problems*, chapter 23) gives the next one. It finds local minima: the best of many starts is taken. Reach
-cones are left out, so that the least can only be less.
+Minimizes |q - q_tracker|^2 over the hinges, with the root fixed at its tracked pose, by sequential
+linearisation. At each posture pinocchio's Jacobian and coal's distances d give n . J dq >= -d for every near
+pair of pieces. The least-distance program over these half-spaces and the limits (Lawson & Hanson, *Solving
+Least Squares Problems*, chapter 23) gives the next posture. It finds local minima: the best of many starts is
+taken. Reach cones are omitted, which can only lower the minimum.
 """
 
 from __future__ import annotations
@@ -23,33 +23,37 @@ from touchstone.adapters.oracles.overlap import Pose, coal_shape, signed_distanc
 from touchstone.scenarios.scenario import Piece, Scenario, Tracker
 
 FREE = 1e-6
-"""Overlap of a free posture at most [m]: what the reference's removal ends at."""
+"""Maximum overlap of a free posture [m]: tolerance of the reference's removal."""
 SETTLED = 1e-3
-"""Turn of every hinge below which a linearisation changes nothing [rad]: next to a minimum the change of
+"""Rotation of every hinge below which the iteration has converged [rad]: near a minimum the change of
 |q - q_tracker|^2 is of second order, 1e-6 rad^2."""
 REACH = 0.1
-"""Distance within which pairs are half-spaces [m]: as far as STRIDE carries an elbow."""
+"""Distance within which pairs give half-spaces [m]: as far as STRIDE moves an elbow."""
 STRIDE = 0.3
-"""Turn of a hinge in one linearisation at most [rad]: the largest whose cosine is 1 within 5 %."""
+"""Maximum rotation of a hinge in one linearisation [rad]: the largest whose cosine is 1 within 5 %."""
 DEEPEST = 0.03
-"""Depth that one linearisation takes out at most [m]: what STRIDE turns a wrist by."""
+"""Maximum depth that one linearisation removes [m]: the distance that STRIDE moves a wrist."""
 LINEARISATIONS = 40
-"""At most: usual are 5 to 10."""
+"""Maximum number of linearisations: 5 to 10 are usual."""
 MEMORY, ALIKE = 6, 0.99
-"""Linearisations for which a half-space is kept, and the cosine of its normal and the pair's newest at least:
-the nearest point of a flat side jumps from corner to corner, and one at a time would tip it to and fro."""
+"""Number of linearisations for which a half-space is kept, and minimum cosine between its normal and the
+pair's newest. The nearest point of a flat side jumps between corners; a single half-space would make it
+rock."""
 HOPELESS = 1.2
-"""Times the least |q - q_tracker|^2 found [1]: above it after MEMORY linearisations a start is given up."""
+"""Factor over the least |q - q_tracker|^2 found [1]: above it a start is abandoned after MEMORY
+linearisations."""
 INFEASIBLE = 1e-9
-"""Residual below which no posture meets all half-spaces [1]: next to 1, rounding of a hundred rows."""
+"""Residual below which no posture satisfies all half-spaces [1]: rounding of a hundred rows, relative to
+1."""
 STARTS = 20
-"""Of every posture: the tracker's, the one shown, the last optimum, and random ones near these."""
+"""Number of starts per posture: the tracker's, the one played, the last optimum, and random ones near
+these."""
 SPREAD = 0.4
-"""Standard deviation of the random starts' hinges [rad]: an arm's length of 0.6 m to either side by 0.2 m."""
+"""Standard deviation of the random starts' hinges [rad]: moves the end of an arm of 0.6 m by 0.2 m."""
 
 
 class NearestPosture:
-    """Of a driven body in its scene."""
+    """Search for the nearest free posture of a driven body in its scene."""
 
     def __init__(self, scenario: Scenario, tracker: Tracker) -> None:
         links = scenario.links(tracker)
@@ -76,7 +80,7 @@ class NearestPosture:
                 (p, q)
                 for p in range(len(own))
                 for q in range(p + 1, len(self._body))
-                # pieces of the root alone move with no hinge
+                # No hinge moves pieces of the root.
                 if (self._link[p] > 0 or q < len(own))
                 and (min(self._body[[p, q]]), max(self._body[[p, q]])) in touching
             ]
@@ -85,12 +89,12 @@ class NearestPosture:
     def best(
         self, root: Pose, others: list[Pose], tracked: Array, starts: list[Array], rng: np.random.Generator
     ) -> Array | None:
-        """The nearest free posture to `tracked` (j,) [rad] that was found from STARTS starts, or None.
+        """Nearest free posture to `tracked` (j,) [rad] found from STARTS starts, or None.
 
         Args:
-            root: of the driven body, held there.
-            others: poses of all bodies of the scene; links are passed over.
-            starts: the first of them [rad]; random ones near these in turn make up the rest.
+            root: fixed pose of the driven body's root.
+            others: poses of all bodies of the scene; links are ignored.
+            starts: the first starts [rad]; random ones near each of these in turn complete them.
         """
         rest = range(len(self._link), len(self._body))
         self._root, self._others = root, [_times(others[self._body[k]], self._place[k]) for k in rest]
@@ -105,8 +109,8 @@ class NearestPosture:
         return best
 
     def _descend(self, posture: Array, tracked: Array, most: float) -> Array | None:
-        """A local minimum from a start; None where none is free within LINEARISATIONS, or after a few of
-        them |q - q_tracker|^2 is above `most`."""
+        """Local minimum from a start; None if no posture is free within LINEARISATIONS, or if
+        |q - q_tracker|^2 exceeds `most` after MEMORY of them."""
         kept: list[_Plane] = []
         for number in range(LINEARISATIONS):
             depth, planes = self._near(posture, kept)
@@ -124,7 +128,7 @@ class NearestPosture:
         return None
 
     def _near(self, posture: Array, kept: list[_Plane]) -> tuple[float, list[_Plane]]:
-        """Depth [m] of the deepest pair, and half-spaces: those of near pairs, and those kept."""
+        """Depth of the deepest pair [m], and half-spaces of near pairs together with those kept."""
         tree = self._tree
         configuration = tree.posture(self._root[1], _wxyz(self._root[0]), posture)
         pinocchio.computeJointJacobians(tree.model, tree.data, configuration)
@@ -147,7 +151,7 @@ class NearestPosture:
         return depth, planes
 
     def _candidates(self, poses: list[Pose]) -> list[tuple[int, int]]:
-        """Pairs within REACH, told by the ball round a link's piece and the box round the other."""
+        """Pairs within REACH, by the bounding ball of a link's piece and the box of the other."""
         rotation, origin = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
         center = origin + np.einsum("kij,kj->ki", rotation, self._center)
         p, q = self._pairs.T
@@ -157,7 +161,7 @@ class NearestPosture:
         return near
 
     def _slopes(self, planes: list[_Plane], hinges: int) -> Array:
-        """Change of the half-spaces' distances per turn of each hinge (m, j) [m]."""
+        """Derivatives of the half-spaces' distances by the hinges' angles (m, j) [m]."""
         slopes = np.zeros((len(planes), hinges))
         if not planes:
             return slopes
@@ -181,17 +185,17 @@ class NearestPosture:
 
 
 class _Plane(NamedTuple):
-    """A half-space: two pieces along a normal, by the points of both that were nearest when it was found."""
+    """A half-space of two pieces: a normal, and the points of both that were nearest when it was created."""
 
     pair: tuple[int, int]
     normal: Array  # (3,) from the first to the second piece, world
-    own_p: Array  # (3,) the point in the first piece's frame [m]
-    own_q: Array  # (3,) in the second's
-    found: float  # signed distance when it was found [m]
-    distance: float  # and now
-    point_p: Array  # (3,) where the points are now, world [m]
+    own_p: Array  # (3,) point in the first piece's frame [m]
+    own_q: Array  # (3,) point in the second piece's frame [m]
+    found: float  # signed distance at creation [m]
+    distance: float  # current signed distance [m]
+    point_p: Array  # (3,) current positions of the points, world [m]
     point_q: Array
-    age: int  # linearisations since
+    age: int  # number of linearisations since creation
 
 
 def _apart(one: Array, two: Array) -> float:
@@ -199,18 +203,18 @@ def _apart(one: Array, two: Array) -> float:
 
 
 def _least_distance(tracked: Array, slopes: Array, heights: Array, low: Array, high: Array) -> Array | None:
-    """The q nearest to `tracked` with slopes q >= heights and low <= q <= high; None where there is none."""
+    """The q nearest to `tracked` with slopes q >= heights and low <= q <= high; None if there is none."""
     one = np.eye(len(tracked))
     rows = np.vstack((slopes, one, -one))
     wanted = np.concatenate((heights, low, -high)) - rows @ tracked
     if (wanted <= 0).all():
         return tracked
-    # min |x| with rows x >= wanted is the residual of a non-negative least-squares problem
+    # min |x| with rows x >= wanted is the residual of a non-negative least-squares problem.
     matrix, right = np.vstack((rows.T, wanted)), np.zeros(len(tracked) + 1)
     right[-1] = 1.0
     try:
         pulls, _ = nnls(matrix, right)
-    except RuntimeError:  # its iterations ran out
+    except RuntimeError:  # iteration limit reached
         return None
     residual = right - matrix @ pulls
     if residual[-1] < INFEASIBLE:

@@ -1,7 +1,7 @@
-"""One judge of overlap for all engines: python-fcl's broad phase for candidates, coal for signed distance.
+"""Signed distances of body pairs, equal for all engines: python-fcl's broad phase and coal's narrow phase.
 
-Conventions as in `engine.py`: distances negative in overlap, normals from A to B. Pieces farther apart than
-`MARGIN` are no candidates, unless their bodies are asked for by name.
+Conventions as in `contract.py`: distances are negative in overlap, normals point from A to B. Pieces farther
+apart than `MARGIN` are not candidates, unless their bodies are requested by name.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenari
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
 Places = dict[bytes, list[int]]
-"""Pieces by where their boxes are: the bytes of their position."""
+"""Pieces by the position of their boxes: the bytes of that position."""
 MARGIN = 0.02
-"""Distance within which pieces are looked at [m]: wider than any margin an engine keeps."""
+"""Distance within which pieces are candidates [m]: wider than the collision margin of any engine."""
 TOLERANCE = 1e-8
-"""coal's GJK and EPA tolerance [m]: a hundredth of the 1e-6 m that is asked of a depth."""
+"""coal's GJK and EPA tolerance [m]: a hundredth of the 1e-6 m that is required of a depth."""
 DOUBTFUL = 1e-4
-"""Depth from which both orders of a pair are asked for [m]: few exact engines overlap by as much."""
+"""Depth above which a pair is queried in both orders [m]: exact engines rarely overlap by as much."""
 ITERATIONS = 1000
-"""coal's iteration caps: high enough that tolerance alone ends a query."""
+"""coal's iteration caps: high enough that queries end by tolerance only."""
 
 
 @dataclass(frozen=True, slots=True)
 class Distances:
     """Signed distance of body pairs over the frames of a recording.
 
-    `distance[(a, b)]` is (f,) [m], +inf where nothing of both is within MARGIN; normal and midpoint of the
-    nearest pieces (f, 3) are NaN there.
+    `distance[(a, b)]` is (f,) [m], +inf if no pieces of the pair are within MARGIN; normal and midpoint of
+    the nearest pieces (f, 3) are then NaN.
     """
 
     distance: dict[tuple[int, int], Array]
@@ -58,8 +58,11 @@ def measure(recording: Recording, scenario: Scenario, asked: Iterable[tuple[int,
 
 
 class _Oracle:
-    """Fixed bodies that stay where they are, as they should, are placed once and never looked at among
-    themselves; all others are the `moving` ones."""
+    """Distance computation over a recording.
+
+    Fixed bodies that do not move are placed once and never tested against each other; all other bodies are
+    `moving`.
+    """
 
     def __init__(self, scenario: Scenario, asked: set[tuple[int, int]]) -> None:
         self.asked = asked
@@ -100,7 +103,7 @@ class _Oracle:
             for p, q in self._candidates(poses):
                 pair = (self.body[p], self.body[q])
                 value, along, middle = signed_distance(self.shapes[p], poses[p], self.shapes[q], poses[q])
-                # farther ones are candidates by chance: their nearest pieces may not be among them
+                # Farther pieces are candidates by chance: the nearest pieces may not be among them.
                 if value < distance[pair][f] and (value <= MARGIN or pair in self.asked):
                     distance[pair][f], normal[pair][f], point[pair][f] = value, along, middle
         return Distances(distance, normal, point)
@@ -122,8 +125,8 @@ class _Oracle:
         return places, manager
 
     def _place(self, pieces: list[int], poses: list[Pose], places: Places) -> None:
-        """Put boxes where their pieces are. Callbacks receive copies of the boxes: `places` tells them by
-        where they are."""
+        """Place the boxes of pieces. Callbacks receive copies of the boxes: `places` identifies them by
+        position."""
         places.clear()
         for k in pieces:
             box = self.boxes[k]
@@ -149,7 +152,7 @@ class _Oracle:
         return found
 
     def _at(self, place: bytes) -> list[int]:
-        """Pieces whose boxes are there, be they fixed or not."""
+        """Fixed and moving pieces whose boxes are at a position."""
         return self.moving_places.get(place, []) + self.still_places.get(place, [])
 
 
@@ -159,7 +162,7 @@ def signed_distance(
     """Signed distance [m], normal A to B and midpoint of the witnesses of two posed coal shapes.
 
     coal's EPA may end at a face of the difference that is not the nearest. Each face bounds the depth from
-    above, so that deep overlaps are asked for both ways round: the shallower answer is the better one.
+    above, so deep overlaps are queried in both orders and the shallower result is returned.
     """
     value, normal, middle = _asked(shape_a, pose_a, shape_b, pose_b)
     if value < -DOUBTFUL:
@@ -170,7 +173,7 @@ def signed_distance(
 
 
 def _asked(shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose) -> tuple[float, Array, Array]:
-    """The same, asked one way round."""
+    """Signed distance, normal and midpoint from one query."""
     result = coal.DistanceResult()
     value = coal.distance(
         shape_a, coal.Transform3s(*pose_a), shape_b, coal.Transform3s(*pose_b), _request(), result
@@ -189,7 +192,7 @@ def _request() -> coal.DistanceRequest:
 
 
 def coal_shape(shape: Shape) -> object:
-    """A shape as coal knows it; hulls keep their vertices."""
+    """coal's shape for a shape; hulls keep their vertices."""
     match shape:
         case Sphere(radius):
             return coal.Sphere(radius)
@@ -207,7 +210,7 @@ def coal_shape(shape: Shape) -> object:
 
 
 def _inflated(shape: Shape) -> Array:
-    """Full sides of a box round the shape's origin that holds it with half the margin to spare."""
+    """Full sides of a box about the shape's origin that contains it with a margin of MARGIN / 2."""
     match shape:
         case Sphere(radius):
             half = np.full(3, radius)

@@ -1,10 +1,9 @@
-"""One spawned child per engine and profile, so that a crash is one column; a token lets only one of them play
-at a time.
+"""Child processes that play scenes, one per engine and profile, so that a crash affects one column only.
 
-The parent sends a child one command, waits for its answer, and turns to the next child: engines play in
-slices of `SLICE` frames, interleaved. What is not timed (building, warming up, saving) all do together. A
-child goes on from scene to scene, for starting it and importing its engine takes longer than most scenes; one
-that failed is replaced. What it prints goes to the job's file.
+Timed play is serialized: the parent sends a child one command, waits for its answer and turns to the next
+child. Engines play in interleaved slices of `SLICE` frames. Untimed work (build, warm-up, save) runs in all
+children in parallel. A child serves many scenes, because its start and the import of its engine take longer
+than most scenes; a child that failed is replaced. Its output goes to the job's file.
 """
 
 from __future__ import annotations
@@ -28,19 +27,20 @@ from touchstone.adapters.workers.process import (
 from touchstone.scenarios.scenario import Scenario
 
 SLICE = 30
-"""Displayed frames per turn: half a second of the scene."""
+"""Displayed frames per slice: half a second of the scene."""
 PART = 10.0
-"""Seconds after which a child answers in the middle of a turn, and is asked to go on: it does not hang."""
+"""Time after which a child answers within a slice and is asked to continue [s], so that it does not count as
+hung."""
 Loader = Callable[[str], Engine]
 Progress = Callable[[str, int], None]
-"""Called with what is being done and how many frames were just finished."""
+"""Callback with the current activity and the number of frames just finished."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One engine, under one setting, on one scene; where the recording and the child's output go.
+    """One engine, one setting and one scene, with the paths of the recording and of the child's output.
 
-    The rest of the scene is left out once the steps took longer than `budget` seconds.
+    Play ends early once the steps took more than `budget` seconds.
     """
 
     engine: str
@@ -53,9 +53,10 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a job ended: `done`, `skipped` (unsupported), `missing`, `unimportable` or `error`, and why it did
-    not end well. One that failed while it played leaves the recording of what it played before, unless its
-    process died."""
+    """End of a job: `done`, `skipped` (unsupported), `missing`, `unimportable` or `error`, with the reason.
+
+    A job that fails during play leaves the recording up to the failure, unless its process died.
+    """
 
     job: Job
     status: str
@@ -63,13 +64,15 @@ class Outcome:
 
     @property
     def recorded(self) -> bool:
-        """Whether there is a recording, whole or until the run failed."""
+        """Whether there is a recording, complete or up to a failure."""
         return self.job.recording.exists()
 
 
 class Children:
-    """The children of a run, per engine and profile; a context that ends them. `together`: all work at the
-    same time, where nobody looks at their clocks."""
+    """Child processes of a run, per engine and profile; a context manager that ends them.
+
+    With `together`, all children play in parallel: for runs whose times are not used.
+    """
 
     def __init__(self, loader: Loader = load, patience: float = PATIENCE, together: bool = False) -> None:
         self._loader, self._patience, self._together = loader, patience, together
@@ -83,9 +86,9 @@ class Children:
             child.stop()
 
     def play(self, jobs: Iterable[Job], progress: Progress) -> list[Outcome]:
-        """Play all jobs of one scene, interleaved; one that fails does not stop the others.
+        """Play all jobs of one scene, interleaved; a failing job does not stop the others.
 
-        Raises OSError where a recording cannot be written: no engine is to blame for a full disk.
+        Raises OSError if a recording cannot be written: a full disk is not an engine's failure.
         """
         children: list[_Child] = []
         with interrupt_held():
@@ -105,7 +108,7 @@ class Children:
         return [child.outcome for child in children]
 
     def _child(self, job: Job) -> _Child:
-        """The child of the job's column, started if there is none or no longer one."""
+        """Child for the job's engine and settings; starts one if there is none or if it failed."""
         key = (job.engine, job.settings.label)
         child = self._kept.get(key)
         if child is None or child.failure is not None:
@@ -115,7 +118,7 @@ class Children:
 
 
 def _order(turn: list[_Child], command: str, progress: Progress) -> None:
-    """Let the children of a turn obey a command."""
+    """Send a command to all children and wait for their answers."""
     for child in turn:
         if child.failure is None:
             progress(f"{child.label}: {command}", 0)
@@ -125,13 +128,13 @@ def _order(turn: list[_Child], command: str, progress: Progress) -> None:
 
 
 def _play(turn: list[_Child], frames: int, progress: Progress) -> None:
-    """Let the children of a turn play so many frames, in parts."""
+    """Play a number of frames in all children, in parts."""
     left = dict.fromkeys(turn, frames)
     while left:
         for child, count in left.items():
             progress(child.label, 0)
             child.send("play", count)
-        # nothing is left to one that failed
+        # A failed child answers None and has no frames left.
         left = {child: count for child in left if (count := child.receive())}
     for child in turn:
         progress(child.label, frames)
@@ -144,7 +147,7 @@ class _NotSaved(AdapterError):
 
 
 class _Child(ChildProcess):
-    """The parent's end of one column."""
+    """Parent's end of one child."""
 
     def __init__(self, job: Job, loader: Loader, patience: float) -> None:
         super().__init__(_Run, (job.engine, loader), job.output, patience)
@@ -153,12 +156,12 @@ class _Child(ChildProcess):
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended, or that it goes well so far."""
+        """Outcome of the job; `done` unless it has failed."""
         return Outcome(self.job, *(self.failure or ("done",)))
 
 
 class _Run:
-    """The child's end: an engine, loaded once, and the world it plays."""
+    """Child's end: an engine, loaded once, and the world it plays."""
 
     _engine: Engine | None = None
 
@@ -166,7 +169,8 @@ class _Run:
         self._name, self._loader = name, loader
 
     def handle(self, command: str, argument: Any) -> int:
-        """Obey one command; they come in the order below, for each job anew. How many frames are left."""
+        """Execute one command and return the number of frames left; each job sends them in the order
+        below."""
         if command == "build":
             self._job: Job = argument
             divert_output(self._job.output)
@@ -192,7 +196,7 @@ class _Run:
         return 0
 
     def _save(self, ended: str = "") -> None:
-        """Save what was played; of a run that failed as far as its engine can still be asked."""
+        """Save the recording; after a failure (`ended`), only if the engine still answers."""
         try:
             recording = self._player.recording(ended)
         except Exception:

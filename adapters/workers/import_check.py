@@ -1,4 +1,4 @@
-"""Whether engines can be imported, each tried in a child process: one that crashes or hangs is one answer."""
+"""Import test of the engines, one child process each, so that a crash or a hang affects one engine only."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from touchstone.adapters.workers.process import ChildProcess
 
 Loader = Callable[[str], Engine]
 PATIENCE = 60.0
-"""Time after which an import counts as hung [s]: the slowest takes three."""
+"""Time after which an import counts as hung [s]; the slowest takes three."""
 
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """How an import ended: `done` with the engine's version, or `missing`, `unimportable` or `error` with the
+    """Result of an import: `done` with the engine's version, or `missing`, `unimportable` or `error` with the
     reason."""
 
     status: str
@@ -29,7 +29,7 @@ class Imported:
 def try_imports(
     names: Sequence[str] = tuple(ENGINES), loader: Loader = load, patience: float = PATIENCE
 ) -> dict[str, Imported]:
-    """Import engines in one child process each, all at the same time."""
+    """Import engines in parallel, each in a child process."""
     found, children = {}, {}
     with TemporaryDirectory() as folder:
         for name in names:
@@ -46,11 +46,11 @@ def try_imports(
 
 
 class _Importer:
-    """The child's end."""
+    """Child's end."""
 
     def __init__(self, loader: Loader) -> None:
         self._loader = loader
 
     def handle(self, command: str, argument: Any) -> str:
-        """Import an engine; its version."""
+        """Import an engine and return its version."""
         return self._loader(argument).version()

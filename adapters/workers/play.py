@@ -1,11 +1,11 @@
-"""One call that plays a scene on several engines and keeps what each of them did.
+"""Play a scene on several engines and return their recordings.
 
     from touchstone.adapters.workers.play import play
     runs = play(scenario, ("reference", "dart", ("reference", "accurate")))
     runs["dart", "recommended"].recording.position
 
-Each engine plays in a child process of its own: one that crashes or hangs is one entry of the answer. A run
-that failed keeps what it recorded before.
+Each engine plays in its own child process, so a crash or a hang affects one entry of the result only. A run
+that failed keeps its recording up to the failure.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from touchstone.scenarios.scenario import Scenario
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """How an engine played a scene.
+    """Result of a scene on one engine.
 
     Attributes:
-        status: `done`; `skipped`: it cannot represent the scene; `missing`: not installed; `unimportable`:
-            installed, but its import fails; `error`: it diverged, left its plan, raised, hung or died.
-        reason: one line, but for `done`.
-        recording: what it did, until it failed if it did; None where nothing was played or its process died.
+        status: `done`; `skipped`: the engine cannot represent the scene; `missing`: not installed;
+            `unimportable`: installed, but its import fails; `error`: it diverged, violated its plan, raised,
+            hung or died.
+        reason: one line; empty if `done`.
+        recording: up to the failure if the run failed; None if nothing was played or the process died.
     """
 
     status: str
@@ -50,11 +51,11 @@ def play(
 
     Args:
         engines: names, each with its first profile, or (name, profile).
-        dt: native step of all [s], or that of each profile.
-        effects: those to run, as in `Settings`; None: those that the scene calls for.
-        children: processes to use and to keep, where many scenes are played; or new ones.
+        dt: native step for all engines [s]; None: that of each profile.
+        effects: effects to run, as in `Settings`; None: those that the scene requires.
+        children: processes to reuse when many scenes are played; None: new ones.
     Returns:
-        (engine, profile) -> how it went, in the order asked for.
+        (engine, profile) -> result, in the order of `engines`.
     Raises:
         AdapterError: an engine or a profile is unknown; the message names the valid ones.
     """

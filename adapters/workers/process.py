@@ -1,7 +1,7 @@
-"""A spawned child process that obeys commands: the parent's end, and the child's.
+"""Spawned child process that executes commands: the parent's end and the child's end.
 
-A crash, a hang or an exception in the child ends in a failure with its reason, never in the parent. The
-child's standard output and error, native code's included, go to a file of its own.
+A crash, a hang or an exception in the child gives a failure with its reason; it never affects the parent. The
+child's standard output and error, including those of native code, go to a file.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from typing import Any, Protocol
 from touchstone.adapters.contract import UNIMPORTABLE, AdapterError
 
 PATIENCE = 300.0
-"""Seconds a child may take for one command before it counts as hung: a cold compilation takes about 40."""
+"""Time for one command after which a child counts as hung [s]; a cold compilation takes about 40."""
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""What numpy's linear algebra looks at when it is loaded."""
+"""Environment variables that numpy's linear algebra reads when it is loaded."""
 
 
 @contextmanager
 def interrupt_held() -> Iterator[None]:
-    """Hold Ctrl-C back. Children that start meanwhile inherit this for good: it is the parent's to handle."""
-    resource_tracker.ensure_running()  # starting it would let Ctrl-C through
+    """Block Ctrl-C. Child processes that start meanwhile stay blocked: the parent handles it."""
+    resource_tracker.ensure_running()  # Its start would unblock Ctrl-C.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -39,8 +39,11 @@ def interrupt_held() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let processes that start meanwhile do linear algebra on one thread each: on small matrices a second one
-    waits busily, which costs four times the work and disturbs whoever is timed."""
+    """Limit linear algebra to one thread in processes that start meanwhile.
+
+    On small matrices a second thread busy-waits, which costs four times the work and disturbs timed
+    processes.
+    """
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -55,8 +58,10 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def main_left_out() -> Iterator[None]:
-    """Keep processes that start meanwhile from importing the caller's main module: servers need nothing of
-    it, and a script without a `__main__` guard would run again in each."""
+    """Prevent processes that start meanwhile from importing the caller's main module.
+
+    Servers do not need it, and a script without a `__main__` guard would run again in each process.
+    """
     main = sys.modules["__main__"]
     before: dict[str, Any] = {
         name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)
@@ -69,19 +74,19 @@ def main_left_out() -> Iterator[None]:
 
 
 class Server(Protocol):
-    """What obeys commands in a child."""
+    """Handler of commands in a child process."""
 
     def handle(self, command: str, argument: Any) -> object:
-        """Obey one command; the answer goes back to the parent."""
+        """Execute one command; the result is sent to the parent."""
 
 
 class ChildProcess:
-    """The parent's end. `failure` is None, or the status and the reason of the first command that failed."""
+    """Parent's end. `failure` is None, or the status and the reason of the first command that failed."""
 
     def __init__(
         self, server: Callable[..., Server], arguments: tuple[Any, ...], output: Path, patience: float
     ) -> None:
-        """Start a process in which `server(*arguments)` obeys (`obey`)."""
+        """Start a process in which `server(*arguments)` executes commands (`obey`)."""
         context = multiprocessing.get_context("spawn")
         self.failure: tuple[str, str] | None = None
         self._patience = patience
@@ -92,7 +97,7 @@ class ChildProcess:
         theirs.close()
 
     def send(self, command: str, argument: object = None) -> None:
-        """Send a command; several children may work at what is not timed."""
+        """Send a command without waiting, so that several children can do untimed work in parallel."""
         if self.failure is None:
             self._command = command
             try:
@@ -101,7 +106,7 @@ class ChildProcess:
                 self._died()
 
     def receive(self) -> Any:
-        """The answer to the last command; None where the child failed, now or before."""
+        """Wait for the answer to the last command; None if the child has failed."""
         if self.failure is not None:
             return None
         try:
@@ -133,7 +138,7 @@ class ChildProcess:
         self.stop()
 
     def stop(self) -> None:
-        """End the process, by force if need be."""
+        """End the process; kill it if it does not exit."""
         self._pipe.close()
         self._process.join(0.5)
         if self._process.is_alive():
@@ -142,7 +147,7 @@ class ChildProcess:
 
 
 def obey(pipe: Connection, output: Path, server: Callable[..., Server], arguments: tuple[Any, ...]) -> None:
-    """The child's end: answer commands by `server(*arguments)` until the pipe closes."""
+    """Child's end: execute commands by `server(*arguments)` until the pipe closes."""
     divert_output(output)
     handle = server(*arguments).handle
     while True:
@@ -161,7 +166,7 @@ def obey(pipe: Connection, output: Path, server: Callable[..., Server], argument
 
 
 def failure_of(error: Exception) -> tuple[str, str]:
-    """The status and the reason, one line, of a command that raised."""
+    """Status and one-line reason for an exception of a command."""
     if isinstance(error, AdapterError):
         return error.status, str(error)
     if isinstance(error, ImportError):
@@ -170,7 +175,7 @@ def failure_of(error: Exception) -> tuple[str, str]:
 
 
 def divert_output(path: Path) -> None:
-    """Send this process' standard output and error, native code's included, to the end of a file."""
+    """Append this process's standard output and error, including those of native code, to a file."""
     sys.stdout.flush()
     sys.stderr.flush()
     file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)

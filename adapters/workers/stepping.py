@@ -1,4 +1,4 @@
-"""One spawned child per engine that steps worlds against the clock and reads nothing out: for benchmarks."""
+"""Child processes that time the steps of worlds without reading the state, one per engine: for benchmarks."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ Loader = Callable[[str], Engine]
 
 
 class Stepper(ChildProcess):
-    """The parent's end of one engine's process. Commands: `load`, `build` (scenario, settings, frames to warm
-    up), `frames` (name of the scenario, how many): the seconds of each, undisturbed ones."""
+    """Parent's end of one engine's process.
+
+    Commands: `load`; `build` (scenario, settings, frames to warm up); `frames` (scenario's name, count),
+    which returns the time of each frame without preemption [s].
+    """
 
     def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
         super().__init__(_Server, (engine, loader), output, patience)
@@ -27,7 +30,7 @@ class Stepper(ChildProcess):
 
 
 class _Server:
-    """The child's end: an engine, and its worlds by the names of their scenarios."""
+    """Child's end: an engine, and its worlds by scenario name."""
 
     def __init__(self, name: str, loader: Loader) -> None:
         self._name, self._loader = name, loader
@@ -35,7 +38,7 @@ class _Server:
         self._played: dict[str, int] = {}
 
     def handle(self, command: str, argument: Any) -> object:
-        """Obey one command."""
+        """Execute one command."""
         match command:
             case "load":
                 self._engine = self._loader(self._name)

@@ -1,8 +1,8 @@
-"""One spawned child per engine that plays a scene under several plans by turns, and tells them apart.
+"""Child processes that play a scene under several plans, one per engine, and compare timing and motion.
 
-Frames of all variants are interleaved, one of each in turn, starting with another each time; nothing is read
-out within the clock. What a variant's bodies do is held against the first one's, frame by frame. Frames of
-microseconds are timed in passes of their own, for there two worlds share the caches, not all.
+Frames of all variants are interleaved; the variant that goes first changes every frame. No state is read
+within the timed section. Each frame compares the motion of a variant with that of the first one. Frames of
+microseconds are timed in separate passes, in which only two worlds share the caches.
 """
 
 from __future__ import annotations
@@ -27,35 +27,38 @@ from touchstone.scenarios.effects import plan
 from touchstone.scenarios.scenario import Scenario
 
 PLANS = 3
-"""Times that a scene is planned against the clock, after once without."""
+"""Number of timed plannings of a scene, after one that is not timed."""
 FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
-"""What is compared to the bit."""
+"""State fields that are compared bitwise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Step calls of the frames played, and an empty call into the engine right after each, both (f,) [s]; of
-    several passes the fastest. Empty calls are 0 where they were not timed."""
+    """Times of step calls and of an empty call right after each, both (f,) [s]; the minimum over several
+    passes.
+
+    Empty calls are 0 if they were not timed.
+    """
 
     seconds: Array
     crossing: Array
 
     @property
     def net(self) -> Array:
-        """Seconds without the crossing from Python."""
+        """Times of step calls without the call overhead from Python [s]."""
         return self.seconds - self.crossing
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """What one of several plans of a scene did.
+    """Result of one of several plans of a scene.
 
     Attributes:
-        pace: what its frames took.
-        beside: what the first variant's took, by turns with them.
-        moved, turned: largest difference of positions [m] and orientations [rad] from the first variant's.
-        same: whether all bodies and hinges did the same to the bit.
-        ended: why it could not be played to the end; empty where it was.
+        pace: times of its frames.
+        beside: times of the first variant's frames, interleaved with them.
+        moved, turned: maximum differences of positions [m] and orientations [rad] from the first variant.
+        same: whether all bodies and hinges moved bitwise as in the first variant.
+        ended: why play stopped early; empty if it did not.
     """
 
     pace: Pace
@@ -67,15 +70,18 @@ class Variant:
 
 
 class VariantPlayer(ChildProcess):
-    """The parent's end of one engine's process. Commands: `plan` (scenario): seconds of planning it; `play`
-    (scenario, settings of each, seconds of steps after which frames are left out, passes): their Variants."""
+    """Parent's end of one engine's process.
+
+    Commands: `plan` (scenario), which returns planning times [s]; `play` (scenario, settings of each variant,
+    time of steps after which play stops [s], passes), which returns Variants.
+    """
 
     def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
         super().__init__(_Server, (engine, loader), output, patience)
 
 
 class _Server:
-    """The child's end: an engine, loaded for the first command."""
+    """Child's end: an engine, loaded at the first command."""
 
     _engine: Engine | None = None
 
@@ -83,14 +89,14 @@ class _Server:
         self._name, self._loader = name, loader
 
     def handle(self, command: str, argument: Any) -> object:
-        """Obey one command."""
+        """Execute one command."""
         if self._engine is None:
             self._engine = self._loader(self._name)
         return plan_seconds(argument) if command == "plan" else play(self._engine, *argument)
 
 
 def plan_seconds(scenario: Scenario) -> Array:
-    """Seconds of planning a scene, its bounds included, once its hulls are known, undisturbed (PLANS,)."""
+    """Times of planning a scene with its bounds, hulls cached, without preemption (PLANS,) [s]."""
 
     def once() -> float:
         start = perf_counter()
@@ -104,8 +110,10 @@ def plan_seconds(scenario: Scenario) -> Array:
 def play(
     engine: Engine, scenario: Scenario, settings: Sequence[Settings], budget: float = inf, passes: int = 0
 ) -> list[Variant]:
-    """Play all variants side by side; every one to the frame in which the steps of all took `budget`. With
-    `passes` each is timed so many times beside the first one alone, over the same frames."""
+    """Play all variants interleaved until the steps of all took `budget` seconds in total.
+
+    With `passes`, time each variant that many times together with the first one only, over the same frames.
+    """
     runs = [_Run(engine, scenario, one) for one in settings]
     spent, number = 0.0, 0
     while number < scenario.frame_count and spent < budget:
@@ -126,8 +134,10 @@ def play(
 def _time(
     engine: Engine, scenario: Scenario, pair: tuple[Settings, Settings], frames: int, passes: int
 ) -> tuple[Pace, Pace]:
-    """Frames of two variants by turns: of a frame in which something happens the first one finds cold caches,
-    so another one is the first in each pass."""
+    """Times of two variants' interleaved frames.
+
+    In a frame with contact the world that steps first finds cold caches, so the order changes in each pass.
+    """
     fastest = np.full((2, frames, 2), inf)
     for turn in range(passes):
         spent = np.zeros((2, frames, 2))
@@ -146,7 +156,7 @@ def _time(
 
 
 class _Run:
-    """One variant while it is played; one that fails stays where it is."""
+    """State of one variant during play; a variant that fails stops."""
 
     def __init__(self, engine: Engine, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
@@ -163,7 +173,7 @@ class _Run:
             self._ended = str(error)
 
     def step(self, number: int) -> float:
-        """Play a frame; returns its seconds."""
+        """Play one frame and return its time [s]."""
         if self._world is None or self._ended:
             return 0.0
         try:
@@ -178,7 +188,7 @@ class _Run:
         return seconds
 
     def compare(self, other: _Run) -> None:
-        """Hold the present state against another run's; of one that ended nothing more is said."""
+        """Update the differences from another run's state; a run that ended is not compared further."""
         if self._ended or other._ended:
             return
         mine, theirs = self.state, other.state
@@ -189,14 +199,14 @@ class _Run:
             np.linalg.norm(mine.orientation - theirs.orientation, axis=1),
             np.linalg.norm(mine.orientation + theirs.orientation, axis=1),
         )
-        # of small turns the cosine tells nothing
+        # arccos loses precision at small angles.
         turned = np.where(
             dot > 0.99, 4 * np.arcsin(np.minimum(away / 2, 1)), 2 * np.arccos(np.minimum(dot, 1))
         )
         self._moved, self._turned = max(self._moved, float(moved)), max(self._turned, float(turned.max()))
 
     def close(self, first: _Run) -> Variant:
-        """What it did beside the first one; frees the world."""
+        """Free the world and return the result relative to the first variant."""
         if self._world is not None:
             self._world.close()
         same = self._same and not self._ended

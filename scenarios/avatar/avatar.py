@@ -1,13 +1,14 @@
-"""The articulated person: a torso that is tracked, head, arms and legs on 27 hinges; and one arm with a hand.
+"""Articulated person: a tracked torso, head, arms and legs on 27 hinges; and one arm with a hand.
 
-Upright at angles 0 with the arms hanging, palms to the thighs, every link's axes are the torso's: x forward,
-y left, z up; the torso's origin lies between the hips. The right side is the mirrored left one, so equal
-angles are mirrored postures. A ball joint is three hinges through one point, the third along the bone.
+At angles 0 the person stands upright with hanging arms, palms to the thighs, and every link's axes are the
+torso's: x forward, y left, z up; the torso's origin lies between the hips. The right side mirrors the left
+one, so equal angles give mirrored postures. A ball joint is three hinges through one point, the third along
+the bone.
 
 Lengths, masses, centres and inertias: de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia
 parameters", Journal of Biomechanics 29(9), 1996, table 4, men of 1.741 m and 73.0 kg. Shoulders and hands:
 Drillis and Contini's proportions after Winter, "Biomechanics and Motor Control of Human Movement", figure
-4.1. Ranges of motion: American Academy of Orthopaedic Surgeons, "Joint Motion", 1965, but for the shoulder's
+4.1. Ranges of motion: American Academy of Orthopaedic Surgeons, "Joint Motion", 1965, except the shoulder's
 combined motions, which are ours. Widths and depths are those of a medium adult, rounded to centimetres.
 """
 
@@ -48,8 +49,8 @@ STATURE, MASS = 1.741, 73.0
 
 
 class Segment(NamedTuple):
-    """Length [m]; mass over the body's; centre of mass from the inner end, and radii of gyration about x, y
-    and z, over the length."""
+    """Length [m]; mass relative to the body's; centre of mass from the inner end, and radii of gyration about
+    x, y and z, relative to the length."""
 
     length: float
     mass: float
@@ -68,45 +69,47 @@ SEGMENTS: dict[str, Segment] = {
     "foot": Segment(0.2581, 0.0137, 0.4415, (0.124, 0.245, 0.257)),
 }
 HIP_HEIGHT = STATURE - SEGMENTS["head"].length - SEGMENTS["torso"].length
-"""Of the torso's origin over the soles [m]."""
+"""Height of the torso's origin above the soles [m]."""
 ANKLE_HEIGHT = HIP_HEIGHT - SEGMENTS["thigh"].length - SEGMENTS["shank"].length
 HEEL = 0.06
-"""Behind the ankle [m]."""
+"""Distance of the heel behind the ankle [m]."""
 HAND_LENGTH = 0.108 * STATURE
 SHOULDER: Vector = (0.0, 0.20, 0.818 * STATURE - HIP_HEIGHT)
 HIP: Vector = (0.0, 0.085, 0.0)
-"""The left ones, in the torso's frame [m]."""
+"""Left joints in the torso's frame [m]."""
 JOINT_SHARE = 0.1
-"""Of a segment's mass: the ball of tissue round its inner joint that the links between its hinges share.
-Centred on the joint, it leaves mass, centre and inertia of the segment as they are in every posture."""
+"""Share of a segment's mass in the ball of tissue about its inner joint, divided among the links between its
+hinges. The ball is centred on the joint, so the segment's mass, centre and inertia are the same in every
+posture."""
 TISSUE_DENSITY = 1100.0
-"""[kg/m^3]"""
+"""Density of tissue [kg/m^3]."""
 BEND: dict[str, tuple[tuple[Vector, float, float], ...]] = {
-    # hinges of the left side: axis, limits [degrees]
+    # Hinges of the left side: axis, limits [degrees].
     "elbow": (((0.0, -1.0, 0.0), 0.0, 150.0),),
     "wrist": (((-1.0, 0.0, 0.0), -70.0, 80.0), ((0.0, -1.0, 0.0), -30.0, 20.0)),
     "knee": (((0.0, 1.0, 0.0), 0.0, 135.0),),
     "ankle": (((0.0, -1.0, 0.0), -50.0, 20.0), ((1.0, 0.0, 0.0), -35.0, 15.0)),
 }
-"""Flexion of elbow, wrist (to the palm) and knee, dorsiflexion; deviation to the thumb; eversion."""
+"""Flexion of elbow, wrist (towards the palm) and knee, dorsiflexion; deviation to the thumb; eversion."""
 UPRIGHT: Quaternion = (0.5**0.5, 0.0, 0.5**0.5, 0.0)
-"""Turns x downwards."""
+"""Rotation that turns x downwards."""
 DOWN: Vector = (0.0, 0.0, -1.0)
 UP: Vector = (0.0, 0.0, 1.0)
 SIDEWAYS: Vector = (0.0, -1.0, 0.0)
 """First axis of hips and neck: a bone never points along it."""
 OBLIQUE: Vector = (0.5**0.5, -(0.5**0.5), 0.0)
-"""First axis of the left shoulder: in front of the right shoulder, behind the left one, where no arm goes."""
+"""First axis of the left shoulder: in front of the right shoulder, behind the left one; no arm points
+there."""
 ARM_SWING = (
-    # plane of elevation: 0 sideways, 90 forward; elevation from hanging [degrees]
+    # Plane of elevation: 0 sideways, 90 forward; elevation from hanging [degrees].
     *((-90.0, 60.0), (-45.0, 70.0), (-30.0, 90.0), (-30.0, 150.0), (90.0, 180.0)),
     *((130.0, 140.0), (120.0, 90.0), (125.0, 50.0), (180.0, 15.0)),
 )
 ARM_CENTER = (45.0, 85.0)
 CORNERS = 12
-"""Of the cones of hips and neck."""
+"""Number of corners of the cones of hips and neck."""
 MARGIN = 0.02
-"""Room that the hinges of a ball joint have beyond its reach cone [rad]."""
+"""Margin of the hinge limits of a ball joint beyond its reach cone [rad]."""
 
 Hinges = tuple[tuple[Vector, float, float], ...]
 """Axes in the frame of the first one's parent, and limits [rad]."""
@@ -116,7 +119,7 @@ Parts = tuple[tuple[Body, ...], tuple[Joint, ...], tuple[Chain, ...]]
 
 @cache
 def avatar_parts() -> Parts:
-    """The person, torso first: neck, then arms and legs, the left before the right."""
+    """The person, torso first: neck, then arms and legs, left before right."""
     torso = _link("torso", "torso", UP, _torso_pieces())
     head = _link("head", "head", UP, (_part("head", (0.12, 0.075, 0.095), (0.0, 0.0, 0.123)),))
     neck, hinges = _ball("neck", (SIDEWAYS, UP), _ellipse(45, 45, 45, 45, UP), (-60, 60))
@@ -130,10 +133,10 @@ def avatar_parts() -> Parts:
 
 @cache
 def arm_with_hand_parts() -> Parts:
-    """The right arm with the hand of fifteen parts, its fingers in no chain. The root is the shoulder: one
-    more share of the ball of tissue round it, without a shape."""
+    """Right arm with the hand of fifteen parts, whose fingers are in no chain. The root is the shoulder:
+    another share of its ball of tissue, without a shape."""
     (palm, *fingers), finger_joints = hand_parts()
-    # the hand's frame goes from the palm's middle to the wrist
+    # The hand's frame leads from the palm's middle to the wrist.
     forward = PALM_HALF_EXTENTS[0]
     palm = replace(palm, center_of_mass=(forward, 0.0, 0.0))
     finger_joints = tuple(
@@ -141,7 +144,7 @@ def arm_with_hand_parts() -> Parts:
         for j in finger_joints
     )
     bodies, joints, chains = _mirrored(_arm(palm))
-    # fingers down, thumb forward
+    # Fingers down, thumb forward.
     joints = (*joints[:-1], replace(joints[-1], orientation=(0.5, 0.5, 0.5, -0.5)))
     shoulder = replace(bodies[0], name="shoulder")
     joints = (replace(joints[0], parent="shoulder", position=ORIGIN), *joints[1:])
@@ -151,7 +154,7 @@ def arm_with_hand_parts() -> Parts:
 def standing_tracker(
     parts: Parts, position: Vector, duration: float, orientation: Quaternion = IDENTITY
 ) -> Tracker:
-    """A tracker that holds the parts' root at a pose, with all angles 0."""
+    """Tracker that holds the parts' root at a pose, with all angles 0."""
     names = tuple(joint.name for joint in parts[1])
     angles = ((0.0,) * len(names),) * 2
     return Tracker(parts[0][0].name, names, (0.0, duration), (position,) * 2, (orientation,) * 2, angles)
@@ -202,7 +205,7 @@ def _chained(
 
 
 def _link(name: str, segment: str, along: Vector, pieces: tuple[Piece, ...], start: Vector = ORIGIN) -> Body:
-    """A segment that reaches from `start` along a direction of the link's frame."""
+    """Body of a segment that extends from `start` along a direction of the link's frame."""
     length, share, center, (x, y, z) = SEGMENTS[segment]
     mass = share * MASS
     moments = mass * (length * np.array((x, y, z))) ** 2
@@ -221,7 +224,7 @@ def _link(name: str, segment: str, along: Vector, pieces: tuple[Piece, ...], sta
 def _hang(
     parent: str, name: str, position: Vector, hinges: Hinges, link: Body
 ) -> tuple[tuple[Body, ...], tuple[Joint, ...]]:
-    """A link on hinges through one point; balls of tissue between them share part of its mass."""
+    """Link on hinges through one point; balls of tissue between them share part of its mass."""
     numbered = [f"{name}_{k}" for k in range(1, len(hinges) + 1)] if len(hinges) > 1 else [name]
     bodies = (*_balls(link, numbered[:-1]), _without_balls(link) if len(hinges) > 1 else link)
     joints = []
@@ -232,7 +235,7 @@ def _hang(
 
 
 def _balls(link: Body, names: list[str]) -> tuple[Body, ...]:
-    """Equal shares of the ball of tissue round a link's origin."""
+    """Bodies with equal shares of the ball of tissue about a link's origin."""
     if not names:
         return ()
     mass = JOINT_SHARE * link.mass / len(names)
@@ -245,7 +248,7 @@ def _ball_radius(link: Body) -> float:
 
 
 def _without_balls(link: Body) -> Body:
-    """What is left of a link without the ball of tissue round its origin."""
+    """Link without the ball of tissue about its origin."""
     ball = JOINT_SHARE * link.mass
     mass, center = link.mass - ball, np.array(link.center_of_mass) * link.mass / (link.mass - ball)
     inertia = np.array(link.inertia) + _steiner(link.mass, np.array(link.center_of_mass))
@@ -265,8 +268,11 @@ def _bend(name: str) -> Hinges:
 def _ball(
     name: str, axes: tuple[Vector, Vector], swing: tuple[Vector, ...], twist: tuple[float, float]
 ) -> tuple[ReachCone, Hinges]:
-    """Reach cone and hinges of a ball joint from its first and third axis, the centre and corners of its
-    swing, and its twist [degrees]; limits as wide as the cone needs."""
+    """Reach cone and hinges of a ball joint.
+
+    Takes its first and third axis, the centre and corners of its swing, and its twist [degrees]; hinge limits
+    contain the cone.
+    """
     names = (f"{name}_1", f"{name}_2", f"{name}_3")
     cone = ReachCone(names, swing[0], swing[1:], (radians(twist[0]), radians(twist[1])))
     frame = np.column_stack((axes[0], np.cross(axes[1], axes[0]), axes[1]))
@@ -278,8 +284,11 @@ def _ball(
 
 
 def _ellipse(forward: float, backward: float, out: float, inward: float, rest: Vector) -> tuple[Vector, ...]:
-    """Corners at the ends of four swings from `rest` and on quarters of ellipses between, and before them
-    their middle. Swings in degrees, forward, backward, to the left and to the right."""
+    """Centre and corners of a swing cone.
+
+    The corners lie at the ends of four swings from `rest` [degrees] (forward, backward, left, right) and on
+    quarters of ellipses between them; the centre is their middle.
+    """
     turns = 2 * pi * np.arange(CORNERS) / CORNERS * rest[2]
     ends = [
         (cos(t) * (forward if cos(t) > 0 else backward), sin(t) * (out if sin(t) > 0 else inward))
@@ -304,18 +313,19 @@ def _torso_pieces() -> tuple[Piece, ...]:
 
 
 def _rod(name: str, segment: str, radius: float) -> Piece:
-    """An elliptic hull along a limb, a little beyond both joints."""
+    """Elliptic hull along a limb that extends slightly beyond both joints."""
     length = SEGMENTS[segment].length
     return _part(name, (0.54 * length, radius, radius), (0.0, 0.0, -length / 2))
 
 
 def _part(name: str, half_axes: Vector, position: Vector) -> Piece:
-    """An elliptic hull with half axes downwards, sideways and forward [m]."""
+    """Elliptic hull with half axes downwards, sideways and forward [m]."""
     return Piece(name, Hull(elliptic_hull(half_axes)), position, UPRIGHT)
 
 
 def _mirrored(left: Parts) -> Parts:
-    """The right side: points are mirrored; axes, and with them cones, turn the other way round."""
+    """Mirrored parts for the right side: points are mirrored; axes, and with them cones, change their
+    sense."""
     bodies, joints, chains = left
     return (
         tuple(_mirrored_body(body) for body in bodies),
@@ -340,7 +350,7 @@ def _mirrored(left: Parts) -> Parts:
 
 
 def _mirrored_body(body: Body) -> Body:
-    # products of inertia with y change their sign; hulls and boxes are their own mirror images
+    # Products of inertia with y change sign; hulls and boxes are their own mirror images.
     sign = np.outer((1, -1, 1), (1, -1, 1))
     return replace(
         body,
@@ -369,7 +379,7 @@ def _reflected(point: Vector) -> Vector:
 
 
 def _turned(axis: Vector) -> Vector:
-    """The mirror image of a rotation's axis."""
+    """Mirror image of a rotation axis."""
     return (0.0 - axis[0], axis[1], 0.0 - axis[2])
 
 

@@ -1,4 +1,4 @@
-"""Chains and the ball joints in them: their hinges' axes, and every fault of theirs."""
+"""Chains and their ball joints: hinge axes, limits, and validation."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from touchstone.scenarios.scenario import ORIGIN, Chain, Joint, ReachCone, Scena
 Report = Callable[[str, str], None]
 
 TOLERANCE = 1e-9
-"""Deviation of directions from length 1 and from right angles that rounding explains [1]."""
+"""Tolerance of unit lengths and right angles of directions [1]: rounding."""
 STAR = 1e-6
-"""Volume that centre and two neighbouring corners span at least for a star-shaped polygon [1]."""
+"""Minimum volume spanned by the centre and two neighbouring corners of a star-shaped polygon [1]."""
 SAMPLES = 41
-"""Points on an edge of a cone, and between its centre and the edge, at which hinge limits are looked for."""
+"""Sample points on a cone's edge, and between its centre and edge, for the hinge limits."""
 OPPOSITE = 1e-3
-"""1 + cosine below which a cone's centre is opposite to the bone's rest [1]: there twist has no zero."""
+"""1 + cosine below which a cone's centre is opposite to the bone's rest [1]: the twist is undefined there."""
 
 
 def hinge_axes(hinges: tuple[Joint, ...]) -> NDArray[np.float64]:
@@ -33,8 +33,9 @@ def hinge_axes(hinges: tuple[Joint, ...]) -> NDArray[np.float64]:
 
 
 def ball_limits(cone: ReachCone, axes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least and greatest angles (3, 2) [rad] of a ball joint's hinges over its reach cone, sampled; on the
-    branch of the centre, with the second angle between -pi/2 and pi/2.
+    """Minimum and maximum angles (3, 2) [rad] of a ball joint's hinges over its reach cone, by sampling.
+
+    Angles are on the branch of the centre, with the second angle between -pi/2 and pi/2.
 
     Args:
         axes: of the three hinges at angles 0, as columns.
@@ -49,14 +50,14 @@ def ball_limits(cone: ReachCone, axes: NDArray[np.float64]) -> NDArray[np.float6
     swings = swings * shortest_rotations(np.array((0.0, 0.0, 1.0)), center[None])[0]
     twists = np.linspace(*cone.twist, 3)
     angles = np.array([(swings * Rotation.from_rotvec((0.0, 0.0, t))).as_euler("XYZ") for t in twists])
-    # as the centre's angles, plus less than half a turn
+    # Choose the branch within half a turn of the centre's angles.
     middle = angles[1, 0]
     angles = middle + (angles - middle + pi) % (2 * pi) - pi
     return np.stack((angles.min(axis=(0, 1)), angles.max(axis=(0, 1))), axis=1)
 
 
 def shortest_rotations(start: NDArray[np.float64], ends: NDArray[np.float64]) -> Rotation:
-    """The shortest rotations from a direction to others (n, 3)."""
+    """Shortest rotations from a direction to others (n, 3)."""
     axes = np.cross(start, ends)
     size = np.linalg.norm(axes, axis=1)
     angles = np.arctan2(size, ends @ start)
@@ -64,7 +65,7 @@ def shortest_rotations(start: NDArray[np.float64], ends: NDArray[np.float64]) ->
 
 
 def check_chains(scenario: Scenario, report: Report) -> None:
-    """Report the faults of a scenario's chains; its joints and trackers are sound."""
+    """Report the faults of a scenario's chains; its joints and trackers must be valid."""
     joints = {joint.name: joint for joint in scenario.joints}
     taken: dict[str, str] = {}
     for i, chain in enumerate(scenario.chains):
@@ -132,7 +133,7 @@ def _check_cone(
 
 def _star_shaped(center: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
     following = np.roll(corners, -1, axis=0)
-    # each corner lies to the left of the one before, by less than half a turn; together they make one turn
+    # Each corner lies to the left of the previous one, by less than half a turn; together they make one turn.
     left = np.cross(corners, following) @ center
     flat = corners - np.outer(corners @ center, center)
     after = np.roll(flat, -1, axis=0)

@@ -1,8 +1,8 @@
-"""The articulated hand: a palm that is tracked and five fingers of three elliptic parts on hinges.
+"""Articulated hand: a tracked palm and five fingers of three elliptic parts on hinges.
 
-The palm frame has x along the fingers, y to the thumb, z out of the back of the hand. Flexion turns about
-+y. The palm carries mass and no shape: the fifteen parts are all there is to touch (method, section 7).
-Lengths are those of a medium adult hand, rounded to millimetres.
+The palm frame has x along the fingers, y to the thumb, z out of the back of the hand. Flexion rotates about
++y. The palm has mass and no shape: only the fifteen parts can touch (method, section 7). Lengths are those of
+a medium adult hand, rounded to millimetres.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ HAND_MASS = 0.4
 TISSUE_DENSITY = 1100.0
 """Density of the fifteen parts [kg/m^3]: soft tissue and bone."""
 PALM_HALF_EXTENTS: Vector = (0.045, 0.040, 0.014)
-"""The box whose inertia the palm has [m]."""
+"""Half extents of the box whose inertia the palm has [m]."""
 FLEXION: tuple[float, float] = (-0.4, 1.9)
 """Limits of every finger hinge [rad]."""
 
 FINGERS: dict[str, tuple[Vector, float, tuple[float, float, float], float]] = {
-    # base in the palm frame [m], heading about z [rad], lengths of the three parts [m], thickness [m]
+    # Base in the palm frame [m], heading about z [rad], lengths of the three parts [m], thickness [m].
     "thumb": ((-0.020, 0.034, -0.008), 0.7, (0.044, 0.034, 0.026), 0.010),
     "index": ((0.044, 0.026, 0.000), 0.0, (0.044, 0.026, 0.022), 0.008),
     "middle": ((0.047, 0.004, 0.000), 0.0, (0.048, 0.030, 0.023), 0.008),

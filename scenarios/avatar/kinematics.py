@@ -1,9 +1,8 @@
-"""Forward kinematics of a driven body in NumPy, its joint-space inertia, and boxes round pieces.
+"""Forward kinematics of a driven body in NumPy, its joint-space inertia, and bounding boxes of pieces.
 
-Servos, bounds and postures of every engine come from here, and so do the tracked postures by which the judge
-measures what is pressed: neither needs the reference.
-Conventions as in `scenario.py`: at angle q the child frame sits at the hinge's position of the parent frame,
-turned by rotation(axis, q) after the hinge's orientation.
+Servos, bounds and postures of every engine use this module, as do the tracked postures from which the judge
+measures pressing: neither needs the reference. Conventions as in `scenario.py`: at angle q the child frame is
+at the hinge's position in the parent frame, with orientation rotation(axis, q) * the hinge's orientation.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ def matrix(orientation: Quaternion | Array) -> Array:
 
 
 def hinges(scenario: Scenario, tracker: Tracker) -> Iterator[tuple[Joint, int, int]]:
-    """The joints of a tracker in its order, each with the positions of its parent and its child in
+    """Joints of a tracker in its order, each with the indices of its parent and its child in
     `scenario.links(tracker)`."""
     by_name = {joint.name: joint for joint in scenario.joints}
     place = {tracker.root: 0}
@@ -70,7 +69,7 @@ def link_poses(
 
 
 def tracked_poses(scenario: Scenario, tracker: Tracker, times: Array) -> tuple[Array, Array]:
-    """Poses of all links when root and hinges are where the tracker has them.
+    """Poses of all links when root and hinges follow the tracker exactly.
 
     Args:
         times: (f,) [s].
@@ -91,11 +90,11 @@ def joint_space_inertia(scenario: Scenario, tracker: Tracker, place: Array, turn
         place, turn: origins (1 + j, 3) [m] and rotation matrices (1 + j, 3, 3) of the links, world.
     Returns:
         (6 + j, 6 + j): the root's linear velocity at its origin [m/s] and angular velocity [rad/s] along the
-        world's axes, then the hinges' rates [rad/s].
+        world axes, then the hinges' rates [rad/s].
     """
     tree = list(hinges(scenario, tracker))
     size = 6 + len(tree)
-    # columns of the Jacobians: how each coordinate moves a link's centre of mass and turns it
+    # Columns of the Jacobians: velocities of a link's centre of mass and its rotation per coordinate.
     axes = np.array([turn[parent] @ np.array(joint.axis) for joint, parent, _ in tree]).reshape(-1, 3)
     moved_by = np.zeros((len(tree) + 1, len(tree)), bool)
     for _, parent, child in tree:
@@ -117,8 +116,8 @@ def joint_space_inertia(scenario: Scenario, tracker: Tracker, place: Array, turn
 
 
 def piece_box(piece: Piece, place: Array, turn: Array) -> tuple[Array, Array]:
-    """Corners (3,) [m, world] of the box along the world's axes round a piece of a body whose origin is at
-    `place` and whose axes are the columns of `turn`."""
+    """Lower and upper corner (3,) [m, world] of the axis-aligned bounding box of a piece whose body has its
+    origin at `place` and its axes as the columns of `turn`."""
     center, axes = place + turn @ np.array(piece.position), turn @ matrix(piece.orientation)
     match piece.shape:
         case Sphere(radius):

@@ -1,7 +1,7 @@
-"""Trackers as they are: jitter, lost samples, and 60 samples a second that are held in between.
+"""Realistic trackers: jitter, lost samples, and 60 samples per second that are held in between.
 
-The default is the `ideal` tracker, whose keyframes are interpolated by cubics (`tracking.py`). `noisy`
-replaces each tracker by what a device would report of it. Deterministic: the noise follows from the scene's
+The default is the `ideal` tracker, which interpolates keyframes by cubics (`tracking.py`). `noisy` replaces
+each tracker by the output of a simulated device. The noise is deterministic: it follows from the scene's
 seed.
 """
 
@@ -20,19 +20,19 @@ from touchstone.scenarios.scenario import Scenario, Tracker, vector
 TRACKERS = ("ideal", "noisy")
 """Variants of a scene's trackers; the first is the default."""
 RATE = 60
-"""Samples a second."""
+"""Samples per second."""
 JITTER, JITTER_ANGLE = 1e-3, radians(0.5)
-"""Standard deviations of a sample: of the root's position along each axis [m], and of its rotation about each
-axis and of every hinge's angle [rad]."""
+"""Standard deviations of a sample: the root's position along each axis [m]; its rotation about each axis, and
+every hinge's angle [rad]."""
 LOSS, LONGEST_LOSS = 0.02, 5
-"""Chance that a sample is the first of some that are lost [1], and how many at most: a device is blind for up
-to 83 ms."""
+"""Probability that a sample starts a loss [1], and the maximum number of lost samples: the device reports
+nothing for up to 83 ms."""
 
 
 def noisy(scenario: Scenario) -> Scenario:
-    """The scene with noisy trackers; one without trackers stays as it is.
+    """Scene with noisy trackers; a scene without trackers is returned as it is.
 
-    Closed forms are those of the ideal tracker, and left out. Expectations stay, as times to measure.
+    Removes the truths, which hold for the ideal tracker. Keeps the expectations, as times to measure.
     """
     if not scenario.trackers:
         return scenario
@@ -44,9 +44,9 @@ def noisy(scenario: Scenario) -> Scenario:
 
 
 def noisy_tracker(tracker: Tracker, duration: float, rng: np.random.Generator) -> Tracker:
-    """What a device reports of a tracker over `duration` [s]: held samples, the first of them good and exact.
+    """Output of a simulated device for a tracker over `duration` [s]: held samples, the first of them exact.
 
-    A lost sample repeats the last one that was not, jitter included; `held` counts them.
+    A lost sample repeats the last good one, jitter included; `held` counts them.
     """
     times = np.arange(ceil(duration * RATE - 1e-9) + 1) / RATE
     shown = sample(tracker, np.minimum(times, duration))
@@ -66,7 +66,7 @@ def noisy_tracker(tracker: Tracker, duration: float, rng: np.random.Generator) -
 def _jittered(
     shown: TrackerMotion, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Positions, orientations and angles of samples with jitter on all but the first."""
+    """Positions, orientations and angles of samples, with jitter on all but the first."""
     moved, turns, bent = (
         size * rng.standard_normal(like.shape)
         for size, like in (
@@ -82,7 +82,7 @@ def _jittered(
 
 
 def _sources(count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Of every sample the one that is reported (n,): itself, or the last before a loss."""
+    """Index of the sample that is reported for each sample (n,): itself, or the last one before a loss."""
     lost = np.zeros(count, bool)
     for first in np.flatnonzero(rng.random(count) < LOSS):
         lost[max(1, first) : first + int(rng.integers(1, LONGEST_LOSS + 1))] = True

@@ -1,7 +1,7 @@
-"""Postures of the person in joint angles: arms that reach for points, legs that step, trackers of both.
+"""Postures of the person as joint angles: arms that reach points, stepping legs, and their trackers.
 
-Points and directions are in the torso's frame, whose axes are x forward, y left, z up (`avatar.py`), one row
-a moment. Angles are by the names of their hinges, one a moment.
+Points and directions are in the torso's frame with axes x forward, y left, z up (`avatar.py`), one row per
+time. Angles are arrays by hinge name, one entry per time.
 """
 
 from __future__ import annotations
@@ -22,37 +22,39 @@ Array = NDArray[np.float64]
 Angles = Mapping[str, Array]
 
 FREQUENCY = 15.0
-"""Of the coupling of a person's torso [rad/s], critically damped. The torso is less than half of what it
-moves: from 18 rad/s on an explicit step of 1/240 s diverges, and so it would at the hand's 50 rad/s."""
+"""Frequency of the critically damped coupling of a person's torso [rad/s]. The torso has less than half of
+the mass it moves: an explicit step of 1/240 s diverges from 18 rad/s, so also at the hand's 50 rad/s."""
 HINGE_FREQUENCY = 40.0
-"""Of a person's servos [rad/s]: at the hand's 70 DART diverges at 1/240 s, once an arm is pushed."""
+"""Frequency of a person's servos [rad/s]: at the hand's 70, DART diverges at 1/240 s once an arm is
+pushed."""
 STRETCHED = 0.999
-"""Share of its length that an arm reaches at most [1]: a stretched one does not tell where the elbow is."""
+"""Maximum reach of an arm, relative to its length [1]: when stretched, the elbow's direction is undefined."""
 CLEARANCE = 0.03
-"""Of the soles over the floor, upright [m]: a tracker knows the height of a person's soles no better."""
+"""Height of the soles above the floor when upright [m]: trackers measure it no more accurately."""
 LEFT, RIGHT = 1, -1
 """Sides of the person."""
 HANGING: Vector = (0.18, 0.22, SHOULDER[2] - 0.58)
-"""The middle of a left hand that hangs, the elbow bent by half a right angle [m]."""
+"""Middle of a hanging left hand, with the elbow bent by 45 degrees [m]."""
 
 
 def hanging(side: int, times: Array) -> Array:
-    """The middle of a hand that hangs (n, 3) [m], at every moment."""
+    """Middle of a hanging hand at all times (n, 3) [m]."""
     return np.tile(np.multiply(HANGING, (1, side, 1)), (len(times), 1))
 
 
 def between(start: Array, end: Array | Vector, share: Array) -> Array:
-    """Points (n, 3) on the way from `start` to `end` [m], by the share (n,) of it that is done."""
+    """Points (n, 3) [m] between `start` and `end`, by the share (n,) of the path."""
     return np.asarray(start + share[:, None] * (np.asarray(end) - start))
 
 
 def reach(side: int, points: Array, elbow: Vector | Array = (-0.5, 0.0, -1.0)) -> Angles:
-    """Shoulder and elbow, so that the middle of the hand is at `points` (n, 3) [m], the wrist straight.
+    """Shoulder and elbow angles that place the middle of the hand at `points` (n, 3) [m], with a straight
+    wrist.
 
     Args:
         side: 1 for the left arm, -1 for the right one.
-        points: those out of reach are pointed at.
-        elbow: where it points, seen from the line between shoulder and hand; always, or a row a moment.
+        points: the arm points towards points out of reach.
+        elbow: direction of the elbow from the line between shoulder and hand; constant, or one row per time.
     """
     upper, hand = SEGMENTS["upper_arm"].length, SEGMENTS["hand"]
     lower = SEGMENTS["forearm"].length + hand.length * hand.center
@@ -63,7 +65,7 @@ def reach(side: int, points: Array, elbow: Vector | Array = (-0.5, 0.0, -1.0)) -
     cosine = (distance**2 + upper**2 - lower**2) / (2 * distance * upper)
     out = _unit(elbow - toward * (toward * elbow).sum(axis=1, keepdims=True))
     bone = cosine * toward + np.sqrt(1 - cosine**2) * out
-    # at angles 0 the upper arm points down, and the forearm bends to its x
+    # At angles 0 the upper arm points down, and the forearm bends towards its x.
     forearm = distance * toward - upper * bone
     ahead = _unit(forearm - bone * (forearm * bone).sum(axis=1, keepdims=True))
     turned = np.stack((ahead, np.cross(-bone, ahead), -bone), axis=2)
@@ -73,7 +75,7 @@ def reach(side: int, points: Array, elbow: Vector | Array = (-0.5, 0.0, -1.0)) -
 
 
 def step(side: int, forward: Array, knee: Array) -> Angles:
-    """A leg swung forward, its knee bent [rad], its sole as level as the ankle lets it be."""
+    """Angles of a leg swung forward, with its knee bent [rad] and its sole as level as the ankle allows."""
     name = "left" if side > 0 else "right"
     swung = Rotation.from_rotvec(np.outer(-forward, (0.0, 1.0, 0.0)))
     (_, low, high), _ = BEND["ankle"]
@@ -82,8 +84,8 @@ def step(side: int, forward: Array, knee: Array) -> Angles:
 
 
 def person_tracker(times: Array, places: Array, heading: float, *angles: Angles) -> Tracker:
-    """The person's tracker: upright, its torso over `places` (n, 2) [m], its x turned by `heading` from the
-    world's [rad]; hinges that `angles` do not name stay at 0."""
+    """Tracker of the upright person, with the torso above `places` (n, 2) [m] and its x rotated by `heading`
+    from the world's [rad]; hinges that `angles` do not name stay at 0."""
     bodies, joints, _ = avatar_parts()
     mass = sum(body.mass for body in bodies)
     named = {name: rows for limb in angles for name, rows in limb.items()}
@@ -105,7 +107,7 @@ def person_tracker(times: Array, places: Array, heading: float, *angles: Angles)
 
 
 def _ball_angles(name: str, turned: Rotation) -> dict[str, Array]:
-    """Angles of a ball joint's hinges at which its bone's frame is turned so, each within half a turn of the
+    """Angles of a ball joint's hinges for an orientation of its bone's frame, each within half a turn of the
     middle of its limits."""
     hinges = tuple(_joints()[f"{name}_{k}"] for k in (1, 2, 3))
     axes = Rotation.from_matrix(hinge_axes(hinges))

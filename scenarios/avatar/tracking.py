@@ -1,5 +1,4 @@
-"""A tracker's keyframes as motion, with velocities: interpolated by cubics, or held from keyframe to
-keyframe."""
+"""Motion of a tracker from its keyframes, with velocities: cubic interpolation, or held keyframes."""
 
 from __future__ import annotations
 
@@ -12,12 +11,12 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from touchstone.scenarios.scenario import Tracker
 
 ROUNDING = 1e-9
-"""How much later than a keyframe a time may be and still be its own [s]: rounding of steps."""
+"""Time after a keyframe that still counts as the keyframe's own [s]: rounding of steps."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackerMotion:
-    """A tracker at n times: world poses and velocities of its root, angles and rates of its hinges."""
+    """Tracker at n times: world poses and velocities of its root, angles and rates of its hinges."""
 
     position: NDArray[np.float64]  # (n, 3) [m]
     orientation: NDArray[np.float64]  # (n, 4) wxyz
@@ -28,22 +27,22 @@ class TrackerMotion:
 
 
 def ease(times: NDArray[np.float64], start: float, duration: float) -> NDArray[np.float64]:
-    """From 0 at `start` to 1 after `duration` [s], at rest at both ends."""
+    """Smooth step from 0 at `start` to 1 after `duration` [s], at rest at both ends."""
     s = np.clip((times - start) / duration, 0.0, 1.0)
     return s * s * (3 - 2 * s)
 
 
 def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
-    """The tracker at `times` [s], as its `interpolation` says.
+    """Motion of a tracker at `times` [s], by its `interpolation`.
 
     cubic: splines through the keyframes. Positions and angles are at rest at both ends; orientations follow
-    scipy's RotationSpline (continuous angular acceleration), which starts and ends as fast as its keyframes
-    turn. held: the first keyframe at or after each time, with the velocity that led to it from the one
-    before. So all native steps of a displayed frame see the sample of its end, as the reference does.
+    scipy's RotationSpline (continuous angular acceleration), which starts and ends at the rate of its
+    keyframes. held: the first keyframe at or after each time, with the mean velocity since the previous one.
+    All native steps of a displayed frame thus see the sample of its end, as the reference does.
     """
     if tracker.interpolation == "held":
         return _held(tracker, times)
-    from scipy.interpolate import CubicSpline  # a quarter of what this module's importers spend on importing
+    from scipy.interpolate import CubicSpline  # import on demand: a quarter of the importers' import time
 
     positions = CubicSpline(tracker.times, tracker.positions, bc_type="clamped")
     count = len(tracker.joints)
@@ -53,7 +52,7 @@ def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
     keys = Rotation.from_quat(np.array(tracker.orientations), scalar_first=True)
     rotations = RotationSpline(tracker.times, keys)
     turned = rotations(times)
-    # RotationSpline gives rates along the body's axes; ours are along the world's
+    # RotationSpline gives rates along the body's axes; ours are along the world axes.
     return TrackerMotion(
         position=positions(times),
         orientation=turned.as_quat(scalar_first=True),

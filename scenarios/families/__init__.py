@@ -1,1 +1,1 @@
-"""One file per family of scenes; `catalogue.py` finds them by itself."""
+"""Families of scenes, one file each; `catalogue.py` collects them."""

@@ -19,11 +19,12 @@ BALL_MASS = 0.020
 """A wooden ball of 4 cm: 600 kg/m^3 [kg]."""
 BALL_START: Vector = (0.15, 0.0, TABLE_TOP + BALL_RADIUS)
 PALM: Vector = (0.078, -0.026, 0.847)
-"""The palm, held still: its index finger, pointing down, clears the table by 4 mm and meets the ball [m]."""
+"""Position of the palm, which does not move: the index finger, pointing down, clears the table by 4 mm and
+hits the ball [m]."""
 
 FLICK_START = 0.30
 FLICK_TIME = 0.12
-"""The flick [s]: the index finger swings from behind the vertical to the front."""
+"""Duration of the flick [s]: the index finger swings from behind the vertical to the front."""
 FLEXED = (1.85, 0.10, 0.05)
 STRAIGHT = (0.90, 0.10, 0.05)
 OTHER_FINGERS = (0.10, 0.15, 0.10)
@@ -54,7 +55,7 @@ def ball_snip() -> Scenario:
 
 
 def _glove(names: tuple[str, ...]) -> Tracker:
-    """Sixty keyframes a second: the palm rests, the index finger flicks."""
+    """Tracker with sixty keyframes per second: the palm rests, the index finger flicks."""
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
     blend = ease(times, FLICK_START, FLICK_TIME)
     index = np.outer(1 - blend, FLEXED) + np.outer(blend, STRAIGHT)

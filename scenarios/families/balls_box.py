@@ -9,15 +9,15 @@ from touchstone.scenarios.scenario import PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block
 
 SIDE = 6
-"""Balls along an edge of the cube that falls."""
+"""Number of balls along an edge of the falling cube."""
 RADIUS, MASS = 0.05, 1.0
 SPACING = 0.105
 SCATTER = 2e-3
-"""Largest offset of a ball from its place in the grid, per axis [m]: else layers would land as one."""
+"""Maximum offset of a ball from its grid position, per axis [m]: without it, layers would land as one."""
 DROP = 0.1
-"""Fall of the lowest layer [m]."""
+"""Drop height of the lowest layer [m]."""
 ROOM = 0.34
-"""Half the inner width of the box [m]: 5 cm more than the cube, so that it breaks up."""
+"""Half the inner width of the box [m]: 5 cm more than the cube, so that the cube breaks up."""
 WALL = 0.05
 """Half the thickness of a wall [m]."""
 SEED = 0
@@ -25,7 +25,7 @@ SEED = 0
 
 @scene
 def balls_box() -> Scenario:
-    """A cube of balls, in a seeded order and out of line by a seeded millimetre or two."""
+    """A cube of balls in a seeded order, each with a seeded offset of a millimetre or two."""
     rng = np.random.default_rng(SEED)
     grid = np.stack(np.meshgrid(*[np.arange(SIDE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     places = rng.permutation(SPACING * (grid - [(SIDE - 1) / 2, (SIDE - 1) / 2, 0]))

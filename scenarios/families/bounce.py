@@ -9,12 +9,12 @@ from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenar
 from touchstone.scenarios.solids import ball, slab
 
 HEIGHT = 0.3
-"""Of the ball's lowest point when dropped [m]: it meets the floor at 2.43 m/s."""
+"""Drop height of the ball's lowest point [m]: it reaches the floor at 2.43 m/s."""
 RADIUS = 0.05
 DURATIONS: dict[float, float] = {0.0: 0.5, 0.3: 0.75, 0.5: 1.0, 0.8: 1.5, 1.0: 2.5}
-"""Time for five bounces, or until the ball is still, per coefficient of restitution [s]."""
+"""Time for five bounces, or until the ball is at rest, per coefficient of restitution [s]."""
 STILL = 1e-6
-"""Speed of the last bounce before the ball lies still [m/s]: it would rise by 5e-14 m."""
+"""Speed of the last bounce before the ball is at rest [m/s]: it would rise by 5e-14 m."""
 
 
 @scene

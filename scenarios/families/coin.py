@@ -44,7 +44,7 @@ def _coin(name: str, case: Case) -> Scenario:
     angles = 2 * pi * (np.arange(CORNERS) + 0.5) / CORNERS
     rim = [(RADIUS * cos(t), RADIUS * sin(t)) for t in angles]
     corners: list[Vector] = [(x, y, z) for z in (-HALF_THICKNESS, HALF_THICKNESS) for x, y in rim]
-    # its axis lies along x, but for the tilt
+    # Its axis is along x, except for the tilt.
     turn = Rotation.from_rotvec([0.0, pi / 2 + case.tilt, 0.0])
     w, x, y, z = (float(value) for value in turn.as_quat(scalar_first=True))
     orientation: Quaternion = (w, x, y, z)

@@ -1,7 +1,7 @@
 """Two free balls collide, and `cradle`: five in a row, of which only the last flies off.
 
-A ball's contact passes no torque along the normal and the tangential impulse meets the mass 2/7 m_eff, so
-Newton's and Coulomb's laws part: j_n = (1 + e) m_eff v_n, j_t = min(mu j_n, 2/7 m_eff v_t).
+The normal force exerts no torque on a ball, and the tangential impulse acts on the mass 2/7 m_eff, so
+Newton's and Coulomb's laws decouple: j_n = (1 + e) m_eff v_n, j_t = min(mu j_n, 2/7 m_eff v_t).
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from touchstone.scenarios.solids import ball
 
 RADIUS = 0.05
 GAP = 0.47
-"""Distance of the balls along the velocity before they meet [m]."""
+"""Distance of the balls along the velocity before they collide [m]."""
 SPEED = 2.0
-"""Of the ball that moves [m/s]: they meet after 0.235 s, within a step of every engine, not at its end."""
+"""Speed of the moving ball [m/s]: they collide after 0.235 s, within a step of every engine, not at its
+end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A ball of mass `mover` [kg] meets one of 1 kg at rest, `offset` diameters off its centre."""
+    """A ball of mass `mover` [kg] hits a ball of 1 kg at rest, `offset` diameters off its centre."""
 
     summary: str
     mover: float = 1.0
@@ -47,7 +48,7 @@ CASES: dict[str, Case] = {
 
 @scene
 def collisions() -> tuple[Scenario, ...]:
-    """No gravity: momentum is kept, and velocities are constant before and after."""
+    """No gravity: momentum is conserved, and velocities are constant before and after."""
     return tuple(_collision(name, case) for name, case in CASES.items())
 
 
@@ -76,11 +77,11 @@ def _balls(case: Case) -> tuple[Body, Body]:
 
 
 def _outcome(bodies: tuple[Body, Body], case: Case) -> tuple[Truth, Truth]:
-    """Both balls before and after they meet at GAP / SPEED."""
+    """Motion of both balls before and after they collide at GAP / SPEED."""
     across = 2 * RADIUS * case.offset
     met = np.array([-sqrt((2 * RADIUS) ** 2 - across**2), across, 0.0])
     n = -met / np.linalg.norm(met)  # from the mover to the target
-    v = -np.array(bodies[0].linear_velocity)  # of the target against the mover
+    v = -np.array(bodies[0].linear_velocity)  # of the target relative to the mover
     v_n = float(n @ v)
     v_t = v - v_n * n
     slip = float(np.linalg.norm(v_t))
@@ -100,12 +101,13 @@ def _outcome(bodies: tuple[Body, Body], case: Case) -> tuple[Truth, Truth]:
 
 
 CRADLE_GAP = 0.187
-"""Distance of the first ball from the row [m]: it arrives within a step, too."""
+"""Distance of the first ball from the row [m]: it also arrives within a step."""
 
 
 @scene
 def cradle() -> Scenario:
-    """Five touching balls, e = 1: impacts pass one at a time, and the last ball takes all the momentum."""
+    """Five touching balls, e = 1: impacts propagate one at a time, and the last ball takes all the
+    momentum."""
     row = [(2 * RADIUS * k, 0.0, 0.0) for k in range(4)]
     balls = [ball(f"ball_{k + 2}", "wood", RADIUS, 1.0, place) for k, place in enumerate(row)]
     first = ball("ball_1", "wood", RADIUS, 1.0, (-2 * RADIUS - CRADLE_GAP, 0.0, 0.0), (1.0, 0.0, 0.0))

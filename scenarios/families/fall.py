@@ -8,12 +8,12 @@ from touchstone.scenarios.solids import ball
 
 PULL = (0.0, 0.0, -GRAVITY)
 SPIN = (0.0, 5.0, 0.0)
-"""Of the ball, about any axis the same [rad/s]."""
+"""Spin of the ball, with the same inertia about any axis [rad/s]."""
 
 
 @scene
 def fall() -> Scenario:
-    """One spinning ball and nothing to hit: a first-order integrator is off by g h T / 2 after the time T."""
+    """One spinning ball without contacts: a first-order integrator is off by g h T / 2 after the time T."""
     return Scenario(
         name="fall",
         summary="a spinning ball falls from rest for a second",

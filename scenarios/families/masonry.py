@@ -1,7 +1,7 @@
 """A pyramid, a brick wall and arches without mortar.
 
-A linear program tells which arch can stand (`scenarios/equilibrium.py`): with too little friction its stones
-slide outwards, and one that is too thin folds at hinges.
+A linear program decides which arch can stand (`scenarios/equilibrium.py`): with too little friction its
+stones slide outwards, and one that is too thin folds at hinges.
 """
 
 from __future__ import annotations
@@ -17,28 +17,29 @@ from touchstone.scenarios.solids import block, hull, hull_mass_properties, slab
 HALF = 0.05
 """Half an edge of a cube of the pyramid [m]."""
 BASE = 8
-"""Cubes in the pyramid's lowest row: 36 in all."""
+"""Number of cubes in the pyramid's lowest row: 36 in all."""
 SPACING = 0.11
 """Distance of neighbours in a row [m]: they do not touch."""
 BRICK: Vector = (0.1, 0.05, 0.035)
 """Half extents of a brick [m]."""
 COURSES, BRICKS = 6, 4
-"""Rows of the wall, and bricks in the lowest."""
+"""Number of rows of the wall, and of bricks in the lowest."""
 BRIEF = 0.3
-"""Duration of pyramid and wall [s]: a second of either takes DART a minute."""
+"""Duration of pyramid and wall [s]: simulating a second of either takes DART a minute."""
 STONES = 11
-"""Stones of an arch; the middle one is the keystone."""
+"""Number of stones of an arch; the middle one is the keystone."""
 RADIUS = 0.5
 """Mean radius of an arch [m]."""
 DEPTH = 0.1
 """Half the depth of an arch [m]."""
 DENSITY = 2000.0
-"""Of its stones [kg/m^3]."""
+"""Density of the stones [kg/m^3]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arch:
-    """An arch: its thickness over its mean radius [1], the friction of its joints, and whether it stands."""
+    """An arch: its thickness relative to its mean radius [1], the friction of its joints, and whether it
+    stands."""
 
     summary: str
     thickness: float
@@ -55,7 +56,7 @@ ARCHES: dict[str, Arch] = {
 
 @scene
 def pyramid() -> Scenario:
-    """36 cubes, each on two of the row below, for a moment."""
+    """36 cubes, each on two of the row below, for BRIEF."""
     places: dict[str, Vector] = {}
     for row in range(BASE):
         for k in range(BASE - row):
@@ -83,7 +84,7 @@ def wall() -> Scenario:
 
 @scene
 def arches() -> tuple[Scenario, ...]:
-    """Half a circle of stones on a floor: one that stands, and two that cannot."""
+    """Semicircles of stones on a floor: one that stands, and two that cannot."""
     return tuple(_arch(name, arch) for name, arch in ARCHES.items())
 
 
@@ -104,7 +105,8 @@ def _arch(name: str, arch: Arch) -> Scenario:
 
 
 def _stone(k: int, thickness: float) -> Body:
-    """A voussoir from the angle pi k / STONES on: its corners on two arcs, its origin the centre of mass."""
+    """Voussoir that starts at the angle pi k / STONES: its corners lie on two arcs, its origin is the centre
+    of mass."""
     inner, outer = RADIUS * (1 - thickness / 2), RADIUS * (1 + thickness / 2)
     corners: list[Vector] = [
         (-r * cos(pi * j / STONES), y, r * sin(pi * j / STONES) if 0 < j < STONES else 0.0)
@@ -119,7 +121,7 @@ def _stone(k: int, thickness: float) -> Body:
 def _standing(
     name: str, summary: str, bodies: tuple[Body, ...], mu: float, duration: float = 1.0
 ) -> Scenario:
-    """Bodies that stay where they are."""
+    """Scene of bodies that do not move."""
     return Scenario(
         name=name,
         summary=summary,

@@ -1,6 +1,6 @@
 """A person in the gallery: walks into a wall, slides along a corner, pushes a wall, crosses arms.
 
-The person's trackers know no walls: they go on where the person cannot.
+The person's trackers ignore walls: they continue where the person cannot.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ DURATION, FRAME_RATE = 6.0, 60
 TIMES: Array = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
 """Keyframes [s]."""
 PUSHES, CROSSINGS = (3.0, 4.0, 5.0), (1.8, 3.8)
-"""When both arms begin to push into the wall, and against each other [s]."""
+"""Start times of the pushes of both arms into the wall, and against each other [s]."""
 ELBOWS_OUT: dict[int, Vector] = {side: (-0.5, 0.6 * side, -1.0) for side in (LEFT, RIGHT)}
 
 
 @scene
 def wall_push() -> Scenario:
-    """Four steps east; the stretched right arm and left leg meet the wall, and 1.3 s later leave it."""
+    """Four steps east; the stretched right arm and left leg hit the wall, and leave it 1.3 s later."""
     there, back = ease(TIMES, 0.2, 2.8), ease(TIMES, 4.2, 1.4)
     x = EAST - 2.0 + 1.62 * there - 0.6 * back
     places = np.column_stack((x, np.full_like(x, 0.9)))
@@ -71,12 +71,12 @@ def wall_push() -> Scenario:
 
 @scene
 def corner_slide() -> Scenario:
-    """The right hand meets the north wall, slides into the corner, up and down in it, and out along the east
-    wall, on which the forearm lies meanwhile; their trackers are up to 6 cm inside the walls."""
+    """The right hand touches the north wall, slides into the corner, up and down in it, and out along the
+    east wall, which the forearm touches meanwhile; their trackers are up to 6 cm inside the walls."""
     root = np.array((EAST - 0.405, NORTH - 0.30))
     inside, deep = 0.04, 0.06
     stations: tuple[tuple[float, Vector], ...] = (
-        # until when [s], and where to: the hand's middle from the corner [m], and its height
+        # End time [s], and the target: the hand's middle from the corner [m], and its height.
         (0.4, (-0.20, -0.16, 1.15)),
         (1.4, (-0.20, -0.16, 1.25)),
         (1.9, (-0.20, inside, 1.25)),
@@ -115,7 +115,7 @@ def corner_slide() -> Scenario:
 
 @scene
 def two_arms() -> Scenario:
-    """Both arms are raised in the first half and push into the wall three times in the second."""
+    """The person raises both arms in the first half and pushes into the wall three times in the second."""
     ready: Vector = (0.36, 0.17, SHOULDER[2] - 0.12)
     pushes = sum(ease(TIMES, t, 0.35) - ease(TIMES, t + 0.45, 0.35) for t in PUSHES)
     arms = []
@@ -140,7 +140,8 @@ def two_arms() -> Scenario:
 
 @scene
 def arms_cross() -> Scenario:
-    """Both hands are raised before the body and push each other twice, the left one a little above."""
+    """The person raises both hands in front of the body; they push each other twice, the left one slightly
+    above."""
     ready: Vector = (0.42, 0.12, SHOULDER[2] - 0.12)
     pushes = sum(ease(TIMES, t, 0.6) - ease(TIMES, t + 1.0, 0.6) for t in CROSSINGS)
     arms = []
@@ -166,8 +167,8 @@ def arms_cross() -> Scenario:
 def _scenario(
     name: str, summary: str, tracker: Tracker, expectations: tuple[Expectation, ...], own: bool = False
 ) -> Scenario:
-    """The person in the gallery; with contact among its `own` limbs the gallery is of metal, for DART has no
-    friction per body that gives wood and human, and human and human, theirs."""
+    """The person in the gallery. With contact between its `own` limbs the gallery is of metal, because no
+    per-body friction in DART gives both wood-human and human-human their coefficients."""
     bodies, joints, chains = avatar_parts()
     effects = ("gravity", "restitution", "friction") + (("self_collision",) if own else ())
     return Scenario(
@@ -188,7 +189,7 @@ def _scenario(
 
 
 def _seen(points: Array, place: Array, heading: float) -> Array:
-    """World points in the frame of a torso that stands at a place."""
+    """World points in the frame of a torso at a place."""
     c, s = np.cos(heading), np.sin(heading)
     away = points - (*place, HIP_HEIGHT + CLEARANCE)
     return away @ np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))

@@ -1,4 +1,4 @@
-"""`push_box`: a person pushes a box over the floor with both hands and lets it go."""
+"""`push_box`: a person pushes a box over the floor with both hands and releases it."""
 
 from __future__ import annotations
 
@@ -20,32 +20,33 @@ Array = NDArray[np.float64]
 
 DURATION, FRAME_RATE = 4.0, 60
 LANE = 0.85
-"""Where the person walks, towards the east: y [m]."""
+"""Lane in which the person walks east: y [m]."""
 START = 3.55
-"""Where the person starts: x [m]."""
+"""Start of the person: x [m]."""
 SPEED = 1.0
-"""Of the walk [m/s]."""
+"""Walking speed [m/s]."""
 OFF, SPEED_UP, STOP, SLOW_DOWN = 0.3, 1.2, 2.1, 0.5
-"""When the person sets off, until full speed is reached, when the stop begins, and how long it takes [s]."""
+"""Start of the walk, time to full speed, start of the stop, and its duration [s]."""
 BOX_HALF: Vector = (0.40, 0.35, 0.55)
-"""Half extents of the box [m]: pushed at 1.03 m with mu = 0.3 it stands, by a quarter of its half depth."""
+"""Half extents of the box [m]: pushed at 1.03 m with mu = 0.3 it does not tip, with a margin of a quarter of
+its half depth."""
 BOX_MASS = 12.0
-"""An empty crate [kg]: the floor brakes it by 35 N."""
+"""Mass of an empty crate [kg]: friction on the floor is 35 N."""
 BOX_START = 4.30 + BOX_HALF[0]
-"""The box' middle: x [m]."""
+"""Initial middle of the box: x [m]."""
 READY: Vector = (0.40, 0.16, SHOULDER[2] - 0.42)
-"""The middle of the left hand when it pushes, seen from the torso [m]."""
+"""Middle of the left hand when it pushes, in the torso's frame [m]."""
 WITHDRAWN: Vector = (0.18, 0.18, SHOULDER[2] - 0.42)
 WITHDRAW = 0.25
-"""Time in which both hands let go [s]."""
+"""Time in which both hands withdraw [s]."""
 STRIDE = 1.2
-"""Way of two steps [m]."""
+"""Length of two steps [m]."""
 
 
 @scene
 def push_box() -> Scenario:
-    """The person walks up to the box, pushes it at 1 m/s, stops and withdraws the hands; the box slides on
-    for v^2 / (2 mu g), 17 cm at that speed."""
+    """The person walks up to the box, pushes it at 1 m/s, stops and withdraws the hands; the box slides for a
+    further v^2 / (2 mu g), 17 cm at that speed."""
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
     bodies, joints, chains = avatar_parts()
     crate = block("box", "wood", BOX_HALF, BOX_MASS, (BOX_START, LANE, BOX_HALF[2]))
@@ -73,7 +74,7 @@ def push_box() -> Scenario:
 
 
 def _tracker(times: Array) -> Tracker:
-    """Walk, hands ahead; stop, and hands back."""
+    """Tracker: walk with the hands ahead, stop, and withdraw the hands."""
     way = _way(times)
     speed = np.gradient(way, times)
     gait = np.sin(2 * pi * way / STRIDE) * speed / SPEED
@@ -88,11 +89,11 @@ def _tracker(times: Array) -> Tracker:
 
 
 def _way(times: Array) -> Array:
-    """How far the person has walked [m]: SPEED, with an eased start and stop."""
+    """Distance walked [m]: at SPEED, with an eased start and stop."""
     return SPEED * (_eased_way(times, OFF, SPEED_UP) - _eased_way(times, STOP, SLOW_DOWN))
 
 
 def _eased_way(times: Array, start: float, duration: float) -> Array:
-    """The integral of `ease` over time [s]."""
+    """Integral of `ease` over time [s]."""
     s = np.clip((times - start) / duration, 0.0, 1.0)
     return duration * s**3 * (1 - s / 2) + np.maximum(0.0, times - start - duration)

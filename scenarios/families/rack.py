@@ -1,4 +1,4 @@
-"""`break_15`: a ball breaks a triangle of fifteen; energy, momentum and the mirror symmetry are kept."""
+"""`break_15`: a ball breaks a triangle of fifteen; energy, momentum and the mirror symmetry are conserved."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from touchstone.scenarios.scenario import PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball
 
 RADIUS, MASS = 0.0286, 0.17
-"""Of billiard balls [m, kg]."""
+"""Radius and mass of billiard balls [m, kg]."""
 ROWS = 5
 GAP = 0.153
-"""Distance of the cue ball from the first [m]: it arrives within a step of every engine."""
+"""Distance of the cue ball from the first ball [m]: it arrives within a step of every engine."""
 SPEED = 2.0
 
 

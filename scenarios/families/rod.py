@@ -1,4 +1,4 @@
-"""`rod_*`: one end of a slanting rod hits the floor with friction; whatever it does, it gains no energy."""
+"""`rod_*`: one end of a slanting rod hits the floor with friction; the rod must not gain energy."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from touchstone.scenarios.solids import block, slab
 HALF: Vector = (0.25, 0.02, 0.02)
 """Half extents of the rod [m]."""
 CLEARANCE = 0.11
-"""Height of its lower end at the start [m]: it arrives within a step of every engine."""
+"""Initial height of its lower end [m]: it arrives within a step of every engine."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Slope of the rod against the floor [rad], velocity [m/s], coefficients; chosen so that Newton's law
-    gains much, taken at its word."""
+    """Slope of the rod against the floor [rad], velocity [m/s], coefficients; Newton's law as printed gains
+    much energy for these."""
 
     slope: float
     velocity: Vector
@@ -27,9 +27,9 @@ class Case:
 
 
 CASES: dict[str, Case] = {
-    # friction mu j whatever the slip (Eq. 10) gains 10 % of the energy
+    # Friction mu j regardless of slip (Eq. 10) gains 10 % of the energy.
     "rod_e03": Case(1.2, (-0.25, 0.0, -2.0), 0.3, 0.3),
-    # with a friction that stops the slip, restitution alone gains 18 %
+    # With friction that stops the slip, restitution alone gains 18 %.
     "rod_e1": Case(0.85, (-1.0, 0.0, -2.0), 1.0, 0.9),
 }
 

@@ -1,4 +1,5 @@
-"""Balls on a table: some slide until they roll (5/7 v_0 after 2 v_0 / (7 mu g)), some roll from the start."""
+"""Balls on a table: some slide until they roll (5/7 v_0 after 2 v_0 / (7 mu g)), others roll from the
+start."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from touchstone.scenarios.solids import ball, slab
 
 RADIUS = 0.05
 LANE = 1.0
-"""Distance between the starts of balls side by side [m]: fanned out, they never meet."""
+"""Distance between the starts of neighbouring balls [m]: they fan out and never touch."""
 
 
 @scene
@@ -24,7 +25,7 @@ def slip() -> Scenario:
 
 @scene
 def roll() -> Scenario:
-    """Three balls that roll from the start: nothing slows them."""
+    """Three balls that roll from the start and do not slow down."""
     return rolling(
         "roll", ("probe", "headings", "conservative"), HEADINGS, mu=0.3, speed=1.0, spin=1.0, duration=1.5
     )
@@ -32,7 +33,7 @@ def roll() -> Scenario:
 
 @scene
 def slip_seeded() -> tuple[Scenario, ...]:
-    """The same with headings, speeds, spins and frictions by chance."""
+    """Balls as in `slip` with random headings, speeds, spins and frictions."""
     return tuple(_seeded(seed) for seed in range(3))
 
 
@@ -76,7 +77,7 @@ def rolling(
 def _arcs(start: Vector, turn: float, mu: float, speed: float, spin: float) -> tuple[Arc, ...]:
     along, axis = np.array([cos(turn), sin(turn), 0.0]), np.array([-sin(turn), cos(turn), 0.0])
     slip = speed * (1 - spin)
-    # the surface slows down at mu g by the centre and at 5/2 mu g by the spin
+    # The slip decreases at mu g through the centre and at 5/2 mu g through the spin.
     time, end = 2 / 7 * slip / (mu * GRAVITY), speed - 2 / 7 * slip
     rolled = Arc(
         time,

@@ -1,4 +1,4 @@
-"""`shot_*`: a ball is shot straight at a thin plate and comes back with e times its speed."""
+"""`shot_*`: a ball hits a thin plate perpendicularly and returns with e times its speed."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from touchstone.scenarios.scenario import Arc, PairCoefficients, Scenario, Truth
 from touchstone.scenarios.solids import ball, block
 
 SPEEDS = (6.0, 30.0, 300.0)
-"""Of the ball [m/s]: 0.1, 0.5 and 5 m in a frame, 2.5, 12.5 and 125 cm in 1/240 s."""
+"""Speeds of the ball [m/s]: 0.1, 0.5 and 5 m per frame, 2.5, 12.5 and 125 cm per 1/240 s."""
 RADIUS, MASS = 0.05, 1.0
 PLATE: Vector = (0.4, 0.4, 0.0005)
 """Half extents of the plate [m]: 1 mm thick."""
 RESTITUTION, FRICTION = 0.5, 0.3
 DURATION, FRAME_RATE = 0.1, 60
 ARRIVAL = 0.35
-"""When the ball arrives [frames]: within a step of every engine that takes more than one a frame."""
+"""Arrival time of the ball [frames]: within a step of every engine with more than one step per frame."""
 
 
 @scene
 def shots() -> tuple[Scenario, ...]:
-    """A ball without spin, straight down, without gravity."""
+    """A ball without spin flies straight down, without gravity."""
     return tuple(shot(speed, PLATE) for speed in SPEEDS)
 
 
 def shot(speed: float, plate: Vector) -> Scenario:
-    """A ball at `speed` [m/s] and a plate of half extents `plate` [m]."""
+    """A ball at `speed` [m/s] and a plate with half extents `plate` [m]."""
     arrival, touching = ARRIVAL / FRAME_RATE, plate[2] + RADIUS
     start: Vector = (0.0, 0.0, touching + speed * arrival)
     arcs = (

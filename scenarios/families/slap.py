@@ -1,4 +1,4 @@
-"""`slap_*`: a flat hand goes straight down on its table, faster than a frame can follow."""
+"""`slap_*`: a flat hand moves straight down onto a table, faster than a frame can follow."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import IDENTITY, Expectation, Scenario, Tracker
 
 SPEEDS = (2.5, 3.0, 6.0)
-"""Of the tracker [m/s]: 4.2, 5 and 10 cm in a frame, over a table of 4 cm and fingers of 1.6 cm."""
+"""Speeds of the tracker [m/s]: 4.2, 5 and 10 cm per frame, for a table of 4 cm and fingers of 1.6 cm."""
 START, HEIGHT, DEPTH = 0.1, 0.25, 0.4
-"""When the tracker sets off [s], and how far over and under the table's surface it starts and ends [m]."""
+"""Time at which the tracker starts to move [s], its initial height above and final depth below the table's
+surface [m]."""
 DURATION, FRAME_RATE = 0.6, 60
 RELAXED = (0.10, 0.15, 0.10)
 """Angles of every finger's three hinges [rad]."""
@@ -21,12 +22,12 @@ RELAXED = (0.10, 0.15, 0.10)
 
 @scene
 def slaps() -> tuple[Scenario, ...]:
-    """The hand of fifteen parts over a table of the gallery; its tracker goes on through the table."""
+    """The hand of fifteen parts above a table of the gallery; its tracker continues through the table."""
     return tuple(slap(speed) for speed in SPEEDS)
 
 
 def slap(speed: float) -> Scenario:
-    """A hand whose tracker moves down at `speed` [m/s], from rest to rest within a frame."""
+    """A hand whose tracker moves down at `speed` [m/s] and accelerates and stops within a frame."""
     links, joints = hand_parts()
     names = tuple(joint.name for joint in joints)
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
@@ -50,6 +51,6 @@ def slap(speed: float) -> Scenario:
         coefficients=TABLE_1,
         duration=DURATION,
         frame_rate=FRAME_RATE,
-        # its lowest part is 1.9 cm below the palm's origin, and the coupling holds it back for a while
+        # Its lowest part is 1.9 cm below the palm's origin, and the coupling delays it.
         expectations=(Expectation("touch", "palm", "table", START, START + HEIGHT / speed + 0.1),),
     )

@@ -23,27 +23,27 @@ from touchstone.scenarios.solids import block, slab
 HALF = 0.05
 """Half an edge of a cube [m]."""
 LANE = 1.0
-"""Distance between the starts of cubes side by side [m]: fanned out, they never meet."""
+"""Distance between the starts of neighbouring cubes [m]: they fan out and never touch."""
 HEADINGS = (0.0, 22.5, 45.0)
-"""Directions of sliding [degrees]: a pyramid for a friction cone shows between them."""
+"""Directions of sliding [degrees]: those between reveal a pyramid instead of a friction cone."""
 
 
 @scene
 def slide() -> Scenario:
-    """Three cubes at three headings: v^2 / (2 mu g) = 3.67 m, flat on the plane all the way."""
+    """Three cubes at three headings slide v^2 / (2 mu g) = 3.67 m, flat on the plane throughout."""
     return sliding("slide", ("probe", "headings"), HEADINGS, mu=0.5, speed=6.0, duration=1.5)
 
 
 @scene
 def slide_seeded() -> tuple[Scenario, ...]:
-    """The same with headings, speeds and frictions by chance."""
+    """Cubes as in `slide` with random headings, speeds and frictions."""
     return tuple(_seeded(seed) for seed in range(3))
 
 
 def _seeded(seed: int) -> Scenario:
     rng = np.random.default_rng(seed)
     mu, speed = rng.uniform(0.2, 0.8), rng.uniform(1.0, 4.0)
-    # at the most 4 / (0.2 g) = 2.04 s until rest
+    # They stop after at most 4 / (0.2 g) = 2.04 s.
     headings = np.sort(rng.uniform(0.0, 90.0, 3)).tolist()
     return sliding(f"slide_seed{seed}", ("seeded", "headings"), tuple(headings), mu, speed, 2.5, seed)
 
@@ -90,7 +90,7 @@ def sliding(
 
 
 def _start(lane: int) -> Vector:
-    """Side by side across the first heading, the last at the left."""
+    """Start positions side by side, perpendicular to the first heading, with the last at the left."""
     return (0.0, LANE * lane, HALF)
 
 
@@ -105,12 +105,12 @@ def _until_rest(start: Vector, turn: float, speed: float, mu: float) -> tuple[Ar
 
 MU = 0.5
 FRICTION_ANGLE = degrees(atan(MU))
-"""26.57 degrees."""
+"""Friction angle [degrees]: 26.57."""
 
 
 @scene
 def inclines() -> tuple[Scenario, Scenario]:
-    """A cube on a slope just below and just above the friction angle: it holds, or a = g (sin - mu cos)."""
+    """A cube on a slope just below and just above the friction angle: it sticks, or a = g (sin - mu cos)."""
     return _incline("incline_holds", 26.0), _incline("incline_slides", 27.0)
 
 

@@ -9,18 +9,18 @@ from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Sc
 from touchstone.scenarios.solids import box_inertia
 
 MASSES: dict[str, float] = {"light": 0.1, "critical": 0.4, "heavy": 2.0}
-"""Over-, critically and underdamped at K = 1000 N/m, R = 40 N s/m [kg]."""
+"""Masses that are over-, critically and underdamped at K = 1000 N/m, R = 40 N s/m [kg]."""
 HALF = 0.05
 LANE = 1.0
 DURATION = 1.5
 FRAME_RATE = 60
 START, TIME, WAY = 0.2, 0.3, 0.3
-"""The tracker moves by WAY [m] along x in TIME from START on [s]."""
+"""The tracker moves by WAY [m] along x in TIME, starting at START [s]."""
 
 
 @scene
 def spring() -> Scenario:
-    """Nothing to touch: the way of a mass on a damped spring, whatever the step."""
+    """No contacts: the path of a mass on a damped spring, for any step."""
     bodies = tuple(
         Body(
             name,

@@ -1,4 +1,4 @@
-"""`stack`: five boxes on each other stay where they are."""
+"""`stack`: five stacked boxes do not move."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BOXES = 5
 
 @scene
 def stack() -> Scenario:
-    """Five equal cubes in exact contact, one second: nothing moves, nothing sinks in."""
+    """Five equal cubes in exact contact for one second: none moves or sinks in."""
     places = {f"box_{k + 1}": (0.0, 0.0, (2 * k + 1) * HALF) for k in range(BOXES)}
     return Scenario(
         name="stack",

@@ -16,16 +16,16 @@ from touchstone.scenarios.solids import ball
 
 DURATION, FRAME_RATE = 8.0, 60
 BACKWARDS = (0.0, 0.0, 0.0, 1.0)
-"""Fingers to the west, the palm down."""
+"""Orientation with the fingers to the west and the palm down."""
 RELAXED = (0.10, 0.15, 0.10)
 """Angles of every finger's three hinges [rad]."""
 BALL_RADIUS, BALL_MASS = 0.02, 0.020
 BALL_START: Vector = (-0.40, 0.046, TABLE_TOP + BALL_RADIUS)
-"""In the way of the middle finger."""
+"""Start of the ball, in the path of the middle finger."""
 HOVER, PRESS, PLAY = TABLE_TOP + 0.08, TABLE_TOP + 0.012, TABLE_TOP + 0.04
 """Heights of the palm [m]: fingers clear of the table, 1 cm in it, and beside the ball."""
 STATIONS: tuple[tuple[float, Vector], ...] = (
-    # until when [s], and where the palm goes to [m]
+    # End time [s], and position of the palm then [m].
     (0.2, (DOOR + 1.1, 0.0, 1.3)),
     (1.7, (DOOR + 0.1, 0.0, 1.2)),
     (3.6, (0.40, 0.05, HOVER)),

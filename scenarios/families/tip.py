@@ -1,4 +1,4 @@
-"""Boxes on inclines that hold or tip: at tan(slope) = w / h the weight passes over the lower edge."""
+"""Boxes on inclines that stand or tip: at tan(slope) = w / h the weight passes over the lower edge."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from touchstone.scenarios.solids import block, slab
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Half extents [m] of the box, the slope [degrees] and friction; whether it tips, else it holds."""
+    """Half extents [m] of the box, slope [degrees] and friction; whether it tips or stands."""
 
     summary: str
     half: Vector
@@ -35,14 +35,15 @@ class Case:
 
 SQUAT, TALL = (0.05, 0.05, 0.1), (0.02, 0.02, 0.2)
 CASES: dict[str, Case] = {
-    # w / h = 0.5 is reached at 26.565 degrees
+    # w / h = 0.5 corresponds to 26.565 degrees.
     "tip_holds": Case("a box just holds on a slope, by its width and by friction", SQUAT, 26.0, 0.5, False),
     "tip_falls": Case("a box on a slope just tips over its lower edge", SQUAT, 27.5, 0.6, True),
-    # w / h = 0.1 is reached at 5.711 degrees
+    # w / h = 0.1 corresponds to 5.711 degrees.
     "tall_holds": Case("a tall box just holds on a slope", TALL, 5.5, 0.5, False),
 }
 REACH = 1.6
-"""Way from the lower edge down to the stop, over the box' half height [1]: a box that lies hits it."""
+"""Distance from the lower edge down to the stop, relative to the box' half height [1]: a fallen box hits
+it."""
 
 
 @scene

@@ -1,4 +1,4 @@
-"""Towers of equal cubes, in line or not, and a light cube under a heavy one: all stay where they are."""
+"""Towers of equal cubes, aligned or not, and a light cube under a heavy one: none moves."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from touchstone.scenarios.solids import block, slab
 HALF = 0.05
 """Half an edge of a cube [m]."""
 HEIGHTS = (10, 20, 40)
-"""Cubes of the towers."""
+"""Numbers of cubes of the towers."""
 JITTER = 2e-3
-"""Largest offset of a cube from the axis along x and y [m]: the weight above stays within each face."""
+"""Maximum offset of a cube from the axis along x and y [m]: the weight above stays within each face."""
 LOADS = {"load_1e4": 1e4, "load_1e6": 1e6}
-"""Mass of the upper of two cubes, the lower has 1 kg [kg]."""
+"""Mass of the upper of two cubes [kg]; the lower has 1 kg."""
 
 
 @scene
 def towers() -> tuple[Scenario, ...]:
-    """Cubes in exact contact above each other, one second: nothing moves."""
+    """Stacked cubes in exact contact for one second: none moves."""
     return tuple(
         _resting(f"tower_{count}", f"a tower of {count} cubes stands", [1.0] * count, np.zeros((count, 2)))
         for count in HEIGHTS
@@ -29,14 +29,14 @@ def towers() -> tuple[Scenario, ...]:
 
 @scene
 def jittered_tower() -> Scenario:
-    """Twenty cubes off the axis by seeded offsets."""
+    """Twenty cubes with seeded offsets from the axis."""
     offsets = np.random.default_rng(0).uniform(-JITTER, JITTER, (20, 2))
     return _resting("tower_20_jittered", "a tower of 20 cubes out of line stands", [1.0] * 20, offsets)
 
 
 @scene
 def loads() -> tuple[Scenario, ...]:
-    """A cube on one of 1 kg."""
+    """A heavy cube on one of 1 kg."""
     return tuple(
         _resting(name, f"a cube of {mass:g} kg rests on one of 1 kg", [1.0, mass], np.zeros((2, 2)))
         for name, mass in LOADS.items()
@@ -44,7 +44,7 @@ def loads() -> tuple[Scenario, ...]:
 
 
 def _resting(name: str, summary: str, masses: list[float], offsets: np.ndarray) -> Scenario:
-    """Cubes above each other, from below, with their masses [kg] and offsets (n, 2) [m]."""
+    """Stacked cubes from the bottom up, with their masses [kg] and offsets (n, 2) [m]."""
     places: dict[str, Vector] = {
         f"box_{k + 1}": (float(x), float(y), (2 * k + 1) * HALF) for k, (x, y) in enumerate(offsets)
     }

@@ -1,4 +1,4 @@
-"""`tumble_*`: a free box turns about its stable and about its unstable axis (Euler's top)."""
+"""`tumble_*`: a free box rotates about its stable and about its unstable axis (Euler's top)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from touchstone.scenarios.scenario import PairCoefficients, Scenario, Truth, Vec
 from touchstone.scenarios.solids import block
 
 HALF: Vector = (0.15, 0.10, 0.05)
-"""Half extents [m]: the least moment about x, the middle one about y."""
+"""Half extents [m]: the smallest moment is about x, the intermediate one about y."""
 MASS = 6.0
 PUSH: Vector = (0.3, -0.2, 0.1)
 """Velocity of the centre of mass [m/s]."""
 SPINS: dict[str, tuple[str, Vector]] = {
-    # rates about the box' axes [rad/s]
+    # Rates about the box' axes [rad/s].
     "stable": ("the axis of its largest moment", (0.5, 0.3, 6.0)),
     "unstable": ("the axis of its middle moment, and turns over twice", (0.1, 6.0, 0.1)),
 }
@@ -20,7 +20,7 @@ SPINS: dict[str, tuple[str, Vector]] = {
 
 @scene
 def tumbles() -> tuple[Scenario, ...]:
-    """Ten seconds without gravity; orientation and the times of the flips by elliptic functions."""
+    """Ten seconds without gravity; orientation and times of the flips by elliptic functions."""
     return tuple(
         Scenario(
             name=f"tumble_{name}",

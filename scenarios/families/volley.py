@@ -1,5 +1,5 @@
-"""`volley`: a person's arm hits thrown balls and slides along a wall: inverse kinematics and movable bodies
-at once."""
+"""`volley`: a person's arm hits thrown balls and slides along a wall: inverse kinematics together with
+movable bodies."""
 
 from __future__ import annotations
 
@@ -22,29 +22,31 @@ Array = NDArray[np.float64]
 
 DURATION, FRAME_RATE = 2.2, 60
 PLACE = (5.0, NORTH - 0.58)
-"""Where the person stands, who looks north [m]."""
+"""Position of the person, who faces north [m]."""
 BALL_RADIUS, BALL_MASS = 0.05, 0.15
-"""A light wooden ball: 290 kg/m^3 [m, kg]."""
+"""Radius and mass of a light wooden ball: 290 kg/m^3 [m, kg]."""
 LEVEL = SHOULDER[2] - 0.12
-"""Height of the hand's middle over the torso's origin [m]."""
+"""Height of the hand's middle above the torso's origin [m]."""
 FREE, WALL, LEAN = 0.42, 0.475, 0.50
-"""The hand's middle before the torso [m]: fingers clear of the wall, on it, and 3 cm in it."""
+"""Distance of the hand's middle in front of the torso [m]: fingers clear of the wall, on it, and 3 cm in
+it."""
 WEST, EAST = 0.0, -0.40
-"""The ends of a sweep [m], to the left of the torso."""
+"""Ends of a sweep [m], to the left of the torso."""
 HAND = (WEST + EAST) / 2
-"""Where a sweep is fastest [m], to the left of the torso."""
+"""Position at which a sweep is fastest [m], to the left of the torso."""
 APART = BALL_RADIUS + 0.015
-"""From the hand's middle to that of a ball on its flat side [m]."""
+"""Distance from the hand's middle to that of a ball on its flat side [m]."""
 HIGH = 0.03
-"""How far over the hand's middle a ball is aimed [m]: an arm on servos is late, and it falls meanwhile."""
+"""Height above the hand's middle at which a ball is aimed [m]: an arm on servos lags, and the ball falls
+meanwhile."""
 HITS: tuple[tuple[float, Vector, Vector], ...] = (
-    # when [s], where the ball's middle is then, seen from the torso [m], and its velocity [m/s, world]
+    # Time of the hit [s], the ball's middle then in the torso's frame [m], and its velocity [m/s, world].
     (0.42, (0.45, HAND + APART, LEVEL + HIGH), (2.4, 0.0, -1.0)),
     (0.80, (0.49, HAND - APART, LEVEL + HIGH), (-1.4, 0.0, -2.4)),
 )
 """A ball from the west for a forehand, and one from the east for a backhand."""
 SWEEP = 0.34
-"""Time of a sweep [s]: 1.8 m/s in its middle."""
+"""Duration of a sweep [s]: 1.8 m/s in its middle."""
 
 
 @scene
@@ -72,7 +74,7 @@ def volley() -> Scenario:
 
 
 def _balls() -> tuple[Body, ...]:
-    """Each on the parabola that leads to its hit."""
+    """Balls on the parabolas that lead to their hits."""
     found = []
     pull = np.array((0.0, 0.0, -GRAVITY))
     for k, (time, (ahead, left, up), velocity) in enumerate(HITS, start=1):
@@ -84,7 +86,8 @@ def _balls() -> tuple[Body, ...]:
 
 
 def _tracker(times: Array) -> Tracker:
-    """The right hand goes to and fro, fastest at each hit, and leans on the wall; the left one hangs."""
+    """Tracker: the right hand sweeps to and fro, fastest at each hit, and leans on the wall; the left one
+    hangs."""
     stations: list[tuple[float, Vector]] = [(0.0, (FREE, EAST, LEVEL))]
     for (hit, *_), side in zip(HITS, (WEST, EAST)):
         stations.append((hit - SWEEP / 2, stations[-1][1]))

@@ -1,9 +1,9 @@
-"""Seeded random scenes of contact: `random_scene(seed)`, the same for the same seed on every machine.
+"""Seeded random contact scenes: `random_scene(seed)` is the same for the same seed on every machine.
 
-A scene is of one of KINDS, which is its second tag. No two bodies overlap at the start: they stand on each
-other or beside planes by their support functions (a gap of exactly 0 is frequent), or their bounding balls
-are apart. Nothing here is tuned to any engine; `touchstone study robustness` plays these scenes and checks
-what needs no truth: energy, momentum, overlap, finiteness.
+A scene is of one of KINDS, which is its second tag. No two bodies overlap at the start: support functions
+place them on each other or beside planes (often with a gap of exactly 0), or their bounding balls are apart.
+Nothing is tuned to any engine. `touchstone study robustness` plays these scenes and checks what needs no
+truth: energy, momentum, overlap, finiteness.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "free": piles.free,
     "press": piles.pressed,
 }
-"""Name of a kind, its tag, and what builds it: those that a seed may choose."""
+"""Kinds that a seed may choose: name, which is also the tag, and builder."""
 FAST_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"shot": fast.shots, "slap": fast.slaps}
-"""Kinds that are played where they are asked for: only what sweeps passes them."""
+"""Kinds that are used on request only: they need continuous collision detection."""
 ALL_KINDS = {**KINDS, **FAST_KINDS}
 FRAME_RATE = 60
 FRAMES = (42, 73)
@@ -43,14 +43,14 @@ FRAMES = (42, 73)
 
 
 def random_scene(seed: int, kind: str | None = None) -> Scenario:
-    """The random scene of a seed.
+    """Random scene for a seed.
 
     Args:
         seed: 0 or more; names the scene `random_<seed>`.
-        kind: one of ALL_KINDS, or None for one of KINDS that the seed chooses.
+        kind: one of ALL_KINDS; None: the seed chooses one of KINDS.
     Returns:
-        A scene of 1 to 30 simulated bodies, 0.7 to 1.2 s long, tagged `random` and by its kind; besides
-        `isolated` where nothing outside pushes, `conservative` where no energy may be lost either.
+        A scene of 1 to 30 simulated bodies, 0.7 to 1.2 s long, with the tags `random` and its kind; also
+        `isolated` if no external force acts, and `conservative` if energy is conserved as well.
     """
     rng = np.random.default_rng(seed)
     drawn = _drawn_kind(rng)
@@ -81,7 +81,7 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
 
 
 def kind_of(seed: int, kind: str | None = None) -> str:
-    """The kind of `random_scene(seed, kind)`."""
+    """Kind of `random_scene(seed, kind)`."""
     return kind or _drawn_kind(np.random.default_rng(seed))
 
 
@@ -90,5 +90,5 @@ def _drawn_kind(rng: Generator) -> str:
 
 
 def _coefficient(rng: Generator) -> float:
-    """Restitution or friction: 0, 1, or anything between."""
+    """Random restitution or friction: 0, 1, or a value between."""
     return float(rng.choice([0.0, 0.3, 1.0, rng.uniform()], p=[0.25, 0.2, 0.1, 0.45]))

@@ -1,4 +1,4 @@
-"""Random convex bodies, and their support functions, with which they are placed."""
+"""Random convex bodies, and the support functions that place them."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ SHAPES = ("sphere", "box", "capsule", "ellipsoid", "hull", "coin")
 FLAT = ("box", "hull", "coin")
 """Shapes that rest on a face."""
 ASPECT = (0.3, 1.0)
-"""Range of the smaller over the largest dimension of a random shape [1]."""
+"""Range of the ratio of a random shape's smaller dimensions to the largest one [1]."""
 COIN_CORNERS = 16
-"""Corners of each face of a coin."""
+"""Number of corners of each face of a coin."""
 COIN_ASPECT = 0.15
-"""Half thickness of a coin over its radius [1]."""
+"""Half thickness of a coin relative to its radius [1]."""
 HULL_POINTS = (6, 20)
 """Range of the number of points whose convex hull is a random hull."""
 HEAVIEST = 10.0
-"""Largest mass of a random body [kg]; a mass ratio makes the others lighter."""
+"""Largest mass of a random body [kg]; the mass ratio determines the lightest."""
 
 
 def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) -> Shape:
-    """A shape of one of `kinds` (names of SHAPES) within `reach` [m] of its centre of mass."""
+    """Random shape of one of `kinds` (names of SHAPES) within `reach` [m] of its centre of mass."""
     a, b = rng.uniform(*ASPECT, 2)
     match str(rng.choice(kinds)):
         case "sphere":
@@ -65,7 +65,7 @@ def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) ->
 
 
 def coin(radius: float, half_thickness: float) -> Hull:
-    """A prism of 2 COIN_CORNERS vertices along z; an edge, not a corner, is at its lowest along -x."""
+    """A prism of 2 COIN_CORNERS vertices along z; along -x its lowest feature is an edge, not a corner."""
     angles = 2 * pi * (np.arange(COIN_CORNERS) + 0.5) / COIN_CORNERS
     return Hull(
         tuple(
@@ -75,7 +75,7 @@ def coin(radius: float, half_thickness: float) -> Hull:
 
 
 def _random_hull(rng: Generator, reach: float) -> Hull:
-    """The hull of random points on a sphere, squeezed, about its centre of mass."""
+    """Hull of random points on a squeezed sphere, centred on its centre of mass."""
     points = rng.normal(size=(int(rng.integers(*HULL_POINTS)), 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     points *= rng.uniform(ASPECT[0], 1.0, 3)
@@ -110,7 +110,7 @@ def solid(
 
 
 def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:
-    """How far a shape reaches from its origin along a unit vector of the world [m]."""
+    """Support function of a shape: its extent from its origin along a unit vector of the world [m]."""
     local = Rotation.from_quat(orientation, scalar_first=True).inv().apply(direction)
     match shape:
         case Sphere(radius):
@@ -126,35 +126,35 @@ def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:
 
 
 def masses(rng: Generator, count: int, ratio: float) -> list[float]:
-    """Masses [kg] that span `ratio`, in random order: the heaviest has HEAVIEST, one the `ratio`-th of it."""
+    """Masses [kg] in random order: the heaviest is HEAVIEST, the lightest HEAVIEST / `ratio`."""
     exponents = np.concatenate([[0.0, 1.0], rng.uniform(0.0, 1.0, max(0, count - 2))])[:count]
     return [float(m) for m in rng.permutation(HEAVIEST * ratio**-exponents)]
 
 
 def random_orientation(rng: Generator) -> Quaternion:
-    """Any orientation, wxyz, uniformly."""
+    """Uniformly random orientation, wxyz."""
     w, x, y, z = rng.normal(size=4)
     size = float(np.sqrt(w * w + x * x + y * y + z * z))
     return (float(w) / size, float(x) / size, float(y) / size, float(z) / size)
 
 
 def turned(axis: Vector, angle: float) -> Quaternion:
-    """A turn by `angle` [rad] about a unit axis."""
+    """Rotation by `angle` [rad] about a unit axis."""
     s = sin(angle / 2)
     return (cos(angle / 2), s * axis[0], s * axis[1], s * axis[2])
 
 
 def random_direction(rng: Generator) -> Array:
-    """A unit vector (3,), uniformly."""
+    """Uniformly random unit vector (3,)."""
     found = rng.normal(size=3)
     return np.asarray(found / np.linalg.norm(found))
 
 
 def scattered(rng: Generator, count: int, reach: float, across: int, bottom: float) -> Array:
-    """Places (count, 3) [m] of balls of radius `reach` that touch neither each other nor z = `bottom`.
+    """Positions (count, 3) [m] of balls of radius `reach` that touch neither each other nor z = `bottom`.
 
     They fill layers of `across` by `across` cells about the z axis, from below, in random order within a
-    layer, and are off the middle of their cell by chance.
+    layer and with random offsets from the centres of their cells.
     """
     slack = reach * rng.uniform(0.02, 0.3)
     cell = 2 * (reach + slack)
@@ -162,6 +162,6 @@ def scattered(rng: Generator, count: int, reach: float, across: int, bottom: flo
     grid = [np.argwhere(np.ones((across, across))) for _ in range(layers)]
     rows = [np.column_stack([rng.permutation(xy), np.full(len(xy), k)]) for k, xy in enumerate(grid)]
     places = cell * (np.concatenate(rows)[:count] - [(across - 1) / 2, (across - 1) / 2, -0.5])
-    # just inside the cell: neighbours stay apart by rounding and more
+    # Stay strictly inside the cell, so that neighbours are apart by more than rounding.
     places += rng.uniform(-0.99, 0.99, places.shape) * slack
     return np.asarray(places + [0.0, 0.0, bottom])

@@ -1,4 +1,4 @@
-"""Random scenes of bodies that move farther in a frame than they are thick: shots at plates, slaps."""
+"""Random scenes of bodies that move farther per frame than their thickness: shots at plates, slaps."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from touchstone.scenarios.random_scenes.setup import DOWN, Setup, random_gap, ra
 from touchstone.scenarios.scenario import Body, Box, Piece, vector
 
 SHOT_SPEED = (3.0, 3000.0)
-"""Range of the speed of a shot, drawn by its logarithm [m/s]."""
+"""Range of the speed of a shot, log-uniform [m/s]."""
 SLAP_SPEED = (1.0, 20.0)
-"""Range of the mean speed of a slapping hand, drawn by its logarithm [m/s]."""
+"""Range of the mean speed of a slapping hand, log-uniform [m/s]."""
 HALF_THICKNESS = (5e-4, 5e-3, 0.02)
 """Half thicknesses of plates and tables [m]."""
 PLATE_SIZE = 0.4
 """Half width of a plate or table [m]."""
 BULLET_SIZE = (0.005, 0.05)
-"""Range of the radius of a ball that holds a shot body [m]."""
+"""Range of the bounding radius of a shot body [m]."""
 FLIGHT_FRAMES = (0.1, 2.5)
-"""Range of the number of frames that a shot flies before it arrives [1]."""
+"""Range of the flight time of a shot before it arrives [frames]."""
 BULLET_SPIN = 20.0
 """Largest angular velocity of a shot body [rad/s]."""
 SLAP_DEPTH = 0.4
-"""How far a tracker leads the hand under the table's top [m]."""
+"""Final depth of a tracker below the table's top [m]."""
 
 
 def shots(rng: Generator) -> Setup:
-    """One or two bodies shot at a fixed plate, or at a free one, from one side."""
+    """One or two bodies shot from one side at a plate that is fixed or free."""
     half, free = float(rng.choice(HALF_THICKNESS)), bool(rng.random() < 0.3)
     shape = Box((PLATE_SIZE, PLATE_SIZE, half))
     plate = (
@@ -58,7 +58,7 @@ def _shot(rng: Generator, name: str, half: float, k: int) -> Body:
     reach, speed = float(rng.uniform(*BULLET_SIZE)), _speed(rng, SHOT_SPEED)
     direction = random_direction(rng)
     direction[2] = -abs(direction[2]) - 0.3
-    # a shot comes down on its own side
+    # A shot stays on its own side.
     direction[0] = abs(direction[0]) if k == 0 else -abs(direction[0])
     direction /= np.linalg.norm(direction)
     aim = rng.uniform(-0.9, 0.9, 3) * PLATE_SIZE
@@ -73,7 +73,7 @@ def _shot(rng: Generator, name: str, half: float, k: int) -> Body:
 
 
 def slaps(rng: Generator) -> Setup:
-    """A hand in any posture that slaps a table with a loose body on it."""
+    """A hand in a random posture slaps a table with a loose body on it."""
     half = float(rng.choice(HALF_THICKNESS))
     top = Piece("top", Box((1.5 * PLATE_SIZE, 1.5 * PLATE_SIZE, half)), position=(0.0, 0.0, -half))
     bodies = [Body("table", "fixed", MATERIAL, (top,))]

@@ -1,4 +1,4 @@
-"""A driven hand, or a driven box, that presses loose bodies down or pushes them sideways."""
+"""Driven hand or box that presses loose bodies down or pushes them sideways."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ Array = NDArray[np.float64]
 
 HAND_MATERIAL = "human"
 HAND_REACH = 0.2
-"""Radius of a ball round the palm's origin that holds the hand at any posture [m]."""
+"""Radius of a ball about the palm's origin that contains the hand in any posture [m]."""
 FINGER_CLEARANCE = 0.06
-"""Height of the palm at which relaxed fingers clear what lies below it by a centimetre [m]."""
+"""Height of the palm at which relaxed fingers clear what is below by a centimetre [m]."""
 RELAXED = (0.10, 0.15, 0.10)
 """Angles of a finger's three hinges at the start [rad]."""
 FLEXED = (0.9, 0.6, 0.4)
-"""Most by which a finger flexes further [rad]."""
+"""Maximum additional flexion of a finger's hinges [rad]."""
 PALM_AHEAD = 0.06
 """Distance of the palm's origin behind the fingers' middle [m]."""
 BOX_HALF = (0.06, 0.06, 0.02)
 """Half extents of the driven box [m]."""
 BOX_MASS = 0.4
-"""Mass of the driven box, as the hand's [kg]: critically damped."""
+"""Mass of the driven box, equal to the hand's [kg]: critically damped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pressing:
-    """A driven body and its way: from `start` (3,) to `end` (3,) [m] within `times` (begin, length) [s]."""
+    """Driven body and its path: from `start` (3,) to `end` (3,) [m] within `times` (begin, length) [s]."""
 
     summary: str
     bodies: tuple[Body, ...]
@@ -45,12 +45,12 @@ class Pressing:
     end: Array
     times: tuple[float, float]
     orientation: Quaternion
-    flexion: Array  # (joints,) [rad] by which the hinges turn on the way
-    heading: Array  # (3,) unit vector of the way
+    flexion: Array  # (joints,) [rad] rotation of the hinges along the path
+    heading: Array  # (3,) unit vector of the path
     sideways: bool
 
     def tracker(self, duration: float) -> Tracker:
-        """Sixty keyframes a second over `duration` [s]."""
+        """Tracker with sixty keyframes per second over `duration` [s]."""
         times = np.arange(round(duration * 60) + 1) / 60
         blend = ease(times, *self.times)
         angles = np.tile(RELAXED, len(self.joints) // 3) + np.outer(blend, self.flexion)
@@ -66,9 +66,9 @@ class Pressing:
 
 
 def pressing(rng: Generator, reach: float, top: float) -> Pressing:
-    """A hand or a box that moves at loose bodies within `reach` [m] of the z axis and below `top` [m].
+    """A hand or a box that moves towards loose bodies within `reach` [m] of the z axis and below `top` [m].
 
-    It starts apart from them: above them, or beside them by its own reach.
+    It starts apart from them: above them, or beside them at the distance of its own reach.
     """
     hinged, sideways = bool(rng.random() < 0.75), bool(rng.random() < 0.4)
     bodies, joints = hand_parts() if hinged else ((_box(),), ())
@@ -101,7 +101,7 @@ def pressing(rng: Generator, reach: float, top: float) -> Pressing:
 
 
 def quaternion(turn: Rotation) -> Quaternion:
-    """A rotation as a quaternion wxyz."""
+    """Quaternion wxyz of a rotation."""
     w, x, y, z = (float(value) for value in turn.as_quat(scalar_first=True))
     return (w, x, y, z)
 

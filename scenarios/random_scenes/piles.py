@@ -38,7 +38,7 @@ from touchstone.scenarios.solids import block, slab
 
 
 def heaps(rng: Generator) -> Setup:
-    """Bodies of all shapes released above each other on a floor or in a bin."""
+    """Bodies of all shapes dropped from above each other on a floor or into a bin."""
     count, reach = int(rng.integers(4, 31)), float(rng.uniform(0.03, 0.05))
     across = int(rng.integers(1, 4))
     places = scattered(rng, count, reach, across, random_gap(rng))
@@ -55,7 +55,7 @@ def heaps(rng: Generator) -> Setup:
 
 
 def _bin(inner: float, height: float) -> list[Body]:
-    """Four walls round the z axis, `inner` [m] from it."""
+    """Four walls around the z axis, `inner` [m] from it."""
     thick = 0.05
     out, half = inner + thick, height / 2
     walls: dict[str, tuple[Vector, Vector]] = {
@@ -93,7 +93,8 @@ def wedges(rng: Generator) -> Setup:
 
 
 def spinning(rng: Generator) -> Setup:
-    """Balls, capsules, coins and boxes that spin by up to 50 rad/s on a floor, some moving at each other."""
+    """Balls, capsules, coins and boxes that spin at up to 50 rad/s on a floor, some moving towards each
+    other."""
     count, reach = int(rng.integers(2, 11)), random_size(rng)
     places = scattered(rng, count, reach, 4, 0.0)
     loads = masses(rng, count, mass_ratio(rng))
@@ -103,7 +104,7 @@ def spinning(rng: Generator) -> Setup:
         if rng.random() < 0.3:
             shape = coin(reach / 1.1, reach / 1.1 * 0.15)
         if rng.random() < 0.6:
-            # a capsule on its side, a coin on its edge
+            # A capsule lies on its side, a coin stands on its edge.
             turn = turned(Y, -pi / 2)
         elif rng.random() < 0.3:
             turn = random_orientation(rng)
@@ -121,7 +122,7 @@ def spinning(rng: Generator) -> Setup:
 
 
 def sliding(rng: Generator) -> Setup:
-    """Bodies that rest on a slope or move over it, at times down to a wall."""
+    """Bodies that rest or slide on a slope, sometimes with a wall at its foot."""
     count, size = int(rng.integers(2, 9)), random_size(rng)
     slope = float(rng.choice([0.0, rng.uniform(0, 0.8)]))
     tilt, up = turned(Y, slope), np.array([sin(slope), 0.0, cos(slope)])
@@ -137,7 +138,7 @@ def sliding(rng: Generator) -> Setup:
         shape = random_shape(rng, size, (*FLAT, "sphere"))
         speed = float(rng.uniform(0, 2)) if rng.random() < 0.5 else 0.0
         heading = float(rng.uniform(-pi, pi))
-        # upright on a level floor, tilted as a whole: what stood flat is flat on the slope
+        # Place upright on a level floor, then tilt everything: flat contacts stay flat on the slope.
         height = support(shape, IDENTITY, DOWN) + (0.0 if rng.random() < 0.8 else random_gap(rng, 0.01))
         at = x * down + y * np.array(Y) + height * up
         move = speed * (cos(heading) * down + sin(heading) * np.array(Y))
@@ -146,7 +147,7 @@ def sliding(rng: Generator) -> Setup:
 
 
 def free(rng: Generator) -> Setup:
-    """Bodies without gravity and floor that fly and spin towards each other."""
+    """Bodies that fly and spin towards each other, without gravity or floor."""
     count, reach = int(rng.integers(2, 9)), random_size(rng)
     places = scattered(rng, count, reach, 2, 0.0)
     kinds = SHAPES if rng.random() < 0.7 else ("sphere",)

@@ -1,4 +1,4 @@
-"""What the kinds of random scenes share: their record, ranges of sizes, and draws."""
+"""Shared parts of the random scenes: their record, ranges of sizes, and random draws."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ SIZE = (0.03, 0.08)
 DROP = 0.05
 """Largest height from which a body falls [m]."""
 SPIN = 50.0
-"""Largest spin [rad/s]: a body turns by 48 degrees a frame, a ball of 5 cm rolls at 2.5 m/s."""
+"""Maximum spin [rad/s]: a body turns by 48 degrees per frame, a ball of 5 cm rolls at 2.5 m/s."""
 JITTER = 2e-3
-"""Largest offset of a tower's bodies [m]."""
+"""Maximum offset of a tower's bodies [m]."""
 RATIOS = (1.0, 10.0, 1e2, 1e4)
-"""Mass ratios of a scene, the largest over the smallest [1]."""
+"""Mass ratios of a scene, largest over smallest mass [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a kind of scene consists of; `hand` where a driven body presses."""
+    """Contents of a scene of some kind; `hand` is set if a driven body presses."""
 
     summary: str
     bodies: Sequence[Body]
@@ -39,34 +39,34 @@ class Setup:
 
 
 def random_gap(rng: Generator, largest: float = DROP) -> float:
-    """A distance at the start [m]: exactly 0 in two scenes of five."""
+    """Random initial gap [m]: exactly 0 in two of five cases."""
     return float(rng.choice([0.0, rng.uniform(0.0, largest)], p=[0.4, 0.6]))
 
 
 def mass_ratio(rng: Generator) -> float:
-    """One of RATIOS: equal masses in half of the scenes, 1e4 in a tenth."""
+    """Random element of RATIOS: equal masses in half of the scenes, 1e4 in a tenth."""
     return float(rng.choice(RATIOS, p=[0.5, 0.2, 0.2, 0.1]))
 
 
 def random_size(rng: Generator) -> float:
-    """A size within SIZE [m]."""
+    """Random size within SIZE [m]."""
     return float(rng.uniform(*SIZE))
 
 
 def random_yaw(rng: Generator, largest: float = pi) -> Quaternion:
-    """A turn about the vertical by up to `largest` [rad], or none."""
+    """Random rotation about the vertical by up to `largest` [rad], or none."""
     return turned(Z, float(rng.uniform(-largest, largest))) if rng.random() < 0.5 else IDENTITY
 
 
 def random_box(rng: Generator, size: float) -> Box:
-    """A box of half extents from 0.4 to 1 of `size` [m]."""
+    """Random box with half extents from 0.4 to 1 of `size` [m]."""
     return Box(vector(size * rng.uniform(0.4, 1.0, 3)))
 
 
 def stacked(
     shapes: Sequence[Shape], turns: Sequence[Quaternion], gaps: Sequence[float], bottom: float
 ) -> list[float]:
-    """Heights of the origins of shapes above each other, `gaps[k]` [m] below shape k, over `bottom` [m]."""
+    """Heights of the origins of stacked shapes, `gaps[k]` [m] below shape k, above `bottom` [m]."""
     heights: list[float] = []
     for shape, turn, gap in zip(shapes, turns, gaps):
         heights.append(bottom + gap + support(shape, turn, DOWN))

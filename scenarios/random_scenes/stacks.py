@@ -34,7 +34,7 @@ from touchstone.scenarios.solids import block, slab
 
 
 def drops(rng: Generator) -> Setup:
-    """Boxes off centre above each other, at times with another shape on top, dropped from up to 5 cm."""
+    """Stacked boxes off centre, sometimes with another shape on top, dropped from up to 5 cm."""
     count = int(rng.integers(2, 7))
     shapes: list[Shape] = [random_box(rng, random_size(rng)) for _ in range(count)]
     if rng.random() < 0.3:
@@ -52,7 +52,7 @@ def drops(rng: Generator) -> Setup:
 
 
 def towers(rng: Generator) -> Setup:
-    """Boxes in contact above each other, in line but for up to 2 mm."""
+    """Stacked boxes in contact, aligned to within 2 mm."""
     count = int(rng.integers(3, 13))
     size, jitter = random_size(rng), float(rng.choice([0.0, rng.uniform(0, JITTER)]))
     alike = rng.random() < 0.6
@@ -73,7 +73,7 @@ def towers(rng: Generator) -> Setup:
 
 
 def ratios(rng: Generator) -> Setup:
-    """A body of up to 1e4 times the mass on one to four light ones side by side."""
+    """A body on one to four light ones side by side, with a mass ratio of up to 1e4."""
     count, size = int(rng.integers(1, 5)), random_size(rng)
     ratio = float(10.0 ** rng.uniform(2, 4))
     round_ones = rng.random() < 0.4
@@ -109,7 +109,7 @@ def bridges(rng: Generator) -> Setup:
 
 
 def leaning(rng: Generator) -> Setup:
-    """Rods that lean on a wall side by side, or pairs that lean on each other."""
+    """Rods that lean side by side on a wall, or pairs that lean on each other."""
     count, size = int(rng.integers(1, 5)), random_size(rng)
     card_house = rng.random() < 0.5
     bodies: list[Body] = [slab("floor", MATERIAL)]
@@ -131,7 +131,8 @@ def leaning(rng: Generator) -> Setup:
 
 
 def slots(rng: Generator) -> Setup:
-    """Boxes that fit between two walls, exactly or with up to 1 mm to spare, and a body falling on them."""
+    """Boxes that fit between two walls, exactly or with a clearance of up to 1 mm, and a body that falls on
+    them."""
     count, size = int(rng.integers(1, 5)), random_size(rng)
     spare = float(rng.choice([0.0, 1e-9, 1e-6, 1e-4, 1e-3]))
     shapes: list[Shape] = [

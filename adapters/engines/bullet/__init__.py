@@ -1,1 +1,1 @@
-"""Bullet through pybullet."""
+"""Adapter of Bullet through pybullet."""

@@ -1,15 +1,16 @@
-"""Bullet through pybullet, in reduced coordinates: every body is a multibody with a base of its own. Under
-`maximal` free balls and boxes are rigid bodies.
+"""Bullet through pybullet, in reduced coordinates: every body is a multibody with its own base.
+
+Under `maximal`, free balls and boxes are rigid bodies.
 
 Conventions: quaternions are xyzw, ours wxyz. Bullet poses and moves the *inertial frame* of a link (origin at
-the centre of mass, axes along the principal moments), while `createMultiBody` takes link frames, hangs link
-frame from link frame and wants a hinge's axis in the child's. Velocities are the world's, the linear one that
-of the centre of mass. A contact's normal points from B to A and its distance is negative in overlap, both of
-the start of the step; it has a witness on each body (we take the midpoint) and three forces on A, along the
-normal and two tangents. Impulse = force * step, and ours acts on B: negated. Coefficients multiply. Spheres,
-boxes and capsules of a body share a compound, hulls cannot: its further hulls hang on massless links fixed to
-it.
-pybullet prints its build time on import: the child's stdout is redirected.
+the centre of mass, axes along the principal moments), while `createMultiBody` takes link frames, chains link
+frames to link frames and expects a hinge's axis in the child's frame. Velocities are in world axes; the
+linear velocity is that of the centre of mass. A contact's normal points from B to A and its distance is
+negative in overlap, both at the start of the step. It has a witness on each body (we take the midpoint) and
+three forces on A, along the normal and two tangents. Impulse = force * step; ours acts on B, so it is
+negated. Coefficients multiply. Spheres, boxes and capsules of a body share a compound; hulls cannot, so
+further hulls of a body are massless links fixed to it. pybullet prints its build time on import: the child's
+stdout is redirected.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 Joints = tuple[Joint, ...]
 INERTIA_TOLERANCE = 1e-12
-"""Of a body's inertia over that of its shape, relative: rounding."""
+"""Relative tolerance between a body's inertia and that of its shape: rounding."""
 HINGE_DRIVES = {
     "native": "position control",
     "torque": "off (force 0)",
@@ -83,7 +84,7 @@ class BulletEngine:
     profiles: ClassVar[Mapping[str, float]] = ENGINES["bullet"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """A world in a physics client of its own."""
+        """Build a world in its own physics client."""
         require_profile(self.name, settings)
         for body in scenario.bodies:
             if any(isinstance(piece.shape, Ellipsoid) for piece in body.pieces):
@@ -94,7 +95,7 @@ class BulletEngine:
         return World(scenario, settings, list(zip(restitution, friction)))
 
     def version(self) -> str:
-        """Version of the package and of Bullet's API."""
+        """Versions of the package and of Bullet's API."""
         return f"{version('pybullet')} (API {pybullet.getAPIVersion()})"
 
 
@@ -115,15 +116,15 @@ class World:
         pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
         n, hinges = len(scenario.bodies), sum(len(tracker.joints) for tracker in scenario.trackers)
-        # the inertial frames in the body frames
+        # Inertial frames in the body frames.
         self._moments, axes = zip(*(_principal_axes(body) for body in scenario.bodies))
         self._axes, self._arm = np.array(axes), np.array([body.center_of_mass for body in scenario.bodies])
         self._to_body = Rotation.from_quat(self._axes).inv()
-        # what Bullet says of the inertial frames and of the hinges
+        # Inertial frames and hinges as read from Bullet.
         self._center, self._turn = np.zeros((n, 3)), np.tile(UNTURNED, (n, 1))
         self._velocity, self._omega = np.zeros((n, 3)), np.zeros((n, 3))
         self._angle, self._rate = np.zeros(hinges), np.zeros(hinges)
-        # what was commanded: force and torque per tracker, torque per hinge, and against gravity per body
+        # Commands: force and torque per tracker, torque per hinge, force against gravity per body.
         self._wrench, self._hinge_torque = np.zeros((len(scenario.trackers), 2, 3)), np.zeros(hinges)
         self._lift = [(-body.mass * np.array(scenario.acting_gravity)).tolist() for body in scenario.bodies]
         self._colliders: dict[int, list[tuple[int, int]]] = {}
@@ -135,7 +136,7 @@ class World:
         self._kinematic = {link: self._create((link,), (), ORIGIN, IDENTITY) for link in shown}
         self._place_posed()
         for multibody in self._free:
-            self._observe(multibody)  # fixed ones once and for all
+            self._observe(multibody)  # fixed bodies are read only here
         simulated = [one for one in self._free if scenario.bodies[one.bodies[0]].kind != "fixed"]
         self._moving = (*simulated, *self._driven)
         self._body_of = {link: body for body, links in self._colliders.items() for link in links}
@@ -143,7 +144,7 @@ class World:
         self._contact_count = 0
 
     def _add_free(self, body: int) -> Multibody:
-        """A fixed or simulated body."""
+        """Add a fixed or simulated body."""
         given = self._scenario.bodies[body]
         create = self._create_rigid if body in self._rigid else self._create
         number = create((body,), (), given.position, given.orientation)
@@ -151,7 +152,7 @@ class World:
         return Multibody(number, (body,), slice(0))
 
     def _add_driven(self, tracker: int) -> Multibody:
-        """A driven body in its first state, its hinges limited and free of Bullet's default motors."""
+        """Add a driven body in its initial state, with hinge limits and without Bullet's default motors."""
         scenario, drive = self._scenario, self._drives[tracker]
         by_name = {joint.name: joint for joint in scenario.joints}
         joints = tuple(by_name[name] for name in scenario.trackers[tracker].joints)
@@ -174,7 +175,7 @@ class World:
         return Multibody(number, drive.links, slice(first, first + len(joints)))
 
     def _create(self, bodies: Links, joints: Joints, position: Sequence[float], wxyz: Sequence[float]) -> int:
-        """A multibody: base = first body, link k = child of joint k, then links for further hulls."""
+        """Create a multibody: base = first body, link k = child of joint k, then links for further hulls."""
         scenario = self._scenario
         shapes = [self._add_shapes(scenario.bodies[body]) for body in bodies]
         base, *parts = (self._part(body, shape[0]) for body, shape in zip(bodies, shapes))
@@ -207,7 +208,7 @@ class World:
     def _create_rigid(
         self, bodies: Links, _: Joints, position: Sequence[float], wxyz: Sequence[float]
     ) -> int:
-        """A body of one shape in maximal coordinates; its inertia is Bullet's own, of the shape."""
+        """Create a body of one shape in maximal coordinates; Bullet computes its inertia from the shape."""
         (body,) = bodies
         given = self._scenario.bodies[body]
         (shape,) = self._add_shapes(given)
@@ -223,8 +224,8 @@ class World:
         return int(number)
 
     def _tell(self, number: int, bodies: Links, turned: int) -> None:
-        """Coefficients, damping and activation of a new base and its links, of which link k belongs to
-        bodies[k + 1]; moments of inertia of the base and of the first `turned` links."""
+        """Set coefficients, damping and activation of a new base and its links (link k: bodies[k + 1]), and
+        moments of inertia of the base and of the first `turned` links."""
         root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         told = self._told.base | (self._told.hull if has_hull else {})
@@ -239,14 +240,14 @@ class World:
             self._colliders.setdefault(body, []).append((number, link))
 
     def _part(self, body: int, shape: int) -> Part:
-        """A body's mass and inertial frame."""
+        """Mass and inertial frame of a body."""
         given = self._scenario.bodies[body]
         weightless = given.kind == "fixed" or (given.kind == "driven" and self._posed)
         mass = 0.0 if weightless else given.mass
         return Part(mass, shape, given.center_of_mass, tuple(self._axes[body]))
 
     def _add_shapes(self, body: Body) -> list[int]:
-        """Bullet's shapes of a body: a compound of its primitives, and one for each hull."""
+        """Create Bullet's shapes of a body: one compound of its primitives, and one shape per hull."""
         plain = [piece for piece in body.pieces if not isinstance(piece.shape, Hull)]
         shapes = [self._add_primitives(plain)] if plain else []
         shapes += [self._add_hull(p, p.shape) for p in body.pieces if isinstance(p.shape, Hull)]
@@ -274,7 +275,7 @@ class World:
         )
 
     def _filter_pairs(self) -> None:
-        """Let no pair of bodies collide but the scenario's touching pairs."""
+        """Restrict collisions to the scenario's touching pairs."""
         touching = set(self._scenario.touching_pairs())
         for pair in combinations(range(len(self._scenario.bodies)), 2):
             if pair not in touching:
@@ -298,7 +299,7 @@ class World:
                 self._hinge_torque[hinges] = [joint[3] for joint in joints]
 
     def drive(self, step: int) -> None:
-        """Command roots and hinges, and hold the driven links against gravity; or pose the links."""
+        """Command roots and hinges and cancel gravity on driven links, or pose kinematic links."""
         self._moment = step + 1
         self._place_posed()
         for k, (multibody, drive) in enumerate(zip(self._driven, self._drives)):
@@ -319,7 +320,7 @@ class World:
                 self._turn_hinges(step, multibody, drive)
 
     def _place_posed(self) -> None:
-        """Put kinematic links where they are shown at the present moment."""
+        """Set the poses of kinematic links for the current step."""
         for posed, _ in self._posed:
             turned = Rotation.from_quat(posed.orientation[:, self._moment], scalar_first=True)
             frames = (turned * Rotation.from_quat(self._axes[list(posed.links)])).as_quat()
@@ -328,8 +329,11 @@ class World:
                 pybullet.resetBasePositionAndOrientation(number, center.tolist(), frame.tolist(), **self._on)
 
     def _turn_hinges(self, step: int, multibody: Multibody, drive: Drive) -> None:
-        """Command hinges: motors that reach the rate to which the servo's law leads by the end of the step,
-        with no more torque than the law has; or torques."""
+        """Command hinges by motors or torques.
+
+        A motor's target is the rate at the end of the step under the servo's law; its torque is limited to
+        that of the law.
+        """
         number, bodies, hinges = multibody
         links, angle, rate = range(len(bodies) - 1), self._angle[hinges], self._rate[hinges]
         if not self._native:
@@ -353,15 +357,15 @@ class World:
         )
 
     def _push(self, number: int, link: int, force: list[float], position: Array) -> None:
-        """Force at a world point, for the next step."""
+        """Apply a force at a world point for the next step."""
         pybullet.applyExternalForce(number, link, force, position.tolist(), pybullet.WORLD_FRAME, **self._on)
 
     def step(self) -> None:
-        """One native step."""
+        """Advance one native step."""
         pybullet.stepSimulation(**self._on)
 
     def read(self, state: State) -> None:
-        """State and contacts of the step just made."""
+        """Read the state and the contacts of the last step."""
         for multibody in self._moving:
             self._observe(multibody)
         turned = Rotation.from_quat(self._turn) * self._to_body
@@ -374,7 +378,7 @@ class World:
             state.hinge_torque[:] = self._hinge_torque
         for posed, hinges in self._posed:
             posed.show(self._moment, state, hinges)
-        # a point the solver left out keeps the force of an earlier step
+        # A point that the solver skipped keeps the force of an earlier step.
         farthest = self._told.base.get("contactProcessingThreshold", inf)
         for point in pybullet.getContactPoints(**self._on):
             _, a, b, link_a, link_b, on_a, on_b, normal, distance, *forces = point
@@ -389,7 +393,7 @@ class World:
         self._contact_count = state.contact_count
 
     def describe(self) -> Manifest:
-        """Everything Bullet can be asked for, and the settings without a getter as they were set."""
+        """Manifest of all values that Bullet reports, and of settings without a getter as they were set."""
         engine, bodies = BulletEngine(), self._scenario.bodies
         told = pybullet.getPhysicsEngineParameters(**self._on)
         # mass, mu, moments, centre, axes, e, rolling and spinning friction, damping, stiffness, kind, margin
@@ -409,7 +413,7 @@ class World:
         )
 
     def _limits(self) -> dict[str, tuple[float, float]]:
-        pybullet.syncBodyInfo(**self._on)  # getJointInfo answers from a copy made before the limits were set
+        pybullet.syncBodyInfo(**self._on)  # getJointInfo reads a copy made before the limits were set
         found = {}
         for multibody, tracker in zip(self._driven, self._scenario.trackers):
             for k, name in enumerate(tracker.joints):
@@ -417,13 +421,13 @@ class World:
         return found
 
     def _piece_count(self, body: int) -> int:
-        """Shapes of a body, read back; of rigid bodies Bullet tells none."""
+        """Shape count of a body, read back; Bullet reports none for rigid bodies."""
         if body in self._rigid:
             return len(self._scenario.bodies[body].pieces)
         return sum(len(pybullet.getCollisionShapeData(*link, **self._on)) for link in self._colliders[body])
 
     def _freedom(self) -> int:
-        """Six of a base that has mass, and one of each hinge."""
+        """Degrees of freedom: six per base with mass, one per hinge."""
         free = 0
         for multibody in (*self._free, *self._driven):
             free += 6 * (pybullet.getDynamicsInfo(multibody.id, BASE, **self._on)[0] > 0)
@@ -439,7 +443,7 @@ class World:
         return PairFacts(first, second, facts[a][5] * facts[b][5], facts[a][1] * facts[b][1])
 
     def _settings_read_back(self, told: dict[str, Scalar], facts: list[tuple]) -> dict[str, Scalar]:
-        pybullet.syncBodyInfo(**self._on)  # getJointInfo answers from a copy made before the limits were set
+        pybullet.syncBodyInfo(**self._on)  # getJointInfo reads a copy made before the limits were set
         links = [(m.id, k) for m in self._driven for k in range(len(m.bodies) - 1)]
         joints = [pybullet.getJointInfo(*link, **self._on) for link in links]
         rows = zip(facts, self._scenario.bodies)
@@ -468,7 +472,7 @@ class World:
         }
 
     def cross(self) -> None:
-        """Set the step to what it is."""
+        """Set the time step to its present value."""
         pybullet.setTimeStep(self._settings.dt, **self._on)
 
     def stage_seconds(self) -> Mapping[str, float]:
@@ -476,7 +480,7 @@ class World:
         return {}
 
     def work(self) -> Mapping[str, float]:
-        """Contact points of the last step; iterations would be told at a price of 2 us a step."""
+        """Contact points of the last step; reading iterations would cost 2 us per step."""
         return {"contacts": float(self._contact_count)}
 
     def close(self) -> None:
@@ -488,8 +492,8 @@ def servo_gains(frequency: float, dt: float) -> tuple[float, float]:
     """Position and velocity gain [1] of a motor that acts as a critically damped servo.
 
     A motor sets the rate at the step's end, v' = v + kp (p - q) / dt + kd (v_t - v). The law of a servo of
-    `frequency` w [rad/s] taken there, v' = v + dt (w^2 (q_t - q - dt v') + 2 w (v_t - v')), is a motor's with
-    p = q_t - dt v_t.
+    `frequency` w [rad/s] at that time is v' = v + dt (w^2 (q_t - q - dt v') + 2 w (v_t - v')). It is a
+    motor's law with p = q_t - dt v_t.
     """
     turn = frequency * dt
     share = 1 / (1 + turn) ** 2
@@ -497,25 +501,27 @@ def servo_gains(frequency: float, dt: float) -> tuple[float, float]:
 
 
 def _xyzw(quaternion: Sequence[float]) -> tuple[float, ...]:
-    """A quaternion wxyz in Bullet's order."""
+    """Reorder a quaternion wxyz to Bullet's xyzw."""
     w, x, y, z = (float(value) for value in quaternion)
     return x, y, z, w
 
 
 def _principal_axes(body: Body) -> tuple[list[float], Sequence[float]]:
-    """Principal moments of a body and the quaternion xyzw of its principal axes in the body frame."""
+    """Principal moments of a body, and the quaternion xyzw of its principal axes in the body frame."""
     inertia = np.array(body.inertia)
     if not np.any(inertia - np.diag(np.diagonal(inertia))):
         return np.diagonal(inertia).tolist(), UNTURNED
     moments, axes = np.linalg.eigh(inertia)
-    axes[:, 0] *= np.linalg.det(axes)  # right-handed
+    axes[:, 0] *= np.linalg.det(axes)  # makes the axes right-handed
     return moments.tolist(), Rotation.from_matrix(axes).as_quat().tolist()
 
 
 def _is_plain(body: Body) -> bool:
-    """Whether maximal coordinates can hold a body: a fixed one of one shape, or a simulated ball or box whose
-    inertia is that of its shape, for Bullet takes no other (`changeDynamics` of a rigid body's inertia gives
-    NaN)."""
+    """Whether maximal coordinates can represent a body.
+
+    It must be a fixed body of one shape, or a simulated ball or box whose inertia is that of its shape:
+    Bullet accepts no other (`changeDynamics` of a rigid body's inertia gives NaN).
+    """
     if body.kind == "driven" or not body.pieces:
         return False
     hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
@@ -540,8 +546,8 @@ def _largest(rows: list[tuple], field: int) -> float:
 
 
 def _body_facts(fact: tuple) -> BodyFacts:
-    """Mass properties from Bullet's record of a link, turned to the body axes."""
-    # of a rigid body Bullet tells no axes: it is held in those of its shape
+    """Mass properties from Bullet's record of a link, rotated to the body axes."""
+    # Bullet reports no axes for a rigid body: its inertia is along those of its shape.
     axes = np.eye(3) if fact[10] == RIGID_BODY else Rotation.from_quat(fact[4]).as_matrix()
     inertia = axes @ np.diag(fact[2]) @ axes.T
     return BodyFacts(fact[0], fact[3], tuple(tuple(row) for row in inertia.tolist()))

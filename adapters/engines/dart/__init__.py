@@ -1,1 +1,1 @@
-"""DART 6 through dartpy."""
+"""Adapter of DART 6 through dartpy."""

@@ -1,13 +1,14 @@
 """DART 6 through dartpy: one World per scene, one Skeleton per body or per driven hand.
 
-Conventions: rotations are matrices; `Quaternion.wxyz()` is ours. A BodyNode's frame is our body frame, the
-centre of mass beside it; its velocities are asked for in world axes. A free joint's coordinates are angular,
-then linear. A contact's normal goes from body 2 to body 1 and its force (world axes, friction included) acts
-on body 1; depth is positive in overlap; the pair comes in any order. Contacts are those of the step's start;
-force times dt is the impulse. Its point is the witnesses' midpoint with FCL (primitives; with meshes and
-ellipsoids it may be off by the depth) and body 1's witness with Bullet, from which the midpoint follows.
-External and joint forces act for one step: DART clears them at its end. Coefficients sit on shapes and mix
-by product (restitution) and by minimum (friction). Boxes and ellipsoids are given by full sizes.
+Conventions: rotations are matrices; `Quaternion.wxyz()` is ours. A BodyNode's frame is our body frame, with
+an offset centre of mass; its velocities are read in world axes. A free joint's coordinates are angular, then
+linear. A contact's normal points from body 2 to body 1 and its force (world axes, friction included) acts on
+body 1; depth is positive in overlap; the order of the pair varies. Contacts are those of the step's start;
+force times dt is the impulse. With FCL a contact's point is the witnesses' midpoint (primitives; with meshes
+and ellipsoids it may be off by the depth). With Bullet it is body 1's witness, from which we compute the
+midpoint. External and joint forces act for one step: DART clears them at its end. Coefficients belong to
+shapes; DART combines them by product (restitution) and by minimum (friction). Boxes and ellipsoids are given
+by full sizes.
 """
 
 from __future__ import annotations
@@ -44,19 +45,19 @@ from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import Scenario
 
 COEFFICIENT_MIN = 1e-3
-"""Restitution and friction up to here are none to DART (ContactSurface.hpp) [1]."""
+"""Restitution and friction up to this value count as zero in DART (ContactSurface.hpp) [1]."""
 FRICTION_CONES = {
     "DantzigBoxedLcpSolver": "two directions, each within mu times the normal force",
     "NsgsFrictionSolver": "circular",
 }
-"""The cone of a contact under each solver."""
+"""Friction cone of a contact under each solver."""
 HINGE_DRIVES = {
     "native": "implicit springs and dampers",
     "torque": "explicit torques",
     "posed": "none: links have prescribed velocities",
 }
 UNREADABLE: dict[str, Scalar] = {
-    # compiled in, no getter or setter in dartpy; from DART's ContactConstraint.cpp
+    # Compiled in, without getter or setter in dartpy; from DART's ContactConstraint.cpp.
     "contact_error_reduction": 0.01,
     "contact_error_reduction_velocity_max [m/s]": 0.001,
     "contact_force_mixing": 1e-5,
@@ -68,24 +69,24 @@ UNREADABLE: dict[str, Scalar] = {
 
 
 class DartEngine:
-    """DART with its default solver at its own step (1/1020: DART's 1 ms, fitted) or another's; `accurate`
-    with the exact friction cone."""
+    """DART with its default solver at its own step (1/1020 s: DART's 1 ms, fitted to a frame) or another's;
+    `accurate` uses the exact friction cone."""
 
     name: ClassVar[str] = "dart"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["dart"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported where DART cannot represent it."""
+        """Translate a scenario; raises Unsupported if DART cannot represent it."""
         require_profile(self.name, settings)
         return World(scenario, settings)
 
     def version(self) -> str:
-        """The version of the loaded package."""
+        """Version of the loaded package."""
         return str(dartpy.__version__)
 
 
 def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
-    """Every default on purpose: DART's own, but sleeping off unless it is asked for."""
+    """Set every default explicitly; values are DART's own, except that sleeping is off unless requested."""
     world.setTimeStep(settings.dt)
     world.setGravity(np.array(scenario.acting_gravity))
     world.setNumSimulationThreads(1)
@@ -96,14 +97,14 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     solver = world.getConstraintSolver()
     solver.setSplitImpulseEnabled(False)
     if settings.profile == ACCURATE:
-        # one of two opt-in friction solvers (DART 6.20 release notes): Coulomb's circular cone by nonsmooth
-        # Gauss-Seidel in place of two boxed directions
+        # One of two opt-in friction solvers (DART 6.20 release notes): Coulomb's circular cone by nonsmooth
+        # Gauss-Seidel instead of two boxed directions.
         solver.setBoxedLcpSolver(dartpy.constraint.NsgsFrictionSolver())
 
 
 def _filter(world: Any, scenario: Scenario, nodes: list[Any]) -> None:
-    """Blacklist every pair of bodies that may not touch."""
-    # the option is handed out as a copy, the filter in it is the world's own
+    """Exclude every pair of bodies that may not touch from collision."""
+    # dartpy returns the option as a copy, but the filter in it is the world's own.
     blacklist = world.getConstraintSolver().getCollisionOption().collisionFilter
     allowed = set(scenario.touching_pairs())
     for b, second in enumerate(nodes):
@@ -140,7 +141,7 @@ class World:
                 nodes[k] = add_body(self._world, body)
         self._nodes = [nodes[k] for k in range(len(scenario.bodies))]
         self._moving = [(k, nodes[k]) for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
-        # where fixed bodies are: read once
+        # Poses of fixed bodies, read once.
         poses = [node.getWorldTransform() for node in self._nodes]
         self._position = np.array([pose.translation() for pose in poses])
         self._orientation = np.array([pose.quaternion().wxyz() for pose in poses])
@@ -166,8 +167,8 @@ class World:
                 add_servos(hand, drive)
 
     def drive(self, step: int) -> None:
-        """Force and torque at the root's origin in world axes, and the hinges' servos or torques; or the
-        links' poses and velocities."""
+        """Apply force and torque at the root's origin in world axes, and command the hinges' servos or
+        torques; or set poses and velocities of kinematic links."""
         self._moment = step + 1
         self._move_posed()
         for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
@@ -186,7 +187,7 @@ class World:
                 self._changed[k] = np.array(hand.getVelocityChanges())
                 self._set_point[k] = drive.target.angle[step], drive.target.rate[step]
                 for number, target in enumerate(drive.target.angle[step], start=1):
-                    # DART refuses a rest position beyond the limits
+                    # DART rejects a rest position beyond the limits.
                     joint = hand.getJoint(number)
                     low, high = joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0)
                     joint.setRestPosition(0, min(max(target, low), high))
@@ -196,7 +197,7 @@ class World:
             hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), torques]))
 
     def _move_posed(self) -> None:
-        """Let kinematic links move from where they are shown at the step's start to where at its end."""
+        """Move kinematic links from their poses at the step's start to those at its end."""
         step = self._moment - 1
         for posed, _ in self._posed:
             for k, link in enumerate(posed.links):
@@ -207,11 +208,11 @@ class World:
                 joint.setCommands(joint.getVelocities())
 
     def step(self) -> None:
-        """One World.step."""
+        """Advance by one World.step."""
         self._world.step()
 
     def read(self, state: State) -> None:
-        """Poses and velocities of the step's end, contacts of its start."""
+        """Read poses and velocities of the step's end, and contacts of its start."""
         state.position[:], state.orientation[:] = self._position, self._orientation
         for k, node in self._moving:
             pose = node.getWorldTransform()
@@ -235,21 +236,24 @@ class World:
             state.add_contact(first, second, point, -normal, -depth, impulse)
 
     def _hinge_torques(self, tracker: int) -> Array:
-        """What drove the hinges of a tracker during the step just made (j,) [N m]: DART takes its springs and
-        dampers at the end of the step as it would be without the impulses of contacts and limits."""
+        """Torques on the hinges of a tracker during the last step (j,) [N m].
+
+        DART evaluates springs and dampers at the end of the step as it would be without the impulses of
+        contacts and limits.
+        """
         if not self._native:
             return self._hinge_torque[tracker]
         hand, drive, dt = self._hands[tracker], self._drives[tracker], self._settings.dt
         angle, rate = self._set_point[tracker]
         changed = np.array(hand.getVelocityChanges())
-        # a step without impulses leaves those of an earlier step
+        # After a step without impulses, DART still holds the changes of an earlier step.
         changed = np.where(np.array_equal(changed, self._changed[tracker]), 0.0, changed)[ROOT_DOFS:]
         error = angle - hand.getPositions()[ROOT_DOFS:] + dt * changed
         error_rate = rate - hand.getVelocities()[ROOT_DOFS:] + changed
         return drive.servo_stiffness * error + drive.servo_damping * error_rate
 
     def describe(self) -> Manifest:
-        """The manifest, as DART tells it."""
+        """Manifest as read from DART."""
         names = [body.name for body in self._scenario.bodies]
         aspects = {k: self._aspect(k) for pair in self._scenario.touching_pairs() for k in pair}
         return Manifest(
@@ -345,19 +349,19 @@ class World:
         return facts | UNREADABLE
 
     def cross(self) -> None:
-        """A getter of one number."""
+        """Call a getter of one number."""
         self._world.getTime()
 
     def stage_seconds(self) -> Mapping[str, float]:
-        """DART has no timers."""
+        """Empty: DART has no timers."""
         return {}
 
     def work(self) -> Mapping[str, float]:
-        """Contacts of the last step."""
+        """Number of contacts of the last step."""
         return {"contacts": self._world.getLastCollisionResult().getNumContacts()}
 
     def close(self) -> None:
-        """Drop every reference into DART; its memory goes with the last one."""
+        """Drop every reference into DART, which releases its memory."""
         self._nodes, self._moving, self._roots, self._hands = [], [], [], []
         self._world.removeAllSkeletons()
 

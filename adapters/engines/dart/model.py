@@ -1,17 +1,17 @@
-"""A scenario as DART skeletons: bodies, joints, shapes, and the detector that can tell the shapes.
+"""Translation of a scenario to DART skeletons (bodies, joints, shapes), and choice of a collision detector.
 
-Hulls: dartpy 6.20 binds no ConvexMeshShape, and a MeshShape comes from a file only: the vertices pass through
-a temporary OBJ file, deleted at once, and end in single precision. Every detector takes a MeshShape as a
-triangle soup, a shell without an inside.
+Hulls: dartpy 6.20 binds no ConvexMeshShape, and a MeshShape comes from a file only. The vertices pass through
+a temporary OBJ file, deleted at once, and end in single precision. Every detector treats a MeshShape as a
+triangle soup, a shell without an interior.
 
-Detector: FCL, DART's default, but in two cases DART's Bullet detector. The first: FCL 0.7 gives a sphere
-against a triangle its depth with the wrong sign and DART drops contacts of negative depth: a sphere passes
-through a hull; in place of a capsule DART hands it a ball of 10 cm, and only prints an error. So scenes in
-which a sphere can meet a hull, or a capsule anything, use the Bullet detector, exact for those; it makes
-ellipsoids 1 cm too large all round: a scene that needs both is Unsupported. The second, except in `default`:
-scenes in which nothing but spheres, boxes and capsules meet, as DART's maintainers advise (dart issue 1065:
-"change the collision detector to BulletCollisionDetector if the collision shapes are all primitive shapes";
-issue 1183: it returns up to four contacts per pair, FCL all triangles').
+Detector: DART's default, FCL, except in two cases, which use DART's Bullet detector. First, scenes in which a
+sphere can meet a hull, or a capsule anything. FCL 0.7 returns the depth of a sphere against a triangle with
+the wrong sign and DART drops contacts of negative depth, so a sphere passes through a hull. DART replaces a
+capsule by a ball of 10 cm and only prints an error. The Bullet detector is exact for these shapes, but
+enlarges ellipsoids by 1 cm on all sides; a scene that needs both is Unsupported. Second, except in `default`,
+scenes in which only spheres, boxes and capsules meet, as DART's maintainers advise (dart issue 1065: "change
+the collision detector to BulletCollisionDetector if the collision shapes are all primitive shapes"; issue
+1183: it returns up to four contacts per pair, FCL all triangles').
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, J
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 ROOT_DOFS = 6
-"""Coordinates of a free joint; those of the hinges follow in the tracker's order."""
+"""Number of coordinates of a free joint; those of the hinges follow in the tracker's order."""
 
 
 def detector_of(scenario: Scenario, profile: str) -> Any:
-    """FCL, or Bullet where a sphere can meet a hull or a capsule anything, and where only primitives meet."""
+    """FCL; or Bullet if a sphere can meet a hull or a capsule anything, or if only primitives meet."""
     reason = reason_for_bullet(scenario, profile)
     if not reason:
         return dartpy.collision.FCLCollisionDetector()
@@ -46,13 +46,13 @@ def detector_of(scenario: Scenario, profile: str) -> Any:
 
 
 def _meeting_shapes(scenario: Scenario) -> list[tuple[set[type], set[type]]]:
-    """Kinds of shape of the two bodies of each touching pair."""
+    """Shape types of the two bodies of each touching pair."""
     kinds = [{type(piece.shape) for piece in body.pieces} for body in scenario.bodies]
     return [(kinds[a], kinds[b]) for a, b in scenario.touching_pairs()]
 
 
 def fault_of_fcl(scenario: Scenario) -> str:
-    """What of a scene DART's default detector gets wrong, or ""."""
+    """What DART's default detector computes wrongly in a scene, or ""."""
     pairs = _meeting_shapes(scenario)
     if any(Capsule in a | b for a, b in pairs):
         return "capsules meet"
@@ -61,26 +61,27 @@ def fault_of_fcl(scenario: Scenario) -> str:
 
 
 def reason_for_bullet(scenario: Scenario, profile: str) -> str:
-    """Why a scene is played with DART's Bullet detector, or "" where it is not."""
+    """Why a scene uses DART's Bullet detector, or "" if it does not."""
     primitives = {Sphere, Box, Capsule}
     plain = all(a | b <= primitives for a, b in _meeting_shapes(scenario))
     return fault_of_fcl(scenario) or (ADVICE if plain and profile != DEFAULT else "")
 
 
 def isometry(position: Any, orientation: Any) -> Any:
-    """A pose, from a position [m] and a quaternion wxyz."""
+    """Pose from a position [m] and a quaternion wxyz."""
     return dartpy.math.Isometry3(dartpy.math.Quaternion(*orientation), np.array(position, dtype=float))
 
 
 def set_mass(node: Any, body: Body) -> None:
-    """Ours, not the shapes'; a fixed body has none and keeps DART's 1 kg, which nothing feels."""
+    """Set our mass properties instead of the shapes'. A fixed body has none and keeps DART's 1 kg, without
+    effect."""
     if body.kind != "fixed":
         center = np.array(body.center_of_mass)
         node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
 
 
 def add_body(world: Any, body: Body) -> Any:
-    """A fixed or free body as a skeleton of its own."""
+    """Add a fixed or free body as its own skeleton."""
     skeleton = dartpy.dynamics.Skeleton(body.name)
     pose = isometry(body.position, body.orientation)
     if body.kind == "fixed":
@@ -98,7 +99,7 @@ def add_body(world: Any, body: Body) -> Any:
 
 
 def add_kinematic(world: Any, body: Body) -> Any:
-    """A driven link as a skeleton of its own, whose velocity is prescribed."""
+    """Add a driven link as its own skeleton with prescribed velocity."""
     skeleton = dartpy.dynamics.Skeleton(body.name)
     joint, node = skeleton.createFreeJointAndBodyNodePair()
     joint.setActuatorType(dartpy.dynamics.ActuatorType.VELOCITY)
@@ -108,7 +109,8 @@ def add_kinematic(world: Any, body: Body) -> Any:
 
 
 def add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint]) -> dict[int, Any]:
-    """A driven body as one skeleton: its nodes per index in the scenario, weightless, posed at time 0."""
+    """Add a driven body as one skeleton without gravity, posed at time 0; returns its nodes by scenario
+    index."""
     skeleton = dartpy.dynamics.Skeleton(scenario.bodies[drive.links[0]].name)
     free, root = skeleton.createFreeJointAndBodyNodePair()
     free.setTransform(isometry(drive.start_position[0], drive.start_orientation[0]))
@@ -138,8 +140,9 @@ def add_driven(world: Any, scenario: Scenario, drive: Drive, hinges: list[Joint]
 
 
 def add_servos(skeleton: Any, drive: Drive) -> None:
-    """A spring and a damper on every hinge, which DART integrates implicitly (Tan, Liu & Turk 2011, "Stable
-    proportional-derivative controllers", as in DART's tutorials); the rest position is the set point."""
+    """Add a spring and a damper to every hinge, which DART integrates implicitly (Tan, Liu & Turk 2011,
+    "Stable proportional-derivative controllers", as in DART's tutorials); the rest position is the set
+    point."""
     for number, (stiffness, damping) in enumerate(zip(drive.servo_stiffness, drive.servo_damping), start=1):
         skeleton.getJoint(number).setSpringStiffness(0, stiffness)
         skeleton.getJoint(number).setDampingCoefficient(0, damping)
@@ -162,7 +165,7 @@ def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: 
     shape.setRelativeTransform(isometry(piece.position, piece.orientation))
     shape.createCollisionAspect()
     shape.createDynamicsAspect()
-    # sets both friction directions
+    # Sets both friction directions.
     shape.getDynamicsAspect().setFrictionCoeff(friction)
     shape.getDynamicsAspect().setRestitutionCoeff(restitution)
 
@@ -184,7 +187,7 @@ def _add_ellipsoid(node: Any, shape: Ellipsoid, name: str) -> Any:
 
 
 def _add_hull(node: Any, shape: Hull, name: str) -> Any:
-    """A MeshShape of the hull's triangles, turned outwards, by way of a file that is deleted at once."""
+    """Add a MeshShape of the hull's outward triangles through a file that is deleted at once."""
     hull = ConvexHull(np.array(shape.vertices))
     lines = ["v {!r} {!r} {!r}".format(*vertex) for vertex in shape.vertices]
     for triangle, outwards in zip(hull.simplices, hull.equations[:, :3]):

@@ -1,1 +1,1 @@
-"""MuJoCo."""
+"""Adapter of MuJoCo."""

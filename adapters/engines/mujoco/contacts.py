@@ -1,22 +1,22 @@
-"""How MuJoCo is told e and mu: by masks and priorities of geoms (`mujoco_masks.py`), else by explicit pairs.
+"""Restitution and friction in MuJoCo: masks and priorities of geoms (`masks.py`), otherwise explicit pairs.
 
-MuJoCo has springs instead of e: a contact is told its stiffness and damping per unit mass in the direct form
+MuJoCo has springs instead of e. A contact takes its stiffness and damping per unit mass in the direct form
 solref = (-stiffness, -damping).
 
 By default zeta = -ln e / sqrt(pi^2 + ln^2 e), the ratio at which a spring that may also pull has this e, and
-solref = (-w^2, -2 zeta w) with w = 1 / max(0.02 zeta, 2 dt): the default time constant of 20 ms (e = 0 is
-MuJoCo's default contact), but never stiffer than the floor MuJoCo itself keeps for a critically damped
-contact (timeconst >= 2 dt; the positive form has no such floor for zeta < 1 and gains energy). Friction is
-given per pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal cone share the pair's
-damping: friction is Coulomb's for e up to about .8, fades above, and is none at e = 1.
+solref = (-w^2, -2 zeta w) with w = 1 / max(0.02 zeta, 2 dt). This is the default time constant of 20 ms
+(e = 0 is MuJoCo's default contact), but never stiffer than MuJoCo's limit for a critically damped contact
+(timeconst >= 2 dt; the positive form has no such limit for zeta < 1 and gains energy). Friction is set per
+pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal cone share the pair's damping:
+friction is Coulomb's for e up to about .8, decreases above, and vanishes at e = 1.
 
-In `accurate`, zeta allows for a contact's letting go while still compressed, where its force would turn
-negative (Schwager & Poeschel 2007): with zeta = cos t, or cosh t beyond critical damping, that leaves
-e = exp(-2 t cot t), or exp(-2 t coth t). Contacts are as stiff as the step allows. Stiffness and damping are
-those whose *steps* have the spring's decay and frequency, for MuJoCo's are explicit in both; the impedance
-does not depend on depth, so that the spring is linear. Friction is damped by itself (solreffriction, which
-only the elliptic cone has) and no more than by default: as stiffly as the normal force it would throw a
-sliding body off the ground.
+In `accurate`, zeta accounts for a contact that releases while still compressed, when its force would become
+negative (Schwager & Poeschel 2007): with zeta = cos t, or cosh t beyond critical damping, the restitution is
+e = exp(-2 t cot t), or exp(-2 t coth t). Contacts are as stiff as the step allows. Because MuJoCo integrates
+stiffness and damping explicitly, they are chosen so that the *discrete steps* have the spring's decay and
+frequency. The impedance does not depend on depth, so the spring is linear. Friction has its own damping
+(solreffriction, for the elliptic cone only), no higher than by default: at the normal force's stiffness it
+would throw a sliding body off the ground.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from touchstone.scenarios.scenario import Scenario
 TIME_CONSTANT = 0.02
 """MuJoCo's default time constant of a contact, 1 / (zeta w) [s]."""
 FLOOR_STEPS = 2.0
-"""MuJoCo's floor of a contact's time constant [steps] (its flag refsafe)."""
+"""MuJoCo's lower limit of a contact's time constant [steps] (its flag refsafe)."""
 FRICTION_MIN = 1e-5
-"""Least friction of a contact with condim > 1 (mjMINMU) [1]: smaller values are raised to it."""
+"""Minimum friction of a contact with condim > 1 (mjMINMU) [1]; MuJoCo raises smaller values to it."""
 ACCURATE_STIFFNESS = 0.2
-"""Frequency of an accurate contact times the step [rad]: a bounce takes some 15 steps, and where within a
-step it begins changes e by at most 0.02."""
+"""Frequency of an accurate contact times the step [rad]: a bounce takes some 15 steps, and its start within a
+step changes e by at most 0.02."""
 ACCURATE_RESTITUTION_MIN = 0.02
-"""Least restitution of an accurate contact [1], and what it has for 0: that would need infinite damping."""
+"""Minimum restitution of an accurate contact [1], also used for 0, which would need infinite damping."""
 ACCURATE_IMPEDANCE = (0.95, 0.95, 0.001, 0.5, 2.0)
-"""MuJoCo's default solimp, its largest impedance at any depth."""
+"""MuJoCo's default solimp, with its largest impedance at any depth."""
 ROUNDING = 1e-9
-"""Of a restitution that goes through a solref and back, relative."""
+"""Relative error of a restitution converted to a solref and back."""
 FRICTION_REFERENCE = (-1.0, -2 / TIME_CONSTANT)
 """(-stiffness, -damping [1/s]) of friction in an accurate contact: MuJoCo's default; stiffness is unused."""
 
@@ -73,7 +73,7 @@ def restitution_of(solref: Array, settings: Settings) -> float:
 
 
 def releasing_restitution(zeta: float) -> float:
-    """Restitution of a damped spring that may not pull, at a damping ratio."""
+    """Restitution of a damped spring that cannot pull, as a function of the damping ratio."""
     if zeta == 1:
         return exp(-2)
     angle = acos(zeta) if zeta < 1 else acosh(zeta)
@@ -81,7 +81,7 @@ def releasing_restitution(zeta: float) -> float:
 
 
 def releasing_ratio(restitution: float) -> float:
-    """Damping ratio of a damped spring that may not pull, for a restitution in (0, 1]."""
+    """Damping ratio of a damped spring that cannot pull, for a restitution in (0, 1]."""
     lost = -log(restitution) / 2
     if lost == 0:
         return 0.0
@@ -100,7 +100,7 @@ def _sampled(zeta: float, w: float, dt: float) -> tuple[float, float]:
 
 
 def _damping_ratio(solref: Array, dt: float) -> float:
-    """The damping ratio that `_sampled` was given."""
+    """Damping ratio from a solref of `_sampled`."""
     decay = sqrt(1 + solref[1] * dt)
     turn = (1 + decay * decay + solref[0] * dt**2) / (2 * decay)
     root = acos(turn) if turn < 1 else acosh(turn)
@@ -109,14 +109,14 @@ def _damping_ratio(solref: Array, dt: float) -> float:
 
 
 def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, settings: Settings) -> None:
-    """Let MuJoCo find the contacts of all touching pairs, with their coefficients.
+    """Add the contacts of all touching pairs with their coefficients.
 
     Args:
         bodies: the spec's body per index in the scenario; their geoms have masks of zero.
     """
     check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
     if settings.profile == ACCURATE:
-        # a geom has no solreffriction
+        # Geoms have no solreffriction.
         check_range("mujoco", "restitution", scenario, restitutions(scenario), least=ACCURATE_RESTITUTION_MIN)
         explicit = tuple(scenario.touching_pairs())
         add_pairs(spec, scenario, settings, explicit)
@@ -131,14 +131,14 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
 
 
 def _set_geom(geom: Any, told: GeomFilter, settings: Settings) -> None:
-    """Masks and contact parameters of a geom."""
+    """Set masks and contact parameters of a geom."""
     e, mu = told.coefficients
     geom.contype, geom.conaffinity, geom.priority = told.contype, told.conaffinity, told.priority
     geom.condim, geom.friction, geom.solref = 3 if mu > 0 else 1, (mu, 0.0, 0.0), solref_of(e, settings)
 
 
 def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable[tuple[int, int]]) -> None:
-    """An explicit pair for every two geoms of pairs of bodies; MuJoCo takes it in place of masks."""
+    """Add an explicit pair for every two geoms of pairs of bodies; MuJoCo uses it instead of masks."""
     told: dict[str, tuple[float, ...]] = {}
     if settings.profile == ACCURATE:
         told = {"solimp": ACCURATE_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
@@ -157,15 +157,15 @@ def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable
 
 
 def contact_parameters(model: Any) -> dict[tuple[int, int], tuple[int, Array, float]]:
-    """The condim, solref and sliding friction of each two of a compiled model's bodies (a < b) that may meet:
-    those of their explicit pairs, else of the geom that the masks and priorities choose."""
+    """Condim, solref and sliding friction for all pairs of a compiled model's bodies (a < b) that may meet:
+    those of explicit pairs, otherwise those of the geom that masks and priorities choose."""
     found = {}
     geoms = [k for k in range(model.ngeom) if model.geom_contype[k] or model.geom_conaffinity[k]]
     first = {int(model.geom_bodyid[k]): k for k in reversed(geoms)}
     for (a, one), (b, two) in combinations(sorted(first.items()), 2):
         masks = model.geom_contype[[one, two]] & model.geom_conaffinity[[two, one]]
         if masks.any():
-            # at equal priority both geoms have the same parameters
+            # At equal priority both geoms have the same parameters.
             k = one if model.geom_priority[one] >= model.geom_priority[two] else two
             found[a, b] = int(model.geom_condim[k]), model.geom_solref[k], float(model.geom_friction[k, 0])
     for k, geoms_of in enumerate(zip(model.pair_geom1, model.pair_geom2)):

@@ -1,13 +1,13 @@
-"""MuJoCo 4 behind the contract.
+"""Engine interface of MuJoCo 4.
 
-Conventions: quaternions wxyz and half sizes as ours; distances negative in overlap as ours. A contact's
-normal goes from geom[0] to geom[1] and its force, in the axes (normal, tangent, tangent), acts on geom[1];
-MuJoCo orders the two geoms by type (a sphere comes before a box), so each geom is mapped back to its body and
-`State.add_contact` turns the contact round. `pos` is the midpoint of the witnesses. Contacts and forces are
-those of the start of the step: force times dt is the impulse. A free joint's qvel holds the world velocity of
-the body's *origin* and the angular velocity along the *body's* axes; `cvel` is taken at the subtree's centre
-of mass. A hinge's axis lies in the child's frame. `xpos` lags behind `qpos` after a step: `read` runs the
-kinematics again, which leaves the state alone. How e and mu are told stands in `mujoco_contacts.py`.
+Conventions: quaternions are wxyz, sizes are half sizes and distances are negative in overlap, as ours. A
+contact's normal points from geom[0] to geom[1] and its force, in the axes (normal, tangent, tangent), acts on
+geom[1]. MuJoCo orders the two geoms by type (a sphere comes before a box), so each geom is mapped back to its
+body and `State.add_contact` flips the contact if needed. `pos` is the midpoint of the witnesses. Contacts and
+forces are those of the start of the step: force times dt is the impulse. A free joint's qvel holds the world
+velocity of the body's *origin* and the angular velocity along the *body's* axes; `cvel` is taken at the
+subtree's centre of mass. A hinge's axis is in the child's frame. `xpos` lags behind `qpos` after a step:
+`read` runs the kinematics again, which does not change the state. `contacts.py` sets e and mu.
 """
 
 from __future__ import annotations
@@ -63,25 +63,25 @@ HINGE_DRIVES = {
 TIMER = mujoco.mjtTimer
 IMPULSE_TIMERS = (TIMER.mjTIMER_POS_MAKE, TIMER.mjTIMER_POS_PROJECT, TIMER.mjTIMER_CONSTRAINT)
 LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWARN_CNSTRFULL))
-"""Warnings of MuJoCo that mean contacts were dropped for want of memory."""
+"""MuJoCo's warnings that contacts were dropped because memory was full."""
 
 
 def _write_no_log_file() -> None:
-    """Warnings go to stderr alone; by default MuJoCo also writes MUJOCO_LOG.TXT into the current folder."""
+    """Send warnings to stderr only; by default MuJoCo also writes MUJOCO_LOG.TXT to the current folder."""
     log = mujoco.MjLogConfig.get()
     log.logto_file = False
     mujoco.MjLogConfig.set(log)
 
 
 class MujocoEngine:
-    """MuJoCo with the integrator and the cone that its documentation recommends; `default` with those that it
-    comes with; `accurate` with stiffer contacts."""
+    """MuJoCo with the integrator and the cone that its documentation recommends; `default` with its defaults;
+    `accurate` with stiffer contacts."""
 
     name: ClassVar[str] = "mujoco"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported where MuJoCo cannot represent it."""
+        """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""
         require_profile(self.name, settings)
         _write_no_log_file()
         spec = mujoco.MjSpec()
@@ -102,12 +102,12 @@ class MujocoEngine:
         return World(model, ids, scenario, settings, drives)
 
     def version(self) -> str:
-        """The version of the loaded library."""
+        """Version of the loaded library."""
         return mujoco.mj_versionString()
 
 
 class World:
-    """A compiled model and its data. `body` maps the scenario's index to MuJoCo's, `index` back."""
+    """A compiled model and its data. `body` maps the scenario's index to MuJoCo's, `index` is the inverse."""
 
     def __init__(
         self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
@@ -135,7 +135,7 @@ class World:
         self._set_initial_state()
 
     def _free_joint(self, body: int) -> tuple[Array, Array, slice]:
-        """qpos (7,) and qvel (6,) of a free body as views, and its degrees of freedom."""
+        """Views of a free body's qpos (7,) and qvel (6,), and its degrees of freedom."""
         joint = self._model.body_jntadr[body]
         first, dof = int(self._model.jnt_qposadr[joint]), int(self._model.jnt_dofadr[joint])
         dofs = slice(dof, dof + 6)
@@ -158,8 +158,11 @@ class World:
         self._place_posed()
 
     def drive(self, step: int) -> None:
-        """On the root a force in world and a torque in body axes; on hinges the servos' set points, moved
-        ahead by damping / stiffness times the rate (a position actuator has no set point of it); or torques.
+        """Apply a force in world axes and a torque in body axes to the root; command servos or torques of
+        hinges.
+
+        A position actuator has no set point of the rate, so its set point is advanced by damping / stiffness
+        times the rate.
         """
         data = self._data
         self._moment = step + 1
@@ -179,18 +182,18 @@ class World:
                 data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
 
     def _place_posed(self) -> None:
-        """Put kinematic links where they are shown at the present moment."""
+        """Set the poses of kinematic links for the current step."""
         for posed, _ in self._posed:
             mocap = self._model.body_mocapid[self._body[list(posed.links)]]
             self._data.mocap_pos[mocap] = posed.place[:, self._moment]
             self._data.mocap_quat[mocap] = posed.orientation[:, self._moment]
 
     def step(self) -> None:
-        """One mj_step."""
+        """Advance by one mj_step."""
         mujoco.mj_step(self._model, self._data)
 
     def read(self, state: State) -> None:
-        """Contacts of the step's start, then poses and velocities of its end."""
+        """Read contacts of the step's start, then poses and velocities of its end."""
         model, data, body = self._model, self._data, self._body
         self._read_contacts(state)
         mujoco.mj_kinematics(model, data)
@@ -210,8 +213,8 @@ class World:
             state.force[:], state.torque[:] = self._force, self._torque
 
     def _hinge_torques(self, tracker: int) -> Array:
-        """What drove the hinges of a tracker during the step just made (j,) [N m]: MuJoCo takes the damping
-        of joints at the end of a step."""
+        """Torques on the hinges of a tracker during the last step (j,) [N m]; MuJoCo evaluates joint damping
+        at the end of a step."""
         dofs = self._hinge_dof[tracker]
         torque: Array = self._data.qfrc_applied[dofs] + self._data.qfrc_actuator[dofs]
         return torque - self._model.dof_damping[dofs] * self._data.qvel[dofs]
@@ -230,7 +233,7 @@ class World:
             state.add_contact(a, b, position, axes[0], distance, impulse)
 
     def describe(self) -> Manifest:
-        """The manifest, from the compiled model."""
+        """Manifest as read from the compiled model."""
         scenario = self._scenario
         return Manifest(
             engine=MujocoEngine.name,
@@ -250,7 +253,7 @@ class World:
         )
 
     def _facts(self) -> dict[str, Scalar]:
-        """Options, flags (true = on) and what the compiled model holds: largest values, distinct values."""
+        """Options, flags (true = on) and the maximum or distinct values of the compiled model."""
         model, option = self._model, self._model.opt
         facts: dict[str, Scalar] = {}
         for name in KINDS:
@@ -289,7 +292,7 @@ class World:
         return BodyFacts(float(model.body_mass[body]), tuple(model.body_ipos[body].tolist()), rows)
 
     def _pair_facts(self) -> tuple[PairFacts, ...]:
-        """Per touching pair of bodies; all pairs of their geoms are alike by construction."""
+        """Coefficients per touching pair of bodies; all pairs of their geoms are equal by construction."""
         told = contact_parameters(self._model)
         facts = []
         for a, b in self._scenario.touching_pairs():
@@ -300,12 +303,15 @@ class World:
         return tuple(facts)
 
     def cross(self) -> None:
-        """The cheapest call into the library."""
+        """Make the cheapest call into the library."""
         mujoco.mj_version()
 
     def stage_seconds(self) -> Mapping[str, float]:
-        """From MuJoCo's timers. `impulses` is making, projecting and solving constraints; `integration` all
-        else: kinematics, mass matrix, bias and passive forces, advance."""
+        """Time per stage from MuJoCo's timers [s].
+
+        `impulses` covers construction, projection and solution of constraints; `integration` covers the rest:
+        kinematics, mass matrix, bias and passive forces, advance.
+        """
         timers = self._data.timer.duration.copy()
         spent, self._timers = timers - self._timers, timers
         collision = float(spent[TIMER.mjTIMER_POS_COLLISION])
@@ -320,5 +326,5 @@ class World:
         return {"contacts": data.ncon, "rows": data.nefc, "iterations": int(iterations)}
 
     def close(self) -> None:
-        """Drop the model and its data; their memory goes with the last reference."""
+        """Drop the model and its data, which releases their memory."""
         del self._data, self._model

@@ -1,14 +1,14 @@
-"""Which geoms MuJoCo lets collide, and whose coefficients a contact takes.
+"""Collision masks and priorities of MuJoCo's geoms, which give each pair its contact parameters.
 
-MuJoCo collides two geoms where the contype of one shares a bit with the conaffinity of the other, and takes
-all contact parameters (condim, friction, solref) from the geom of higher priority (MuJoCo documentation,
-"Computation: Collision detection" and "Contact parameters"). An explicit `<pair>` carries parameters of its
-own, but skips the broad phase: every one is tested in every step. So pairs are a last resort.
+MuJoCo collides two geoms if the contype of one shares a bit with the conaffinity of the other. It takes all
+contact parameters (condim, friction, solref) from the geom of higher priority (MuJoCo documentation,
+"Computation: Collision detection" and "Contact parameters"). An explicit `<pair>` has its own parameters, but
+skips the broad phase: every one is tested in every step. Pairs are therefore a last resort.
 
-Bodies are sorted into groups: same kind or same tracker, same material. Every pair of groups that can meet
-has one (restitution, friction). Peeled from the top, a group whose pairs with all groups that are left have
-the same coefficients takes the next lower priority and those coefficients. Where no group is left that can be
-peeled, the one with the fewest deviating geom pairs is, and these become explicit pairs.
+Bodies are grouped by kind or tracker, and by material; every pair of groups that can meet has one
+(restitution, friction). A greedy pass assigns falling priorities. The next group is one whose pairs with all
+remaining groups share their coefficients, and it imposes these. If there is none, the group with the fewest
+deviating geom pairs is next, and those pairs become explicit.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from touchstone.scenarios.scenario import Scenario
 Coefficients = tuple[float, float]
 """Restitution and friction [1]."""
 Group = tuple[str, int, str]
-"""Kind, tracker (-1: none) and material of bodies that meet others alike."""
+"""Kind, tracker (-1: none) and material of bodies with the same contact parameters."""
 Pair = tuple[int, int]
 
 MASK_BITS = 31
-"""Bits of a contype that are used [1]: it is a signed 32-bit number."""
+"""Number of usable bits of a contype [1], a signed 32-bit number."""
 
 
 @dataclass(frozen=True, slots=True)
 class GeomFilter:
-    """What every geom of a body is told: bits, priority, and the (restitution, friction) it imposes."""
+    """Settings of all geoms of a body: mask bits, priority, and the (restitution, friction) it imposes."""
 
     contype: int
     conaffinity: int
@@ -41,11 +41,11 @@ class GeomFilter:
 
 @dataclass(frozen=True, slots=True)
 class ContactFilter:
-    """How the touching pairs of a scenario are told to MuJoCo.
+    """Representation of a scenario's touching pairs in MuJoCo.
 
     Attributes:
-        geoms: per body with a shape that can meet something; other bodies' geoms have masks of zero.
-        excluded: pairs of bodies (a < b) that masks would let collide and that may not.
+        geoms: per body with a shape that can meet something; geoms of other bodies have masks of zero.
+        excluded: pairs of bodies (a < b) that the masks would let collide but that may not touch.
         explicit: pairs of bodies that need a `<pair>` for every two of their geoms.
     """
 
@@ -55,8 +55,8 @@ class ContactFilter:
 
 
 def contact_filter(scenario: Scenario) -> ContactFilter:
-    """Masks, priorities and exceptions that give every touching pair its coefficients, and no other pair any
-    contact."""
+    """Masks, priorities and exceptions that give every touching pair its coefficients and exclude all other
+    pairs."""
     touching = tuple(scenario.touching_pairs())
     group_of = _groups(scenario)
     kinds = list(dict.fromkeys((kind, tracker) for kind, tracker, _ in group_of))
@@ -88,7 +88,7 @@ def contact_filter(scenario: Scenario) -> ContactFilter:
 
 
 def _groups(scenario: Scenario) -> list[Group]:
-    """The group of each body."""
+    """Group of each body."""
     return [(body.kind, tracker, body.material) for body, tracker in zip(scenario.bodies, scenario.groups())]
 
 
@@ -96,7 +96,7 @@ def _peeled(
     between: Mapping[frozenset[Group], Coefficients], weight: Mapping[frozenset[Group], int]
 ) -> tuple[dict[Group, Coefficients], set[frozenset[Group]]]:
     """Groups in order of falling priority with the coefficients they impose, and the pairs of groups that
-    these would give wrong coefficients."""
+    would get wrong coefficients from them."""
     left = list(dict.fromkeys(group for both in between for group in sorted(both)))
     imposed: dict[Group, Coefficients] = {}
     deviating: set[frozenset[Group]] = set()

@@ -1,4 +1,5 @@
-"""A scenario as a MuJoCo spec: options, bodies, joints and pieces; contacts are in `mujoco_contacts.py`."""
+"""Translation of a scenario to a MuJoCo spec: options, bodies, joints and pieces; for contacts see
+`contacts.py`."""
 
 from __future__ import annotations
 
@@ -25,14 +26,14 @@ from touchstone.scenarios.scenario import (
 )
 
 SOLVER_TOLERANCE = 1e-10
-"""Where MuJoCo's Newton solver stops, accurate [1]."""
+"""Tolerance of MuJoCo's Newton solver, accurate [1]."""
 IMPEDANCE_RATIO = 10.0
-"""Impedance of friction over that of the normal force, accurate [1]: a body that sticks creeps a tenth as
+"""Ratio of friction's impedance to that of the normal force, accurate [1]: a sticking body creeps a tenth as
 fast (MuJoCo's modeling guide, on preventing slip)."""
 
 
 def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
-    """Every hidden default on purpose; what is not named here keeps MuJoCo's default and is published."""
+    """Set options explicitly; those not named here keep MuJoCo's default, which the manifest publishes."""
     spec.compiler.degree = False
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     spec.compiler.balanceinertia = spec.compiler.fusestatic = spec.compiler.alignfree = False
@@ -51,7 +52,7 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
         # cones" ("Modeling: Solver settings")
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     if settings.profile == ACCURATE:
-        # friction's own damping needs it, whatever mu
+        # Friction's own damping requires the elliptic cone, whatever mu.
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         # "used with aggressive tolerance values, say 1e-10" (same place)
         spec.option.tolerance = SOLVER_TOLERANCE
@@ -59,8 +60,10 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
 
 
 def add_bodies(spec: Any, scenario: Scenario, posed: bool = False) -> dict[int, Any]:
-    """The spec's body per index in the scenario: fixed and free ones first, then each tracker's tree, or its
-    links as mocap bodies."""
+    """Add all bodies; returns the spec's body per scenario index.
+
+    Fixed and free bodies come first, then each tracker's tree, or its links as mocap bodies.
+    """
     bodies: dict[int, Any] = {}
     for index, body in enumerate(scenario.bodies):
         if body.kind != "driven":
@@ -95,9 +98,11 @@ def add_bodies(spec: Any, scenario: Scenario, posed: bool = False) -> dict[int, 
 
 
 def add_servos(spec: Any, joints: Sequence[str], drive: Drive) -> None:
-    """A position actuator and damping on every hinge: stiffness (set point - q) - damping q'. Integrators in
-    use take the damping of joints implicitly, Euler not that of actuators (MuJoCo's documentation,
-    "Numerical integration")."""
+    """Add a position actuator and damping to every hinge: stiffness (set point - q) - damping q'.
+
+    The integrators in use treat joint damping implicitly; Euler does not for actuators' damping (MuJoCo's
+    documentation, "Numerical integration").
+    """
     for name, stiffness, damping in zip(joints, drive.servo_stiffness, drive.servo_damping):
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=stiffness)
@@ -115,7 +120,7 @@ def _set_mass(target: Any, body: Body) -> None:
 
 
 def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
-    """A geom that touches nothing (contype and conaffinity 0) until contacts are added."""
+    """Add a geom that touches nothing (contype and conaffinity 0) until contacts are added."""
     geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
     match piece.shape:
         case Sphere():
@@ -149,7 +154,7 @@ def _add_ellipsoid(geom: Any, shape: Ellipsoid) -> None:
 
 
 def _add_hull(spec: Any, geom: Any, shape: Hull) -> None:
-    """A mesh of its own; MuJoCo keeps its vertices in single precision, in the mesh's inertial frame."""
+    """Add a mesh for a hull; MuJoCo stores its vertices in single precision, in the mesh's inertial frame."""
     mesh = spec.add_mesh(name=geom.name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
     mesh.uservert = np.ravel(shape.vertices)
     geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name

@@ -1,1 +1,1 @@
-"""The reference behind the engine contract."""
+"""Adapter of the reference implementation."""

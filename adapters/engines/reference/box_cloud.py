@@ -1,4 +1,5 @@
-"""A cloud of moving boxes for the reference's broad phase alone, clocked inside one compiled call a frame."""
+"""Benchmark of the reference's broad phase: a cloud of moving boxes, timed within one compiled call per
+frame."""
 
 from __future__ import annotations
 
@@ -14,17 +15,18 @@ from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.core.world import BODY, PAIR, PIECE
 
 DENSITY = 0.6
-"""Pieces per unit cube, boxes having sides of 1: each box meets 8 x 0.6 others, less at the walls."""
+"""Boxes per unit volume; their sides are 1. Each box overlaps 8 x 0.6 others on average, fewer at the
+walls."""
 SPEED = 0.01
-"""Standard deviation of the motion per frame along each axis, over a box' side [1]."""
+"""Standard deviation of a box's motion per frame along each axis, relative to its side [1]."""
 
 
 @kernel
 def cloud_frame(pieces, center, velocity, side, pairs, state):  # type: ignore[no-untyped-def]
-    """Move unit boxes by a frame, turned back at the walls of a cube, and find their pairs.
+    """Move unit boxes by one frame, reflect them at the walls of a cube and find their pairs.
 
     Returns:
-        (seconds, found, lost): of the broad phase alone [s]; pairs, and pairs without room.
+        (seconds, found, lost): time of the broad phase [s], pairs found, and pairs dropped at overflow.
     """
     for k in range(len(pieces)):
         for i in range(3):
@@ -38,7 +40,8 @@ def cloud_frame(pieces, center, velocity, side, pairs, state):  # type: ignore[n
 
 
 class Cloud:
-    """So many boxes of their own bodies, anywhere in a cube of equal density, moving straight on."""
+    """Boxes, one per body, that move in straight lines through a cube; the density does not depend on the
+    count."""
 
     def __init__(self, count: int, rng: np.random.Generator) -> None:
         bodies = np.zeros(count, BODY)
@@ -53,7 +56,7 @@ class Cloud:
         self.found = 0
 
     def frame(self) -> float:
-        """Seconds of the next frame's broad phase [s]; its pairs are `pairs[:found]`."""
+        """Advance one frame and return the time of its broad phase [s]; `pairs[:found]` holds its pairs."""
         seconds, self.found, lost = cloud_frame(
             self.pieces, self._center, self._velocity, self._side, self.pairs, self._state
         )

@@ -1,8 +1,8 @@
-"""The reference behind the engine contract: scenario to arrays, one compiled step a frame, arrays to state.
+"""Adapter of the reference: translate a scenario to arrays, run one compiled step per frame, read the state.
 
-Conventions: the reference's are ours. Its step is a whole frame and contains its drive; its hinges are posed
-as the glove shows them, so the drive's work is not known (NaN). Its contacts carry the moment of the impulse
-and the velocities before and after it.
+The contract's conventions are the reference's own. A step covers a whole frame and includes the drive. The
+reference sets its hinges to the tracker's angles, so the work of the drive is unknown (NaN). Its contacts
+record the time of the impulse and the velocities before and after it.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenari
 from touchstone.scenarios.solids import sphere_inertia
 
 STAGES = ("drive", "removal", "contact", "rotation")
-"""Stages that the compiled step can skip."""
+"""Stages that settings can disable in the compiled step."""
 TARGETS = ("old_target_position", "old_target_orientation", "target_position", "target_orientation")
-"""Fields of a driver that hold its tracker, in the order in which they lie."""
+"""Fields of a driver that hold its tracker's poses, in memory order."""
 INEXACT = {
     "residual": "residual",
     "residual.body_a": "residual_body_a",
@@ -48,14 +48,13 @@ INEXACT = {
     "dropped_time": "dropped_time",
     "parted_energy": "parted_energy",
 }
-"""Counter -> field of the state that holds what a frame left unresolved: 0, or -1 for bodies, where nothing
-was."""
+"""Counter -> state field with what a frame left unresolved: 0 if nothing (bodies: -1)."""
 COMPILE_NOTE = "compile_seconds.txt"
-"""File of the kernel cache that tells what filling it cost."""
+"""File in the kernel cache that stores the compilation time."""
 
 
 def compile_seconds() -> float:
-    """Seconds the compilation of all kernels took [s]; done now, on a small world, if the cache has none."""
+    """Compilation time of all kernels [s]; compiles them on a small world if the cache holds no time."""
     note = CACHE_FOLDER / COMPILE_NOTE if CACHE_FOLDER else None
     if note and note.exists():
         return float(note.read_text())
@@ -75,38 +74,42 @@ def compile_seconds() -> float:
 
 @kernel
 def _nothing(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):  # type: ignore[no-untyped-def]
-    """Cross the compiled border and come back."""
+    """Do nothing: the call measures the cost of calling a kernel from Python."""
 
 
 class ReferenceEngine:
-    """The method of `reference_impl`."""
+    """Engine interface of `reference_impl`."""
 
     name: ClassVar[str] = "reference"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["reference"].profiles
 
     def version(self) -> str:
-        """The project's version."""
+        """Version of this project."""
         from importlib.metadata import version
 
         return version("touchstone")
 
     def build(self, scenario: Scenario, settings: Settings) -> _World:
-        """Translate a scenario."""
+        """Translate a scenario to a world of the reference."""
         compile_seconds()
         return _World(scenario, settings, self.version())
 
 
 def _unturned(bodies: np.ndarray) -> bool:
-    """Whether a turn by nothing leaves the orientations of simulated bodies as they are, to the bit: it
-    scales them to length 1."""
+    """Whether all orientations of simulated bodies are bitwise invariant under normalization.
+
+    A rotation by zero normalizes them, so it can be skipped only if this holds.
+    """
     q = bodies["orientation"][bodies["kind"] == SIMULATED]
     size = np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
     return bool((q / size[:, None] == q).all())
 
 
 def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """What a frame is told of the trackers: views of drivers and of joints, and for each what to copy there
-    frame by frame. One copy for all drivers, one for all hinges: each takes a third of a microsecond."""
+    """Precompute tracker targets: views of drivers and joints, each with the values to copy per frame.
+
+    One copy serves all drivers and one all hinges; each takes a third of a microsecond.
+    """
     if not motions:
         return []
     poses = np.stack([np.hstack([m.position, m.orientation]) for m in motions], axis=1)
@@ -166,21 +169,21 @@ class _World:
             )
 
     def drive(self, step: int) -> None:
-        """Choose the frame; its targets are read inside the step, which contains the reference's drive."""
+        """Select the frame; the reference's step contains the drive and reads its targets."""
         self._next = step
 
     def step(self) -> None:
-        """One frame: hand the tracker over, then the compiled step."""
+        """Set the targets of the frame and run the compiled step."""
         self._aim_at(self._next)
         step(*self._world)
 
     def _aim_at(self, frame: int) -> None:
-        """Hand over the trackers at a frame's start and end."""
+        """Copy the tracker's poses at the frame's start and end into the world."""
         for target, shown in self._targets:
             target[:] = shown[frame]
 
     def read(self, state: State) -> None:
-        """Copy the arrays out."""
+        """Copy poses, velocities, hinges and contacts into `state`; raises AdapterError at overflow."""
         bodies, joints = self._world.bodies, self._world.joints
         self._stages += self._state["stage_seconds"]
         state.position[:], state.orientation[:] = bodies["position"], bodies["orientation"]
@@ -200,7 +203,7 @@ class _World:
         state.contact_count = count
 
     def describe(self) -> Manifest:
-        """Masses, inertias, coefficients and settings as they stand in the arrays."""
+        """Manifest read from the arrays: masses, inertias, coefficients and settings."""
         scenario, world = self._scenario, self._world
         settings: dict[str, Scalar] = {
             **describe(self._state),
@@ -253,20 +256,20 @@ class _World:
         )
 
     def cross(self) -> None:
-        """What is handed to a step, and an empty kernel with its arguments."""
+        """Set the targets of a step and call an empty kernel with its arguments."""
         self._aim_at(self._next)
         _nothing(*self._world)
 
     def stage_seconds(self) -> Mapping[str, float]:
-        """Seconds per stage since the last call."""
+        """Time per stage since the last call [s]."""
         told = dict(zip(conventions.STAGES, self._stages.tolist()))
         self._stages[:] = 0.0
         return told
 
     def work(self) -> Mapping[str, float]:
-        """Counters of the last frame."""
+        """Work counters of the last frame, and what it left unresolved (INEXACT)."""
         counted = dict(zip(conventions.COUNTERS, map(float, self._state["counters"].tolist())))
         return counted | {name: float(self._state[field]) for name, field in INEXACT.items()}
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Release nothing: the world holds no external resources."""

@@ -1,4 +1,4 @@
-"""Scenario -> the reference's arrays."""
+"""Translation of a scenario to the reference's arrays."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
 CONTACT_CAPACITY = 32_768
 PAIRS_PER_PIECE = 32
-"""Room for pairs per piece in large scenes: a sphere among equals has 12 neighbours, at the start of a
-substep and again at its end."""
+"""Pair capacity per piece in large scenes: a sphere among equal spheres has 12 neighbours, which count at the
+start and again at the end of a substep."""
 PAIRS_AT_LEAST = 4096
 PATCH_POINTS = 4
-"""Rows a touching pair may take."""
+"""Maximum number of rows for the contact manifold of a pair."""
 FRICTION_LEAST = 1e-100
-"""Coefficient of friction below which there is none [1]: the square of the cone's radius, mu times the normal
-impulse, would underflow, and the solver would not converge."""
+"""Friction coefficient below which friction is off [1]: the square of the cone's radius, mu times the normal
+impulse, would underflow and the solver would not converge."""
 
 
 @lru_cache(maxsize=4096)
 def matrix(quaternion: tuple[float, ...]) -> np.ndarray:
-    """Rotation matrix of a quaternion wxyz; not to be written to, for most pieces share theirs."""
+    """Rotation matrix of a quaternion wxyz. The result is cached and shared: do not write to it."""
     found = Rotation.from_quat(np.array(quaternion), scalar_first=True).as_matrix()
     found.flags.writeable = False
     return found
 
 
 def translate(scenario: Scenario) -> World:
-    """The scenario as arrays; driven bodies stand where their trackers are at time 0, settings are unset."""
+    """Arrays of a scenario: driven bodies are posed as their trackers at time 0; settings are left unset."""
     pieces, vertices = _pieces(scenario)
     joints = _joints(scenario)
     world = World(
@@ -64,8 +64,11 @@ def translate(scenario: Scenario) -> World:
 
 
 def pair_capacity(scenario: Scenario) -> int:
-    """Rows for pairs: all that can meet at the start of a substep, with their patches, and at its end; in
-    large scenes, where not all can at once, a number per piece."""
+    """Number of rows for pairs.
+
+    Small scenes get room for all pairs that can touch, with manifolds at the start of a substep and again at
+    its end; large scenes get `PAIRS_PER_PIECE` per piece.
+    """
     fixed = sum(len(body.pieces) for body in scenario.bodies if body.kind == "fixed")
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     meeting = (pieces * (pieces - 1) - fixed * (fixed - 1)) // 2
@@ -100,7 +103,7 @@ def _pieces(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
 
 
 def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.ndarray]:
-    """Pieces with the index of their body as rows of PIECE, and rows of VERTEX: those of equal hulls once."""
+    """Rows of PIECE for pieces with their body's index, and rows of VERTEX; equal hulls share theirs."""
     pieces = np.zeros(len(owned), PIECE)
     hulls: list[np.ndarray] = []
     first: dict[tuple[Vector, ...], int] = {}
@@ -178,7 +181,7 @@ def _drivers(scenario: Scenario) -> np.ndarray:
 
 
 def _set_chains(scenario: Scenario, world: World) -> None:
-    """Chains as ranges of joints, reach cones in the axes of their ball joints' hinges."""
+    """Set chains as ranges of joints, and reach cones in the axes of their ball joint's hinges."""
     by_name = {joint.name: joint for joint in scenario.joints}
     names = [name for tracker in scenario.trackers for name in tracker.joints]
     for chain in scenario.chains:
@@ -200,19 +203,19 @@ def _set_chains(scenario: Scenario, world: World) -> None:
             row["cone_count"], row["cone_center"] = len(cone.swing), np.array(cone.center) @ axes
             row["cone_axes"] = axes
             row["cone"][: len(cone.swing)] = np.array(cone.swing) @ axes
-            # the first axis, carried from the bone's rest to the centre
+            # Carry the first axis from the bone's rest direction to the cone's centre.
             x, y, z = row["cone_center"]
             row["cone_mark"] = np.array((1.0, 0.0, 0.0)) - x / (1 + z) * np.array((x, y, 1 + z))
             corners = row["cone"][: len(cone.swing)]
             normals = np.cross(corners, np.roll(corners, -1, axis=0))
             heights = normals @ row["cone_center"] / np.linalg.norm(normals, axis=1)
-            # the nearest plane of an edge is no nearer than the edge
+            # The plane of an edge is at least as near as the edge itself.
             row["cone_cap"] = np.sqrt(1 - heights.min() ** 2)
             row["twist_lower"], row["twist_upper"] = cone.twist
 
 
 def _set_links(scenario: Scenario, world: World) -> None:
-    """What moves each link beyond a chain's root, and the nearest link with pieces that it hangs on."""
+    """Set the chain and the hinge that move each link, and its nearest ancestor with pieces."""
     bodies = world.bodies
     parent: dict[int, int] = {}
     for k, joint in enumerate(world.joints):

@@ -1,7 +1,8 @@
-"""Every setting of the reference, a row each, with its value in every profile (method, section 6).
+"""Table of the reference's settings, one row each, with the value in every profile (method, section 6).
 
-A setting is a field of the reference's state, branched on at run time. A profile is the column of its values,
-nothing more. Imports no kernel: the command line checks `--set KEY=VALUE` against this table.
+A setting is a field of the reference's state on which the kernels branch at run time. A profile is a column
+of the table and nothing more. The module imports no kernel, so the command line can check `--set KEY=VALUE`
+quickly.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from touchstone.adapters.contract import AdapterError, Scalar
 from touchstone.reference_impl.core import conventions
 
 PROFILES = ("paper", "balanced", "accurate")
-"""The columns of the table."""
+"""Columns of the table."""
 
 
 class SettingError(AdapterError):
-    """An unknown setting, or a value it cannot take; the message names the valid ones."""
+    """Unknown setting or invalid value; the message names the valid ones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A setting with named values, and which of them each of PROFILES takes.
+    """Setting with named values, and its value in each of PROFILES.
 
-    `field` is the state's, where it is not called like the setting.
+    `field` names the field of the state if it differs from the setting's name.
     """
 
     name: str
@@ -37,23 +38,24 @@ class Choice:
 
     @property
     def valid(self) -> str:
-        """What may be asked for."""
+        """Description of the valid values."""
         return "|".join(self.values)
 
     def number(self, text: str) -> int:
-        """What the state holds for a named value."""
+        """Value in the state for a named value."""
         if text not in self.values:
             raise SettingError(f"found {text!r}")
         return self.values[text]
 
     def word(self, number: float) -> str:
-        """The named value behind what the state holds."""
+        """Named value for a value in the state."""
         return {value: name for name, value in self.values.items()}[int(number)]
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A number [unit] from `least` to `most`, whole or not, and its value in each of PROFILES."""
+    """Numeric setting [unit] between `least` and `most`, integer if `whole`, and its value in each of
+    PROFILES."""
 
     name: str
     least: float
@@ -66,12 +68,12 @@ class Range:
 
     @property
     def valid(self) -> str:
-        """What may be asked for."""
+        """Description of the valid values."""
         kind = "whole, " if self.whole else ""
         return f"{kind}{self.least:g} to {self.most:g} {self.unit}".rstrip()
 
     def number(self, text: str) -> float:
-        """What the state holds for a number in words."""
+        """Value in the state for a number given as text."""
         try:
             number = float(text)
         except ValueError:
@@ -81,7 +83,7 @@ class Range:
         return int(number) if self.whole else number
 
     def word(self, number: float) -> float:
-        """The number that the state holds."""
+        """Number for a value in the state."""
         return int(number) if self.whole else float(number)
 
 
@@ -204,13 +206,13 @@ SETTINGS: Mapping[str, Setting] = {setting.name: setting for setting in _TABLE}
 
 
 def split(text: str) -> tuple[str, str]:
-    """Key and value of "key=value"; nothing after "=" where there is none."""
+    """Key and value of "key=value"; the value is empty if "=" is missing."""
     key, _, value = text.partition("=")
     return key.strip(), value.strip()
 
 
 def parse(text: str) -> tuple[Setting, str]:
-    """A setting and "key=value", written the one way, from what was typed."""
+    """Parse "key=value" into its setting and the same text in normal form; raises SettingError."""
     key, value = split(text)
     if key not in SETTINGS:
         raise SettingError(f"unknown setting {key!r} (valid: {', '.join(SETTINGS)})")
@@ -222,7 +224,7 @@ def parse(text: str) -> tuple[Setting, str]:
 
 
 def changes(profile: str, wanted: Iterable[str]) -> tuple[str, ...]:
-    """What "key=value" change in a profile, in the order of the table; raises SettingError."""
+    """Requested "key=value" that differ from a profile, in the order of the table; raises SettingError."""
     found: dict[str, str] = {}
     for setting, text in map(parse, wanted):
         if found.setdefault(setting.name, text) != text:
@@ -233,7 +235,7 @@ def changes(profile: str, wanted: Iterable[str]) -> tuple[str, ...]:
 
 
 def configure(state: Any, profile: str, changed: Sequence[str] = ()) -> None:
-    """Write a profile, with its changes ("key=value"), into the state record."""
+    """Write a profile and its changes ("key=value") into the state record."""
     column = _column(profile)
     for setting in SETTINGS.values():
         state[setting.field or setting.name] = setting.number(setting.profiles[column])
@@ -242,7 +244,7 @@ def configure(state: Any, profile: str, changed: Sequence[str] = ()) -> None:
 
 
 def describe(state: Any) -> dict[str, Scalar]:
-    """Every setting as it stands in the state record."""
+    """Value of every setting in the state record."""
     return {name: setting.word(state[setting.field or name]) for name, setting in SETTINGS.items()}
 
 

@@ -1,11 +1,10 @@
-"""A hull's rows for the kernels: its vertices, and a table of directions that finds the farthest in constant
-time.
+"""Vertices of a convex hull for the kernels, with a lookup table for support queries in constant time.
 
-Directions are sorted by the signs of their components (octant) and by a regular grid over their shares
-(|u|, |v|) / (|u| + |v| + |w|), after each axis is stretched by the hull's half extent: a needle's table is
-that of a ball. A cell of the grid keeps its candidates, the vertices that can be farthest for one of its
-directions. A vertex is left out where another is farther at all corners of the cell: heights are linear in
-the direction, so it is farther in the whole cell. A list has four entries; longer ones are chained.
+The table sorts directions by octant (the signs of the components) and then by a regular grid over
+(|u|, |v|) / (|u| + |v| + |w|). Each axis is first scaled by the hull's half extent, so a needle's table is as
+good as a ball's. A grid cell stores its candidates: the vertices that can be the support point for one of its
+directions. A vertex is dropped if another is farther at all corners of the cell: heights are linear in the
+direction, so that vertex is farther in the whole cell. A list holds four entries; longer lists are chained.
 """
 
 from __future__ import annotations
@@ -25,24 +24,26 @@ Mask = NDArray[np.bool_]
 Lists = NDArray[np.uint16]
 
 BRUTE = 16
-"""Vertices up to which trying all is as fast as the table."""
+"""Vertex count up to which brute force is as fast as the table."""
 FINEST = 64
-"""Cells along a side at most: entries have 16 bits, and 8 * 64^2 cells leave half of the numbers for chains
-and for vertices."""
+"""Maximum number of cells along a side. Entries have 16 bits; 8 * 64^2 cells leave half of the numbers for
+chained lists and vertices."""
 CROWDED = 1 / 16
-"""Share of cells with more than four candidates that is fine enough [1]."""
+"""Share of cells with more than four candidates at which refinement stops [1]."""
 MARGIN = 1e-12
-"""Height over the largest coordinate by which another vertex must be farther [1]: thousands of roundings. The
-table's answer is thus that of trying all to the bit, the lowest of equally far vertices included."""
+"""Height, relative to the largest coordinate, by which another vertex must be farther [1]: thousands of
+rounding errors. The table therefore returns bitwise the result of brute force, including the lowest index of
+equally far vertices."""
 FEW = 16
-"""Candidates up to which a cell's are compared all with all; champions alone thin out longer lists."""
+"""Candidate count of a cell up to which all are compared pairwise; longer lists are compared with the
+farthest vertices only."""
 NUMBERS = 2**16
 SIGNS = np.array([[1 - 2 * (k >> axis & 1) for axis in range(3)] for k in range(8)])
 
 
 @cache
 def hull_rows(corners: tuple[Vector, ...]) -> tuple[np.ndarray, int, Array]:
-    """Rows of VERTEX, the grid's cells along a side (0: no table) and the half extents (3,) [m]."""
+    """Rows of VERTEX, number of grid cells along a side (0: no table) and half extents (3,) [m]."""
     points = np.array(corners)
     extent, count, cells = np.ptp(points, axis=0) / 2, len(points), 0
     lists: Lists = np.zeros((0, 4), np.uint16)
@@ -60,17 +61,20 @@ def hull_rows(corners: tuple[Vector, ...]) -> tuple[np.ndarray, int, Array]:
 
 @cache
 def hull_width(corners: tuple[Vector, ...]) -> float:
-    """Diameter of the ball about the corners' mean that fits into a hull: no more than its width [m]."""
+    """Diameter of the largest ball about the mean of the corners inside a hull [m], a lower bound of its
+    width."""
     planes = ConvexHull(corners).equations
     return float(-2 * (planes[:, :3] @ np.mean(corners, axis=0) + planes[:, 3]).max())
 
 
 def _lists(count: int, counts: Indices, vertices: Indices, chained: int) -> Lists:
-    """Each cell's candidates as a list of four (n, 4): vertices, and last of a longer one `count` plus the
-    number of the list that goes on."""
+    """Candidates of each cell as lists of four (n, 4).
+
+    Entries are vertex indices; the last entry of a longer list is `count` plus the index of its continuation.
+    """
     first, free = np.cumsum(counts) - counts, len(counts)
     lists: Lists = np.zeros((free + chained, 4), np.uint16)
-    # short lists end by repeating their last
+    # Pad short lists with their last entry.
     lists[:free] = vertices[first[:, None] + np.minimum(np.arange(4), counts[:, None] - 1)]
     for cell in np.flatnonzero(counts > 4).tolist():
         rest, row = vertices[first[cell] : first[cell] + counts[cell]], cell
@@ -82,14 +86,15 @@ def _lists(count: int, counts: Indices, vertices: Indices, chained: int) -> List
 
 
 def _candidates(points: Array) -> tuple[int, Indices, Indices]:
-    """(cells along a side, candidates of each cell, their vertices in a row): by halving cells."""
+    """(cells along a side, candidate count of each cell, their vertices concatenated), by repeated
+    refinement."""
     cells, counts = 1, np.full(8, len(points))
     vertices = np.tile(np.arange(len(points)), 8)
     while True:
         counts, vertices = _thinned(points, cells, counts, vertices)
         if np.mean(counts > 4) <= CROWDED or cells == FINEST:
             return cells, counts, vertices
-        # a cell's four quarters inherit its candidates
+        # The four quarters of a cell inherit its candidates.
         octant, i, j = np.indices((8, 2 * cells, 2 * cells)).reshape(3, -1)
         parent = (octant * cells + i // 2) * cells + j // 2
         first, cells = (np.cumsum(counts) - counts)[parent], 2 * cells
@@ -98,7 +103,7 @@ def _candidates(points: Array) -> tuple[int, Indices, Indices]:
 
 
 def _thinned(points: Array, cells: int, counts: Indices, vertices: Indices) -> tuple[Indices, Indices]:
-    """Candidates without those that another beats at all corners of their cell."""
+    """Remove candidates that another one exceeds at all corners of their cell."""
     corners, margin = _corners(cells), MARGIN * float(np.abs(points).max())
     for compare in (_beaten_by_champions, _beaten_by_any):
         cell = np.repeat(np.arange(len(counts)), counts)
@@ -109,11 +114,11 @@ def _thinned(points: Array, cells: int, counts: Indices, vertices: Indices) -> t
 
 
 def _corners(cells: int) -> Array:
-    """Directions (c, 4, 3) at the corners of all cells, which end where |w| is 0."""
+    """Directions (c, 4, 3) at the corners of all cells; the grid ends where |w| is 0."""
     octant, i, j = np.indices((8, cells, cells)).reshape(3, -1)
     p = (i[:, None] + np.array([0, 1, 0, 1])) / cells
     q = (j[:, None] + np.array([0, 0, 1, 1])) / cells
-    # half of a cell on the diagonal, one point of those beyond
+    # The diagonal halves its cells; cells beyond it collapse to one point.
     p[:, 3], q[:, 3] = np.where(i + j < cells - 1, [p[:, 3], q[:, 3]], [p[:, 0], q[:, 0]])
     beyond = i + j >= cells
     p[beyond] = p[beyond][:, :1]
@@ -122,7 +127,7 @@ def _corners(cells: int) -> Array:
 
 
 def _beaten_by_champions(least: Array, heights: Array, cell: Indices, counts: Indices) -> Mask:
-    """Whether the farthest vertex at a corner or in the cell's middle is above `least` at all corners."""
+    """Whether the support vertex of a corner or of the cell's middle exceeds `least` at all corners."""
     first = np.cumsum(counts) - counts
     beaten = np.zeros(len(heights), dtype=bool)
     for height in (*heights.T, heights.sum(axis=1)):
@@ -134,13 +139,13 @@ def _beaten_by_champions(least: Array, heights: Array, cell: Indices, counts: In
 
 
 def _beaten_by_any(least: Array, heights: Array, cell: Indices, counts: Indices) -> Mask:
-    """The same, by any candidate of a cell with few."""
+    """Whether any candidate exceeds `least` at all corners, for cells with at most `FEW` candidates."""
     first = np.cumsum(counts) - counts
     few = np.flatnonzero(counts <= FEW)
     listed = np.arange(FEW) < counts[few][:, None]
     rows = np.where(listed, first[few][:, None] + np.arange(FEW), first[few][:, None])
     beaten = np.zeros(len(heights), dtype=bool)
     farther = heights[rows][:, None] > least[rows][:, :, None]
-    # a list's padding repeats its first: that is no rival it has not already
+    # Padding repeats the first entry of a list, so it adds no new rival.
     beaten[rows[listed]] = np.any(np.all(farther, axis=-1), axis=-1)[listed]
     return beaten
