@@ -86,7 +86,7 @@ class Settings:
     changes: tuple[str, ...] = ()
     effects: tuple[str, ...] | None = None
     skipped: tuple[str, ...] = ()
-    rooms: bool = False
+    fat_bounds: bool = False
     sleeping: bool = False
     drive: str = DRIVES[0]
     tracker: str = TRACKERS[0]

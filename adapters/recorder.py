@@ -67,7 +67,7 @@ def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
         raise AdapterError(fault)
     plan = planned(scenario, settings.effects)
     settings = dataclasses.replace(
-        settings, skipped=plan.skipped, rooms=settings.effects is None, sleeping=plan.on("sleeping")
+        settings, skipped=plan.skipped, fat_bounds=settings.effects is None, sleeping=plan.on("sleeping")
     )
     return Player(engine.build(plan.applied(scenario), settings), scenario, settings, plan)
 

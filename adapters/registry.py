@@ -12,7 +12,15 @@ from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Set
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An engine's "module:Class", the package it needs, and its native step [s] per profile.
+    """All that others know of an engine: no other table names engines.
+
+    Attributes:
+        implementation: "module:Class".
+        package: what must be importable.
+        profiles: native step [s] of each profile.
+        distribution: what is installed, where it is not called like the package.
+        color, marker: of the engine in pictures, as matplotlib writes them.
+        rounding: what the engine stores less exactly than it is told; "" if nothing.
 
     `recommended` is what the engine's documentation and maintainers recommend for such scenes, at the
     engine's default step, rounded to the next smaller divisor of a frame of 1/60 s; `equal-step` is the same
@@ -24,6 +32,10 @@ class Entry:
     implementation: str
     package: str
     profiles: Mapping[str, float]
+    distribution: str = ""
+    color: str = "#666666"
+    marker: str = "P"
+    rounding: str = ""
 
 
 EQUAL_STEP = 1 / 240
@@ -33,11 +45,17 @@ ENGINES: dict[str, Entry] = {
         "touchstone.adapters.engines.reference.engine:ReferenceEngine",
         "numba",
         {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60},
+        distribution="touchstone",
+        color="#000000",
+        marker="o",
     ),
     "dart": Entry(
         "touchstone.adapters.engines.dart.engine:DartEngine",
         "dartpy",
         {RECOMMENDED: 1 / 1020, "equal-step": EQUAL_STEP, DEFAULT: 1 / 1020, ACCURATE: 1 / 1020},
+        color="#AA4499",
+        marker="^",
+        rounding="vertices of hulls in single precision",
     ),
     "bullet": Entry(
         "touchstone.adapters.engines.bullet.engine:BulletEngine",
@@ -49,11 +67,17 @@ ENGINES: dict[str, Entry] = {
             ACCURATE: 1 / 960,
             MAXIMAL: 1 / 240,
         },
+        color="#B8860B",
+        marker="s",
+        rounding="corners of hulls rounded to about 1e-4 of their size",
     ),
     "mujoco": Entry(
         "touchstone.adapters.engines.mujoco.engine:MujocoEngine",
         "mujoco",
         {RECOMMENDED: 1 / 540, "equal-step": EQUAL_STEP, DEFAULT: 1 / 540, ACCURATE: 1 / 1920},
+        color="#009E73",
+        marker="D",
+        rounding="vertices of hulls in single precision",
     ),
 }
 

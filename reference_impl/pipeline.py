@@ -68,7 +68,7 @@ from touchstone.reference_impl.simulated.speculative_contacts import gather_cont
 
 @kernel
 def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
-    """Make a freshly filled world ready for its first step."""
+    """Initialise a newly filled world for its first step."""
     for b in range(len(bodies)):
         place(bodies[b])
         if bodies[b]["kind"] == SIMULATED:
@@ -92,8 +92,8 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
 def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     """Advance a world by one frame of `state["dt"]`.
 
-    Drivers hold the tracker of the frame's end in `target_*`, that of its start in `old_target_*`.
-    `contacts`, the stage clocks and the counters are those of this frame.
+    `target_*` of a driver is its tracker at the frame's end, `old_target_*` that at its start.
+    `contacts`, the stage clocks and the counters cover this frame only.
     """
     s = state[0]
     s["counters"][:] = 0
@@ -108,7 +108,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         _fly(bodies, joints, drivers, pairs, s)
     elif is_isolated(bodies, pieces, drivers, s):
         _fly(bodies, joints, drivers, pairs, s)
-        # the driven loop looks at them
+        # the driven loop needs the placed pieces of simulated bodies
         if len(drivers) > 0:
             place_listed(bodies, pieces, vertices, SIMULATED, s)
     else:
@@ -119,14 +119,14 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
 
 @kernel
 def _weigh(bodies, joints, driver):
-    """Centre of mass and inertia of a driver's links in their present posture."""
+    """Composite centre of mass and inertia of a driver's links in their current posture."""
     composite_inertia(bodies, joints, driver, driver["center"], driver["inertia"])
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
 
 
 @kernel
 def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
-    """Driven loop: coupling, overlap removal, and how driven bodies move in this frame's contacts."""
+    """Driven loop: coupling, overlap removal, and velocities of driven bodies for this frame's contacts."""
     start = clock(state["clock"])
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
@@ -135,7 +135,7 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
         set_goals(joints, drivers[d], state["dt"], state["attraction_time"])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
-    # chains go towards the tracker in parts: none goes through another limb unseen
+    # attract chains in parts, so that no limb passes through another between overlap tests
     for part in range(state["attraction_parts"]):
         more = False
         for d in range(len(drivers)):
@@ -164,7 +164,7 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
 
 @kernel
 def _fly(bodies, joints, drivers, pairs, state):
-    """Simulated loop of a scene in which no simulated body meets anything: one substep."""
+    """Simulated loop of a frame without contacts: one substep of free flight."""
     start, h, flight = clock(state["clock"]), state["dt"], state["flight"]
     if state["skip_rotation"] == 1:
         fly_straight(bodies, state["gravity"], h, flight)
@@ -179,19 +179,19 @@ def _fly(bodies, joints, drivers, pairs, state):
 
 @kernel
 def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
-    """Simulated loop: advance to the earliest impact, resolve, go on with the rest of the frame."""
+    """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     left, weighed = state["dt"], False
     state["rows"] = 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, left)
-        # what hands weigh matters to what they hit alone
+        # the inertia of a driver without chains affects only its contacts: skip it if drivers are isolated
         if not weighed and state["driven_isolated"] == 0:
             for d in range(len(drivers)):
                 if drivers[d]["chain_count"] == 0:
                     _weigh(bodies, joints, drivers[d])
             weighed = True
-        # impacts change velocities at once; forces and held contacts over the substep
+        # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
             state["counters"][COUNT_GAVE_UP] += 1
@@ -203,7 +203,7 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         h, fraction = _substep(
             bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h
         )
-        # separating contacts return at the end of a hold: an event before leaves energy, so repeat it shorter
+        # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it
         if state["unpaid_energy"] > 0 and fraction < 1:
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
@@ -233,10 +233,10 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
 
 @kernel
 def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h):
-    """Hold the contacts `pairs[:touching]` over a time h at most, and move until the next event.
+    """Solve the resting contacts `pairs[:touching]` for at most h [s], and advance to the next event.
 
     Returns:
-        (h, fraction): the length for which they hold, and how much of it has passed.
+        (h, fraction): the length solved for [s], and the fraction of it that elapsed.
     """
     start, first_held = clock(state["clock"]), state["contact_count"]
     h, converged = solve_resting_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
@@ -248,7 +248,7 @@ def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contact
     fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, returned, state)
     end_substep(bodies, joints, drivers, fraction)
     shorten_resting_contacts(contacts, first_held, state["contact_count"], fraction)
-    # detection for parting writes behind the rows that hold
+    # detection for separation writes to `pairs` behind the contact rows
     if drifted:
         separate_simulated(bodies, pieces, vertices, pairs, touching, state)
     state["unpaid_energy"] = 0.0
@@ -259,7 +259,7 @@ def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contact
 
 @kernel
 def _advance(bodies, pieces, vertices, pairs, touching, returned, state):
-    """Pose simulated bodies at the earliest impact of the substep, at its fraction `returned`, or at its end.
+    """Pose simulated bodies at the earliest impact of the substep, but at most at its fraction `returned`.
 
     Returns:
         (fraction, drifted) of `earliest_impact`.

@@ -337,7 +337,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     known = known_of(row, tags)
     if known is not None and not met and (known.never or not isnan(row.value)):
         verdict, reason = _excused(row, known)
-    elif known is not None and met and _at_own_step(row) and is_measured(row):
+    elif known is not None and met and at_own_step(row) and is_measured(row):
         verdict, reason = "fail", f"a known failing is gone: take it out of known.py ({known.reason})"
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
     return replace(row, limit=largest, verdict=verdict, basis=basis, reason=remark)
@@ -346,7 +346,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
 def _excused(row: Row, known: Known) -> tuple[str, str]:
     """Verdict and reason of a known failing: it fails where it has grown past its bound. Events, whose value
     is a time, have none; nor has what runs at a step that was not measured."""
-    if row.metric.startswith("events.") or not _at_own_step(row):
+    if row.metric.startswith("events.") or not at_own_step(row):
         return "known", known.reason
     bound = bound_of(row)
     if bound is None and not is_measured(row):
@@ -372,19 +372,7 @@ def known_of(row: Row, tags: tuple[str, ...]) -> Known | None:
     return next((k for k in KNOWN if k.metric == row.metric and _covers(k, row, tags)), None)
 
 
-def failing_known(row: Row) -> bool:
-    """Whether a row of a table is a documented failing that misses its limit, whatever its bound."""
-    from touchstone.scenarios.catalogue import catalogue
-
-    scene = catalogue().get(row.scenario)
-    tags = scene.tags if scene else ()
-    if known_of(row, tags) is None or not _at_own_step(row) or row.metric.startswith("events."):
-        return False
-    limit = limit_of(row, tags)
-    return limit is not None and abs(row.value) > limit.largest
-
-
-def _at_own_step(row: Row) -> bool:
+def at_own_step(row: Row) -> bool:
     """Whether the row was measured at its profile's own step and settings: with others a known failing may
     be gone."""
     entry = ENGINES.get(row.engine)

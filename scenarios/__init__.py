@@ -18,3 +18,5 @@ class _Scenarios(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Scenarios
+
+import touchstone.scenarios.validation  # noqa: E402, F401  adds its checks to those of `Scenario`

@@ -8,7 +8,7 @@ link frame has its origin on the hinge. Every object is plain, frozen data.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
@@ -255,6 +255,10 @@ class Truth:
     arcs: tuple[Arc, ...] = ()
 
 
+CHECKS: list[Callable[[Scenario], list[tuple[str, str]]]] = []
+"""Functions that list the faults of a scenario; `validation` adds its own when the package is imported."""
+
+
 @dataclass(frozen=True, slots=True)
 class Scenario:
     """A scene and its truth. Building one validates it: `ScenarioError` names every fault at once; under
@@ -277,11 +281,9 @@ class Scenario:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        from touchstone.scenarios.validation import faults
-
         if HOLD_LAST.get():
             object.__setattr__(self, "trackers", tuple(tracker.hold_last() for tracker in self.trackers))
-        found = faults(self)
+        found = [fault for check in CHECKS for fault in check(self)]
         if found:
             raise ScenarioError(self.name, found)
 

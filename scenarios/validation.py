@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.chains import check_chains
 from touchstone.scenarios.scenario import (
+    CHECKS,
     EFFECTS,
     EVENTS,
     IDENTITY,
@@ -69,6 +70,9 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     _check_expectations(scenario, report)
     _check_truths(scenario, report)
     return found
+
+
+CHECKS.append(faults)
 
 
 def _finite(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:

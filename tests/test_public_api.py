@@ -51,7 +51,7 @@ def test_a_run_needs_no_guard_and_no_free_names(tmp_path: Path, way: str):
         text=True,
         timeout=300,
     )
-    assert (done.stdout, done.returncode) == ("(2, 3) True\n", 0), done.stderr
+    assert (done.stdout, done.returncode) == ("(1, 3) True\n", 0), done.stderr
 
 
 def test_a_saved_run_is_loaded_again(tmp_path: Path):

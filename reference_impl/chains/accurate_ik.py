@@ -1,4 +1,4 @@
-"""`ccd_ik` with a damped least-squares finish and seeded restarts: the side of profile `accurate`."""
+"""`ccd_ik` with a damped least-squares finish and seeded random restarts, for profile `accurate`."""
 
 from math import inf
 
@@ -25,12 +25,12 @@ from touchstone.reference_impl.core.rotation import invert_symmetric, rotate
 
 @kernel
 def accurate_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, cap, state):
-    """`ccd_ik`, then a damped least-squares finish; then both again from up to 8 random postures.
+    """Run `ccd_ik` and a damped least-squares finish; repeat both from up to 8 random postures.
 
     Args:
-        state: its `random` moves on with every restart; the rest as in `ccd_ik`.
+        state: each restart advances its `random`; the other arguments are those of `ccd_ik`.
     Returns:
-        (passes and steps, distance left [m], whether it arrived); the nearest posture found is kept.
+        (passes and steps, distance left [m], whether it converged), for the best posture found.
     """
     total, best = 0, inf
     for start in range(IK_RESTARTS + 1):
@@ -56,14 +56,14 @@ def accurate_ik(bodies, joints, first, last, point, goal, angle, passes, toleran
 
 @kernel
 def next_random(state):
-    """A number in (0, 1); the generator of Park and Miller (1988) fits any integer of 64 bits."""
+    """Random number in (0, 1) by the generator of Park and Miller (1988), which fits 64-bit integers."""
     state["random"] = 16807 * state["random"] % RANDOM_PRIME
     return state["random"] / RANDOM_PRIME
 
 
 @kernel
 def _draw_posture(joints, first, last, state):
-    """Random angles within limits and cones; the present ones are within them."""
+    """Set random angles within limits and cones; the angles on entry must be within them."""
     for k in range(first, last + 1):
         joint, share = joints[k], next_random(state)
         joint["last_angle"] = joint["angle"]
@@ -73,7 +73,7 @@ def _draw_posture(joints, first, last, state):
 
 @kernel
 def _finish(bodies, joints, first, last, point, goal, state, tolerance):
-    """Damped least squares (Levenberg, Marquardt) from the present posture.
+    """Damped least squares (Levenberg, Marquardt) from the current posture.
 
     Returns:
         (steps, distance left [m]).
@@ -96,8 +96,8 @@ def _finish(bodies, joints, first, last, point, goal, state, tolerance):
 
 @kernel
 def _step(bodies, joints, first, last, point, goal, state, damping):
-    """Add J^T (J J^T + damping^2 1)^-1 (goal - point) to the angles, cut off at the limits: hinges that it
-    pushes out of them are left out of J."""
+    """Add J^T (J J^T + damping^2 1)^-1 (goal - point) to the angles, clamped to their limits. J excludes
+    hinges at a limit that the first solution pushes beyond it."""
     for k in range(first, last + 1):
         joint = joints[k]
         a, o, column = joint["world_axis"], bodies[joint["child"]]["position"], joint["column"]

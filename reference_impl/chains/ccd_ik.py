@@ -1,7 +1,7 @@
 """Inverse kinematics of a chain by cyclic coordinate descent (Eqs. 2-5).
 
-Near its end a pass turns the joints by a constant share of what the pass before did, and near a stretched
-pose that share is almost 1: every third pass may therefore be carried on to where the series would end.
+Passes converge linearly: late passes turn the joints by a constant ratio of the previous pass. Near a
+stretched pose that ratio is almost 1. Every third pass may therefore be extrapolated to the series' limit.
 """
 
 from math import acos, atan2, cos, sin, sqrt
@@ -23,20 +23,20 @@ from touchstone.reference_impl.driven.skeleton import hang, measure_angle
 
 @kernel
 def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, cap):
-    """Turn hinges `last` to `first`, one after the other, so that a point of the last link nears a goal.
+    """Turn hinges `last` to `first`, one after the other, to move a point of the last link to a goal.
 
     Args:
-        first, last: joints of one chain that follow each other, root to tip, ball joints in whole; their
-            links are posed, their angles within limits and cones.
-        point: end effector (3,) [m], world, fixed in the child of `last`; moved along.
-        goal: where it shall go (3,) [m], world.
+        first, last: consecutive joints of one chain, root to tip, with whole ball joints. Their links are
+            posed, and their angles are within limits and cones.
+        point: end effector (3,) [m], world, fixed in the child of `last`; updated.
+        goal: target of the end effector (3,) [m], world.
         angle: ANGLE_ACOS or ANGLE_ATAN2.
         passes: PASSES_PLAIN or PASSES_EXTRAPOLATED.
-        tolerance: distance at which it has arrived [m].
-        cap: passes over all joints at most.
+        tolerance: distance at which it has converged [m].
+        cap: largest number of passes over all joints.
     Returns:
-        (passes, distance left [m], whether it arrived). The chain's links have rotation and origin of the
-        new angles; their orientation, centre and pieces wait for `pose_links`.
+        (passes, distance left [m], whether it converged). The rotation and origin of the chain's links match
+        the new angles; their orientation, centre and pieces are stale until `pose_links`.
     """
     fix_end_effector(bodies, joints, last, point)
     for k in range(first, last + 1):
@@ -54,7 +54,7 @@ def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, c
                 pose_chain(bodies, joints, k, last, point)
                 if slide_along_edge(bodies, joints, k, point, goal, angle):
                     pose_chain(bodies, joints, k, last, point)
-        # what turned beyond a joint moves its axis and origin: once a pass
+        # turning inner joints moves the axes and origins of outer ones: update them once per pass
         pose_chain(bodies, joints, first, last, point)
         left = distance(point, goal)
         since += 1
@@ -71,7 +71,7 @@ def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, c
 
 @kernel
 def _ratio_of_passes(joints, first, last, since):
-    """What the last pass turned over what the one before did, along that [1]; 0 where none was before."""
+    """Ratio of the last pass' turns to those of the pass before, by projection on them [1]; 0 without one."""
     product, square = 0.0, 0.0
     for k in range(first, last + 1):
         joint = joints[k]
@@ -84,11 +84,11 @@ def _ratio_of_passes(joints, first, last, since):
 
 @kernel
 def _extrapolate(bodies, joints, first, last, point, goal, left, ratio):
-    """Turn all hinges on as if every further pass turned `ratio` of the one before (Aitken); undone where
-    the end effector comes no nearer.
+    """Extrapolate the angles to the limit of a geometric series with this ratio (Aitken); undo that if the
+    end effector comes no nearer to its goal.
 
     Returns:
-        (distance left [m], whether it was kept).
+        (distance left [m], whether the extrapolation was kept).
     """
     ratio = min(ratio, IK_RATIO_MAX)
     for k in range(first, last + 1):
@@ -107,7 +107,7 @@ def _extrapolate(bodies, joints, first, last, point, goal, left, ratio):
 
 @kernel
 def keep_in_cones(joints, first, last):
-    """Project every ball joint of a chain into its reach cone."""
+    """Project every ball joint of hinges `first` to `last` into its reach cone."""
     for k in range(first, last + 1):
         measure_angle(joints[k])
     for k in range(first, last + 1):
@@ -117,7 +117,7 @@ def keep_in_cones(joints, first, last):
 
 @kernel
 def return_to_last(bodies, joints, first, last, point):
-    """Take back the last change of a chain's angles."""
+    """Restore a chain's angles from `last_angle`, and pose it."""
     for k in range(first, last + 1):
         joints[k]["angle"] = joints[k]["last_angle"]
     pose_angles(bodies, joints, first, last, point)
@@ -132,7 +132,7 @@ def distance(a, b):
 
 @kernel
 def fix_end_effector(bodies, joints, last, point):
-    """Store a world point in the frame of the link beyond hinge `last`."""
+    """Store a world point in the frame of the child of hinge `last`."""
     body, local = bodies[joints[last]["child"]], joints[last]["end_effector"]
     r, o = body["rotation"], body["position"]
     x, y, z = point[0] - o[0], point[1] - o[1], point[2] - o[2]
@@ -142,8 +142,8 @@ def fix_end_effector(bodies, joints, last, point):
 
 @kernel
 def pose_chain(bodies, joints, first, last, point):
-    """Rotation and origin of the links beyond hinges `first` to `last`, world axes of these hinges, and the
-    end effector as `point`, world, from the cosines and sines of their angles."""
+    """Forward kinematics of a chain from the cosines and sines of its angles: rotation and origin of the
+    children of hinges `first` to `last`, world axes of these hinges, and the end effector `point`, world."""
     for k in range(first, last + 1):
         joint = joints[k]
         parent = bodies[joint["parent"]]
@@ -157,7 +157,7 @@ def pose_chain(bodies, joints, first, last, point):
 
 @kernel
 def pose_angles(bodies, joints, first, last, point):
-    """`pose_chain` for angles that were set from outside."""
+    """`pose_chain` from the angles: computes their cosines and sines first."""
     for k in range(first, last + 1):
         measure_angle(joints[k])
     pose_chain(bodies, joints, first, last, point)
@@ -165,7 +165,7 @@ def pose_angles(bodies, joints, first, last, point):
 
 @kernel
 def turn_toward(bodies, joints, k, point, goal, angle):
-    """Turn hinge k within its limits so that `point`, all that moves now, nears `goal` the most."""
+    """Turn hinge k within its limits so that `point` comes nearest to `goal`; updates `point` but no link."""
     joint = joints[k]
     axis, o = joint["world_axis"], bodies[joint["child"]]["position"]
     ax, ay, az = axis[0], axis[1], axis[2]
@@ -183,7 +183,7 @@ def turn_toward(bodies, joints, k, point, goal, angle):
     c_old, s_old = joint["cosine"], joint["sine"]
     measure_angle(joint)
     if joint["angle"] == wanted:
-        # the end effector now points to the goal: no need to wait for the angle
+        # the end effector now points to the goal: `point` does not depend on the angle's cosine and sine
         c = sqrt(u / w)
         ux, uy, uz, s = wx, wy, wz, 0.0
     else:
@@ -196,16 +196,16 @@ def turn_toward(bodies, joints, k, point, goal, angle):
 
 @kernel
 def across(ax, ay, az, x, y, z):
-    """What of a vector is across the unit vector a (Eq. 4), and its length along it."""
+    """Component of a vector perpendicular to the unit vector a (Eq. 4), and its length along a."""
     along = ax * x + ay * y + az * z
     return x - along * ax, y - along * ay, z - along * az, along
 
 
 @kernel
 def signed_angle(sine, cosine, square, angle):
-    """Angle from its sine and cosine, both times the root of `square` (Eq. 5) [rad]."""
+    """Angle from its sine and cosine, both scaled by the square root of `square` (Eq. 5) [rad]."""
     if angle == ANGLE_ACOS:
-        # rounding may pass 1: cut off, or NaN would end the run
+        # rounding may exceed 1, where acos is NaN: clamp
         turn = acos(min(max(cosine / sqrt(square), -1.0), 1.0))
         return -turn if sine < 0 else turn
     return atan2(sine, cosine)
@@ -213,11 +213,11 @@ def signed_angle(sine, cosine, square, angle):
 
 @kernel
 def slide_along_edge(bodies, joints, first, point, goal, angle):
-    """Turn a ball joint whose bone was put on the edge of its cone about the edge's normal, the one way left
-    to its bone: hinge by hinge it would only be pushed out and put back.
+    """Slide a ball joint's bone along the edge of its reach cone towards the goal, by a turn about the edge's
+    normal. Hinge by hinge, CCD would push the bone out and the projection would bring it back.
 
     Returns:
-        Whether it turned; `point` is left behind.
+        Whether it turned; `point` is not updated.
     """
     joint = joints[first]
     normal, axis, o = joint["outward"], joint["normal"], bodies[joint["child"]]["position"]

@@ -1,14 +1,14 @@
-"""By how much the overlap of a pair is a chain's to resolve by `ccd_ik`, and which side of it that moves."""
+"""Depth of a pair that a chain resolves by `ccd_ik`, and the side of the pair that it moves."""
 
 from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel
 def chain_depth(bodies, pair, driver, d, chain, rounds):
-    """Side of a pair that chain `chain` of driver d moves, and the depth that counts.
+    """Side of a pair that chain `chain` of driver d moves, and the depth that it resolves.
 
-    Of two links of the chain the outer one moves. Of overlap with a chain whose turn comes later half counts,
-    in the first of the `rounds` alone: the other half is the later one's.
+    If both bodies are links of the chain, the outer one moves. Of overlap with a chain processed later, the
+    chain resolves half, in its first round (`rounds` 0) only; the later chain resolves the rest.
 
     Returns:
         (side, depth): 1.0 for B, -1.0 for A or 0.0 for none, and the depth [m].

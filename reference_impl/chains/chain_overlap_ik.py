@@ -1,4 +1,4 @@
-"""One link of a chain is brought out of overlap by cyclic coordinate descent (method, section 4)."""
+"""Removal of one chain link's overlap by cyclic coordinate descent (method, section 4)."""
 
 from math import atan2, pi
 
@@ -21,11 +21,12 @@ from touchstone.reference_impl.driven.skeleton import hang, measure_angle
 
 @kernel
 def aim(bodies, pairs, end, driver, d, chain, rounds, link, state):
-    """End effector (Eq. 2: mean of the contact points on the link's own surface) and goal (Eq. 3) of the link
-    beyond hinge `link`, to `state`.
+    """Set `point` and `goal` of `state` for the child of hinge `link`: the end effector (Eq. 2: mean of the
+    contact points on the link's own surface) and its goal (Eq. 3).
 
     Returns:
-        The first hinge to turn: the chain's, or the one beyond the outermost of its links that is in the way.
+        The first hinge to turn: the chain's first, or the one after the outermost of the chain's own links
+        that this link overlaps.
     """
     point, goal, first = state["point"], state["goal"], driver["chains"][chain, 0]
     for i in range(3):
@@ -54,9 +55,9 @@ def aim(bodies, pairs, end, driver, d, chain, rounds, link, state):
 
 @kernel
 def bring_out(bodies, joints, first, link, rounds, state):
-    """Turn hinges `first` to `link` so that the end effector nears its goal. A link that lies along the
-    obstacle is displaced instead: the hinges inward of its joint bring that there, and the joint's own hinges
-    keep its orientation."""
+    """Turn hinges `first` to `link` to move the end effector to its goal. A link that is parallel to the
+    obstacle's surface translates instead: the hinges inward of its joint move the joint, and the joint's own
+    hinges keep the link's orientation."""
     own = link
     while own > first and _meets_inner(joints[own]):
         own -= 1
@@ -74,14 +75,14 @@ def bring_out(bodies, joints, first, link, rounds, state):
 
 @kernel
 def _meets_inner(joint):
-    """Whether a hinge passes through the same point as the one inward of it."""
+    """Whether a hinge and the next one inward share an origin."""
     position = joint["position"]
     return position[0] == 0 and position[1] == 0 and position[2] == 0
 
 
 @kernel
 def _lies_along(body, state):
-    """Whether a link's long axis lies along the surface that the link is to be moved off."""
+    """Whether a link's long axis is nearly perpendicular to the way from the end effector to its goal."""
     point, goal, axis, m = state["point"], state["goal"], body["axis"], body["rotation"]
     along = way = 0.0
     for i in range(3):
@@ -93,13 +94,13 @@ def _lies_along(body, state):
 
 @kernel
 def keep_orientation(parent, joint, child):
-    """Turn a hinge within its limits so that its child, hung on the moved parent, keeps the world orientation
-    that `orientation` still holds as far as may be."""
+    """Turn a hinge within its limits so that its child comes as close as possible to the world orientation in
+    `orientation`, given the parent's new pose; pose the child."""
     world, frame, axis = child["scratch"], parent["rotation"], joint["axis"]
     matrix_of(child["orientation"], world)
     sine = cosine = 0.0
     for j in range(3):
-        # the child's axis j in the parent: at angle 0, and as it should be
+        # axis j of the child in the parent's frame: (u, v, w) at angle 0, (x, y, z) as wanted
         u, v, w = joint["rest"][0, j], joint["rest"][1, j], joint["rest"][2, j]
         x = frame[0, 0] * world[0, j] + frame[1, 0] * world[1, j] + frame[2, 0] * world[2, j]
         y = frame[0, 1] * world[0, j] + frame[1, 1] * world[1, j] + frame[2, 1] * world[2, j]
@@ -116,7 +117,7 @@ def keep_orientation(parent, joint, child):
 
 @kernel
 def _reach(bodies, joints, first, last, rounds, state):
-    """Bring the end effector to its goal; where a stretched chain cannot, it is bent and tries once more."""
+    """Move the end effector to its goal by `ccd_ik`; if a stretched chain fails, bend it and retry once."""
     point, goal, counters = state["point"], state["goal"], state["counters"]
     wanted = distance(point, goal)
     for attempt in range(2):
@@ -131,7 +132,7 @@ def _reach(bodies, joints, first, last, rounds, state):
         inner = bend(joints, first, last) - 1
         pose_angles(bodies, joints, first, last, point)
         if inner >= first:
-            # hinges inward of the bend go first: the bent one would only straighten again
+            # solve for the hinges inward of the bend first: otherwise the bent hinge straightens again
             ccd_ik(
                 *(bodies, joints, first, inner, point, goal, state["angle"], state["passes"]),
                 *(CHAIN_TOLERANCE, CHAIN_PASSES),
@@ -141,8 +142,8 @@ def _reach(bodies, joints, first, last, rounds, state):
 
 @kernel
 def bend(joints, first, last):
-    """Turn hinges that belong to no ball joint a little towards the middle of their range; returns the first,
-    or the one after `last`."""
+    """Turn each hinge outside ball joints by BEND_SHARE towards the middle of its range; return the first of
+    these hinges, or `last` + 1 if there is none."""
     k, bent = first, last + 1
     while k <= last:
         if joints[k]["cone_count"] > 0:

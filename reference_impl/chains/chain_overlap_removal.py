@@ -1,4 +1,4 @@
-"""Links of chains are freed of overlap, by inverse kinematics or by the least turn (method, section 4)."""
+"""Overlap removal for chains, by inverse kinematics or by the posture QP (method, section 4)."""
 
 from touchstone.reference_impl.broad_phase.detection import detect_for
 from touchstone.reference_impl.chains.accurate_ik import next_random
@@ -22,7 +22,7 @@ from touchstone.reference_impl.driven.skeleton import pose_chain_links, pose_mov
 
 @kernel
 def shuffle_chains(driver, state):
-    """Draw the order in which this frame frees a driver's chains (Fisher and Yates)."""
+    """Draw the random order in which this frame processes a driver's chains (Fisher and Yates)."""
     order, count = driver["order"], driver["chain_count"]
     for i in range(count):
         order[i] = i
@@ -35,14 +35,14 @@ def shuffle_chains(driver, state):
 
 @kernel
 def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
-    """Bring the chains of driver d out of overlap, one after the other by inverse kinematics or all at once
-    by the least turn; links are posed.
+    """Remove overlap of driver d's chains, one after the other by inverse kinematics or all at once by the
+    posture QP; poses the links.
 
     Args:
         later: as in `detect_for`.
-        end: `pairs[:end]` were detected as the links are posed now.
+        end: `pairs[:end]` are the pairs at the links' current poses.
     Returns:
-        Index after the last pair of the last detection; whether all chains came free is for its pairs to say.
+        Index after the last pair of the last detection. The chains are free if these pairs have no depth.
     """
     driver = drivers[d]
     if state["posture"] == POSTURE_LEAST_TURN:
@@ -63,11 +63,11 @@ def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, late
 
 @kernel
 def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
-    """Turn all chains by the least that frees them, round by round; stretched ones are bent."""
+    """Remove overlap of all chains by successive posture QPs; bend stretched chains."""
     driver = drivers[d]
     for rounds in range(CHAIN_ROUNDS):
         gather_constraints(bodies, pairs, end, driver, d)
-        # converges fast, unlike passes of inverse kinematics
+        # a tighter tolerance than OVERLAP_TOLERANCE: the QP converges fast, unlike passes of IK
         if chains_depth(bodies, pairs, end, d) <= QP_TOLERANCE:
             break
         for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -86,7 +86,7 @@ def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later,
 
 @kernel
 def _innermost(bodies, pairs, end, driver, d, chain, rounds):
-    """Hinge of the chain's link that overlaps and is closest to the root, or -1."""
+    """Hinge of the overlapping link of a chain that is closest to the root, or -1."""
     link = -1
     for k in range(end):
         side, depth = chain_depth(bodies, pairs[k], driver, d, chain, rounds)

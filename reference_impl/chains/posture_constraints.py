@@ -1,10 +1,9 @@
-"""Where links of chains meet anything: the rows of the least turn, kept from round to round and frame to
-frame.
+"""Contact constraints of the posture QP, cached from round to round and from frame to frame.
 
-A row is a point of a link and one of what it meets, each fixed in its body, and how far the one is to be
-above the other along the normal. A pair tells one point of a face or an edge that may lie on an obstacle as a
-whole. Points met before therefore stay while their pair touches: the ankle does not tip the sole from toe to
-heel and back.
+A constraint stores a point of a link and a point of the other body, each in its body's frame, and a lower
+bound on their separation along the normal. Collision detection reports one point per pair, even where a whole
+face or edge rests on an obstacle. Earlier points therefore persist while their pair touches; otherwise a sole
+on the ground would rock about the ankle from toe to heel and back.
 """
 
 from touchstone.reference_impl.core.conventions import CONSTRAINT_ALIKE, POSTURE_CONSTRAINTS, QP_CLEARANCE
@@ -13,7 +12,8 @@ from touchstone.reference_impl.core.kernel import kernel
 
 @kernel
 def gather_constraints(bodies, pairs, end, driver, d):
-    """Add the pairs of a driver's chains as rows, in place of alike ones; where there is no room, of all."""
+    """Add a constraint for each pair of a driver's chains; it replaces a cached one at nearly the same point.
+    Where the pairs could overflow the cache, clear it first."""
     added = 0
     for k in range(end):
         mine, _ = _sides(bodies, pairs[k], d)
@@ -36,7 +36,7 @@ def gather_constraints(bodies, pairs, end, driver, d):
 
 @kernel
 def chains_depth(bodies, pairs, end, d):
-    """Largest depth of a link of driver d's chains [m]."""
+    """Largest depth of the pairs in which a link of driver d's chains takes part [m]."""
     deepest = 0.0
     for k in range(end):
         mine, _ = _sides(bodies, pairs[k], d)
@@ -47,7 +47,7 @@ def chains_depth(bodies, pairs, end, d):
 
 @kernel
 def drop_constraints(driver, only_seen):
-    """Forget rows of pairs that no longer touch: all of them, or those alone that nothing pushes against."""
+    """Remove constraints whose pair no longer touches; with `only_seen` 0, only those with multiplier 0."""
     kept = 0
     for r in range(driver["constraint_count"]):
         row = driver["constraints"][r]
@@ -60,8 +60,8 @@ def drop_constraints(driver, only_seen):
 
 @kernel
 def _sides(bodies, pair, d):
-    """The body of a pair that is a link of a chain of driver d, the outer one where both are of one chain,
-    and the other; (-1, -1) where none is."""
+    """Body of a pair that is a chain link of driver d, and the other body; (-1, -1) if neither is one. If
+    both are, the one with the higher hinge index comes first: in one chain, the outer link."""
     a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
     at_a, at_b = a["driver"] == d and a["chain"] >= 0, b["driver"] == d and b["chain"] >= 0
     if at_b and (not at_a or b["hinge"] > a["hinge"]):
@@ -73,7 +73,8 @@ def _sides(bodies, pair, d):
 
 @kernel
 def _row_of(bodies, pair, mine, driver):
-    """The row that the pair's point has a place in, or the first free one; marks the pair's rows as seen."""
+    """Index of the cached constraint within CONSTRAINT_ALIKE of the pair's point, or of the first free slot;
+    marks all cached constraints of the pair as touching."""
     place = driver["constraint_count"]
     p = pair["point_b"] if mine == pair["body_b"] else pair["point_a"]
     m, o = bodies[mine]["rotation"], bodies[mine]["position"]
@@ -94,7 +95,7 @@ def _row_of(bodies, pair, mine, driver):
 
 @kernel
 def _set_row(bodies, pair, mine, other, driver, d, row):
-    """A point of the link `mine` that is to be so far above one of the body `other` that no depth is left."""
+    """Fill a constraint that separates the pair's points on the link `mine` and on the body `other`."""
     side = 1.0 if mine == pair["body_b"] else -1.0
     p, q = pair["point_b"] if side > 0 else pair["point_a"], pair["point_a"] if side > 0 else pair["point_b"]
     row["piece_a"], row["piece_b"], row["is_touching"] = pair["piece_a"], pair["piece_b"], 1
@@ -103,7 +104,7 @@ def _set_row(bodies, pair, mine, other, driver, d, row):
     row["first"][0], row["last"][0] = driver["chains"][one["chain"], 0], one["hinge"]
     row["first"][1], row["last"][1] = 0, -1
     if two["driver"] == d and two["chain"] == one["chain"]:
-        # hinges below both links move both
+        # hinges inward of both links move both and do not change their separation
         row["first"][0] = two["hinge"] + 1
     elif two["driver"] == d and two["chain"] >= 0:
         row["first"][1], row["last"][1] = driver["chains"][two["chain"], 0], two["hinge"]

@@ -1,13 +1,14 @@
-"""Least turn: the smallest change of a body's angles that meets all depths of its chains at once (ours).
+"""Posture QP: the smallest change of joint angles that resolves all contacts of the chains at once (ours).
 
-The articulated counterpart of `min_norm_translation`: minimise |dq - pull|^2 subject to n . (J dq) >= d for
-all points at which links touch (`posture_constraints`), J their Jacobian, and to the hinges' limits. All
-chains are solved for together: two that push each other share their overlap by |g|^2, g the change of its
-depth per turn of each hinge, which makes |dq|^2 least. Without pull it brings chains out of overlap. Pulled
-by q_tracker - q it is the attraction (section 4) that knows what the chains touch, and comes to rest where |q
-- q_tracker|^2 has a local minimum among free postures. Solved by Hildreth's method (1957), one multiplier
-after the other, with the angles cut off at their limits. Depths may be missed by s at a price of (s /
-QP_LEVER)^2, or near a stretched posture turns would have no bound.
+It is the articulated counterpart of `min_norm_translation`: minimise |dq - pull|^2 subject to n . (J dq) >= d
+at every contact point of the links (`posture_constraints`), where J is the contact Jacobian, and to the joint
+limits. One QP covers all chains. Two chains that overlap share the depth in proportion to |g|^2, where g is
+the gradient of the depth with respect to a chain's angles; this minimises |dq|^2. With pull = 0 the QP brings
+chains out of overlap. With pull = q_tracker - q it computes the attraction (section 4) subject to the
+contacts, and converges to a local minimum of |q - q_tracker|^2 among the free postures. Hildreth's method
+(1957) solves it: coordinate ascent on the multipliers, with the angles clamped to their limits. A constraint
+may be violated by s at a cost of (s / QP_LEVER)^2; without this compliance the turns near a stretched posture
+would be unbounded.
 """
 
 from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
@@ -27,11 +28,11 @@ from touchstone.reference_impl.core.rotation import rotate
 
 @kernel
 def solve_posture_qp(bodies, joints, driver, pulled, state):
-    """Turns of all hinges of a driver's chains, as `pass_turn`, that are nearest to those they hold at entry
-    and lift the points of all rows onto their planes, to first order and within limits; links stay as posed.
+    """Solve the posture QP of a driver; `pass_turn` of its hinges is the pull on entry and the solution dq on
+    return. Linearises at the current poses of the links and does not change them.
 
     Args:
-        pulled: whether by the tracker: such pushes last, and start from those of the last time.
+        pulled: whether the pull is that of the tracker; its multipliers are stored and warm start the next.
     """
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
     state["counters"][COUNT_IK_ITERATIONS] += 1
@@ -55,7 +56,7 @@ def solve_posture_qp(bodies, joints, driver, pulled, state):
 
 @kernel
 def _hinges_of_rows(driver):
-    """How many hinges the chains that rows concern have."""
+    """Number of hinges in the chains that have constraints."""
     count = 0
     for i in range(driver["chain_count"]):
         first, last = driver["chains"][i, 0], driver["chains"][i, 1]
@@ -69,8 +70,8 @@ def _hinges_of_rows(driver):
 
 @kernel
 def missed_share(joints, first, last, driver):
-    """Share of the largest depth of a chain, hinges `first` to `last`, that no turn meets [1]: 1 where a
-    stretched one is pushed along itself."""
+    """Largest violation left by the solution, over the largest depth of the chain of hinges `first` to `last`
+    [1]; 1 where a contact pushes a stretched chain along its length."""
     missed = deepest = 0.0
     for r in range(driver["constraint_count"]):
         row = driver["constraints"][r]
@@ -83,8 +84,8 @@ def missed_share(joints, first, last, driver):
 
 @kernel
 def apply_turns(joints, driver, share, most):
-    """Turn the hinges of chains by a share of `pass_turn`, none by more than `most` [rad], within limits and
-    reach cones; links wait for `pose_links`."""
+    """Turn the hinges of chains by `share` times `pass_turn`, scaled so that none turns by more than `most`
+    [rad], within limits and reach cones; the links are not posed."""
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
     largest = 0.0
     for k in range(first, end):
@@ -102,7 +103,7 @@ def apply_turns(joints, driver, share, most):
 
 @kernel
 def _measure(bodies, joints, row):
-    """Depth of a row as the links are posed now, and its fall per turn of each hinge on both sides."""
+    """Evaluate a constraint at the current poses: its depth, and the Jacobian row of both bodies."""
     n, p = row["normal"], row["world_point"]
     row["depth"] = row["bound"]
     for side in range(2):
@@ -122,8 +123,8 @@ def _measure(bodies, joints, row):
 
 @kernel
 def _progress(joints, row):
-    """By how much the turns so far lessen a row's depth [m], and how much more a unit of its push would
-    [m^2]."""
+    """Reduction of a constraint's depth by the current turns [m], and that per unit of its multiplier [m^2]:
+    the squared norm of the Jacobian over the hinges that are inside their limits."""
     made = free = 0.0
     for side in range(2):
         first = row["first"][side]
@@ -138,7 +139,7 @@ def _progress(joints, row):
 
 @kernel
 def _push(joints, row, push):
-    """Add to a row's multiplier, and to the turns what follows."""
+    """Add `push` to a constraint's multiplier, and J^T push to the turns."""
     row["multiplier"] += push
     for side in range(2):
         first = row["first"][side]
@@ -148,8 +149,7 @@ def _push(joints, row, push):
 
 @kernel
 def _sweep(joints, driver, factor):
-    """Correct the push of every row once, by a factor of what is due; returns the largest change of a depth
-    [m]."""
+    """Update every multiplier once, relaxed by `factor`; return the largest change of a depth [m]."""
     most = 0.0
     for r in range(driver["constraint_count"]):
         row = driver["constraints"][r]

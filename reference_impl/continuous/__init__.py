@@ -1,1 +1,1 @@
-"""Motion within a substep, and the time of impact of moving pieces."""
+"""Motion of bodies within a substep, and the time of impact of their pieces."""

@@ -1,10 +1,10 @@
 """Time of impact of driven bodies between their last free pose and the new one.
 
 Contact does not stop a driven body: overlap removal resolves shallow overlap, so the body slides along
-surfaces. From deep inside an obstacle, the shortest way out may lead to the far side. The motion of a driven
-body therefore ends where a link has gone a share DRIVEN_DEPTH_SHARE of the width of both pieces into an
-obstacle, along the normal found at the impact. With DETECTION_FAST only links that moved farther than half
-the width of both are swept.
+surfaces. From deep overlap, the shortest way out may lead to the far side of the obstacle. The motion of a
+driven body therefore ends where the depth of a link reaches a share DRIVEN_DEPTH_SHARE of the width of both
+pieces along the normal at the impact. DETECTION_FAST sweeps only links that moved farther than half the width
+of both.
 """
 
 from touchstone.reference_impl.broad_phase.detection import find_swept_pairs
@@ -33,7 +33,7 @@ from touchstone.reference_impl.driven.skeleton import pose_links, pose_moved
 
 @kernel
 def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
-    """Take each driver back along its way from the last free pose until no link has gone deep into a fixed or
+    """Stop each driver's motion from its last free pose where a link first goes deep into a fixed or
     simulated body; its coupling keeps its velocity."""
     since = clock(state["clock"])
     for b in range(len(bodies)):
@@ -58,14 +58,14 @@ def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
         else:
             restore_entry(joints, driver)
         _set_moving(bodies, joints, driver, 0)
-        # sweeps leave links on their ways
+        # sweeps leave links at intermediate poses
         pose_links(bodies, joints, driver)
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
 
 
 @kernel
 def _largest_turn(bodies, joints, driver):
-    """Bound on the angle by which a link turns between the last free pose and that at entry [rad]."""
+    """Bound on the rotation angle of any link between the last free pose and the pose at entry [rad]."""
     root, turned = bodies[driver["root"]], driver["scratch"][0]
     rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
     most = root["spin_most"] = abs(turned[0]) + abs(turned[1]) + abs(turned[2])
@@ -79,8 +79,8 @@ def _largest_turn(bodies, joints, driver):
 
 @kernel
 def _is_fast(bodies, joints, driver, state):
-    """Whether a link may have moved since the last free pose by half its width and that of an obstacle; poses
-    the links and bounds their paths."""
+    """Whether a link may have moved since the last free pose by more than half the sum of its width and the
+    least width; poses the links and bounds their paths."""
     pose_moved(bodies, joints, driver)
     fast = _set_path(bodies[driver["root"]], state)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -105,7 +105,7 @@ def _set_moving(bodies, joints, driver, moves):
 
 @kernel
 def _begin_segment(bodies, joints, driver, start, end):
-    """Ways of a driver's links between two fractions of its way."""
+    """Set the motions of a driver's links between two fractions of the driver's motion."""
     interpolate(bodies, joints, driver, PART_WHOLE, start)
     _set_moving(bodies, joints, driver, 1)
     for b in range(len(bodies)):
@@ -135,7 +135,8 @@ def _free_fraction(bodies, pieces, vertices, pairs, state, mover):
 
 @kernel
 def _deep(bodies, pieces, vertices, pair, state, until):
-    """Fraction at which a pair has gone deep, at most `until`; earlier, and counted, if a sweep failed."""
+    """Fraction, at most `until`, at which a pair reaches the depth limit; an earlier one, counted, if a time
+    of impact did not converge."""
     met, _, converged = time_of_impact(
         bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK
     )

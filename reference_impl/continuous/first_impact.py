@@ -1,4 +1,4 @@
-"""The earliest impact of a substep: by sweeps, or among the pairs that overlap at its end (section 5)."""
+"""Earliest impact of a substep: by time of impact, or among pairs that overlap at its end (section 5)."""
 
 from touchstone.reference_impl.broad_phase.detection import is_marked
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
@@ -24,15 +24,17 @@ from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 @kernel
 def earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state):
     """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
-    pair sinks: one more of its points has landed.
+    pair sinks because another of its points has landed.
 
     Args:
-        pairs: marked pairs (`mark_pairs`) touch at the start, or nearly, and are held. `pairs[touching:end]`
-            are looked at: those that touch or overlap at the end, or with a sweep all whose swept boxes meet.
-        fast: sweep pairs that move farther than both are thick, and test the others at the end.
+        pairs: marked pairs (`mark_pairs`) are resting contacts: they touch at the start, or nearly. The
+            search covers `pairs[touching:end]`: pairs that touch or overlap at the end or, with
+            DETECTION_SWEEP or `fast`, all whose swept boxes overlap.
+        fast: compute the time of impact of pairs that move farther than the sum of their widths; test the
+            others at the end.
     Returns:
-        (fraction, drifted): 1 where there is no new contact; whether a held contact may overlap
-        there. Bodies are left posed somewhere.
+        (fraction, drifted): 1 if there is no event; whether a resting contact may overlap there. Leaves
+        bodies at arbitrary poses.
     """
     first, drifted = 1.0, False
     sweeps = state["detection"] == DETECTION_SWEEP
@@ -57,10 +59,10 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state)
 
 @kernel
 def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
-    """Fraction, at most `first`, at which a held pair has sunk enough for another look at its contact.
+    """Fraction, at most `first`, at which a resting contact has sunk so far that it must be detected again.
 
     Returns:
-        (fraction, drifted): whether it may overlap there.
+        (fraction, drifted): `drifted` is whether the pair may overlap there.
     """
     start = distance_at(bodies, pieces, vertices, pair, state, 0.0)
     polyhedral = is_polyhedral(pieces[pair["piece_a"]], pieces[pair["piece_b"]])
@@ -73,7 +75,7 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
                 start < 0 and distance_at(bodies, pieces, vertices, pair, state, first) < -OVERLAP_TOLERANCE
             )
             return first, sank
-    # what sinks in a short substep is parted: what is round, and all once most events are used up
+    # separation corrects the sinking of round pieces in dense substeps, and of all after LANDING_EVENTS
     if state["counters"][COUNT_EVENTS] < LANDING_EVENTS and (state["dense_substep"] == 0 or polyhedral):
         if not polyhedral:
             if not sweeps:
@@ -85,10 +87,10 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
             return _closing(bodies, pieces, vertices, pair, state, late, gap, IMPACT_SHARE * gap), False
         target = start - LANDING_DEPTH
         landed = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
-        # another look at once would find the same
+        # detection immediately after the start would find the same contact
         if landed >= LANDING_MIN:
             return landed, target < -OVERLAP_TOLERANCE
-    # from far inside, the way out may lead to the other side
+    # limit the depth: from deep overlap, the shortest way out may lead to the far side
     depth = SINKING_SHARE * min(pieces[pair["piece_a"]]["width"], pieces[pair["piece_b"]]["width"])
     target = min(start, 0.0) - depth
     if sweeps:
@@ -100,8 +102,8 @@ def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
 
 @kernel
 def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
-    """Fraction at which a pair comes down to `target`, at most `until`; an earlier one, counted, where the
-    sweep did not get so far."""
+    """Fraction, at most `until`, at which a pair's distance falls to `target`; an earlier one, counted, if
+    the time of impact did not converge."""
     fraction, _, converged = time_of_impact(bodies, pieces, vertices, pair, state, 0.0, until, target, slack)
     if not converged:
         state["counters"][COUNT_UNCONVERGED] += 1
@@ -110,8 +112,8 @@ def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
 
 @kernel
 def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
-    """Fraction at which a pair comes down to `target`, to `slack`: `late` where it is clear then, else the
-    root before by the Illinois rule, a secant that cannot leave its bracket."""
+    """Fraction at which a pair's distance is `target` within `slack`, by the Illinois method (a bracketed
+    secant); `late` if the distance is not below `target` there."""
     gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
     if gap_late >= 0:
         return late

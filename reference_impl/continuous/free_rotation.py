@@ -1,15 +1,15 @@
-"""Torque-free rotation of a rigid body to rounding, at any time within a substep, by its Taylor series.
+"""Torque-free rotation of a rigid body, exact to rounding at any time within a substep, by Taylor series.
 
-In axes that stand still and agree with the body's at the start of a step, Euler's equations and the attitude
-are quadratic:
+In body-fixed axes that coincide with the world's at the start of a step, Euler's equations and the attitude
+kinematics are quadratic:
 
     M' = M x w,    p' = p w / 2,    w = J^-1 M
 
-with M the angular momentum and w the rate in body axes, p the quaternion turned since the start, J the
-inertia at the start; there M is the angular momentum in the world, which stays. The coefficients follow from
-one another by Cauchy products; no principal axes, no special inertia. For any inertia that a body can have
-the poles (of the elliptic functions that solve M) lie at least about 1.5 rad off: a substep is divided into
-steps of SPIN_STEP.
+M is the angular momentum, w the angular velocity, p the quaternion of the rotation since the start, and J the
+world inertia at the start. At the start M equals the angular momentum in the world, which is conserved.
+Cauchy products give each coefficient from the previous ones; this needs no principal axes and holds for any
+inertia. For every physical inertia, the poles of the elliptic functions that solve M are at least about
+1.5 rad away; a substep is therefore divided into steps of SPIN_STEP.
 """
 
 from math import sqrt
@@ -36,7 +36,7 @@ from touchstone.reference_impl.core.rotation import (
 
 @kernel
 def is_isotropic(inertia):
-    """Whether a body's inertia is the same about all axes, to the bit."""
+    """Whether a body's inertia is exactly the same about all axes."""
     equal = inertia[0, 0] == inertia[1, 1] and inertia[1, 1] == inertia[2, 2]
     return equal and inertia[0, 1] == 0 and inertia[0, 2] == 0 and inertia[1, 2] == 0
 
@@ -52,10 +52,10 @@ def refresh_inertia(body):
 def rotate_freely(body, h, flight):
     """Omega, orientation and world inverse inertia after a time h of torque-free rotation from `old_*`.
 
-    Sets `spin_steps`: in how many steps the series covers h, or 0 where the body turns about a fixed axis.
-    With steps also `spin_most` and `spin_bend`: bounds on |omega| [rad per h] and |omega'| [rad per h^2].
-    FLIGHT_EULER: after a turn at the present rate, with the omega that keeps the angular momentum there; -1
-    steps ask for the same at the end of the substep. With omega kept by itself the energy would grow.
+    Sets `spin_steps`: the number of series steps in h, or 0 if the body rotates about a fixed axis. With
+    steps, also sets `spin_most` and `spin_bend`: bounds on |omega| [rad per h] and |omega'| [rad per h^2].
+    FLIGHT_EULER rotates at the initial omega, then sets the omega that conserves angular momentum; it sets
+    `spin_steps` to -1, so that `end_substep` does the same. A constant omega would increase the energy.
     """
     body["spin_steps"] = 0
     inertia, omega, momentum = body["inertia"], body["old_omega"], body["momentum"]
@@ -70,7 +70,7 @@ def rotate_freely(body, h, flight):
     size = sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
     steady = x * x + y * y + z * z <= (STEADY_SPIN * size * rate) ** 2
     euler = flight == FLIGHT_EULER and not steady
-    # a spin beyond any sense, or one that is no number, keeps its axis too
+    # an absurdly fast or NaN spin also keeps its axis
     if euler or steady or not rate * h < SPIN_STEPS * SPIN_STEP:
         turn(body["old_orientation"], omega[0] * h, omega[1] * h, omega[2] * h, body["orientation"])
         matrix_of(body["orientation"], body["rotation"])
@@ -90,14 +90,14 @@ def rotate_freely(body, h, flight):
 
 @kernel
 def free_omega(body, out_omega):
-    """Angular velocity of a freely rotating body at its present rotation matrix; refreshes its inertia."""
+    """Angular velocity of a freely rotating body at its current rotation matrix; refreshes its inertia."""
     refresh_inertia(body)
     rotate(body["inverse_inertia"], body["momentum"], out_omega)
 
 
 @kernel
 def _run_steps(body):
-    """Run through all steps for the bounds of the rates."""
+    """Evaluate all steps and set the bounds on |omega| and |omega'|."""
     most = bend = 0.0
     for step in range(body["spin_steps"]):
         rate, change = _start_step(body, step)
@@ -108,7 +108,7 @@ def _run_steps(body):
 
 @kernel
 def rotation_at(body, s):
-    """Orientation of a freely rotating body at fraction s of the time of its `rotate_freely`."""
+    """Orientation of a freely rotating body at fraction s of the time h of `rotate_freely`."""
     steps = body["spin_steps"]
     wanted = max(0, min(int(s * steps), steps - 1))
     if wanted < body["spin_step"]:
@@ -120,7 +120,7 @@ def rotation_at(body, s):
 
 @kernel
 def _start_step(body, step):
-    """Expand the first step, or the one after the present."""
+    """Expand the series of step 0 or of the step after the current one; returns the bounds of `_expand`."""
     start = body["spin_start"]
     if step == 0:
         copy_quaternion(body["old_orientation"], start)
@@ -135,7 +135,7 @@ def _start_step(body, step):
 
 @kernel
 def _expand(body, span):
-    """Coefficients of the series in time / span [s], from the present rotation matrix.
+    """Series coefficients in time / span, with span [s], from the current rotation matrix.
 
     Returns:
         (most, change): bounds on |omega| [rad/s] and on its change [rad/s per span] in the step.
@@ -181,7 +181,7 @@ def _multiply_series(p, M, w, k, factor):
 
 @kernel
 def _evaluate(body, t):
-    """Orientation at the fraction t of the present step (Horner)."""
+    """Orientation at the fraction t of the current step (Horner)."""
     p, q, out_q = body["turn_series"], body["spin_start"], body["orientation"]
     a = b = c = d = 0.0
     for k in range(body["spin_terms"] - 1, -1, -1):

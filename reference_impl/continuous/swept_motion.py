@@ -1,8 +1,8 @@
-"""How a body moves over a substep, as a function of the fraction s from 0 to 1, and bounds on that.
+"""Motion of a body over a substep as a function of the fraction s in [0, 1], and bounds on it.
 
-Its centre of mass goes along old_center + s travel + s^2 travel_bend. It turns about it by the world rotation
-vector r(s) = s turn + s^2 turn_bend, or freely (`free_rotation`) where it has `spin_steps`. A body that does
-not move (`moves` is 0) stays as it is.
+The centre of mass is at old_center + s travel + s^2 travel_bend. The body rotates about it by the world
+rotation vector r(s) = s turn + s^2 turn_bend, or freely (`free_rotation`) if `spin_steps` is positive. A body
+with `moves` 0 is static.
 """
 
 from math import sqrt
@@ -16,8 +16,8 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 
 @kernel
 def flight_motion(body, h, flight):
-    """Way of a simulated body over a substep of length h: the constant acceleration that leads from its old
-    velocities to its new ones (FLIGHT_EULER: the new velocities), and a free rotation where it has steps."""
+    """Set the motion of a simulated body over a substep of length h [s]: constant acceleration from its old
+    velocities to its new ones (FLIGHT_EULER: the new velocities); free rotation overrides the rotation."""
     body["moves"] = 1
     early, late, bend = flight_way(body, h, flight)
     w0, w1 = body["old_omega"], body["omega"]
@@ -28,8 +28,8 @@ def flight_motion(body, h, flight):
 
 @kernel
 def flight_way(body, h, flight):
-    """Way of the centre of mass alone; returns the weights [s] of the old and of the new velocity in its
-    linear part, and of their difference in its square one."""
+    """Set the motion of the centre of mass; returns the weights [s] of the old and of the new velocity in its
+    linear term, and of their difference in its quadratic term."""
     early = 0.0 if flight == FLIGHT_EULER else h
     late, bend = h - early, early / 2
     v0, v1 = body["old_velocity"], body["velocity"]
@@ -41,7 +41,7 @@ def flight_way(body, h, flight):
 
 @kernel
 def shown_motion(body):
-    """Way of a driven body from the pose in `old_*` to its present one: straight, and the short way round."""
+    """Set the motion of a driven body from `old_*` to its current pose: linear, by the shortest rotation."""
     body["moves"], body["spin_steps"] = 1, 0
     turned = body["scratch"][0]
     rotation_between(body["old_orientation"], body["orientation"], turned)
@@ -53,7 +53,7 @@ def shown_motion(body):
 
 @kernel
 def set_path(body, angle):
-    """Bound on how far a point of a body's cores goes on its way, the turn being at most `angle` [rad]."""
+    """Bound the path length of the points of a body's cores, given a bound `angle` [rad] on its rotation."""
     square = 0.0
     for i in range(3):
         square += (abs(body["travel"][i]) + abs(body["travel_bend"][i])) ** 2
@@ -62,7 +62,7 @@ def set_path(body, angle):
 
 @kernel
 def largest_angle(body):
-    """Bound on the angle by which a body turns on its way [rad]."""
+    """Bound on the angle by which a body rotates over its motion [rad]."""
     if body["spin_steps"] > 0:
         return body["spin_most"]
     v, p = body["turn"], body["turn_bend"]
@@ -71,15 +71,15 @@ def largest_angle(body):
 
 @kernel
 def is_fast_pair(bodies, pieces, pair, share):
-    """Whether a pair's ways together are longer than a share of both pieces' widths: past all of that, a test
-    at their end may not see that they went through one another."""
+    """Whether the sum of a pair's paths exceeds a share of the sum of its widths. Beyond a share of 1, a test
+    at the end may miss that the pieces tunnelled."""
     path = bodies[pair["body_a"]]["path"] + bodies[pair["body_b"]]["path"]
     return path > share * (pieces[pair["piece_a"]]["width"] + pieces[pair["piece_b"]]["width"])
 
 
 @kernel
 def pose_along(body, s):
-    """Pose a body at fraction s of its way."""
+    """Pose a body at fraction s of its motion."""
     if body["moves"] == 0:
         return
     if body["spin_steps"] > 0:
@@ -98,7 +98,7 @@ def pose_along(body, s):
 
 @kernel
 def swept_box(piece, body, vertices, margin):
-    """Bounding box of a piece over its body's whole way, widened by `margin` [m]; leaves it at the start."""
+    """Bounding box of a piece over its body's motion, widened by `margin` [m]; poses the body at s = 0."""
     pose_along(body, 0.0)
     place_piece(piece, body, vertices, margin)
     if body["moves"] == 0:
@@ -108,7 +108,7 @@ def swept_box(piece, body, vertices, margin):
     for i in range(3):
         way, bend = body["travel"][i], body["travel_bend"][i]
         least, most = min(0.0, way + bend), max(0.0, way + bend)
-        # where the way turns back within the step
+        # the displacement has an extremum within the substep
         if 0 < -way * bend < 2 * bend * bend:
             least, most = min(least, -way * way / (4 * bend)), max(most, -way * way / (4 * bend))
         piece["low"][i] += least - reach
@@ -117,7 +117,7 @@ def swept_box(piece, body, vertices, margin):
 
 @kernel
 def center_speed(n, body, s):
-    """Speed of the centre of mass along n at fraction s, and the square term of its way from there [m]."""
+    """Speed of the centre of mass along n at fraction s, and quadratic term of its displacement [m]."""
     speed = bend = 0.0
     if body["moves"] == 0:
         return speed, bend
@@ -129,7 +129,7 @@ def center_speed(n, body, s):
 
 @kernel
 def point_speed(n, body, point, s):
-    """Speed along n [m] of a point of a body posed at fraction s (about, where its axis moves)."""
+    """Speed along n [m] of a point of a body posed at fraction s; approximate if the rotation axis moves."""
     if body["moves"] == 0:
         return 0.0
     speed, _ = center_speed(n, body, s)
@@ -145,9 +145,9 @@ def point_speed(n, body, point, s):
 
 @kernel
 def most_spin(n, body, axial, s, until):
-    """Largest angle per step at which a turn between two fractions moves points along n [rad].
+    """Bound on |omega| between two fractions, or on |n x omega| if the axis is fixed (`axial`) [rad].
 
-    A norm of what is linear in the fraction is largest at an end.
+    The norm of a linear function of the fraction is largest at an end.
     """
     if body["moves"] == 0:
         return 0.0
@@ -166,10 +166,10 @@ def most_spin(n, body, axial, s, until):
 
 @kernel
 def most_curl(body, lever, s, until):
-    """Bound on a point's acceleration about the centre of mass between two fractions [m].
+    """Bound on a point's acceleration relative to the centre of mass between two fractions [m].
 
     |omega x (omega x p)| <= |omega|^2 lever. For a rotation vector r, omega = J r' and
-    |omega'| <= |r''| + |r'|^2 / 2: J changes by at most |r'| / 2.
+    |omega'| <= |r''| + |r'|^2 / 2, because |J'| <= |r'| / 2.
     """
     if lever == 0:
         return 0.0
@@ -182,8 +182,8 @@ def most_curl(body, lever, s, until):
 
 @kernel
 def lever_of(body, piece, vertices):
-    """Whether a turn keeps its axis, and the largest distance [m] of the piece's core from that axis, else
-    from the centre of mass; 0 without a turn."""
+    """Whether the rotation axis is fixed, and the largest distance [m] of the piece's core from that axis, or
+    from the centre of mass if the axis moves; 0 without rotation."""
     if body["moves"] == 0:
         return False, 0.0
     if body["spin_steps"] > 0:
@@ -197,7 +197,7 @@ def lever_of(body, piece, vertices):
         return False, 0.0
     if not axial:
         return False, _farthest(body, piece, vertices, 0.0, 0.0, 0.0)
-    # the axis in body axes, where the turn leaves it
+    # the axis in body coordinates, which the rotation leaves constant
     pose_along(body, 0.0)
     m = body["rotation"]
     x, y, z = x / size, y / size, z / size
@@ -209,8 +209,8 @@ def lever_of(body, piece, vertices):
 
 @kernel
 def _farthest(body, piece, vertices, u, v, w):
-    """Largest distance [m] of a piece's core across the unit axis (u, v, w) through its body's centre of
-    mass, body axes; from the centre itself where the axis is zero. An ellipsoid counts as a ball."""
+    """Largest distance [m] of a piece's core from the unit axis (u, v, w) through its body's centre of mass,
+    body frame, or from the centre if the axis is zero. Bounds an ellipsoid by a sphere."""
     kind, size, rotation = piece["kind"], piece["size"], piece["rotation"]
     cx = piece["position"][0] - body["center_of_mass"][0]
     cy = piece["position"][1] - body["center_of_mass"][1]

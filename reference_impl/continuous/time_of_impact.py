@@ -1,21 +1,21 @@
-"""Time of impact of two moving, turning convex pieces by conservative advancement: never late.
+"""Time of impact of two translating and rotating convex pieces by conservative advancement: never late.
 
-Bodies move as `motion` says. The signed distance of two convex pieces is the largest gap along any direction,
-so at a later s' it is at least the gap along the normal n found at s:
+`swept_motion` defines the motion. The signed distance of two convex pieces is the largest gap along any
+direction. At a later s' it is therefore at least the gap along the normal n found at s:
 
     distance(s') >= distance(s) - integral from s to s' of (n . (c_a' - c_b') + reach_a + reach_b),
 
-where reach bounds n . (omega x p) over the points p of a piece, seen from the centre of mass. About a fixed
-axis it is |n x omega| times the largest distance from that axis. Along a rotation vector r, omega = J r',
-where J, the mean of the rotations exp(t r) for t in [0, 1], lengthens nothing: |r'| times the largest
-distance from the centre. In free rotation it is the bound on |omega| times that distance. A round rim does
-not count, for turning moves only the core. An advance ends where the right-hand side comes down to the target
-(Mirtich 1996; Zhang, Lee & Kim 2006).
+where reach bounds n . (omega x p) over the points p of a piece, relative to the centre of mass. For a fixed
+axis, reach is |n x omega| times the largest distance from that axis. For a rotation vector r, omega = J r',
+where J, the mean of the rotations exp(t r) for t in [0, 1], has norm at most 1: reach is |r'| times the
+largest distance from the centre. For free rotation it is the bound on |omega| times that distance. The
+rounding radius of a piece does not contribute, because rotation moves only the core. An advance ends where
+the right-hand side falls to the target (Mirtich 1996; Zhang, Lee & Kim 2006).
 
-A fast spin makes these advances short. A leap goes farther: along the fixed n every point's height lies
-above its chord less curl t^2 / 8, where curl bounds its second derivative, so the gap along n stays above the
-lesser of its two ends less that. The end is measured, not bounded: near the impact leaps converge like
-Newton's method.
+Fast rotation makes these advances short; a leap is longer. Along the fixed n, the height of every point is
+above its chord minus curl t^2 / 8, where curl bounds its second derivative. The gap along n is thus at least
+the smaller of its values at both ends, minus that term. The gap at the end is measured, not bounded, so near
+the impact leaps converge like Newton's method.
 """
 
 from math import sqrt
@@ -39,17 +39,17 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 
 @kernel
 def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, slack):
-    """Fraction of the step at which the pair's distance first falls to the target gap.
+    """Fraction of the substep at which the pair's distance first falls to the target gap.
 
     Args:
-        pair: PAIR; names the pieces and bodies, takes the distance, normal and witnesses last measured.
-        start, until: fractions to search between [1].
-        target: gap to find [m]; negative: a depth.
+        pair: PAIR with the pieces and bodies; receives the last distance, normal and witness points.
+        start, until: ends of the search interval, as fractions [1].
+        target: gap to find [m]; a negative one is a depth.
         slack: accepted excess over the target [m], positive.
     Returns:
-        (fraction, iterations, converged): `until` where the distance stays above the target. Else the
-        distance there is in [target, target + slack], or below it at `start`. Unconverged: no impact up to
-        this fraction, more is not known. Both bodies are left posed somewhere on their way.
+        (fraction, iterations, converged): `until` if the distance stays above the target. Otherwise the
+        distance at the fraction is in [target, target + slack], or lower if it is at `start`. If not
+        converged, there is no impact before the fraction. Leaves both bodies at intermediate poses.
     """
     a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
     axial_a, lever_a = lever_of(a, pieces[pair["piece_a"]], vertices)
@@ -58,12 +58,12 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
     while iterations < TIME_OF_IMPACT_STEPS:
         iterations += 1
         gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
-        # the witnesses bound the distance from above: it equals the gap where it converged
+        # pair["distance"] is an upper bound on the distance, `gap` uses a lower one; both agree if converged
         if pair["distance"] - target <= slack:
             return s, iterations, True
         if gap <= 0:
             break
-        # the approach along n: that of the centres is exact, the turns are at their fastest
+        # approach along n: exact for the centres, an upper bound for the rotations
         speed_a, bend_a = center_speed(n, a, s)
         speed_b, bend_b = center_speed(n, b, s)
         turns = lever_a * most_spin(n, a, axial_a, s, until)
@@ -81,8 +81,8 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
 
 @kernel
 def distance_at(bodies, pieces, vertices, pair, state, s):
-    """Signed distance [m] of a pair at fraction s; where it did not converge, a lower bound, and
-    `pair["distance"]` an upper one."""
+    """Signed distance [m] of a pair at fraction s; if it did not converge, a lower bound, with an upper bound
+    in `pair["distance"]`."""
     place_pair(bodies, pieces, vertices, pair, s)
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     _, converged = convex_depth(one, two, vertices, state, pair)
@@ -95,10 +95,10 @@ def distance_at(bodies, pieces, vertices, pair, state, s):
 
 @kernel
 def _sharpen(piece_a, piece_b, vertices, state, pair):
-    """Measure the normal anew with B moved off along it.
+    """Recompute the normal with B translated along it.
 
-    Next to a round surface rounding tilts the normal of a tiny gap. A shift t along it leaves t / (R + t) of
-    the tilt, R being the radius of curvature: a step of the proximal point method.
+    Near a round surface, rounding errors tilt the normal of a tiny gap. A shift t along the normal leaves
+    t / (R + t) of the tilt, with R the radius of curvature: a step of the proximal point method.
     """
     size_a = size_b = 0.0
     for i in range(3):
@@ -131,7 +131,7 @@ def _place(body, piece, vertices, s):
 
 @kernel
 def gap_along(piece_a, piece_b, vertices, x, y, z, state):
-    """Gap [m] of two placed pieces along a unit vector from A to B: no more than their distance."""
+    """Gap [m] of two placed pieces along a unit vector from A to B: a lower bound on their distance."""
     enter_frame(piece_a, piece_b, state)
     m = piece_b["world_rotation"]
     u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z
@@ -143,19 +143,19 @@ def gap_along(piece_a, piece_b, vertices, x, y, z, state):
 
 @kernel
 def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, advance):
-    """An advance that is proved safe at its end; `advance` where that goes farther.
+    """Longer advance, verified by the gap at its end; returns `advance` if it finds none.
 
     Args:
-        gap: distance at s less the target [m], positive.
+        gap: distance at s minus the target [m], positive.
         curl: bound on the second derivative of the points' heights along the normal [m].
     """
     n, a, b = pair["normal"], bodies[pair["body_a"]], bodies[pair["body_b"]]
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
-    # Newton's step of the witnesses, held back by twice the worst bend: enough is left for the proof
+    # Newton step for the witness points with twice the worst curvature, so that the check below can pass
     closing = point_speed(n, a, pair["point_a"], s)
     closing -= point_speed(n, b, pair["point_b"], s)
     leap = min(_time_to_close(gap, closing, curl), until - s)
-    # where another point comes nearer, a shorter leap
+    # shorten the leap while another point comes too near
     while leap > advance:
         dip = curl * leap * leap / 8
         if dip <= gap:
@@ -168,10 +168,10 @@ def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, ad
 
 @kernel
 def _time_to_close(gap, speed, bend):
-    """Least positive t with speed t + bend t^2 = gap > 0; infinite where there is none."""
+    """Least positive t with speed t + bend t^2 = gap > 0, or infinity."""
     square = speed * speed + 4 * bend * gap
     if square < 0:
         return np.inf
-    # the root's other form: no cancellation, and a negative sum means that both roots are past
+    # this form of the root avoids cancellation; without a positive sum no root is positive
     total = speed + sqrt(square)
     return 2 * gap / total if total > 0 else np.inf

@@ -1,1 +1,1 @@
-"""The driven loop: coupling to the tracker, global depth and removal of overlap."""
+"""The driven loop: coupling to the tracker, global penetration depth and overlap removal."""

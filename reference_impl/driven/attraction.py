@@ -1,13 +1,14 @@
-"""Attraction of a driven body's hinges to its tracker's (coach and trainee; method, section 4).
+"""Attraction of a driven body's posture to its tracker's (coach and trainee; method, section 4).
 
-In every frame chains go from the posture shown towards a goal, the tracker's posture or, with a lag tau, that
-share of the way which 1 - exp(-h / tau) is. By `POSTURE_CCD` they go there and are brought out of overlap
-afterwards. By `POSTURE_LEAST_TURN` the way is projected on what the chains touch already, part by part: a
-limb that is held off its tracker slides along its obstacle and is never sent deep into it.
+Each frame moves the chains from the posture shown towards a goal: the tracker's posture or, with a lag tau,
+the share 1 - exp(-h / tau) of the way to it. With `POSTURE_CCD` the chains turn to the goal, and overlap
+removal follows. With `POSTURE_LEAST_TURN` the posture QP projects each part of the motion on the constraints
+of existing contacts: a limb that cannot reach its tracker slides along the obstacle, without deep overlap.
 
-Of a convex set the nearest point moves no farther than what it is nearest to. Free postures are not convex,
-and the nearest jumps where a hand's edge passes another's: no hinge turns by more than the tracker's posture
-as a whole, or by what a lag of ATTRACTION_TIME would turn it.
+Projection on a convex set moves no farther than the projected point. The set of free postures is not convex:
+the nearest posture jumps, for example where the edge of one hand passes that of the other. The stride
+therefore limits each hinge's turn in a frame to the norm of the turns of the tracker's posture or, if larger,
+of those under a lag of ATTRACTION_TIME.
 """
 
 from math import exp, inf, sqrt
@@ -27,8 +28,8 @@ from touchstone.reference_impl.driven.skeleton import pose_moved
 
 @kernel
 def set_goals(joints, driver, h, lag):
-    """Pose a hand's hinges as the glove shows them, with their rates; set where those of chains are to be
-    after a frame of length h, and how far one may turn in it."""
+    """Set the angles and rates of hinges outside chains to the tracker's (a hand's to the glove's), the goal
+    angles of chains for a frame of length h [s], and the stride, the largest turn of a hinge in it."""
     share = 1 - exp(-h / lag) if lag > 0 else 1.0
     slow = 1 - exp(-h / ATTRACTION_TIME)
     apart = moved = 0.0
@@ -48,10 +49,10 @@ def set_goals(joints, driver, h, lag):
 
 @kernel
 def approach(bodies, joints, driver, state, part):
-    """Turn chains towards the frame's goals, in part `part` of the frame; links wait for `pose_links`.
+    """Turn chains towards their goals, in part `part` of the frame; does not pose the links.
 
     Returns:
-        Whether a way is left to go.
+        Whether a further part is needed.
     """
     if driver["chain_count"] == 0:
         return False
@@ -61,7 +62,7 @@ def approach(bodies, joints, driver, state, part):
     if projected and part == 0:
         drop_constraints(driver, 1)
     if driver["constraint_count"] > 0:
-        # the root has moved
+        # the coupling has moved the root
         if part == 0:
             pose_moved(bodies, joints, driver)
         solve_posture_qp(bodies, joints, driver, True, state)
@@ -84,7 +85,7 @@ def approach(bodies, joints, driver, state, part):
 
 @kernel
 def _longest_way(joints, driver):
-    """Largest turn of all hinges of a chain, within their limits [rad]."""
+    """Largest sum of turns over the hinges of a chain, within their limits [rad]."""
     most = 0.0
     for i in range(driver["chain_count"]):
         way = 0.0
@@ -98,7 +99,7 @@ def _longest_way(joints, driver):
 
 @kernel
 def _shorten(joints, driver, share):
-    """Cut turns to a share of them, and to what is left of the frame's stride."""
+    """Scale the turns by `share`, then clamp each to the remainder of the frame's stride."""
     stride = driver["stride"]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]

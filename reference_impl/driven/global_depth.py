@@ -1,4 +1,4 @@
-"""Global depth: one translation for a mover against all its obstacles (Eq. 1, algorithm 1)."""
+"""Global penetration depth: one translation of a mover for all its obstacles (Eq. 1, algorithm 1)."""
 
 from math import sqrt
 
@@ -8,8 +8,8 @@ from touchstone.reference_impl.core.kernel import kernel
 
 @kernel
 def is_mover(bodies, body, mover):
-    """Whether a body belongs to `mover`: a body's index, or -1 - the index of a driver, or of its links in no
-    chain -1 - TRUNK_OFFSET - the index."""
+    """Whether a body belongs to `mover`: b for body b, -1 - d for all links of driver d, or
+    -1 - TRUNK_OFFSET - d for its links outside chains."""
     if mover >= 0:
         return body == mover
     if mover < -TRUNK_OFFSET:
@@ -19,8 +19,8 @@ def is_mover(bodies, body, mover):
 
 @kernel
 def side_of(bodies, pair, mover):
-    """1.0 when `mover` is B of a pair, -1.0 when it is A, 0.0 when it has no part, or the pair is one of its
-    driver's links among each other."""
+    """Side of a pair that `mover` is on: 1.0 for B, -1.0 for A, 0.0 for neither; 0.0 also for two links of
+    one driver."""
     a, b = pair["body_a"], pair["body_b"]
     if mover < 0 and bodies[a]["driver"] == bodies[b]["driver"]:
         return 0.0
@@ -31,7 +31,7 @@ def side_of(bodies, pair, mover):
 
 @kernel
 def largest_depth(bodies, pairs, end, d):
-    """Largest depth of `pairs[:end]` at driver d, of its links among each other too [m]."""
+    """Largest depth of `pairs[:end]` that involve driver d, self-collision included [m]."""
     deepest = 0.0
     for k in range(end):
         if bodies[pairs[k]["body_a"]]["driver"] == d or bodies[pairs[k]["body_b"]]["driver"] == d:
@@ -44,9 +44,9 @@ def global_depth(bodies, pairs, first, end, mover, out_shift):
     """Eq. 1: PD = sum(d_i^2 n_i) / sum(d_i) over the mover's overlapping pairs, normals towards the mover.
 
     Args:
-        pairs: `pairs[first:end]` are looked at.
+        pairs: `pairs[first:end]` are used.
         mover: as in `is_mover`.
-        out_shift: the translation of the mover [m].
+        out_shift: PD, the translation of the mover (3,) [m].
     Returns:
         (deepest, size): the mover's largest depth and |PD| [m].
     """

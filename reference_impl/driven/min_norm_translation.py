@@ -1,8 +1,9 @@
-"""Least motion: the smallest translation of a mover that meets all its depths at once (method, section 3).
+"""Minimum-norm translation that resolves all depths of a mover at once (method, section 3).
 
-In three dimensions the answer lies on at most three of the planes n_i . x = d_i. Dual active set: the plane
-that x violates most joins those that hold it, and the smallest x that meets these at most four is found among
-the seven ways to lie on the new one. |x| grows with every plane, so none returns and the method ends.
+In three dimensions at most three constraints n_i . x >= d_i are active. A dual active-set method adds the
+most violated constraint to the active set. It finds the smallest x that satisfies these at most four by
+trying the seven subsets of at most three that contain the new one. |x| grows with every constraint added, so
+no active set recurs and the method terminates.
 """
 
 from math import inf, sqrt
@@ -17,18 +18,18 @@ def min_norm_translation(bodies, pairs, first, end, mover, planes, out_shift):
     """The smallest x with n_i . x >= d_i over the mover's overlapping pairs, normals towards the mover.
 
     Args:
-        pairs: `pairs[first:end]` are looked at; of equals the first counts.
+        pairs: `pairs[first:end]` are used; of equally violated ones the first is added.
         mover: as in `is_mover`.
         planes: scratch (4, 4), rows (n, d).
-        out_shift: the translation of the mover [m].
+        out_shift: x, the translation of the mover (3,) [m].
     Returns:
-        (deepest, size): the mover's largest depth and |x| [m]; x = 0 at a depth: opposing normals, no answer.
+        (deepest, size): the mover's largest depth and |x| [m]; (depth, 0) if opposing normals are infeasible.
     """
     deepest = size = 0.0
     count = 0
     out_shift[:] = 0.0
     for _ in range(MIN_NORM_PLANES):
-        # the plane that x violates most
+        # find the most violated constraint
         worst, found = PLANE_TOLERANCE * (deepest + size), -1
         for k in range(first, end):
             depth = -pairs[k]["distance"]
@@ -55,10 +56,10 @@ def min_norm_translation(bodies, pairs, first, end, mover, planes, out_shift):
 
 @kernel
 def _hold(planes, last, deepest, out_shift):
-    """The smallest x on plane `last` that meets the planes before it; those it lies on move to the front.
+    """Find the smallest x on plane `last` that satisfies the planes before it; move active ones to the front.
 
     Returns:
-        (count, size): how many planes hold x, and |x| [m]; count 0: no x meets all.
+        (count, size): number of active planes, and |x| [m]; count 0 if infeasible.
     """
     size, p, q = inf, -1, -1
     for j in range(-1, last):
@@ -87,10 +88,10 @@ def _hold(planes, last, deepest, out_shift):
 
 @kernel
 def _nearest_on(planes, i, j, k):
-    """The point nearest the origin on planes i, j and k; -1 leaves j, k or both out.
+    """Point nearest to the origin on planes i, j and k; -1 omits j, k or both.
 
-    The basis is that of Gram and Schmidt, by cross products: x misses no plane by more than rounding of |x|,
-    however small the angle between two normals.
+    An orthonormal basis from cross products (Gram-Schmidt) keeps x on every plane to rounding of |x|, however
+    small the angle between two normals.
 
     Returns:
         (meet, x, y, z): whether the normals are independent, and the point.
@@ -98,7 +99,7 @@ def _nearest_on(planes, i, j, k):
     p, q, r = planes[i], planes[j], planes[k]
     x, y, z = p[3] * p[0], p[3] * p[1], p[3] * p[2]
     if j >= 0:
-        # g is normal to both normals, f to n_i and g
+        # g is perpendicular to both normals, f to n_i and g
         gx, gy, gz = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
         size = sqrt(gx * gx + gy * gy + gz * gz)
         if size < PARALLEL_SINE:

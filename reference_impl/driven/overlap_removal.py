@@ -1,5 +1,5 @@
-"""The driven loop: driven bodies are freed of overlap by translation, their chains by inverse kinematics, or
-go back to their last free pose."""
+"""Overlap removal for driven bodies: by translation, for chains by inverse kinematics; if both fail, the body
+returns towards its last free pose."""
 
 from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
@@ -32,11 +32,12 @@ from touchstone.reference_impl.driven.skeleton import place, pose_links, pose_mo
 
 @kernel
 def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
-    """Free all drivers of overlap with fixed, simulated and driven bodies (method, section 3).
+    """Remove all drivers' overlap with fixed, simulated and driven bodies (method, section 3).
 
-    Two drivers part by half each; what is left between them is the later one's. Where that leaves one stuck
-    (the other pushed it into a wall), all go back to where they were last free, and each in turn comes as
-    far as the others let it: its own way back stays free. Giving up is counted.
+    Two overlapping drivers move by half of the depth each; the later one resolves the rest. If one is stuck
+    then (pushed into a wall by the other), all drivers return to their last free poses. Each in turn then
+    takes its pose at entry and resolves all overlap with the others; its way back stays free. A driver that
+    stays in overlap is counted in `gave_up`.
     """
     for d in range(len(drivers)):
         store_entry(joints, drivers[d])
@@ -65,7 +66,8 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
 
 @kernel
 def pass_free(bodies, pieces, joints, drivers, state):
-    """Whether drivers, whose links it poses, can meet nothing, as their rooms tell: none is to be freed."""
+    """Whether no driver needs overlap removal, as all links are isolated and inside their fat AABBs; poses
+    the links."""
     if state["driven_isolated"] == 0:
         return False
     for d in range(len(drivers)):
@@ -81,7 +83,7 @@ def pass_free(bodies, pieces, joints, drivers, state):
 
 @kernel
 def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
-    """One round of Eq. 1 among drivers alone: each moves by half its depths, all at once."""
+    """One simultaneous round of Eq. 1 for overlap between drivers: each resolves half of the depths."""
     shift = state["shift"]
     for d in range(len(drivers)):
         pose_links(bodies, joints, drivers[d])
@@ -100,15 +102,15 @@ def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
 
 @kernel
 def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
-    """Free driver d, or take the way back, which is counted; its links are posed.
+    """Remove the overlap of driver d, or else take the way back, which is counted; poses its links.
 
-    What no chain moves is freed by translation, then the chains by inverse kinematics. What the chains cannot
-    take, the whole driver gives way to.
+    Translation frees the links outside chains, then inverse kinematics frees the chains. The whole driver
+    translates to resolve what the chains cannot.
 
     Args:
-        later: share of its overlap with drivers whose turn comes later that it moves by, 0 or 1 [1].
+        later: share of its overlap with drivers processed later that this driver resolves, 0 or 1 [1].
     Returns:
-        Whether it is free; if not, it stands at its pose at entry.
+        Whether it is free; if not, it is at its pose at entry.
     """
     mover = -1 - TRUNK_OFFSET - d
     end, free = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
@@ -131,10 +133,10 @@ def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, lat
 
 @kernel
 def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later):
-    """Translate driver d until `mover`, all of it or what no chain moves, is free; its links are posed.
+    """Translate driver d until `mover`, all its links or those outside chains, is free; poses the links.
 
     Returns:
-        (end, free): index after the last pair, and whether it came free.
+        (end, free): index after the last pair, and whether `mover` is free.
     """
     driver, shift = drivers[d], state["shift"]
     previous, marked = 0.0, 0
@@ -147,7 +149,7 @@ def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover
             deepest, size = global_depth(bodies, pairs, 0, end, mover, shift)
         if is_free(deepest):
             return end, True
-        # opposing normals cancel or send it far away, or the depth falls too slowly
+        # stop if opposing normals cancel or give a huge translation, or if the depth falls too slowly
         stalled = rounds - marked == STALL_ROUNDS and deepest > STALL_FALL * previous
         opposing = size < VANISHING_SHIFT * deepest or size > LONGEST_SHIFT * deepest
         if opposing or stalled or rounds == REMOVAL_ROUNDS:
@@ -162,7 +164,7 @@ def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover
 
 @kernel
 def store_entry(joints, driver):
-    """Remember the present pose as that at entry."""
+    """Store the current pose as the pose at entry."""
     copy_vector(driver["position"], driver["entry_position"])
     copy_quaternion(driver["orientation"], driver["entry_orientation"])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -171,7 +173,7 @@ def store_entry(joints, driver):
 
 @kernel
 def restore_entry(joints, driver):
-    """Go back to the pose at entry; links are not posed."""
+    """Restore the pose at entry; does not pose the links."""
     copy_vector(driver["entry_position"], driver["position"])
     copy_quaternion(driver["entry_orientation"], driver["orientation"])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -180,7 +182,7 @@ def restore_entry(joints, driver):
 
 @kernel
 def store_free_pose(bodies, joints, driver):
-    """Remember the present pose, in which its links are posed, as the last free one."""
+    """Store the current pose, at which the links are posed, as the last free pose."""
     copy_vector(bodies[driver["root"]]["center"], bodies[driver["root"]]["free_center"])
     copy_vector(driver["position"], driver["free_position"])
     copy_quaternion(driver["orientation"], driver["free_orientation"])
@@ -192,11 +194,11 @@ def store_free_pose(bodies, joints, driver):
 
 @kernel
 def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
-    """Go back to the last free pose, and from there towards that at entry as far as is free: what no chain
-    moves first, then each chain.
+    """Return to the last free pose, then move towards the pose at entry as far as is free: first the links
+    outside chains, then each chain.
 
     Returns:
-        Whether the driver is free; if not, it stands at its pose at entry.
+        Whether the driver is free; if not, it is at its pose at entry.
     """
     driver = drivers[d]
     if driver["has_free"] == 0 or not _free_at(
@@ -213,8 +215,8 @@ def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later)
 
 @kernel
 def _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part):
-    """Bisect one part of driver d between its last free pose (t = 0) and that at entry (t = 1), the rest as
-    it is; keeps the free end."""
+    """Bisect one part of driver d between its last free pose (t = 0) and its pose at entry (t = 1), with the
+    other parts fixed; keep the free end."""
     free, blocked = 0.0, 1.0
     if drivers[d]["chain_count"] > 0:
         if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, 1.0):
@@ -237,8 +239,8 @@ def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, 
 
 @kernel
 def interpolate(bodies, joints, driver, part, t):
-    """Pose links with a part of the driver at t between the last free pose (0) and that at entry (1): linear,
-    orientation by slerp, within reach cones."""
+    """Interpolate a part of the driver between its last free pose (t = 0) and its pose at entry (1), and pose
+    the links: linear, orientation by slerp, within reach cones."""
     if part < 0:
         turned = driver["scratch"][0]
         for i in range(3):
@@ -259,9 +261,9 @@ def interpolate(bodies, joints, driver, part, t):
 
 @kernel
 def _stop_at_obstacles(bodies, drivers, pairs, end, d, mover):
-    """Take out the coupling velocity of driver d that points into what `mover` of it touches; two drivers
-    share it. (A simulated body is met by an impulse, which needs that velocity, a later driver in its own
-    turn.)"""
+    """Remove the component of driver d's coupling velocity that points into an obstacle touched by `mover`;
+    two drivers share it. Pairs with simulated bodies keep it for their impulse; pairs with later drivers wait
+    for the later driver."""
     v = drivers[d]["velocity"]
     for k in range(end):
         pair = pairs[k]
@@ -285,7 +287,8 @@ def _stop_at_obstacles(bodies, drivers, pairs, end, d, mover):
 
 @kernel
 def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
-    """Move simulated bodies out of a driver that gave up, unless they would then overlap a fixed one."""
+    """Translate simulated bodies out of a driver that stays in overlap, unless they would then overlap a
+    fixed body."""
     shift = state["shift"]
     for b in range(len(bodies)):
         if bodies[b]["kind"] != SIMULATED:

@@ -1,8 +1,8 @@
-"""Ball joints: a spherical polygon bounds where the bone points, an interval bounds its twist.
+"""Ball joint limits: a spherical polygon bounds the bone's direction, and an interval bounds its twist.
 
 After Wilhelms and Van Gelder, "Fast and easy reach-cone joint limits" (Journal of Graphics Tools 6(2), 2001).
-Coordinates are those of the three hinges' axes at angles 0, the third along the bone: the rotation is
-Rx(q1) Ry(q2) Rz(q3); its last column is the bone, its first, the mark, tells the twist.
+Coordinates are those of the three hinges' axes at angles 0, the third along the bone. The rotation is
+Rx(q1) Ry(q2) Rz(q3); its last column is the bone, and its first column, the mark, defines the twist.
 """
 
 from math import atan2, cos, pi, sin, sqrt
@@ -18,7 +18,7 @@ def keep_in_cone(joints, first):
     """Project a ball joint into its reach cone, in place.
 
     Args:
-        first: index of the ball joint's first hinge; `last_angle` of the three are angles inside.
+        first: index of the ball joint's first hinge; `last_angle` of its three hinges is inside the cone.
     Returns:
         Whether an angle changed.
     """
@@ -32,8 +32,8 @@ def keep_in_cone(joints, first):
 
 @kernel
 def project(joint):
-    """Bring `bone` to the nearest direction inside by great circle, turned there by the shortest rotation,
-    then the twist to the nearest end of its interval; returns whether either was outside."""
+    """Project `bone` on the nearest direction inside, rotating `mark` with it by the shortest rotation; then
+    clamp the twist to its interval. Returns whether either was outside."""
     bone, mark, nearest, outward = joint["bone"], joint["mark"], joint["nearest"], joint["outward"]
     outward[:] = 0.0
     inside = is_inside(joint, bone)
@@ -57,7 +57,7 @@ def project(joint):
 
 @kernel
 def take_angles(joints, first):
-    """Set a ball joint's hinges by its `bone` and `mark`; where their limits forbid that, to `last_angle`."""
+    """Set a ball joint's angles from its `bone` and `mark`, or to `last_angle` if limits exclude them."""
     if not recover_angles(joints, first):
         joints[first]["outward"][:] = 0.0
         for k in range(first, first + 3):
@@ -82,7 +82,7 @@ def _dot(a, b):
 
 @kernel
 def _volume(a, b, c):
-    """(a x b) . c: positive where c lies to the left of the way from a to b."""
+    """(a x b) . c: positive if c is to the left of the arc from a to b."""
     return (
         (a[1] * b[2] - a[2] * b[1]) * c[0]
         + (a[2] * b[0] - a[0] * b[2]) * c[1]
@@ -99,7 +99,7 @@ def take_corner(joint, i, out_corner):
 
 @kernel
 def is_inside(joint, bone):
-    """Whether the unit vector `bone` lies in the polygon, its edges included."""
+    """Whether the unit vector `bone` is inside the polygon or on its edges."""
     if _dot(joint["cone_center"], bone) > joint["cone_cap"]:
         return True
     center, count = joint["cone_center"], joint["cone_count"]
@@ -110,7 +110,7 @@ def is_inside(joint, bone):
         copy_vector(following, corner)
         take_corner(joint, i, following)
         right = _volume(center, following, bone)
-        # the wedge, seen from the centre, that the bone lies in
+        # test the edge only if the bone is in the wedge that it spans with the centre
         if left >= 0 and right <= 0 and _volume(corner, following, bone) >= -CONE_SLACK:
             return True
         left = right
@@ -119,7 +119,7 @@ def is_inside(joint, bone):
 
 @kernel
 def nearest_direction(joint, bone, out_direction):
-    """Unit vector on the polygon's edges that is nearest to `bone` by great circle."""
+    """Unit vector on the polygon's edges with the smallest great-circle distance to `bone`."""
     a, b, normal, foot = joint["corner"], joint["next_corner"], joint["normal"], joint["foot"]
     best, count = -2.0, joint["cone_count"]
     for i in range(count):
@@ -128,7 +128,7 @@ def nearest_direction(joint, bone, out_direction):
         if _dot(a, bone) > best:
             best = _dot(a, bone)
             copy_vector(a, out_direction)
-        # foot of the bone on the plane of the edge ab
+        # project the bone on the plane of the edge ab
         normal[0], normal[1] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]
         normal[2] = a[0] * b[1] - a[1] * b[0]
         height = _dot(normal, bone) / _dot(normal, normal)
@@ -143,9 +143,9 @@ def nearest_direction(joint, bone, out_direction):
 
 @kernel
 def carry(start, end, vector):
-    """Turn `vector`, perpendicular to `start`, by the shortest rotation from `start` to `end`, in place."""
+    """Rotate `vector`, perpendicular to `start`, by the shortest rotation from `start` to `end`, in place."""
     size = 1 + _dot(start, end)
-    # opposite directions: half a turn about the vector itself
+    # for opposite directions, rotate by pi about the vector itself, which leaves it unchanged
     if size > HALF_TURN:
         share = _dot(vector, end) / size
         for i in range(3):
@@ -154,7 +154,7 @@ def carry(start, end, vector):
 
 @kernel
 def twist_of(joint):
-    """Angle about the bone from twist 0, carried here from the cone's centre, to the mark [rad]."""
+    """Angle about the bone from the zero-twist mark, carried from the cone's centre, to the mark [rad]."""
     zero = joint["zero"]
     copy_vector(joint["cone_mark"], zero)
     carry(joint["cone_center"], joint["bone"], zero)
@@ -163,7 +163,7 @@ def twist_of(joint):
 
 @kernel
 def nearest_twist(twist, lower, upper):
-    """Angle in [lower, upper] that is nearest to `twist` round the circle, all in [-pi, pi]."""
+    """Angle in [lower, upper] nearest to `twist` on the circle; all angles are in [-pi, pi]."""
     if lower <= twist <= upper:
         return twist
     to_lower, to_upper = abs(twist - lower), abs(twist - upper)
@@ -172,7 +172,7 @@ def nearest_twist(twist, lower, upper):
 
 @kernel
 def turn_about(axis, c, s, vector):
-    """Turn `vector` about the unit `axis` by an angle of cosine c and sine s, in place (Rodrigues)."""
+    """Rotate `vector` about the unit `axis` by the angle of cosine c and sine s, in place (Rodrigues)."""
     x, y, z = vector[0], vector[1], vector[2]
     along = (1 - c) * (axis[0] * x + axis[1] * y + axis[2] * z)
     vector[0] = c * x + s * (axis[1] * z - axis[2] * y) + along * axis[0]
@@ -182,17 +182,17 @@ def turn_about(axis, c, s, vector):
 
 @kernel
 def recover_angles(joints, first):
-    """Angles of a ball joint's hinges from its `bone` and `mark`, on the branch nearest the present ones.
+    """Set a ball joint's angles from its `bone` and `mark`, on the branch nearest to the current angles.
 
     Returns:
-        Whether a branch lies within the hinges' limits; if not, the angles stay.
+        Whether a branch is within the hinges' limits; if not, the angles do not change.
     """
     joint = joints[first]
     bone, mark = joint["bone"], joint["mark"]
     old1, old3 = joint["angle"], joints[first + 2]["angle"]
     level = sqrt(bone[1] * bone[1] + bone[2] * bone[2])
     if level < GIMBAL_COSINE:
-        # only q3 +- q1 is told: both take half of what is missing
+        # gimbal lock determines only q3 +- q1: each angle takes half of the change
         side = 1.0 if bone[0] > 0 else -1.0
         missing = atan2(mark[1], -side * mark[2]) - old3 - side * old1
         missing = atan2(sin(missing), cos(missing)) / 2
@@ -212,7 +212,8 @@ def recover_angles(joints, first):
 
 @kernel
 def _branch(joints, first, q1, q2, q3):
-    """Squared distance from the present angles, infinite outside the limits, and the angles, wound alike."""
+    """Squared distance of a branch from the current angles, infinite outside the limits, and its angles after
+    `_wind`."""
     q1, q2, q3 = _wind(joints[first], q1), _wind(joints[first + 1], q2), _wind(joints[first + 2], q3)
     d1, d2, d3 = q1 - joints[first]["angle"], q2 - joints[first + 1]["angle"], q3 - joints[first + 2]["angle"]
     return d1 * d1 + d2 * d2 + d3 * d3, q1, q2, q3
@@ -220,7 +221,7 @@ def _branch(joints, first, q1, q2, q3):
 
 @kernel
 def _wind(joint, angle):
-    """`angle` plus whole turns: nearest the joint's, but within its limits; infinite where none is."""
+    """`angle` plus the whole turns that bring it nearest to the joint's within limits, or infinity."""
     angle += 2 * pi * round((joint["angle"] - angle) / (2 * pi))
     if angle > joint["upper"] + LIMIT_SLACK:
         angle -= 2 * pi

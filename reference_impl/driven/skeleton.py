@@ -1,4 +1,4 @@
-"""Kinematics of a driven body: a tree of links joined by hinges, and its inertia as a whole."""
+"""Kinematics of a driven body, a tree of links connected by hinges, and its composite inertia."""
 
 from math import cos, nan, sin
 
@@ -19,8 +19,8 @@ from touchstone.reference_impl.core.rotation import (
 
 @kernel
 def hinge_rotation(axis, c, s, rest, out_rotation):
-    """Rotation of a child in its parent: turn about `axis` by an angle with cosine c and sine s after `rest`
-    (Rodrigues)."""
+    """Rotation of a child in its parent's frame: `rest`, then a rotation about `axis` by the angle with
+    cosine c and sine s (Rodrigues)."""
     x, y, z = axis[0], axis[1], axis[2]
     for j in range(3):
         u, v, w = rest[0, j], rest[1, j], rest[2, j]
@@ -32,7 +32,7 @@ def hinge_rotation(axis, c, s, rest, out_rotation):
 
 @kernel
 def place(body):
-    """Rotation matrix and centre of mass of a body from its origin and orientation."""
+    """Compute a body's rotation matrix and world centre of mass from its origin and orientation."""
     matrix_of(body["orientation"], body["rotation"])
     rotate(body["rotation"], body["center_of_mass"], body["center"])
     for i in range(3):
@@ -41,7 +41,7 @@ def place(body):
 
 @kernel
 def pose_links(bodies, joints, driver):
-    """Forward kinematics: world poses of a driver's links from its root's pose and its hinges' angles."""
+    """Forward kinematics: world poses of a driver's links from the driver's pose and its hinges' angles."""
     _pose_root(bodies, driver)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         _pose_link(bodies, joints[k])
@@ -49,7 +49,7 @@ def pose_links(bodies, joints, driver):
 
 @kernel
 def pose_moved(bodies, joints, driver):
-    """`pose_links`, but for links that neither their hinge nor what they hang on has moved since."""
+    """`pose_links`, restricted to links whose hinge or parent has moved since they were last posed."""
     root, moved = bodies[driver["root"]], False
     for i in range(3):
         moved = moved or root["position"][i] != driver["position"][i]
@@ -68,7 +68,7 @@ def pose_moved(bodies, joints, driver):
 
 @kernel
 def pose_chain_links(bodies, joints, driver, chain):
-    """Forward kinematics of the links that one chain moves, the rest being posed."""
+    """Forward kinematics of the links that one chain moves; the other links must be posed."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         if bodies[joints[k]["child"]]["chain"] == chain:
             _pose_link(bodies, joints[k])
@@ -76,7 +76,7 @@ def pose_chain_links(bodies, joints, driver, chain):
 
 @kernel
 def _pose_root(bodies, driver):
-    """Pose a driver's root where the driver is."""
+    """Set the pose of a driver's root to the driver's pose."""
     root = bodies[driver["root"]]
     copy_vector(driver["position"], root["position"])
     copy_quaternion(driver["orientation"], root["orientation"])
@@ -96,7 +96,7 @@ def _pose_link(bodies, joint):
 
 @kernel
 def measure_angle(joint):
-    """Cosine and sine of a hinge's angle."""
+    """Compute the cosine and sine of a hinge's angle."""
     if joint["angle"] != joint["posed_angle"]:
         joint["posed_angle"] = nan
     joint["cosine"], joint["sine"] = cos(joint["angle"]), sin(joint["angle"])
@@ -104,7 +104,7 @@ def measure_angle(joint):
 
 @kernel
 def hang(parent, joint, child):
-    """Rotation and origin of a hinge's child from its parent's, and the angle's cosine and sine."""
+    """Compute rotation and origin of a hinge's child from its parent's and the angle's cosine and sine."""
     joint["posed_angle"] = nan
     hinge_rotation(joint["axis"], joint["cosine"], joint["sine"], joint["rest"], child["scratch"])
     multiply(parent["rotation"], child["scratch"], child["rotation"])
@@ -125,7 +125,7 @@ def move_links(bodies, joints, driver):
         rotate(parent["rotation"], joint["axis"], child["omega"])
         for i in range(3):
             child["omega"][i] = parent["omega"][i] + joint["rate"] * child["omega"][i]
-        # the hinge moves with the parent, the centre of mass turns about the hinge
+        # the hinge moves with the parent; the child's centre of mass rotates about the hinge
         _velocity_at(
             parent["velocity"], parent["omega"], parent["center"], child["position"], child["velocity"]
         )
@@ -134,7 +134,7 @@ def move_links(bodies, joints, driver):
 
 @kernel
 def store_shown(bodies, joints, driver):
-    """Remember a driver's links as they are shown."""
+    """Store the poses of a driver's links and the angles of its hinges as those last shown."""
     for k in range(driver["joint_count"] + 1):
         body = bodies[_link(joints, driver, k)]
         copy_vector(body["center"], body["shown_center"])
@@ -145,8 +145,8 @@ def store_shown(bodies, joints, driver):
 
 @kernel
 def move_from_shown(bodies, joints, driver, h):
-    """World velocities of a driver's links, and its hinges' rates, that lead from the poses last shown to
-    those of now in time h."""
+    """World velocities of a driver's links and rates of its hinges: differences between the poses last shown
+    and the current ones, over h [s]."""
     turned = driver["scratch"][0]
     for k in range(driver["joint_count"] + 1):
         body = bodies[_link(joints, driver, k)]
@@ -160,13 +160,14 @@ def move_from_shown(bodies, joints, driver, h):
 
 @kernel
 def _link(joints, driver, k):
-    """Body of a driver's link k: the joints' children in their order, then the root."""
+    """Body of a driver's link k: the joints' children in order, then the root."""
     return driver["root"] if k == driver["joint_count"] else joints[driver["first_joint"] + k]["child"]
 
 
 @kernel
 def are_adjacent(bodies, a, b):
-    """Whether one link hangs on the other, or no hinge of a chain is between them: they never meet."""
+    """Whether two links are exempt from self-collision: one is the other's nearest parent with pieces, or no
+    chain hinge is between them."""
     one, two = bodies[a], bodies[b]
     if one["driver"] < 0 or one["driver"] != two["driver"]:
         return False
@@ -184,7 +185,7 @@ def _velocity_at(velocity, omega, origin, point, out_velocity):
 
 @kernel
 def composite_inertia(bodies, joints, driver, out_center, out_inertia):
-    """Centre of mass (3,) and inertia about it (3, 3) of a driver's links, world; returns the mass [kg]."""
+    """Composite centre of mass (3,) and inertia about it (3, 3) of a driver, world; returns the mass [kg]."""
     count = driver["joint_count"]
     mass = 0.0
     out_center[:] = 0.0
@@ -205,7 +206,7 @@ def composite_inertia(bodies, joints, driver, out_center, out_inertia):
 @kernel
 def _add_inertia(body, center, out_inertia):
     """Add a body's inertia about `center` (Steiner)."""
-    # `inverse_inertia` of a link holds its inertia in world axes: links have no inverse of their own
+    # a link has no inverse inertia: its `inverse_inertia` stores its inertia in world axes
     own = body["inverse_inertia"]
     conjugate_by(body["rotation"], body["inertia"], own)
     x, y, z = body["center"][0] - center[0], body["center"][1] - center[1], body["center"][2] - center[2]

@@ -9,7 +9,7 @@ from touchstone.reference_impl.core.rotation import rotation_between, turn
 
 @kernel
 def decay(x, v, stiffness, damping, h):
-    """Damped spring x'' = -stiffness x - damping x' after time h, for any stiffness and step.
+    """Solve the damped spring x'' = -stiffness x - damping x' over a time h, for any stiffness and step.
 
     Args:
         x, v: deviation [m or rad] and its rate at the start.
@@ -21,7 +21,7 @@ def decay(x, v, stiffness, damping, h):
     half = damping / 2
     square = half * half - stiffness
     if abs(square) * h * h < NEAR_CRITICAL:
-        # both formulas divide 0 by 0 at critical damping: their series
+        # use the common series: both formulas divide 0 by 0 at critical damping
         q = square * h * h
         c, s = 1 + q / 2 + q * q / 24, h * (1 + q / 6 + q * q / 120)
     elif square < 0:
@@ -29,7 +29,7 @@ def decay(x, v, stiffness, damping, h):
         c, s = cos(w * h), sin(w * h) / w
     else:
         w = sqrt(square)
-        # far above critical damping cosh overflows while its product with exp does not
+        # far above critical damping, cosh overflows although its product with exp does not
         if w * h > 30:
             slow = exp((w - half) * h)
             return (x + (v + half * x) / w) * slow / 2, (v - (half * v + stiffness * x) / w) * slow / 2

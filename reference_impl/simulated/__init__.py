@@ -1,1 +1,1 @@
-"""The simulated loop: contacts, impacts, resting contacts, events and integration."""
+"""Simulated loop: contacts, impacts, resting contacts, events and integration."""

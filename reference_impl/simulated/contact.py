@@ -1,4 +1,4 @@
-"""A contact between two bodies: velocities and mobility at its point, and what an impulse does to both."""
+"""Kinematics of one contact: velocities and mobility at its point, and impulses on its two bodies."""
 
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.driven.skeleton import move_links
@@ -19,7 +19,7 @@ def _velocity_at(body, point):
 
 @kernel
 def relative_velocity(bodies, pair, state):
-    """Velocities of both surfaces and of B against A at a pair's contact point, to `state`; returns n . v."""
+    """Store both surface velocities and v, that of B relative to A, at a contact point; returns n . v."""
     a, b, v, n = state["velocity_a"], state["velocity_b"], state["velocity"], pair["normal"]
     surface_velocity(bodies[pair["body_a"]], pair["point"], a)
     surface_velocity(bodies[pair["body_b"]], pair["point"], b)
@@ -30,7 +30,7 @@ def relative_velocity(bodies, pair, state):
 
 @kernel
 def meeting_velocity(bodies, pair):
-    """Velocity of B against A at a pair's contact point."""
+    """Velocity of B relative to A at a pair's contact point."""
     x, y, z = _velocity_at(bodies[pair["body_b"]], pair["point"])
     u, v, w = _velocity_at(bodies[pair["body_a"]], pair["point"])
     return x - u, y - v, z - w
@@ -38,9 +38,9 @@ def meeting_velocity(bodies, pair):
 
 @kernel
 def contact_point(pair, out_point):
-    """Contact point between the two witnesses: their midpoint, or on the face of a patch.
+    """Contact point of two witness points: their midpoint, or the one on a manifold's reference face.
 
-    The points of a patch then lie in one plane, and a body that turns about an edge can stick to all of them.
+    All points of a manifold then lie in one plane, so a body that rotates about an edge can stick to all.
     """
     s = pair["level"]
     for i in range(3):
@@ -49,16 +49,16 @@ def contact_point(pair, out_point):
 
 @kernel
 def approach_speed(bodies, pair, state):
-    """Contact point of a pair, and its approach speed beyond that at which it may close."""
+    """Compute a pair's contact point, and in `key` its approach speed in excess of `speculative_speed`."""
     contact_point(pair, pair["point"])
     pair["key"] = -relative_velocity(bodies, pair, state) - pair["speculative_speed"]
 
 
 @kernel
 def contact_mobility(bodies, drivers, pair, point, out_mobility):
-    """Velocity of B against A per impulse on B at `point` (3, 3) [1/kg]: the denominator of Eq. 9 is n.M n.
+    """Velocity of B relative to A per impulse on B at `point` (3, 3) [1/kg]; Eq. 9 divides by n.M n.
 
-    A driven link moves with the whole of its driver: mass and inertia of the coupled body.
+    A driven link has the mass and inertia of its driver's coupled body.
     """
     out_mobility[:] = 0.0
     for side in range(2):
@@ -76,7 +76,7 @@ def contact_mobility(bodies, drivers, pair, point, out_mobility):
 
 @kernel
 def _add_mobility(inverse_mass, inverse_inertia, center, point, out_mobility):
-    """Add 1/m - [r] I^-1 [r], the velocity at `point` per impulse there."""
+    """Add 1/m - [r] I^-1 [r], a body's velocity at `point` per impulse there."""
     x, y, z = point[0] - center[0], point[1] - center[1], point[2] - center[2]
     for j in range(3):
         # r x e_j
@@ -96,7 +96,7 @@ def _add_mobility(inverse_mass, inverse_inertia, center, point, out_mobility):
 
 @kernel
 def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
-    """Impulse (px, py, pz) [N s] on body b at `point`; a driven link passes it to its driver's coupling."""
+    """Apply an impulse (px, py, pz) [N s] to body b at `point`, or to the coupled body of a driven link."""
     body = bodies[b]
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
@@ -105,7 +105,7 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
         c, v, w = driver["center"], driver["velocity"], driver["omega"]
         m, inverse_inertia = driver["inverse_mass"], driver["inverse_inertia"]
         dx, dy, dz = _kick(m, inverse_inertia, c, point, px, py, pz, v, w)
-        # its velocity is that of its root's origin
+        # a driver's velocity is that of its root's origin
         reference = driver["position"]
         x, y, z = reference[0] - c[0], reference[1] - c[1], reference[2] - c[2]
         v[0] += dy * z - dz * y
@@ -119,7 +119,7 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
 
 @kernel
 def apply_to_both(bodies, joints, drivers, pair, point, p):
-    """Equal and opposite impulses on both bodies of a pair."""
+    """Apply the impulse p to body B and -p to body A of a pair."""
     apply_impulse(bodies, joints, drivers, pair["body_b"], point, p[0], p[1], p[2])
     apply_impulse(bodies, joints, drivers, pair["body_a"], point, -p[0], -p[1], -p[2])
 

@@ -1,7 +1,8 @@
-"""Moments within a substep at which a touching pair changes: back from a flight, or stopped in its sliding.
+"""Contact events within a substep: the return of a separating contact and the stop of a sliding one.
 
-Both are read off the velocities before and after the hold, while bodies still have their first places. Not
-under FLIGHT_EULER, which takes the last velocity for the mean, nor in a crowded substep.
+Both times follow from the velocities before and after the contact solve, while bodies still have their
+initial poses. Neither event occurs under FLIGHT_EULER, which takes the last velocity as the mean, or in a
+dense substep.
 """
 
 from math import sqrt
@@ -19,9 +20,9 @@ from touchstone.reference_impl.simulated.contact import relative_velocity
 
 @kernel
 def first_return(bodies, pairs, count, state):
-    """Fraction of the substep at which the first contact that flies is back where it left, at most 1.
+    """Fraction of the substep at which the first separating contact returns to its initial gap, at most 1.
 
-    Its speed falls evenly from v to v', so it is back after 2 v / (v - v') of the substep.
+    Its speed falls linearly from v to v', so it returns after 2 v / (v - v') of the substep.
     """
     first = 1.0
     for k in range(count):
@@ -35,7 +36,7 @@ def first_return(bodies, pairs, count, state):
 
 @kernel
 def note_free_slip(bodies, pairs, count, state):
-    """After forces, before impulses: each row's sliding speed along the direction it slid in before."""
+    """Store each row's speed along its initial sliding direction, after forces and before impulses."""
     for k in range(count):
         pair = pairs[k]
         relative_velocity(bodies, pair, state)
@@ -45,7 +46,7 @@ def note_free_slip(bodies, pairs, count, state):
 
 @kernel
 def first_stop(bodies, pairs, count, state):
-    """Fraction of the substep at which the first sliding contact stops or turns round, at most 1."""
+    """Fraction of the substep at which the first sliding contact stops or reverses, at most 1."""
     first = 1.0
     if state["flight"] != FLIGHT_EULER and state["dense_substep"] == 0:
         for k in range(count):
@@ -56,11 +57,12 @@ def first_stop(bodies, pairs, count, state):
 
 @kernel
 def _stop(bodies, pairs, k, state):
-    """`first_stop` of one patch as a whole, or of one row without.
+    """`first_stop` of one manifold as a whole, or of one row without a manifold.
 
-    Along the sliding before, its speed u goes to f without friction, and to u' with the friction p. At the
-    cone's limit L friction changes it by (u' - f) L / p, so it stops after u / (u - f + (f - u') L / p) of
-    the substep. Friction that stops it just at the end is less than L; one that turns it round points ahead.
+    Along the initial sliding direction, the speed u becomes f without friction and u' with the friction p.
+    Friction at the cone's limit L changes it by (u' - f) L / p, so sliding stops after
+    u / (u - f + (f - u') L / p) of the substep. Friction that stops the sliding exactly at the end is less
+    than L; friction that reverses it points forward.
     """
     fastest, last, turns = 0.0, 0.0, False
     u = f = end = p = limit = 0.0
@@ -80,35 +82,35 @@ def _stop(bodies, pairs, k, state):
         k = pair["next_point"]
     if fastest <= SLIDE_MIN or limit == 0 or not (turns or last <= SLIP_MIN * SLIP_MIN):
         return 1.0
-    # no friction at all lies between the answers on both sides
+    # p = 0 lies between braking and forward friction: halve the substep
     time = u - f + (f - end) * limit / p if p != 0 else 2 * u
-    # what stops in a moment is left to the hold
+    # the contact solve handles a stop within the first 1 / EVENT_CAP of the substep
     return min(1.0, u / time) if 0 < time < EVENT_CAP * u else 1.0
 
 
 @kernel
 def _separation(pair):
-    """Speed along the normal before the hold [m/s]."""
+    """Separation speed along the normal before the contact solve [m/s]."""
     n, a, b = pair["normal"], pair["before_a"], pair["before_b"]
     return n[0] * (b[0] - a[0]) + n[1] * (b[1] - a[1]) + n[2] * (b[2] - a[2])
 
 
 @kernel
 def before_across(pair):
-    """Sliding velocity before the hold [m/s]."""
+    """Sliding velocity before the contact solve [m/s]."""
     n, a, b, v_n = pair["normal"], pair["before_a"], pair["before_b"], _separation(pair)
     return b[0] - a[0] - v_n * n[0], b[1] - a[1] - v_n * n[1], b[2] - a[2] - v_n * n[2]
 
 
 @kernel
 def _slip(pair):
-    """Sliding speed before the hold [m/s]."""
+    """Sliding speed before the contact solve [m/s]."""
     x, y, z = before_across(pair)
     return sqrt(x * x + y * y + z * z)
 
 
 @kernel
 def _along_slip(pair, vector):
-    """A vector times the sliding velocity before the hold."""
+    """Dot product of a vector and the sliding velocity before the contact solve."""
     x, y, z = before_across(pair)
     return vector[0] * x + vector[1] * y + vector[2] * z

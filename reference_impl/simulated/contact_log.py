@@ -1,4 +1,4 @@
-"""The log of a frame's contacts: one row per impulse, with the surface velocities before and after it."""
+"""Contact log of a frame: one row per impulse, with the surface velocities before and after it."""
 
 from touchstone.reference_impl.core.conventions import COUNT_LOST
 from touchstone.reference_impl.core.kernel import kernel
@@ -8,7 +8,7 @@ from touchstone.reference_impl.simulated.contact import surface_velocity
 
 @kernel
 def log_contact(contacts, state, pair, point, time):
-    """Open a row of the frame's contact log; returns its index, or -1 (counted) when the log is full."""
+    """Add a row to the frame's contact log; returns its index, or -1 (counted) if the log is full."""
     row = state["contact_count"]
     if row == len(contacts):
         state["counters"][COUNT_LOST] += 1
@@ -25,6 +25,7 @@ def log_contact(contacts, state, pair, point, time):
 
 @kernel
 def close_row(bodies, contact, p):
+    """Complete a row of the contact log with its impulse p and the surface velocities after it."""
     copy_vector(p, contact["impulse"])
     surface_velocity(bodies[contact["body_a"]], contact["position"], contact["velocity_a_after"])
     surface_velocity(bodies[contact["body_b"]], contact["position"], contact["velocity_b_after"])
@@ -32,7 +33,7 @@ def close_row(bodies, contact, p):
 
 @kernel
 def log_held(bodies, pairs, count, contacts, state, time):
-    """Log the impulses of the rows `pairs[:count]`, where there are any."""
+    """Log the nonzero impulses of the rows `pairs[:count]`."""
     for k in range(count):
         pair = pairs[k]
         p = pair["resting_impulse"]
@@ -47,7 +48,7 @@ def log_held(bodies, pairs, count, contacts, state, time):
 
 @kernel
 def shorten_resting_contacts(contacts, first, end, fraction):
-    """Held contacts acted for a fraction of their substep: cut what rows `first` to `end` log of them."""
+    """Scale the impulses and velocity changes in rows `first` to `end` - 1 to a fraction of their substep."""
     for k in range(first, end):
         row = contacts[k]
         for i in range(3):

@@ -1,10 +1,11 @@
-"""Energy guard of a substep: contacts that last add no energy to an island, whatever its motion leaves out.
+"""Energy guard of a substep: resting contacts add no energy to an island.
 
-The work of contacts is not positive for the velocities that the solver sees (`contact_solver`). Over a
-substep points and normals turn with their bodies, it may end at an event before a contact has come back,
-and sunk bodies are lifted (`parting`). What these add is measured, body by body, and taken out of the
-motion of the island: all of it where it touches what is fixed; where it does not, what is not the motion of
-one rigid body, which keeps its momenta (`island_motion`). Islands that a driver pushes are left alone.
+Contacts do no positive work for the velocities that the solver uses (`contact_solver`). Energy can still
+rise over a substep: contact points and normals rotate with their bodies, the substep may end at an event
+before a separating contact has returned, and separation lifts overlapping bodies (`separation`). The guard
+measures this rise body by body and removes it from the island's motion. An island that touches a fixed body
+can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
+(`island_motion`). The guard does not change islands that touch a driven body.
 """
 
 from math import sqrt
@@ -18,7 +19,7 @@ from touchstone.reference_impl.solver.islands import join_islands, mover_of
 
 @kernel
 def note_energy(bodies, state):
-    """Remember the energy of each simulated body, before a substep; in no island yet."""
+    """Store the energy of each simulated body before a substep, and mark the body as in no island."""
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             bodies[b]["guard"]["state"] = 0
@@ -34,10 +35,10 @@ def _height_energy(body, state):
 
 @kernel
 def guard_energy(bodies, drivers, pairs, count, parted, state):
-    """Take out of the islands of the rows `pairs[:count]` what their energy rose since `note_energy`.
+    """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
 
     Args:
-        parted: bodies may have been lifted, those that fly apart as well.
+        parted: separation may have lifted bodies; islands then include separating contacts.
     """
     if parted:
         join_islands(bodies, drivers, pairs, count, True)
@@ -60,7 +61,7 @@ def guard_energy(bodies, drivers, pairs, count, parted, state):
 
 @kernel
 def _reset(bodies, drivers, pair):
-    """Begin the sums of a row's movers."""
+    """Reset the sums of a row's movers."""
     for side in range(2):
         m = mover_of(bodies, drivers, pair["body_a"] if side == 0 else pair["body_b"])
         if m >= 0:
@@ -73,7 +74,7 @@ def _reset(bodies, drivers, pair):
 
 @kernel
 def _sum_up(bodies, drivers, pair, state):
-    """Add a row's bodies, once each, to the sums of their island."""
+    """Add each body of a row to the sums of its island, once per body."""
     island = bodies[pair["island"]]["guard"]
     for side in range(2):
         b = pair["body_a"] if side == 0 else pair["body_b"]
@@ -95,8 +96,10 @@ def _sum_up(bodies, drivers, pair, state):
 
 @kernel
 def _slow_down(bodies, pair, island, state):
-    """Scale the motion of a row's bodies, once each, so that the island loses what its energy rose, as far as
-    it moves."""
+    """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained.
+
+    The island loses less if its motion holds less energy; the rest counts as `unpaid_energy`.
+    """
     loose = island["motion"] - rigid_energy(island)
     scale = sqrt(max(0.0, 1 - island["rise"] / loose)) if loose > 0 else 0.0
     for side in range(2):

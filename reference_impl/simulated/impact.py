@@ -1,9 +1,10 @@
-"""Impacts: all that approach at once, or a priority queue, one contact at a time (section 5).
+"""Impacts: all approaching contacts simultaneously, or one at a time from a priority queue (section 5).
 
-All at once (generalized reflections: Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012): the contacts that
-approach get impulses together, each by Newton's law against its own velocity before; this repeats until none
-approaches. What touches without approaching takes no part: so a cradle passes its impulse on ball by ball,
-and a break of equal balls stays symmetric. The answer does not depend on the order of bodies or contacts.
+Simultaneous impacts are generalized reflections (Smith, Kaufman, Vouga, Tamstorf & Grinspun 2012): all
+approaching contacts get impulses together, each by Newton's law for its own velocity before the impact; this
+repeats until none approaches. Contacts that touch without approaching get no impulse. So a Newton's cradle
+passes its impulse from ball to ball, and a break of equal balls stays symmetric. The result does not depend
+on the order of bodies or contacts.
 """
 
 from math import sqrt
@@ -34,24 +35,26 @@ from touchstone.reference_impl.solver.islands import mover_of
 
 @kernel
 def weight_speed(state, time):
-    """What gravity adds to a speed in a time [m/s]."""
+    """Speed that a body gains by gravity in a time [m/s]."""
     g = state["gravity"]
     return time * sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
 
 
 @kernel
 def rest_speed(state):
-    """Approach speed up to which nothing bounces [m/s]: 2 g h of the frame, or `v_rest` where that is less
-    and the substep is not crowded."""
+    """Approach speed up to which no contact bounces [m/s].
+
+    It is the smaller of `v_rest` and 2 g h of the frame, or 2 g h in a dense substep.
+    """
     coarse = weight_speed(state, 2 * state["dt"])
     return coarse if state["dense_substep"] == 1 else min(state["v_rest"], coarse)
 
 
 @kernel
 def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time):
-    """Impacts of the touching pairs `pairs[:count]`, until none approaches.
+    """Resolve impacts of the touching pairs `pairs[:count]` until none approaches.
 
-    Under IMPULSES_TOGETHER contacts too slow to bounce hold, and stop together at the end.
+    Under IMPULSES_TOGETHER a final solve stops all contacts that are too slow to bounce.
 
     Returns:
         Whether fewer than IMPULSE_CAP rounds or impulses sufficed.
@@ -77,8 +80,10 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
 
 @kernel
 def _find_impacts(bodies, pairs, count, v_rest, state):
-    """Begin the rows that approach too fast to rest, with the speed at which each leaves as its floor; the
-    others have NO_FLOOR. Returns whether there are any."""
+    """Initialise the rows; returns whether any bounces.
+
+    A row that approaches too fast to rest gets its rebound speed as its floor; the others get NO_FLOOR.
+    """
     slow, found = max(v_rest, APPROACH_MIN), False
     for k in range(count):
         pair = pairs[k]
@@ -95,9 +100,9 @@ def _find_impacts(bodies, pairs, count, v_rest, state):
 
 @kernel
 def fastest_row(bodies, drivers, pairs, count, struck, state):
-    """The first row with the fastest approach, or -1 where there is none.
+    """Find the first row with the fastest approach, or -1 if there are no rows.
 
-    Renews the approach speeds of rows that share a moving body with row `struck`, or of all where that is -1.
+    Updates the approach speeds of rows that share a mover with row `struck`, or of all rows if that is -1.
     """
     one = mover_of(bodies, drivers, pairs[struck]["body_a"]) if struck >= 0 else -1
     two = mover_of(bodies, drivers, pairs[struck]["body_b"]) if struck >= 0 else -1
@@ -118,8 +123,11 @@ def fastest_row(bodies, drivers, pairs, count, struck, state):
 
 @kernel
 def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time):
-    """One impact after the other, the fastest approach first, until none approaches; returns whether
-    IMPULSE_CAP of them sufficed."""
+    """Resolve impacts one at a time, the fastest approach first, until none approaches.
+
+    Returns:
+        Whether IMPULSE_CAP impulses sufficed.
+    """
     v_rest, k = rest_speed(state), -1
     for _ in range(IMPULSE_CAP):
         k = fastest_row(bodies, drivers, pairs, count, k, state)
@@ -136,7 +144,7 @@ def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, tim
 
 @kernel
 def strike(bodies, joints, drivers, pair, e, state):
-    """One impact at one point; its impulse is left in `state["impulse"]`."""
+    """Apply one impact at one point; leaves its impulse in `state["impulse"]`."""
     v, p, mobility = state["velocity"], state["impulse"], state["mobility"]
     relative_velocity(bodies, pair, state)
     contact_mobility(bodies, drivers, pair, pair["point"], mobility)
@@ -149,7 +157,7 @@ def strike(bodies, joints, drivers, pair, e, state):
 
 @kernel
 def _log_strike(bodies, pair, contacts, state, time):
-    """Log the impact that `strike` just did."""
+    """Log the impact that `strike` has just applied."""
     row = log_contact(contacts, state, pair, pair["point"], time)
     if row >= 0:
         copy_vector(state["velocity_a"], contacts[row]["velocity_a_before"])

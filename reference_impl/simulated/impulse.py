@@ -1,15 +1,16 @@
 """The law of one impact: Newton's restitution, Coulomb's friction and the energy guard (Eqs. 7 to 10).
 
-An impulse p on B (and -p on A) at one point turns the velocity v of B against A there into v+ = v + M p, with
-M the contact's mobility, and changes the kinetic energy by T(p) = p.v + p.M p / 2 = p.(v + v+) / 2. T is
-convex. Under Newton's law, n.v+ = -e n.v, it is (1 - e) j n.v / 2 <= 0 without friction; friction that does
-not turn the sliding round only adds to the loss. What can gain is friction that sticks: it leaves the energy
-e^2 (n.v)^2 n.M^-1 n / 2 of the v.M^-1 v / 2 there was. At e = 0 it does not gain either, nor does what lies
-between it and no friction.
+An impulse p on B (and -p on A) at one point changes the velocity v of B relative to A there to v+ = v + M p,
+where M is the contact's mobility. It changes the kinetic energy by T(p) = p.v + p.M p / 2 = p.(v + v+) / 2,
+which is convex. Under Newton's law, n.v+ = -e n.v, T is (1 - e) j n.v / 2 <= 0 without friction. Friction
+that does not reverse the sliding only adds to the loss. Sticking friction can gain energy: it leaves
+e^2 (n.v)^2 n.M^-1 n / 2 of the initial v.M^-1 v / 2. At e = 0 it cannot gain energy, and neither can any
+impulse between it and the impulse without friction.
 
-The guard takes the answers p0 at e = 0 and p1 at e, and goes back from p1 towards p0 until T = 0:
-T(p0 + s (p1 - p0)) is a parabola in s. Newton's law then holds with s e in place of e, and the cone, which is
-convex, holds p. Where both stick, s e is the largest that does not gain: sqrt(v.M^-1 v / n.M^-1 n) / |n.v|.
+The guard takes the impulses p0 at e = 0 and p1 at e, and moves from p1 towards p0 until T = 0:
+T(p0 + s (p1 - p0)) is a parabola in s. Newton's law then holds with s e in place of e, and p stays in the
+cone, which is convex. If both stick, s e is the largest restitution without energy gain:
+sqrt(v.M^-1 v / n.M^-1 n) / |n.v|.
 """
 
 from math import sqrt
@@ -25,7 +26,7 @@ from touchstone.reference_impl.core.kernel import kernel
 
 @kernel
 def resting_restitution(e, approach, v_rest):
-    """Restitution that fades linearly from e at 2 v_rest to 0 at v_rest; speeds in m/s."""
+    """Restitution that falls linearly from e at 2 v_rest to 0 at v_rest; speeds in m/s."""
     if v_rest <= 0:
         return e
     return e * min(1.0, max(0.0, approach / v_rest - 1))
@@ -33,16 +34,16 @@ def resting_restitution(e, approach, v_rest):
 
 @kernel
 def contact_impulse(v, n, mobility, e, mu, friction, restitution, out_impulse):
-    """Impulse on B of one impact (Eqs. 8-10).
+    """Compute the impulse on B of one impact (Eqs. 8-10).
 
     Args:
-        v: velocity of B against A at the contact before the impulse [m/s]; approaching, n.v < 0.
+        v: velocity of B relative to A at the contact before the impulse [m/s]; n.v < 0 if they approach.
         n: unit normal, A to B.
-        mobility: velocity of B against A per impulse on B (3, 3) [1/kg].
+        mobility: velocity of B relative to A per impulse on B (3, 3) [1/kg].
         e, mu: restitution and friction of the pair.
-        friction: FRICTION_PAPER (always mu j against the sliding, j from Eq. 9) or FRICTION_COULOMB (at most
-            what stops the sliding; j such that Newton's law holds with friction acting).
-        restitution: RESTITUTION_NEWTON, or RESTITUTION_GUARDED: less where the kinetic energy would rise.
+        friction: FRICTION_PAPER (friction is always mu j, opposite to the sliding; j from Eq. 9) or
+            FRICTION_COULOMB (friction at most stops the sliding; j satisfies Newton's law with friction).
+        restitution: RESTITUTION_NEWTON, or RESTITUTION_GUARDED: lower where the kinetic energy would rise.
         out_impulse: (3,) [N s].
     Returns:
         Whether the guard acted.
@@ -55,7 +56,7 @@ def contact_impulse(v, n, mobility, e, mu, friction, restitution, out_impulse):
     gain = _energy_change(v, m, x, y, z)
     if gain <= ENERGY_ROUNDING * abs(x * v[0] + y * v[1] + z * v[2]):
         return False
-    # Eq. 10 as printed may gain at e = 0 too: from there on friction goes down with e
+    # Eq. 10 as printed may gain energy at e = 0 too: reduce friction together with e
     a, b, c = _unguarded(v, n, m, 0.0, 0.0 if friction == FRICTION_PAPER else mu, friction)
     x, y, z = x - a, y - b, z - c
     u, w, q = respond(m, a, b, c)
@@ -70,7 +71,7 @@ def lossless_share(start, slope, end):
     """Root in [0, 1] of the parabola with values `start` <= 0 at 0 and `end` > 0 at 1, and `slope` at 0."""
     bend = end - start - slope
     root = sqrt(max(0.0, slope * slope - 4 * bend * start))
-    # the form without cancellation
+    # use the form without cancellation
     if slope > 0:
         return min(1.0, -2 * start / (slope + root))
     return min(1.0, (root - slope) / (2 * bend))
@@ -78,36 +79,36 @@ def lossless_share(start, slope, end):
 
 @kernel
 def _unguarded(v, n, m, e, mu, friction):
-    """The impulse of one impact under Newton's law, whatever it does to the energy."""
+    """Compute the impulse of one impact under Newton's law, without the energy guard."""
     v_n = v[0] * n[0] + v[1] * n[1] + v[2] * n[2]
     tx, ty, tz = v[0] - v_n * n[0], v[1] - v_n * n[1], v[2] - v_n * n[2]
-    # again: next to a fast approach the first difference leaves a slow slip crooked
+    # project twice: rounding of a fast approach leaves a normal component in a slow slip
     rest = tx * n[0] + ty * n[1] + tz * n[2]
     tx, ty, tz = tx - rest * n[0], ty - rest * n[1], tz - rest * n[2]
     slip = sqrt(tx * tx + ty * ty + tz * tz)
     slides = slip > SLIP_MIN
     scale = mu / slip if slides else 0.0
-    # the sliding impulse per j
+    # sliding impulse per unit of j
     dx, dy, dz = n[0] - scale * tx, n[1] - scale * ty, n[2] - scale * tz
     target = -(1 + e) * v_n
     plain = target / normal_response(m, n, n[0], n[1], n[2])
     if friction == FRICTION_PAPER:
         return plain * dx, plain * dy, plain * dz
-    # stick: the impulse that reverses v_n and stops the sliding
+    # sticking: the impulse satisfies Newton's law and stops the sliding
     x, y, z = _solve(m, -e * v_n * n[0] - v[0], -e * v_n * n[1] - v[1], -e * v_n * n[2] - v[2])
     j = x * n[0] + y * n[1] + z * n[2]
     px, py, pz = x - j * n[0], y - j * n[1], z - j * n[2]
     held = sqrt(px * px + py * py + pz * pz)
     if held <= mu * j:
         return x, y, z
-    # slide: mu j against the sliding, where that neither turns it round nor jams (Painleve)
+    # sliding: mu j opposite to the slip, unless that reverses the slip or jams (Painleve)
     along = normal_response(m, n, dx, dy, dz)
     if slides and along > 0:
         k = target / along
         u, w, q = respond(m, k * dx, k * dy, k * dz)
         if slip * slip + tx * u + ty * w + tz * q >= 0:
             return k * dx, k * dy, k * dz
-    # else from the impulse without friction towards sticking, as far as the cone: Newton's law holds between
+    # otherwise interpolate from no friction to sticking, up to the cone; Newton's law holds in between
     s = mu * plain / (held - mu * (j - plain))
     j = plain + s * (j - plain)
     return j * n[0] + s * px, j * n[1] + s * py, j * n[2] + s * pz
@@ -115,7 +116,7 @@ def _unguarded(v, n, m, e, mu, friction):
 
 @kernel
 def _energy_change(v, m, x, y, z):
-    """Change of kinetic energy [J] by the impulse (x, y, z) on what meets with v."""
+    """Change of kinetic energy [J] by the impulse (x, y, z) at the relative velocity v."""
     u, w, q = respond(m, x, y, z)
     return x * (v[0] + u / 2) + y * (v[1] + w / 2) + z * (v[2] + q / 2)
 

@@ -1,4 +1,4 @@
-"""Velocities and poses of simulated bodies over a substep."""
+"""Integration of the velocities and poses of simulated bodies over a substep."""
 
 from touchstone.reference_impl.continuous.free_rotation import (
     free_omega,
@@ -27,7 +27,7 @@ from touchstone.reference_impl.driven.skeleton import move_links
 
 @kernel
 def begin_substep(bodies, drivers):
-    """Remember where each simulated body starts and how it and each driver move."""
+    """Store the pose and velocities of each simulated body, and the velocities of each driver."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
@@ -42,7 +42,7 @@ def begin_substep(bodies, drivers):
 
 @kernel
 def apply_forces(bodies, gravity, h, flight):
-    """Velocities after a time h of gravity and free rotation, and the inertia as it is turned then."""
+    """Compute velocities and world inertias after a time h of gravity and free rotation."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
@@ -53,7 +53,7 @@ def apply_forces(bodies, gravity, h, flight):
 
 @kernel
 def fly_straight(bodies, gravity, h, flight):
-    """A time h of simulated bodies that meet nothing and do not turn: velocities, then poses."""
+    """Integrate simulated bodies over a time h without contacts or rotation: velocities, then poses."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] != SIMULATED:
@@ -70,7 +70,7 @@ def fly_straight(bodies, gravity, h, flight):
 
 @kernel
 def begin_again(bodies, joints, drivers):
-    """Take back what forces, held contacts and motion did since `begin_substep`."""
+    """Undo the effects of forces, contact impulses and motion since `begin_substep`."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
@@ -91,9 +91,9 @@ def begin_again(bodies, joints, drivers):
 
 @inlined_kernel
 def set_ways(bodies, pairs, held, h, flight):
-    """How simulated bodies move over a substep of length h, from their old velocities to their new ones.
+    """Compute the motion of simulated bodies over a substep of length h from their old and new velocities.
 
-    What the contacts `pairs[:held]` push on does not rotate freely.
+    Bodies on which a contact of `pairs[:held]` exerts an impulse do not rotate freely.
     """
     for k in range(held):
         p = pairs[k]["resting_impulse"]
@@ -106,8 +106,7 @@ def set_ways(bodies, pairs, held, h, flight):
 
 @kernel
 def set_paths(bodies):
-    """Bounds on how far simulated bodies go on their ways; returns whether one is fast: it goes farther than
-    it is thick."""
+    """Bound the path length of each simulated body; returns whether a path exceeds its body's width."""
     fast = False
     for b in range(len(bodies)):
         body = bodies[b]
@@ -120,7 +119,7 @@ def set_paths(bodies):
 
 @kernel
 def pose_at(bodies, s):
-    """Pose simulated bodies at fraction s of their ways."""
+    """Set the poses of simulated bodies at fraction s of the substep."""
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             pose_along(bodies[b], s)
@@ -128,9 +127,9 @@ def pose_at(bodies, s):
 
 @kernel
 def end_substep(bodies, joints, drivers, s):
-    """Keep the poses at fraction s with the velocities there, and refresh the world inertias.
+    """End a substep at fraction s: keep the poses, and update velocities and world inertias to that fraction.
 
-    Held contacts pushed the drivers for that fraction too.
+    Contact impulses change the drivers' velocities by that fraction too.
     """
     for b in range(len(bodies)):
         body = bodies[b]
@@ -150,9 +149,9 @@ def end_substep(bodies, joints, drivers, s):
 
 @kernel
 def _turn_on(body, s):
-    """Omega and world inertia of a body that contacts turned, at fraction s of its substep.
+    """Compute omega and world inertia of a body with contact torques at fraction s of its substep.
 
-    Its angular momentum grows evenly; where its inertia differs between axes, omega follows from that.
+    Its angular momentum changes linearly; for anisotropic inertia, omega follows from the momentum.
     """
     inertia, momentum, end = body["inertia"], body["momentum"], body["turn"]
     if is_isotropic(inertia):
@@ -169,6 +168,6 @@ def _turn_on(body, s):
 
 @kernel
 def _blend(old, s, out_new):
-    """Velocity at fraction s of a substep, in place of that at its end."""
+    """Interpolate a velocity at fraction s of a substep, in place of its final value."""
     for i in range(3):
         out_new[i] = (1 - s) * old[i] + s * out_new[i]

@@ -1,4 +1,4 @@
-"""Impacts solved as one per island, and the energy guard that judges an island as a whole."""
+"""Simultaneous impacts of an island, and the energy guard for an island as a whole."""
 
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
@@ -17,11 +17,12 @@ from touchstone.reference_impl.solver.islands import is_head, join_islands
 
 @kernel
 def strike_together(bodies, joints, drivers, pairs, count, state):
-    """Impulses of all rows that have a floor, island by island.
+    """Apply impact impulses to all rows that have a floor, island by island.
 
-    n.v+ >= -e n.v-, with an impulse only where equality holds: for one e, (v+ + e v-) / (1 + e) is then the
-    projection of v- on the velocities that do not approach, and without friction the energy never rises. With
-    friction, or different e, the guard of `impulse.py` applies to all impulses of the island together.
+    The impulses satisfy n.v+ >= -e n.v-, and act only where equality holds. If e is the same in all rows,
+    (v+ + e v-) / (1 + e) is the projection of v- on the velocities that do not approach, so the energy never
+    rises without friction. With friction or different e, the guard of `impulse.py` applies to all impulses of
+    the island together.
     """
     join_islands(bodies, drivers, pairs, count, False)
     for k in range(count):
@@ -36,7 +37,7 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
 
 @kernel
 def _energy_change(bodies, pairs, head, state):
-    """Change of kinetic energy by the impulses of an island, and the size of their work against v- [J]."""
+    """Change of kinetic energy by the impulses of an island, and the sum of their absolute work at v- [J]."""
     gain = work = 0.0
     v, k = state["velocity"], head
     while k >= 0:
@@ -52,7 +53,7 @@ def _energy_change(bodies, pairs, head, state):
 
 @kernel
 def _guard(bodies, joints, drivers, pairs, head, gain, state):
-    """Go back from an island's impulses towards those at e = 0 until the kinetic energy does not rise."""
+    """Interpolate an island's impulses towards those at e = 0 until the kinetic energy does not rise."""
     v, k = state["velocity"], head
     while k >= 0:
         pair = pairs[k]
@@ -75,7 +76,7 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
     while k >= 0:
         pair = pairs[k]
         held, spare = pair["resting_impulse"], pair["spare"]
-        # `spare` becomes what is added to the answer at e = 0
+        # `spare` becomes the impulse added to the solution at e = 0
         for i in range(3):
             spare[i] = share * (spare[i] - held[i])
             held[i] += spare[i]
@@ -86,7 +87,7 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
 
 @kernel
 def _add_impulse(bodies, joints, drivers, pair, share, state):
-    """Apply a share of a row's impulse `held` to its bodies."""
+    """Apply a share of a row's `resting_impulse` to its bodies."""
     p = state["impulse"]
     for i in range(3):
         p[i] = share * pair["resting_impulse"][i]
@@ -95,9 +96,11 @@ def _add_impulse(bodies, joints, drivers, pair, share, state):
 
 @kernel
 def to_middle(pairs, pair):
-    """Move the contact point of a row to the middle of the points of its patch that approach as fast, to
-    APPROACH_MIN: one at a time a pair is struck at one point, and where a face or an edge meets another
-    flatly, all of its points are the deepest."""
+    """Move a row's contact point to the mean of its manifold's points that approach as fast.
+
+    Speeds within APPROACH_MIN count as equal. A sequential impact acts on a pair at one point, but if a face
+    or an edge meets another flatly, all points of the manifold are equally deep.
+    """
     point, count, k = pair["point"], 0, pair["manifold"]
     point[0] = point[1] = point[2] = 0.0
     while k >= 0:

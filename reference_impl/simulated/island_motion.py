@@ -1,9 +1,9 @@
-"""An island that touches nothing but itself: its motion as one rigid body, and its angular momentum.
+"""Rigid motion and angular momentum of a free island, which touches neither fixed nor driven bodies.
 
 Contact impulses are equal and opposite, so the island keeps its angular momentum about its centre of mass. A
-substep conserves it to first order only: the contact point of bodies that slide on each other moves, and
-overlapping bodies are separated. The difference is restored by a rigid rotation of the whole island, which
-changes no velocity between bodies that touch.
+substep conserves it to first order only: the contact point of sliding bodies moves, and separation moves
+overlapping bodies. `keep_spin` restores the difference by a rigid rotation of the whole island, which changes
+no relative velocity of touching bodies.
 """
 
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
@@ -14,14 +14,16 @@ from touchstone.reference_impl.solver.islands import island_of
 
 @kernel
 def is_free(island):
-    """Whether an island touches neither what is fixed nor what a driver moves."""
+    """Whether an island touches neither fixed nor driven bodies."""
     return island["grounded"] == 0 and island["driven"] == 0
 
 
 @kernel
 def keep_spin(bodies):
-    """Give free islands the angular momentum that they had at the start of the substep; sets `turning`, and
-    adds the energy that this brings to what the guard summed up."""
+    """Restore the angular momentum that free islands had at the start of the substep.
+
+    Sets `turning`, and adds the energy of this correction to the guard's sums.
+    """
     for b in range(len(bodies)):
         if _free_island(bodies, b) == b:
             _begin(bodies[b]["guard"])
@@ -44,7 +46,7 @@ def keep_spin(bodies):
 
 @kernel
 def _free_island(bodies, b):
-    """The body that stands for the free island of body b, or -1."""
+    """Root body of the free island of body b, or -1."""
     if bodies[b]["guard"]["state"] == 0:
         return -1
     m = island_of(bodies, b)
@@ -70,11 +72,11 @@ def _add_center(island, body):
 
 @kernel
 def _add_spin(island, body):
-    """Add a body's inertia, and its angular momenta before and after the substep."""
+    """Add a body's inertia, and its angular momenta before and after the substep, to its island."""
     mass, whole, own, momentum = body["mass"], island["inertia"], body["scratch"], body["momentum"]
     v, w, p, q = body["old_velocity"], body["old_omega"], island["old_spin"], island["spin"]
     x, y, z = _arm(body["old_center"], island["old_center"])
-    # `momentum` is kept where the inertia differs between axes
+    # bodies with anisotropic inertia store their initial `momentum`
     isotropic = is_isotropic(body["inertia"])
     for i in range(3):
         p[i] += body["inertia"][0, 0] * w[i] if isotropic else momentum[i]
@@ -98,7 +100,7 @@ def _arm(center, common):
 
 @kernel
 def _add_moment(out_spin, mass, x, y, z, v):
-    """Add the moment of a momentum at (x, y, z)."""
+    """Add the angular momentum of a mass with velocity v at (x, y, z)."""
     out_spin[0] += mass * (y * v[2] - z * v[1])
     out_spin[1] += mass * (z * v[0] - x * v[2])
     out_spin[2] += mass * (x * v[1] - y * v[0])
@@ -106,8 +108,10 @@ def _add_moment(out_spin, mass, x, y, z, v):
 
 @kernel
 def _find_turn(root):
-    """Angular velocity `turning` for the angular momentum before, and `turn`, the difference from the present
-    one, from the sums of an island."""
+    """Compute an island's angular velocities from its sums.
+
+    `turning` belongs to the angular momentum before the substep. `turn` corrects the present one to it.
+    """
     island, inverse = root["guard"], root["scratch"]
     before, after, turn = island["old_spin"], island["spin"], island["turn"]
     invert_symmetric(island["inertia"], inverse)
@@ -125,7 +129,7 @@ def _find_turn(root):
 
 @kernel
 def _turn_along(island, body):
-    """Add the rotation of its island to a body's velocities."""
+    """Add the angular velocity `turn` of its island to a body's velocities."""
     x, y, z = _arm(body["center"], island["center"])
     u, v, w = island["turn"], body["velocity"], body["omega"]
     v[0] += u[1] * z - u[2] * y
@@ -137,7 +141,7 @@ def _turn_along(island, body):
 
 @kernel
 def rigid_velocity(island, point):
-    """Velocity at a point if the island moved as one rigid body; 0 where it touches what is fixed."""
+    """Velocity at a point of an island that moves as one rigid body; 0 if it touches a fixed body."""
     if island["grounded"] == 1:
         return 0.0, 0.0, 0.0
     x, y, z = _arm(point, island["center"])
@@ -148,7 +152,7 @@ def rigid_velocity(island, point):
 
 @kernel
 def rigid_energy(island):
-    """Kinetic energy of that motion [J]."""
+    """Kinetic energy of an island that moves as one rigid body [J]; 0 if it touches a fixed body."""
     if island["grounded"] == 1:
         return 0.0
     p, w, spin = island["momentum"], island["turning"], island["old_spin"]

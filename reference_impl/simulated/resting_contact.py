@@ -1,4 +1,4 @@
-"""Contacts that hold: impulses over a substep that keep touching pairs from approaching (section 5)."""
+"""Resting contacts: impulses over a substep that keep touching pairs from approaching (section 5)."""
 
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
@@ -23,13 +23,13 @@ from touchstone.reference_impl.solver.warm_start import load_impulse, store_impu
 
 @kernel
 def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, h):
-    """Forces over a substep, and impulses in the friction cone that keep touching pairs from approaching.
+    """Apply forces over a substep, and impulses in the friction cone that let no touching pair approach.
 
     Args:
         time, h: start of the substep in the frame, and its length [s].
     Returns:
-        (h, converged): the length for which it holds, shorter where a sliding contact stops before, and
-        whether the impulses converged.
+        (h, converged): h is the length for which the impulses are valid, shorter if a sliding contact stops
+        earlier; converged tells whether the impulses converged.
     """
     converged = True
     for k in range(RESTING_CONTACT_ROUNDS):
@@ -39,7 +39,7 @@ def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, stat
             converged = _solve_together(bodies, joints, drivers, pairs, count, state, h)
         else:
             converged = _solve_in_turn(bodies, joints, drivers, pairs, count, state)
-        # impulses that did not converge tell no moment
+        # a stop time is meaningful only if the impulses converged
         share = (
             first_stop(bodies, pairs, count, state) if converged and k < RESTING_CONTACT_ROUNDS - 1 else 1.0
         )
@@ -53,7 +53,7 @@ def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, stat
 
 @kernel
 def _prepare_resting_contacts(bodies, pairs, count, state):
-    """Before forces act: surface velocities of the touching pairs, and no impulse yet."""
+    """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses."""
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     for k in range(count):
         pair = pairs[k]
@@ -63,11 +63,11 @@ def _prepare_resting_contacts(bodies, pairs, count, state):
 
 @kernel
 def _floor(pair, state, flight):
-    """Speed along the normal that a hold leaves a row at least [m/s].
+    """Lower bound of a row's normal velocity after the contact solve [m/s].
 
-    What separates faster than `flight` flies (`first_return`). What is slower may come back as fast as it
-    left: its mean velocity over the substep is 0 then, and so is the work of its impulse. A near pair closes
-    its gap at most. (Under FLIGHT_EULER the last velocity is taken for the mean.)
+    A pair that separates faster than `flight` gets NO_FLOOR (`first_return` finds its return). A slower pair
+    may return as fast as it left: its mean velocity over the substep is then 0, and so is the work of its
+    impulse. A near pair may close its gap at most. (FLIGHT_EULER takes the last velocity as the mean.)
     """
     ballistic = state["flight"] == FLIGHT_BALLISTIC
     if pair["speculative_speed"] > 0:
@@ -81,7 +81,7 @@ def _floor(pair, state, flight):
 
 @kernel
 def _solve_together(bodies, joints, drivers, pairs, count, state, h):
-    """Hold all rows at once, from the forces of the last hold; returns whether the impulses converged."""
+    """Solve all rows together with a warm start; returns whether the impulses converged."""
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
@@ -92,8 +92,11 @@ def _solve_together(bodies, joints, drivers, pairs, count, state, h):
 
 @kernel
 def _solve_in_turn(bodies, joints, drivers, pairs, count, state):
-    """Hold one point at a time, the fastest approach first, as an impact without restitution; returns whether
-    IMPULSE_CAP of them sufficed."""
+    """Solve one point at a time, the fastest approach first, as an impact without restitution.
+
+    Returns:
+        Whether IMPULSE_CAP impulses sufficed.
+    """
     note_free_slip(bodies, pairs, count, state)
     k = -1
     for _ in range(IMPULSE_CAP):

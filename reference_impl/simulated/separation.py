@@ -1,4 +1,4 @@
-"""Simulated bodies that sank into each other or into others while their contacts held are parted again."""
+"""Separation of simulated bodies that sank into other bodies during resting contact."""
 
 from touchstone.reference_impl.broad_phase.detection import detect, is_free, place_listed
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
@@ -18,12 +18,12 @@ from touchstone.reference_impl.driven.skeleton import place
 
 @kernel
 def separate_simulated(bodies, pieces, vertices, pairs, first, state):
-    """Part simulated bodies that sank into each other or into fixed ones while their contact held.
+    """Translate simulated bodies out of the overlap into which they sank during resting contact.
 
     Args:
-        first: row of `pairs` from which on they may be written.
+        first: first row of `pairs` that may be overwritten.
     Returns:
-        Whether they came free; giving up is counted.
+        Whether no overlap remains; failures are counted.
     """
     left = SEPARATION_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
     converged = True
@@ -40,14 +40,16 @@ def separate_simulated(bodies, pieces, vertices, pairs, first, state):
 
 @kernel
 def _push_apart(bodies, pairs, first, end, left, evenly):
-    """Move simulated bodies until no depth over `left` remains along the normals found: one pair after the
-    other, all of it against what is fixed or driven, else by inverse mass (Gauss-Seidel).
+    """Translate simulated bodies by Gauss-Seidel until no depth along the detected normals exceeds `left`.
+
+    Against a fixed or driven body, the simulated one moves the whole depth; two simulated bodies divide it by
+    inverse mass.
 
     Args:
-        evenly: both by half. A light body between the ground and a heavy one needs as many sweeps as these
-            differ in mass.
+        evenly: two simulated bodies move half the depth each. By inverse mass, a light body between the
+            ground and a heavy one needs a number of sweeps proportional to their mass ratio.
     Returns:
-        Whether SEPARATION_SWEEPS were enough.
+        Whether SEPARATION_SWEEPS sufficed.
     """
     for b in range(len(bodies)):
         bodies[b]["scratch"][0, :] = 0.0

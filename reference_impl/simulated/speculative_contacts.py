@@ -1,11 +1,12 @@
-"""Contacts of a crowded substep: pairs that may meet within it count as contacts ahead of their time.
+"""Speculative contacts of a dense substep: pairs that may touch within the substep become contacts early.
 
-A heap of bodies has more impacts a frame than can be resolved one moment after the other. Where a frame has
-used up its `event_rows`, or DENSE_EVENTS, what is left of it goes in a few substeps. A near pair then is a
-row like any other, but may still close its gap within the substep: `close` is the speed that takes. Impacts
-come a little early, at a gap that they would have closed within the substep. None is missed: what meets
-unforeseen is an event as ever. And nothing overlaps for it: the distance of convex pieces is no less than
-their gap along a normal (speculative contacts: Anitescu & Potra 1997; Catto 2013).
+A pile of bodies can have more impacts per frame than the loop can resolve one event at a time. Once a frame
+has used up its `event_rows`, or DENSE_EVENTS, a few dense substeps cover the rest of the frame. A near pair
+then gets a row, but may still close its gap within the substep: `speculative_speed` is the speed that this
+takes. An impact happens slightly early, at a gap that the bodies would have closed within the substep. No
+impact is missed: a pair that meets unexpectedly causes an event as usual. Speculative contacts cause no
+overlap: the distance of convex pieces is at least their gap along any normal (Anitescu & Potra 1997; Catto
+2013).
 """
 
 from math import ceil, sqrt
@@ -42,16 +43,16 @@ from touchstone.reference_impl.simulated.impact import rest_speed
 
 @kernel
 def gather_contacts(bodies, pieces, vertices, pairs, state, left):
-    """Contacts of the next substep, and its length: near pairs too where the frame is crowded.
+    """Gather the contacts of the next substep, with near pairs if it is dense, and compute its length.
 
     Args:
-        left: what is left of the frame [s].
+        left: remaining time of the frame [s].
     Returns:
-        (end, h): `pairs[:end]` are the contacts, a row for every point of a patch, with the speeds at which
-        they may `close`; length of the substep [s].
+        (end, h): `pairs[:end]` are the contacts, one row per manifold point, with their `speculative_speed`;
+        h is the length of the substep [s].
     """
-    # as many rows are expected as there were last, where those were crowded for another substep too; and
-    # events run out, too, before the frame's time does
+    # expect as many rows as in the last substep, and twice as many after a dense one; the number of events
+    # per frame is limited too
     expected = (1 + state["dense_substep"]) * state["last_rows"]
     crowded = state["rows"] + expected > state["event_rows"]
     crowded = crowded or state["counters"][COUNT_EVENTS] >= DENSE_EVENTS
@@ -69,7 +70,7 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["speculative_speed"] = 0.0
-        # what passes by as it goes now may go on so
+        # a pair that passes by without contact may keep its present approach speed
         if gap > TOUCH_DISTANCE:
             pairs[k]["speculative_speed"] = max((gap - TOUCH_CLOSED) / h, pairs[k]["key"])
     state["rows"] += end
@@ -79,8 +80,10 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
 
 @kernel
 def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
-    """Leave out touching pairs that will bounce, and are not yet as near as impacts are found: they are free
-    until then. Returns the count of the others, brought to the front."""
+    """Remove touching pairs that will bounce but are farther apart than the impact gap.
+
+    They move freely until their impact. Returns the number of remaining pairs, moved to the front.
+    """
     kept, ahead = 0, state["impact_gap"] * (1 + 2 * IMPACT_SHARE)
     for k in range(count):
         if pairs[k]["distance"] > ahead and _approach(bodies, pairs[k], state) > max(v_rest, APPROACH_MIN):
@@ -93,14 +96,18 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
 
 @kernel
 def _gather_speculative(bodies, pieces, vertices, pairs, state, left):
-    """Pairs that touch or may meet within a substep, at the front of `pairs`; returns (end, h)."""
+    """Gather the pairs that touch or may meet within a dense substep, at the front of `pairs`.
+
+    Returns:
+        (end, h) of `gather_contacts`.
+    """
     since = clock(state["clock"])
     g, v_rest = state["gravity"], rest_speed(state)
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             _coast(bodies[b], g, left)
     found = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
-    # substeps so short that no impact with restitution comes much too early
+    # limit the substep so that no impact with restitution happens much too early
     fastest, reach, bend, shifting = v_rest, v_rest * state["dt"], 0.0, False
     for k in range(found):
         pair = pairs[k]
@@ -115,14 +122,14 @@ def _gather_speculative(bodies, pieces, vertices, pairs, state, left):
     parts = DENSE_SUBSTEPS if fastest > 0 else 1
     if reach > 0 and fastest * left <= DENSE_SUBSTEPS * reach:
         parts = ceil(fastest * left / reach)
-    # and so short that points stay where their contacts hold them: of what turns, and of faces that slide
+    # limit the substep so that contact points of rotating bodies and of sliding faces move little within it
     most = DENSE_PARTS * left / state["dt"]
     parts = max(parts, ceil(most / 2 if shifting else 0.0))
     parts = max(parts, ceil(min(left * sqrt(bend / (2 * DENSE_SINKING)), most)))
     h, end = left / parts, 0
     for k in range(found):
         pair = pairs[k]
-        # what will meet by all that is known, and what is so near that it may come to be pushed there
+        # keep pairs whose predicted paths meet, and pairs so near that an impulse may bring them into contact
         gap = pair["distance"]
         if TOUCH_DISTANCE < gap < pair["key"] * h and _meets(
             bodies, pieces, vertices, pair, state, 1 / parts
@@ -140,14 +147,14 @@ def _gather_speculative(bodies, pieces, vertices, pairs, state, left):
 
 @kernel
 def _meeting_speed(state):
-    """Speed of B's witness against A's, of the pair measured last [m/s]."""
+    """Speed of B's witness point relative to A's, for the last pair measured [m/s]."""
     a, b = state["velocity_a"], state["velocity_b"]
     return sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
 
 
 @kernel
 def _centripetal(body, piece, vertices):
-    """Largest acceleration of a piece's core about its body's axis of rotation [m/s^2]."""
+    """Largest centripetal acceleration of a piece's core about its body's rotation axis [m/s^2]."""
     _, lever = lever_of(body, piece, vertices)
     w = body["omega"]
     return lever * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) if body["kind"] == SIMULATED else 0.0
@@ -155,8 +162,11 @@ def _centripetal(body, piece, vertices):
 
 @kernel
 def _meets(bodies, pieces, vertices, pair, state, until):
-    """Whether a pair meets on its way up to a fraction. It then has the normal found there, its present gap
-    along that, and the witnesses found there, moved back with what moves."""
+    """Whether a pair meets before the fraction `until` of its predicted path.
+
+    If so, the pair gets the normal at the time of impact, its present gap along that normal, and the witness
+    points at the time of impact, moved back by the mean motion of the moving bodies.
+    """
     fraction, _, _ = time_of_impact(
         bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK
     )
@@ -178,7 +188,7 @@ def _meets(bodies, pieces, vertices, pair, state, until):
 
 @kernel
 def _coast(body, gravity, h):
-    """The way a body would go without contacts."""
+    """Set the motion of a body over a time h without contacts."""
     copy_vector(body["center"], body["old_center"])
     copy_quaternion(body["orientation"], body["old_orientation"])
     body["moves"], body["spin_steps"] = 1, 0
@@ -189,7 +199,7 @@ def _coast(body, gravity, h):
 
 @kernel
 def _measure(bodies, pieces, vertices, pair, state):
-    """Distance of a pair where it is, and its approach speed, to `key` [m/s]."""
+    """Compute the distance of a pair at its present pose, and its approach speed in `key` [m/s]."""
     _, converged = convex_depth(pieces[pair["piece_a"]], pieces[pair["piece_b"]], vertices, state, pair)
     if not converged:
         state["counters"][COUNT_UNCONVERGED] += 1
@@ -198,7 +208,7 @@ def _measure(bodies, pieces, vertices, pair, state):
 
 @kernel
 def _approach(bodies, pair, state):
-    """Approach speed of a pair's witnesses [m/s]."""
+    """Approach speed of a pair's witness points [m/s]."""
     n, a, b = pair["normal"], state["velocity_a"], state["velocity_b"]
     surface_velocity(bodies[pair["body_a"]], pair["point_a"], a)
     surface_velocity(bodies[pair["body_b"]], pair["point_b"], b)

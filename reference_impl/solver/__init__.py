@@ -1,1 +1,1 @@
-"""The contact solver: islands, rows, sweeps and Newton's method."""
+"""Contact solver: islands, contact rows, Gauss-Seidel sweeps and Newton's method."""

@@ -1,14 +1,14 @@
-"""Newton's method for the contacts of one island: exact to rounding where sweeps crawl.
+"""Newton's method for the contacts of one island: exact to rounding where sweeps converge slowly.
 
-Coulomb's law as an equation (natural map, Alart & Curnier 1991), regularised by the proximal point method
-(Rockafellar 1976): with x the change of the movers' velocities,
+It solves Coulomb's law as an equation (natural map, Alart & Curnier 1991), regularised by the proximal point
+method (Rockafellar 1976). With x the change of the movers' velocities,
 
     g(x) = M x - sum of J^T P(z) = 0,  z = centre - k (u(x) - floor n),  k = mass / compliance,
 
-P cutting an impulse off at its cone: no pull, friction at most mu times the pressure. Its derivative is not
-symmetric: friction follows the pressure. The centre is the last answer, so that at the end of the outer
-iterations the impulses meet the law itself, whatever the compliance. The first iterations have soft
-contacts, whose solution is unique; the later ones are stiffer.
+where P clips an impulse to its friction cone: no tension, friction at most mu times the normal impulse. The
+derivative of P is not symmetric, because friction depends on the normal impulse. The centre is the last outer
+iterate, so the impulses converge to Coulomb's law itself, whatever the compliance. The first iterations have
+soft contacts, whose solution is unique; the later ones are stiffer.
 """
 
 from math import sqrt
@@ -49,7 +49,7 @@ from touchstone.reference_impl.solver.envelope import add_block, factorise, lay_
 
 @kernel
 def newton(solver, state):
-    """Improve the impulses of an island until they reach RESIDUAL_TARGET or improve no more; `keep_best`."""
+    """Improve an island's impulses until they reach RESIDUAL_TARGET or stall; stores them by `keep_best`."""
     work = lay_out(solver)
     if work < 0:
         return
@@ -74,7 +74,7 @@ def newton(solver, state):
         for k in range(count):
             p, q, d = rows[k]["impulse"], rows[k]["centre"], rows[k]["direction"]
             p[0], p[1], p[2] = _project(rows[k], 0.0)
-            # rounding of a large z leaves the cone
+            # rounding of a large z can leave the cone
             into_cone(rows[k])
             for i in range(3):
                 d[i] = p[i] - q[i]
@@ -95,11 +95,13 @@ def newton(solver, state):
 
 @kernel
 def _extrapolate(solver, residual):
-    """Extrapolate the last change of the impulses, at most until a normal impulse vanishes, if the residual
-    does not rise; returns whether it was done.
+    """Extrapolate the last change of the impulses, at most until a normal impulse vanishes.
 
-    Where the points of a face are nearly redundant, the residual stays constant while load moves between
-    them, until one of them is open; the proximal iteration alone takes thousands of steps to get there.
+    If the points of a face are nearly redundant, the residual stays constant while load moves between them,
+    until one of them opens. Without extrapolation this takes thousands of proximal iterations.
+
+    Returns:
+        Whether it succeeded: the residual rises at most by the factor EXTRAPOLATION_RISE.
     """
     rows, count, length = solver["rows"], solver["row_count"], EXTRAPOLATION_MOST
     for k in range(count):
@@ -129,7 +131,7 @@ def _extrapolate(solver, residual):
 
 @kernel
 def _project(row, s):
-    """Impulse of a row at fraction s of the step `rate`: z cut off at its cone."""
+    """Impulse of a row at fraction s of the step `rate`: z clipped to its friction cone."""
     c, n, u, d, k = row["centre"], row["normal"], row["velocity"], row["rate"], row["stiffness"]
     x = c[0] - k * (u[0] + s * d[0])
     y = c[1] - k * (u[1] + s * d[1])
@@ -144,7 +146,7 @@ def _project(row, s):
 
 @kernel
 def _derivative(row, out_kernel):
-    """k P'(z) at the row's velocity [kg]; returns whether it is not zero."""
+    """Compute k P'(z) at the row's velocity [kg]; returns whether it is nonzero."""
     c, n, u, k, mu = row["centre"], row["normal"], row["velocity"], row["stiffness"], row["friction"]
     x, y, z = c[0] - k * u[0], c[1] - k * u[1], c[2] - k * u[2]
     normal = x * n[0] + y * n[1] + z * n[2]
@@ -153,7 +155,7 @@ def _derivative(row, out_kernel):
         return False
     x, y, z = x - normal * n[0], y - normal * n[1], z - normal * n[2]
     size = sqrt(x * x + y * y + z * z)
-    # sticking: the identity; sliding: friction turns with z, and grows with the pressure
+    # sticking: the identity; sliding: friction rotates with z, and grows with the normal impulse
     across = radial = 1.0
     mixed = 0.0
     if size > mu * j:
@@ -171,12 +173,12 @@ def _derivative(row, out_kernel):
 
 @kernel
 def _solve_soft(solver, tolerance):
-    """Solve g(x) = 0 from the impulses' velocities; leaves the rows' `velocity` there.
+    """Solve g(x) = 0 from the velocities of the present impulses; sets the rows' `velocity` to the solution.
 
     Args:
-        tolerance: change of a row's velocity in a step that ends it [m/s].
+        tolerance: largest change of a row's velocity in a step that ends the iteration [m/s].
     Returns:
-        Factorisations, and whether it ended there.
+        Number of factorisations, and whether the iteration converged.
     """
     rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
     for k in range(count):
@@ -193,7 +195,7 @@ def _solve_soft(solver, tolerance):
         factorise(solver)
         solve_factors(solver)
         _set_rates(solver)
-        # half the step until the equation is nearer to its solution
+        # line search: halve the step until g decreases
         fraction = 1.0
         for _ in range(LINE_HALVES):
             changed = _gradient(solver, fraction)
@@ -208,7 +210,7 @@ def _solve_soft(solver, tolerance):
 
 @kernel
 def _gradient(solver, s):
-    """g at fraction s of the step; returns g.M^-1 g [J]."""
+    """Compute g at fraction s of the step; returns g.M^-1 g [J]."""
     g, step, movers = solver["gradient"], solver["step"], solver["movers"]
     for m in range(solver["mover_count"]):
         mover = movers[m]
@@ -237,7 +239,7 @@ def _gradient(solver, s):
 
 @kernel
 def _assemble(solver):
-    """The derivative of g in its envelope: M + sum of J^T k P' J."""
+    """Assemble the derivative of g in its envelope: M + sum of J^T k P' J."""
     movers, lower, upper, offset = solver["movers"], solver["lower"], solver["upper"], solver["offset"]
     last = 6 * solver["mover_count"] - 1
     for i in range(offset[last] + last + 1):
@@ -270,7 +272,7 @@ def _assemble(solver):
 
 @kernel
 def _subtract(g, base, r, px, py, pz):
-    """Subtract J^T p of one side from the gradient."""
+    """Subtract J^T p of one mover of a row from g."""
     g[base] -= px
     g[base + 1] -= py
     g[base + 2] -= pz
@@ -281,7 +283,7 @@ def _subtract(g, base, r, px, py, pz):
 
 @kernel
 def _set_rates(solver):
-    """Change of the rows' velocities along the step."""
+    """Compute the change of the rows' velocities along the step."""
     step, movers = solver["step"], solver["movers"]
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
@@ -295,7 +297,7 @@ def _set_rates(solver):
 
 @kernel
 def _add_rate(step, base, r, sign, out_rate):
-    """Add the change of a row's velocity by one side's step."""
+    """Add the change of a row's velocity by the step of one of its movers."""
     x, y, z = step[base + 3], step[base + 4], step[base + 5]
     out_rate[0] += sign * (step[base] + y * r[2] - z * r[1])
     out_rate[1] += sign * (step[base + 1] + z * r[0] - x * r[2])
@@ -304,7 +306,7 @@ def _add_rate(step, base, r, sign, out_rate):
 
 @kernel
 def _advance(solver, s):
-    """Take a fraction of the step; returns the largest change of a row's velocity [m/s]."""
+    """Apply a fraction of the step; returns the largest change of a row's velocity [m/s]."""
     step = solver["step"]
     for m in range(solver["mover_count"]):
         mover = solver["movers"][m]

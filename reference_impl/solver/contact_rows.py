@@ -1,8 +1,8 @@
-"""Rows of one island: their velocities, Coulomb's law at one contact point, and the residual of all.
+"""Contact rows of one island: velocities, Coulomb's law at one contact point, and the residual of all rows.
 
-Conventions: u = free + J x is the velocity of B against A at a contact point, x the change of the movers'
-velocities by the impulses. Coulomb's law: u.n >= floor, impulse.n >= 0, one of both with equality; friction
-at most mu times impulse.n, against the sliding where there is some.
+Conventions: u = free + J x is the velocity of B relative to A at a contact point, x the change of the movers'
+velocities by the impulses. Coulomb's law: u.n >= floor and impulse.n >= 0, one of them with equality;
+friction is at most mu times impulse.n, and exactly that, opposite to the sliding, if there is any.
 """
 
 from math import sqrt
@@ -42,7 +42,7 @@ def _point_velocity(v, w, r):
 
 @kernel
 def push_movers(row, movers, px, py, pz):
-    """Change the velocities of a row's movers by an impulse (px, py, pz) on B [N s]."""
+    """Apply an impulse (px, py, pz) on B [N s], and its opposite on A, to a row's movers."""
     if row["b"] >= 0:
         _push(movers[row["b"]], row["r_b"], px, py, pz)
     if row["a"] >= 0:
@@ -63,7 +63,7 @@ def _push(mover, r, px, py, pz):
 
 @kernel
 def rebuild(solver):
-    """Velocities of the movers from the impulses of all rows."""
+    """Recompute the velocities of the movers from the impulses of all rows."""
     movers = solver["movers"]
     for m in range(solver["mover_count"]):
         movers[m]["velocity"][:] = 0.0
@@ -76,7 +76,7 @@ def rebuild(solver):
 
 @kernel
 def into_cone(row):
-    """Cut a row's impulse off at its cone: no pull, friction at most mu times the pressure."""
+    """Clip a row's impulse to its friction cone: no tension, friction at most mu times the normal impulse."""
     p, n = row["impulse"], row["normal"]
     j = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
     x, y, z = p[0] - j * n[0], p[1] - j * n[1], p[2] - j * n[2]
@@ -88,10 +88,11 @@ def into_cone(row):
 
 @kernel
 def residual_of(solver):
-    """Largest violation of Coulomb's law over all rows [m/s], and the row that has it.
+    """Largest violation of Coulomb's law over all rows [m/s], and its row.
 
-    Of the impulse p that is the change by one projected step: |p_n - max(0, p_n - m (u_n - floor))| / m, and
-    for friction |p_t - (p_t - m u_t, cut off at mu times that)| / m (Alart & Curnier 1991).
+    The violation is the change of the impulse p by one projected step: |p_n - q| / m with
+    q = max(0, p_n - m (u_n - floor)), and for friction |p_t - clip(p_t - m u_t, mu q)| / m (Alart & Curnier
+    1991).
     """
     largest, worst = 0.0, -1
     for k in range(solver["row_count"]):
@@ -120,7 +121,7 @@ def _violation(row, movers):
 
 @kernel
 def keep_best(solver, residual):
-    """Keep the impulses of all rows where their residual is the least so far."""
+    """Store the impulses of all rows if their residual is the smallest so far."""
     if residual < solver["best_residual"]:
         solver["best_residual"] = residual
         for k in range(solver["row_count"]):
@@ -129,7 +130,7 @@ def keep_best(solver, residual):
 
 @kernel
 def take_best(solver):
-    """Go back to the best impulses kept."""
+    """Restore the best impulses stored."""
     for k in range(solver["row_count"]):
         copy_vector(solver["rows"][k]["best"], solver["rows"][k]["impulse"])
     rebuild(solver)
@@ -137,8 +138,10 @@ def take_best(solver):
 
 @kernel
 def _work_terms(solver):
-    """-p.(v + u), p.W p and the sum of |p| over all rows: twice the contacts' work is the second less the
-    first."""
+    """Compute -p.(v + u), p.W p and the sum of |p| over all rows.
+
+    Twice the contacts' work is the second value minus the first.
+    """
     driving = damping = size = 0.0
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
@@ -153,15 +156,14 @@ def _work_terms(solver):
 
 @kernel
 def pushes_along(solver):
-    """Whether the contacts do work on the island, beyond what the residual explains."""
+    """Whether the contacts do more positive work on the island than the residual explains."""
     driving, damping, size = _work_terms(solver)
     return damping - driving > RESIDUAL_ACCEPTED * size
 
 
 @kernel
 def reverse_slip(solver):
-    """Take friction against the mean sliding of the hold: against the velocity after it, seen from the
-    reverse of the sliding before."""
+    """Make friction oppose the mean sliding of the substep: the sum of the sliding before and after."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         n, f, before = row["normal"], row["free"], row["before"]
@@ -173,7 +175,7 @@ def reverse_slip(solver):
 
 @kernel
 def make_passive(solver):
-    """Scale all impulses down until contacts do no work on the island (`contact_solver`)."""
+    """Scale all impulses down until contacts do no positive work on the island (`contact_solver`)."""
     driving, damping, _ = _work_terms(solver)
     scale = 0.0
     if driving > 0:
@@ -187,7 +189,7 @@ def make_passive(solver):
 
 @kernel
 def prepare_row(row):
-    """Axes across a row's normal, and its mobility along and across it, the normal impulse eliminated."""
+    """Compute a row's tangents, normal mobility, and tangential mobility at a fixed normal velocity."""
     n, t, s, w = row["normal"], row["across_1"], row["across_2"], row["mobility"]
     ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
     least = 0 if ax <= ay and ax <= az else (1 if ay <= az else 2)
@@ -205,7 +207,7 @@ def prepare_row(row):
 
 @kernel
 def _form(w, a, b):
-    """a.W b"""
+    """Compute a.W b."""
     total = 0.0
     for i in range(3):
         total += a[i] * (w[i, 0] * b[0] + w[i, 1] * b[1] + w[i, 2] * b[2])
@@ -214,10 +216,10 @@ def _form(w, a, b):
 
 @kernel
 def solve_row(row, movers, always):
-    """Impulse of one row that meets Coulomb's law while the others stay; returns its change over m [m/s].
+    """Solve Coulomb's law in one row with the other impulses fixed; returns the impulse change / m [m/s].
 
     Args:
-        always: friction is mu times the pressure against any sliding (Eq. 10), not at most that.
+        always: friction is always mu times the normal impulse (Eq. 10), instead of at most that.
     """
     f, p, w = row["free"], row["impulse"], row["mobility"]
     n, t, s = row["normal"], row["across_1"], row["across_2"]
@@ -243,22 +245,23 @@ def solve_row(row, movers, always):
 
 @kernel
 def _coulomb(row, plain, x, y, always):
-    """Impulse along and across the normal by Coulomb's law.
+    """Compute the normal and tangential impulse of one row by Coulomb's law.
 
-    With the normal impulse j = plain - share.q eliminated, friction q leaves the sliding c + A q. Sticking:
-    that is 0. Sliding: c + A q = -alpha q with the alpha > 0 for which |q| = mu j: 1 - mu j / |q| falls from
-    above 0, where sticking is outside the cone, without bound, so there is one however strong the coupling.
+    With the normal impulse j = plain - share.q eliminated, friction q leaves the sliding velocity c + A q.
+    Sticking: c + A q = 0. Sliding: c + A q = -alpha q with the alpha > 0 for which |q| = mu j. If sticking
+    lies outside the cone, 1 - mu j / |q| is positive at alpha = 0 and falls without bound, so a solution
+    exists however strong the coupling.
 
     Args:
-        plain: impulse along the normal without friction [N s].
-        x, y: velocity across the normal without any [m/s].
+        plain: normal impulse without friction [N s].
+        x, y: tangential velocity without the row's impulse [m/s].
     """
     mu, a, b, d = row["friction"], row["across_11"], row["across_12"], row["across_22"]
     g, h, along = row["share_1"], row["share_2"], row["along"]
     if mu == 0:
         return plain, 0.0, 0.0
     if always:
-        # against the sliding that the present impulse leaves
+        # friction opposes the sliding that the present impulse leaves
         p, n = row["impulse"], row["normal"]
         q, r = _dot(p, row["across_1"]), _dot(p, row["across_2"])
         j = _dot(p, n) + g * q + h * r
@@ -302,7 +305,7 @@ def _coulomb(row, plain, x, y, always):
             if side == -1:
                 value_early /= 2
             side = -1
-    # in the cone whatever is left of the value
+    # clip to the cone, whatever error remains
     j = max(0.0, j)
     scale = min(1.0, mu * j / size)
     return j, scale * q, scale * r
@@ -315,7 +318,7 @@ def _dot(a, b):
 
 @kernel
 def _friction(a, b, d, x, y, alpha):
-    """-(A + alpha)^-1 (x, y)"""
+    """Compute -(A + alpha)^-1 (x, y)."""
     a, d = a + alpha, d + alpha
     bottom = a * d - b * b
     return (b * y - d * x) / bottom, (b * x - a * y) / bottom

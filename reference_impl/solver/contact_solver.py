@@ -1,20 +1,20 @@
-"""Contacts that resolve together: impulses that meet Coulomb's law in all rows of an island.
+"""Contact solver: impulses that satisfy Coulomb's law in all rows of an island together.
 
-From the impulses of the last hold, sweeps of projected Gauss-Seidel with conjugate directions (Silcowitz,
-Niebe & Erleben 2010) and, where these do not converge, Newton's method on the proximal problem
-(`contact_newton`). The impulses of the least residual are kept.
+From a warm start, the solver sweeps by projected Gauss-Seidel with conjugate directions (Silcowitz, Niebe &
+Erleben 2010). If the sweeps do not converge, Newton's method solves the proximal problem (`contact_newton`).
+The solver keeps the impulses with the smallest residual.
 
-Impulses that did not converge are scaled down until contacts do no work. With u the velocities without
-impulses p, v those before the hold, W the map from impulses to velocities, that work is
+It scales impulses that did not converge down until contacts do no positive work. With u the velocities
+without the impulses p, v those before the solve, and W the map from impulses to velocities, the work is
 
     p.(v + u + W p) / 2 <= 0  for  p scaled by  s <= -p.(v + u) / p.W p.
 
-This holds for any p, so no cap, stall or start can add energy. It makes an answer safe, not right: what is
-left of the approach lets bodies sink, and is recorded as the frame's residual.
+This holds for any p, so no iteration limit, stall or warm start can add energy. It makes a result safe, not
+exact: the remaining approach lets bodies sink. The frame records it as its residual.
 
-An answer that converged may do work too, where friction stops a row that slid the other way before: its mean
-force then points along that sliding. In such an island friction is taken against the mean sliding (v + u) / 2
-instead, and does none.
+A converged result can do positive work too, if friction stops a row that slid in the opposite direction
+before: the mean force then points along that sliding. In such an island friction opposes the mean sliding
+(v + u + W p) / 2 instead, and does no positive work.
 """
 
 from math import inf
@@ -52,7 +52,7 @@ from touchstone.reference_impl.solver.islands import is_head, join_islands, load
 
 @kernel
 def begin_row(bodies, pair, floor):
-    """A row without impulse yet: its floor and surface velocities."""
+    """Initialise a row: its floor, its surface velocities and a zero impulse."""
     pair["resting_impulse"][:] = 0.0
     pair["floor"] = floor
     surface_velocity(bodies[pair["body_a"]], pair["point"], pair["before_a"])
@@ -61,10 +61,12 @@ def begin_row(bodies, pair, floor):
 
 @kernel
 def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
-    """Impulses `held` of the rows `pairs[:count]`, from those they have, which have not acted yet.
+    """Solve for each `resting_impulse` of the rows `pairs[:count]`; apply the solution.
+
+    The present impulses, which have not been applied, are the warm start.
 
     Args:
-        lasting: they act evenly from the velocities before the hold to those after it, not in a moment.
+        lasting: the impulses act evenly over a substep (resting contact), not at one instant (impact).
     Returns:
         Whether every island converged.
     """
@@ -80,7 +82,7 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
 
 @kernel
 def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
-    """Solve the island whose first row is `head`; returns whether it converged, which is counted if not."""
+    """Solve the island whose first row is `head`; returns whether it converged, and counts failures."""
     load_island(bodies, drivers, pairs, head, state)
     solver = state["solver"]
     rows = solver["rows"]
@@ -106,13 +108,13 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
 
 @kernel
 def _solve_loaded(solver, state):
-    """The best impulses found for the rows of the solver, from those they have."""
+    """Find the best impulses for the loaded rows, starting from their present ones."""
     for k in range(solver["row_count"]):
         copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
     rebuild(solver)
     make_passive(solver)
     residual = inf
-    # under Eq. 10 as printed the residual of Coulomb's law means nothing
+    # the residual of Coulomb's law does not apply to Eq. 10 as printed
     if state["friction"] != FRICTION_PAPER:
         residual, _ = residual_of(solver)
     solver["best_residual"] = inf
@@ -124,7 +126,7 @@ def _solve_loaded(solver, state):
 
 @kernel
 def _iterate(solver, state):
-    """Sweeps, Newton's method, and sweeps again, as far as they are needed."""
+    """Run sweeps, Newton's method, and more sweeps until one of them converges."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
@@ -141,7 +143,7 @@ def _iterate(solver, state):
 
 @kernel
 def _sweep(solver, state, most):
-    """At most so many sweeps over all rows; returns whether they reached RESIDUAL_TARGET."""
+    """Run at most `most` sweeps over all rows; returns whether they reached RESIDUAL_TARGET."""
     rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
     always = state["friction"] == FRICTION_PAPER
     last = 0.0
@@ -154,7 +156,7 @@ def _sweep(solver, state, most):
             copy_vector(row["impulse"], row["swept"])
             change = max(change, solve_row(row, movers, always))
         state["counters"][COUNT_SWEEPS] += 1
-        # a residual costs half a sweep
+        # a residual costs half a sweep: skip it while the impulses change too much
         if change < 2 * solver["best_residual"] or sweep == most - 1:
             residual = change
             if not always:
@@ -166,7 +168,7 @@ def _sweep(solver, state, most):
             p, q, m = rows[k]["impulse"], rows[k]["swept"], rows[k]["mass"]
             for i in range(3):
                 size += (p[i] - q[i]) ** 2 / m
-        # the conjugate direction; a growing step starts it again
+        # update the conjugate direction; restart it if the step grew
         share = size / last if last > 0 else 0.0
         last = size
         _conjugate(solver, share if share <= 1 else 0.0)
@@ -175,7 +177,7 @@ def _sweep(solver, state, most):
 
 @kernel
 def _conjugate(solver, share):
-    """Add a share of the last direction to the impulses, and the sweep's step to the direction."""
+    """Add a share of the last direction to the impulses; update the direction by the sweep's step."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, q, d = row["impulse"], row["swept"], row["direction"]

@@ -1,8 +1,8 @@
-"""Matrix of six unknowns a mover, in an envelope that is symmetric: order, L U, and solution.
+"""Matrix with six unknowns per mover in a symmetric envelope: ordering, LU factorisation and solution.
 
-Row i of the lower half and column i of the upper one hold their entries from `begin[i]` to the diagonal;
-factors fill nothing outside (Jennings 1966).
-Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969), which keeps rows short.
+Row i of the lower half and column i of the upper half store their entries from `begin[i]` to the diagonal;
+the factorisation causes no fill-in outside (Jennings 1966). Movers are ordered breadth first from an end of
+the island (Cuthill & McKee 1969), which keeps rows short.
 """
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -11,12 +11,15 @@ from touchstone.reference_impl.core.solver_dtypes import NEWTON_ENTRIES, NEWTON_
 
 @kernel
 def lay_out(solver):
-    """Order the movers and lay out the envelope; returns the multiplications of a factorisation, or -1 where
-    the island is too large."""
+    """Order the movers and lay out the envelope.
+
+    Returns:
+        Number of multiplications of a factorisation, or -1 if the island is too large.
+    """
     movers, count = solver["movers"], solver["mover_count"]
     if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
         return -1.0
-    # the last of a first pass is an end of the island
+    # the last mover of a first ordering is an end of the island
     end = _order_from(solver, 0)
     _order_from(solver, end)
     for m in range(count):
@@ -42,7 +45,7 @@ def lay_out(solver):
 
 @kernel
 def _order_from(solver, first):
-    """Breadth-first order of the movers from one of them; returns the last."""
+    """Order the movers breadth first from one of them; returns the last."""
     movers, order, count = solver["movers"], solver["order"], solver["mover_count"]
     for m in range(count):
         movers[m]["place"] = -1
@@ -60,8 +63,10 @@ def _order_from(solver, first):
 
 @kernel
 def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
-    """Add sign J_p^T K J_q of one row, K being `kernel`, to the block of places p >= q; with K transposed to
-    the upper half, which is stored by columns."""
+    """Add sign J_p^T K J_q of one row, where K is `kernel`, to the block of places p >= q.
+
+    For the upper half, which is stored by columns, K is transposed.
+    """
     matrix, block, offset = solver["kernel"], solver["block"], solver["offset"]
     for j in range(3):
         if transposed:
@@ -76,7 +81,7 @@ def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
     for i in range(6):
         x, y, z = block[i, 0], block[i, 1], block[i, 2]
         start = offset[6 * p + i] + 6 * q
-        # of a diagonal block one half
+        # add only half of a diagonal block
         stop = i + 1 if p == q else 6
         for j in range(stop):
             if j == 0:
@@ -96,7 +101,7 @@ def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
 
 @inlined_kernel
 def _dot(one, p, two, q, count):
-    """Sum of one[p + k] two[q + k]; four sums that do not wait for each other."""
+    """Sum of one[p + k] two[q + k], as four independent sums for instruction-level parallelism."""
     a = b = c = d = 0.0
     k = 0
     while k + 4 <= count:
@@ -113,7 +118,7 @@ def _dot(one, p, two, q, count):
 
 @kernel
 def factorise(solver):
-    """L U in place, without pivots: L has ones on its diagonal."""
+    """Factorise into L U in place without pivoting; L has a unit diagonal."""
     lower, upper, offset, begin = solver["lower"], solver["upper"], solver["offset"], solver["begin"]
     for i in range(6 * solver["mover_count"]):
         row, first = offset[i], begin[i]
@@ -124,13 +129,13 @@ def factorise(solver):
             lower[row + j] = value / lower[other + j]
         whole = lower[row + i]
         pivot = whole - _dot(lower, row + first, upper, row + first, i - first)
-        # what rounding takes below the masses is put back
+        # replace a pivot that rounding has cancelled
         lower[row + i] = pivot if abs(pivot) > 1e-16 * whole else 1e-16 * whole
 
 
 @kernel
 def solve_factors(solver):
-    """The step: minus the inverse times the gradient."""
+    """Solve for the step: minus the inverse of the matrix times the gradient."""
     lower, upper, offset = solver["lower"], solver["upper"], solver["offset"]
     begin, x = solver["begin"], solver["step"]
     size = 6 * solver["mover_count"]

@@ -1,6 +1,6 @@
-"""Islands: groups of movers that contacts connect; each is solved on its own.
+"""Islands: groups of movers connected by contacts; the solver treats each island separately.
 
-A mover is what an impulse on a body moves: a simulated body, or all links of a driver.
+A mover is the unit that an impulse on a body moves: a simulated body, or all links of a driver.
 """
 
 from touchstone.reference_impl.core.conventions import COUNT_LOST, NO_FLOOR
@@ -14,7 +14,7 @@ from touchstone.reference_impl.solver.contact_rows import prepare_row
 
 @kernel
 def mover_of(bodies, drivers, b):
-    """Row of `bodies` that an impulse on body b moves: that body or its driver's root; -1 for none."""
+    """Row of `bodies` of body b's mover: that body or its driver's root; -1 if impulses do not move it."""
     body = bodies[b]
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
@@ -24,12 +24,12 @@ def mover_of(bodies, drivers, b):
 
 @kernel
 def join_islands(bodies, drivers, pairs, count, flying):
-    """Chain the rows `pairs[:count]` of each island, by `next_row` from the row for which `is_head` holds.
+    """Link the rows `pairs[:count]` of each island by `next_row`, from the row for which `is_head` holds.
 
-    Rows between bodies that nothing moves are in no island.
+    Rows without a mover are in no island.
 
     Args:
-        flying: take rows whose floor is NO_FLOOR in, too.
+        flying: include rows whose floor is NO_FLOOR.
     """
     for k in range(count):
         pair = pairs[k]
@@ -46,7 +46,7 @@ def join_islands(bodies, drivers, pairs, count, flying):
         pair["island"] = b if a < 0 else a
         if a >= 0 and b >= 0:
             bodies[island_of(bodies, a)]["island"] = island_of(bodies, b)
-    # backwards, so that rows keep their order
+    # prepend in reverse, so that rows keep their order
     for k in range(count - 1, -1, -1):
         pair = pairs[k]
         if pair["island"] >= 0:
@@ -63,7 +63,7 @@ def is_head(bodies, pairs, k):
 
 @kernel
 def island_of(bodies, m):
-    """Mover that stands for the island of mover m (union-find with path halving)."""
+    """Root mover of the island of mover m (union-find with path halving)."""
     while bodies[m]["island"] != m:
         bodies[m]["island"] = bodies[bodies[m]["island"]]["island"]
         m = bodies[m]["island"]
@@ -72,7 +72,7 @@ def island_of(bodies, m):
 
 @kernel
 def load_island(bodies, drivers, pairs, head, state):
-    """Copy the rows and movers of an island to the solver; their impulses `held` have not acted yet."""
+    """Copy the rows and movers of an island to the solver; no `resting_impulse` has been applied yet."""
     solver = state["solver"]
     rows = solver["rows"]
     k = head
@@ -109,7 +109,7 @@ def load_island(bodies, drivers, pairs, head, state):
 
 @kernel
 def _load_mover(bodies, drivers, b, point, solver, out_r):
-    """Index of the mover of body b in the solver, and where a contact point is from its centre of mass."""
+    """Index of body b's mover in the solver; `out_r` leads from its centre of mass to the contact point."""
     m = mover_of(bodies, drivers, b)
     if m < 0:
         out_r[:] = 0.0
@@ -144,7 +144,7 @@ def _copy_mass(inverse_inertia, center, mover):
 
 @kernel
 def store_island(bodies, joints, drivers, pairs, state):
-    """Let the solver's impulses act: `held` of its rows, and the velocities of its movers."""
+    """Apply the solver's result: copy the rows' impulses to `pairs`, and change the movers' velocities."""
     solver = state["solver"]
     for n in range(solver["row_count"]):
         copy_vector(solver["rows"][n]["impulse"], pairs[solver["rows"][n]["pair"]]["resting_impulse"])

@@ -1,6 +1,6 @@
-"""Forces that held contact points last: the next hold starts from them.
+"""Warm start: a contact solve starts from the contact forces of the previous one.
 
-Each body has a list of the points it remembers, so that finding one costs the contacts of a body, not all.
+Each body has a list of its stored points, so a look-up visits the contacts of one body, not all contacts.
 """
 
 from touchstone.reference_impl.core.conventions import SIMULATED, WARM_START_CAPACITY
@@ -9,7 +9,7 @@ from touchstone.reference_impl.core.kernel import kernel
 
 @kernel
 def load_impulse(bodies, pair, state, h):
-    """Set `held` from the force that held the nearest contact point of the pair, if any did."""
+    """Set `resting_impulse` from the stored force at the pair's nearest contact point, if there is one."""
     body = bodies[_anchor(bodies, pair)]
     nearest, least, m = -1, 0.0, body["memory"] - 1
     while m >= 0:
@@ -30,7 +30,7 @@ def load_impulse(bodies, pair, state, h):
 
 @kernel
 def store_impulses(bodies, pairs, count, state, h):
-    """Remember the forces at the contact points after a hold of length h."""
+    """Store the forces at the contact points after a contact solve over a substep of length h."""
     for b in range(len(bodies)):
         bodies[b]["memory"] = 0
     for k in range(min(count, WARM_START_CAPACITY)):
@@ -46,5 +46,5 @@ def store_impulses(bodies, pairs, count, state, h):
 
 @kernel
 def _anchor(bodies, pair):
-    """Body that remembers a pair: the later of those that are simulated, for it has few contacts."""
+    """Body that stores the points of a pair: the later simulated one, which has few contacts."""
     return pair["body_b"] if bodies[pair["body_b"]]["kind"] == SIMULATED else pair["body_a"]

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
 from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.views.pictures import COLOURS, INK, MARKERS, PALE
+from touchstone.reports.views.pictures import INK, MARKERS, PALE, detector_color
 
 TITLES = {
     BROAD_PHASE: ("Broad phase", "moving boxes in a cloud of constant density"),
@@ -47,7 +47,7 @@ def _panel(axes: Axes, part: pd.DataFrame, title: str, sizes_label: str) -> None
     used: dict[str, int] = {}
     for engine in dict.fromkeys(part[part.metric == "scaling.exponent"].engine):
         mine = rows_of(part[part.engine == engine])
-        colour = next((COLOURS[key] for key in COLOURS if engine.startswith(key)), INK)
+        colour = detector_color(engine)
         marker = MARKERS[used.setdefault(colour, 0) % len(MARKERS)]
         used[colour] += 1
         power = next(row for row in mine if row.metric == "scaling.exponent")

@@ -9,7 +9,6 @@ from touchstone.adapters.workers.import_check import try_imports
 from touchstone.reports.judge import judge_faults
 from touchstone.reports.results import UNJUDGED
 
-PACKAGES = {"reference": "touchstone", "dart": "dartpy", "bullet": "pybullet", "mujoco": "mujoco"}
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")
 
 
@@ -32,8 +31,8 @@ def imports() -> list[tuple[str, str, str]]:
 def engines() -> list[tuple[str, str, str]]:
     """(engine, version, how to get it) of every engine; the last is empty where it is installed."""
     rows = []
-    for name in ENGINES:
-        found = package_version(PACKAGES.get(name, name)) if installed(name) else None
+    for name, entry in ENGINES.items():
+        found = package_version(entry.distribution or entry.package) if installed(name) else None
         rows.append((name, found or "-", "" if installed(name) else missing_reason(name)))
     return rows
 

@@ -17,15 +17,15 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from touchstone.adapters.contract import Array
+from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, rows_of, write_beside
 from touchstone.reports.run.request import REFERENCE, Request, Results
 from touchstone.reports.views.comparison import Columns, Line, Section, columns, head, sections
-from touchstone.reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import number, unit_of
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
-MARKS = {"reference": "o", "dart": "^", "bullet": "s", "mujoco": "D"}
 FEW = 6
 """Scenes up to which each is drawn over time; of more, the gallery's."""
 ACROSS = 3
@@ -88,7 +88,7 @@ def _write(request: Request, results: Results, section: Section, path: Path) -> 
 
 def _legend(figure: Figure, own: Columns) -> None:
     handles = [
-        Line2D([], [], color=COLOURS[e], marker=MARKS[e], markersize=5, label=head(row))
+        Line2D([], [], color=color_of(e), marker=marker_of(e), markersize=5, label=head(row))
         for e, row in own.items()
     ]
     figure.legend(
@@ -139,7 +139,7 @@ def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
         if engine in courses:
             time, values = courses[engine]
             drawn = scale * np.maximum(values, floor)
-            axes.plot(time, drawn, color=COLOURS[engine], linewidth=1, alpha=0.9)
+            axes.plot(time, drawn, color=color_of(engine), linewidth=1, alpha=0.9)
         if row.limit >= floor:
             dashes = (0, (4, 3)) if engine != REFERENCE else (0, (1, 2))
             axes.axhline(scale * row.limit, color=PALE, linewidth=0.8, linestyle=dashes, zorder=1)
@@ -157,8 +157,10 @@ def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> N
     for k, line in enumerate(lines):
         axes.axhspan(k - 0.5, k + 0.5, color="#f6f6f6" if k % 2 else "white", zorder=0)
         for engine, row in line.rows.items():
-            shift = 0.2 * (list(MARKS).index(engine) - 1.5)
-            axes.plot(value(row), k + shift, MARKS[engine], color=COLOURS[engine], markersize=5, zorder=3)
+            shift = 0.2 * (list(ENGINES).index(engine) - (len(ENGINES) - 1) / 2)
+            axes.plot(
+                value(row), k + shift, marker_of(engine), color=color_of(engine), markersize=5, zorder=3
+            )
     axes.set_yticks(range(len(lines)), [f"{line.scenario} {line.subject}".strip() for line in lines])
     axes.set_ylim(len(lines) - 0.5, -0.5)
     _bare(axes)
@@ -235,10 +237,10 @@ def _timing(figure: Figure, request: Request, results: Results, section: Section
 
 def _spread(axes: Axes, times: Array, y: float, engine: str) -> None:
     low, first, middle, third, high = np.percentile(times, [5, 25, 50, 75, 95])
-    colour = COLOURS[engine]
+    colour = color_of(engine)
     axes.plot([low, high], [y, y], color=colour, linewidth=1)
     axes.plot([first, third], [y, y], color=colour, linewidth=4, solid_capstyle="butt", alpha=0.5)
-    axes.plot(middle, y, MARKS[engine], color=colour, markersize=4.5, zorder=3)
+    axes.plot(middle, y, marker_of(engine), color=colour, markersize=4.5, zorder=3)
     axes.plot(times.max(), y, "|", color=colour, markersize=5)
 
 
@@ -250,7 +252,7 @@ def _ratio_table(axes: Axes, results: Results, scenes: list[str], own: Columns) 
     }
     heads = {f"{engine} {row.profile}": engine for engine, row in own.items() if engine != REFERENCE}
     for x, (name, engine) in enumerate(heads.items()):
-        axes.text(x + 0.5, -0.5, engine, color=COLOURS[engine], fontweight="bold", ha="center", va="bottom")
+        axes.text(x + 0.5, -0.5, engine, color=color_of(engine), fontweight="bold", ha="center", va="bottom")
         for k, scenario in enumerate(scenes):
             if row := found.get((scenario, name)):
                 text = f"{number(row.value)}\n{number(row.low)} to {number(row.high)}"

@@ -25,12 +25,6 @@ from touchstone.scenarios.scenario import Scenario, Tracker
 
 AGREED = 1e-9
 """Deviation up to which an engine holds what the scene says [1]: rounding of some thirty links."""
-SINGLE = {
-    "mujoco": "vertices of hulls in single precision",
-    "dart": "vertices of hulls in single precision",
-    "bullet": "corners of hulls rounded to about 1e-4 of their size",
-}
-"""What an engine stores less exactly, beside the figures of the card."""
 REFEREE = "pinocchio"
 
 
@@ -50,8 +44,8 @@ def card_rows(scenario: Scenario) -> list[dict[str, object]]:
         for engine, recording in held.items():
             whole = _whole(scenario, tracker, recording)
             off = deviation(scenario, tracker, recording)
-            remark = ("agrees" if off <= AGREED else "differs") + "; " * (engine in SINGLE)
-            row = _row(engine, tracker, scenario, whole, off, remark + SINGLE.get(engine, ""))
+            found = ("agrees" if off <= AGREED else "differs", ENGINES[engine].rounding)
+            row = _row(engine, tracker, scenario, whole, off, "; ".join(filter(None, found)))
             facts = recording.facts
             links = [scenario.bodies[k].name for k in scenario.links(tracker)]
             row |= {"pieces": sum(facts["pieces"][name] for name in links), "freedom": facts["freedom"]}

@@ -20,15 +20,8 @@ from touchstone.reports.results import rows_of
 from touchstone.reports.studies.calibration.rows import JUDGED_SPEED
 
 INK, PALE = "#222222", "#8a8a8a"
-COLOURS = {
-    # Okabe and Ito: told apart by colour-blind readers; one per engine
-    "reference": "#000000",
-    "python-fcl": "#D55E00",
-    "coal": "#0072B2",
-    "mujoco": "#009E73",
-    "bullet": "#B8860B",
-    "dart": "#AA4499",
-}
+LIBRARY_COLORS = {"python-fcl": "#D55E00", "coal": "#0072B2"}
+"""Of detectors that belong to no engine; with those of the engines, the colours of Okabe and Ito."""
 MARKERS = "osD"
 """One per detector of an engine, in the order of the table."""
 ERROR_FLOOR = 1e-16
@@ -45,6 +38,22 @@ LETTER, LINE, GAP = 0.0078, 0.028, 0.011
 
 Rectangle = tuple[float, float, float, float]
 """Left, bottom, right, top."""
+
+
+def color_of(engine: str) -> str:
+    """Colour of an engine in pictures."""
+    return ENGINES[engine].color
+
+
+def marker_of(engine: str) -> str:
+    """Marker of an engine in pictures."""
+    return ENGINES[engine].marker
+
+
+def detector_color(name: str) -> str:
+    """Colour of a detector or a variant by the engine or library that its name starts with."""
+    colors = LIBRARY_COLORS | {engine: entry.color for engine, entry in ENGINES.items()}
+    return next((color for owner, color in colors.items() if name.startswith(owner)), INK)
 
 
 class Point(NamedTuple):
@@ -83,7 +92,7 @@ def _points(frame: pd.DataFrame) -> list[Point]:
     names = [name for name in dict.fromkeys(frame.engine) if (name, "time.net") in values]
     points: list[Point] = []
     for name in names:
-        colour = next((COLOURS[engine] for engine in COLOURS if name.startswith(engine)), INK)
+        colour = detector_color(name)
         median, p95, largest = (
             max(ERROR_FLOOR, values[name, f"depth.error.{k}"]) for k in ("median", "p95", "max")
         )
@@ -211,7 +220,7 @@ def requested_and_achieved(frame: pd.DataFrame, path: Path) -> None:
                 part = mine[mine.profile == profile]
                 _draw_ranges(axes[0, column], _restitutions(part), engine, profile, filled, 0.014)
                 _draw_ranges(axes[1, column], _frictions(part), engine, profile, filled, 1.1)
-            axes[0, column].set_title(engine, color=COLOURS[engine], fontweight="bold", fontsize=12)
+            axes[0, column].set_title(engine, color=color_of(engine), fontweight="bold", fontsize=12)
         _frame_calibration(axes, figure)
         figure.savefig(path, format="png", facecolor="white")
 
@@ -251,7 +260,7 @@ def _frictions(frame: pd.DataFrame) -> Ranges:
 
 def _draw_ranges(axes: Axes, found: Ranges, engine: str, profile: str, filled: bool, shift: float) -> None:
     """Median and range of each list; filled markers a little to the left, hollow ones to the right."""
-    colour, places = COLOURS[engine], sorted(found)
+    colour, places = color_of(engine), sorted(found)
     x = np.array(places) + (-shift if filled else shift)
     low, high = [min(found[place]) for place in places], [max(found[place]) for place in places]
     middle = [float(np.median(found[place])) for place in places]

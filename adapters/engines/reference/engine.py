@@ -127,7 +127,7 @@ class _World:
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
         configure(self._state, settings.profile, settings.changes)
-        self._state["update_fat_bounds"] = settings.rooms
+        self._state["update_fat_bounds"] = settings.fat_bounds
         for stage in settings.skipped:
             if stage == "sweep":
                 self._state["detection"] = conventions.DETECTION_DISCRETE
@@ -207,7 +207,7 @@ class _World:
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
             "collision_shapes": len(self._world.pieces),
-            "rooms": bool(self._state["update_fat_bounds"]),
+            "fat bounds": bool(self._state["update_fat_bounds"]),
             "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
         }
         for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):

@@ -15,14 +15,13 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from touchstone.reports.results import rows_of
 from touchstone.reports.run.request import step_text
-from touchstone.reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 
 COLUMNS = 4
 FLOOR = 1e-12
 """Smaller errors are drawn here [1, rad]: rounding."""
 CEILING = 10.0
 """Larger errors are drawn here [1, rad]: the motion is lost."""
-MARKS = {"reference": "o", "dart": "^", "bullet": "s", "mujoco": "D"}
 
 
 def convergence(frame: pd.DataFrame, path: Path) -> None:
@@ -92,8 +91,8 @@ def _drawn(error: float) -> float:
 
 
 def _line(engine: str) -> Line2D:
-    colour = COLOURS.get(engine, INK)
-    return Line2D([], [], color=colour, marker=MARKS.get(engine, "o"), markersize=4, label=engine)
+    colour = color_of(engine)
+    return Line2D([], [], color=colour, marker=marker_of(engine), markersize=4, label=engine)
 
 
 def _empty(path: Path) -> None:

@@ -13,10 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.agreement.picture import MARKS
 from touchstone.reports.studies.effects.definitions import ALL, REFERENCE, TOGGLED
 from touchstone.reports.studies.effects.table import mark
-from touchstone.reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 
 CELLS = {
     "M": ("#0072B2", "needed, and it matters"),
@@ -42,8 +41,7 @@ def savings(frame: pd.DataFrame, path: Path) -> None:
         _savings(left, rows, scenes, engines)
         _grid(right, rows, scenes)
         handles: list[Line2D | Patch] = [
-            Line2D([], [], color=COLOURS.get(e, INK), marker=MARKS.get(e, "o"), linestyle="", label=e)
-            for e in engines
+            Line2D([], [], color=color_of(e), marker=marker_of(e), linestyle="", label=e) for e in engines
         ]
         shown = {mark(rows, scene, effect) for scene in scenes for effect in TOGGLED}
         handles += [
@@ -64,10 +62,10 @@ def _savings(
             if row is None:
                 continue
             place = y + 0.16 * (k - (len(engines) - 1) / 2)
-            colour = COLOURS.get(engine, INK)
+            colour = color_of(engine)
             axes.plot([100 * row.low, 100 * row.high], [place, place], color=colour, linewidth=1)
             size = 5 if engine == REFERENCE else 3.5
-            axes.plot(100 * row.value, place, color=colour, marker=MARKS.get(engine, "o"), markersize=size)
+            axes.plot(100 * row.value, place, color=colour, marker=marker_of(engine), markersize=size)
     axes.axvline(0, color=INK, linewidth=0.8)
     axes.set_yticks(range(len(scenes)), scenes)
     axes.set_ylim(len(scenes) - 0.5, -0.5)

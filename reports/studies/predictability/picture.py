@@ -15,8 +15,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from touchstone.reports.results import rows_of
 from touchstone.reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
-from touchstone.reports.views.comparison_pictures import MARKS
-from touchstone.reports.views.pictures import COLOURS, INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 
 ACROSS = 3
 """Most panels side by side."""
@@ -85,5 +84,5 @@ def _line(engine: str) -> Line2D:
     if engine == CLOSED_FORM:
         return Line2D([], [], color=PALE, linestyle=":", linewidth=4, zorder=1.5, label=engine)
     return Line2D(
-        [], [], color=COLOURS[engine], marker=MARKS[engine], markersize=4.5, linewidth=1.1, label=engine
+        [], [], color=color_of(engine), marker=marker_of(engine), markersize=4.5, linewidth=1.1, label=engine
     )

@@ -23,7 +23,7 @@ FRAME = 1 / 60
 
 def build(scenario: Scenario, rooms: bool = True, profile: str = "balanced"):
     """A reference engine's world."""
-    return ReferenceEngine().build(scenario, Settings(profile, FRAME, rooms=rooms))
+    return ReferenceEngine().build(scenario, Settings(profile, FRAME, fat_bounds=rooms))
 
 
 def play(world, frames: int, start: int = 0):
@@ -77,7 +77,7 @@ def test_a_flight_keeps_to_its_room(lab: SimpleNamespace, profile: str):
         arrays.state["flight_horizon"], arrays.state["simulated_isolated"] = frames, 0
         seek(arrays)
         assert arrays.state[0]["simulated_isolated"] == 1
-        room = arrays.pieces[["room_low", "fat_high"]].copy()
+        room = arrays.pieces[["fat_low", "fat_high"]].copy()
         for _ in range(frames):
             arrays, number = play(world, 1, number), number + 1
             place_pieces(arrays.bodies, arrays.pieces, arrays.vertices, SIMULATED)
@@ -130,5 +130,5 @@ def test_rooms_are_for_the_plan_alone(registry: SimpleNamespace):
         player = ready(
             ReferenceEngine(), catalogue()["bounce_e05"], Settings(profile, FRAME, effects=effects)
         )
-        told[profile, effects] = player.world.describe().settings["has_fat_bounds"]
+        told[profile, effects] = player.world.describe().settings["fat bounds"]
     assert list(told.values()) == [True, False, False]

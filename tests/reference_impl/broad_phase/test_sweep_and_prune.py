@@ -172,7 +172,7 @@ def test_nothing_makes_no_pair() -> None:
     assert find_pairs(np.zeros(0, PIECE), SIMULATED, 0, np.zeros(3, PAIR), state[0]) == (0, 0)
 
 
-@pytest.mark.parametrize("counts", [SIZES["single_column"], SIZES["many of all"]])
+@pytest.mark.parametrize("counts", [SIZES["few"], SIZES["many of all"]])
 def test_fixed_pieces_are_sorted_once(counts: tuple[int, int, int]) -> None:
     """Read the boxes of fixed pieces when they are listed, and never again."""
     scene = Scene(np.random.default_rng(8), counts)

@@ -46,7 +46,7 @@ def test_only_crowded_frames_count(lab: SimpleNamespace) -> None:
         world = crowded(lab, *balls, lab.ground(), rows=rows)
         for _ in range(2):
             step(*world)
-            assert lab.counters(world)["dense_substep"] == expected
+            assert lab.counters(world)["dense_substeps"] == expected
 
 
 def test_no_time_is_lost_to_events(lab: SimpleNamespace) -> None:
@@ -59,7 +59,7 @@ def test_no_time_is_lost_to_events(lab: SimpleNamespace) -> None:
     world = lab.build(lab.scene(*balls, lab.ground(), e=1.0, gravity=ORIGIN))
     step(*world)
     counted = lab.counters(world)
-    assert (counted["gave_up"], counted["dense_substep"] > 0) == (0, True)
+    assert (counted["gave_up"], counted["dense_substeps"] > 0) == (0, True)
     assert counted["events"] < EVENT_CAP
     np.testing.assert_allclose(world.bodies["velocity"][:70, 2], 1.0, rtol=1e-12)
     # early by twice what an impact is taken ahead, and by a substep at most once the frame is crowded
@@ -109,7 +109,7 @@ def test_no_ghost_is_hit(lab: SimpleNamespace) -> None:
         world = crowded(lab, ball, plate, gravity=ORIGIN, e=0.5)
         step(*world)
         ends.append(world.bodies[0]["velocity"].copy())
-        assert lab.counters(world)["dense_substep"] > 0
+        assert lab.counters(world)["dense_substeps"] > 0
     np.testing.assert_array_equal(ends[0], (6.0, 0.0, -6.0))
     assert np.linalg.norm(ends[1] - ends[0]) > 1
 
@@ -152,7 +152,7 @@ def test_a_heap_comes_to_rest(lab: SimpleNamespace, profile: str, rows: int) -> 
     energies, crowds = [energy(world)], 0
     for _ in range(240):
         step(*world)
-        crowds += lab.counters(world)["dense_substep"]
+        crowds += lab.counters(world)["dense_substeps"]
         energies.append(energy(world))
     # parting what sank lifts the heap of 27 kg: by less than 20 micrometres a frame
     assert np.diff(energies).max() < 27 * 9.81 * 2e-5

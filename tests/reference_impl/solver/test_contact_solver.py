@@ -128,5 +128,5 @@ def test_bounces_do_not_use_up_a_frame(lab: SimpleNamespace) -> None:
     told = lab.play(world, 40, watch=lab.counters)
     assert max(frame["events"] for frame in told) > 16
     assert not any(frame["gave_up"] for frame in told)
-    assert sum(frame["dense_substep"] for frame in told) > 0
+    assert sum(frame["dense_substeps"] for frame in told) > 0
     np.testing.assert_allclose(world.bodies["velocity"], 0.0, atol=1e-9)

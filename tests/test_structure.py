@@ -1,0 +1,60 @@
+"""The structure that CONTRIBUTING promises: layers without circles, small folders and modules."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+LAYERS = ("reference_impl", "adapters", "scenarios", "reports")
+MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
+MOST_MODULES, MOST_LINES = 12, 400
+LONGER = {"adapters/engines/bullet/engine.py"}
+"""Modules that are still to be split."""
+REGISTRY = "scenarios/families"
+"""A file for each scene or family of scenes: it grows with them."""
+
+
+def name_of(path: Path) -> str:
+    """Import name of a module: of a package, its folder's."""
+    parts = ("touchstone", *path.relative_to(ROOT).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports() -> dict[str, set[str]]:
+    """Modules that each module imports, at its top, in a function, or for types."""
+    names = {name_of(path) for path in MODULES}
+    found: dict[str, set[str]] = {}
+    for path in MODULES:
+        mine = found[name_of(path)] = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                parts = (f"{node.module}.{alias.name}" for alias in node.names)
+                mine |= {part if part in names else node.module for part in parts}
+            elif isinstance(node, ast.Import):
+                mine |= {alias.name for alias in node.names}
+        mine &= names
+    return found
+
+
+def test_no_modules_import_each_other():
+    """Take modules without imports away until none is left: what cannot be taken away is a circle."""
+    left = imports()
+    while free := {name for name, needs in left.items() if not needs & left.keys()}:
+        left = {name: needs for name, needs in left.items() if name not in free}
+    assert left == {}
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in MODULES}), ids=lambda folder: folder.name)
+def test_a_folder_is_seen_at_a_glance(folder: Path):
+    """A folder has at most MOST_MODULES modules."""
+    if folder != ROOT / REGISTRY:
+        assert len([path for path in folder.glob("*.py") if path.stem != "__init__"]) <= MOST_MODULES
+
+
+def test_modules_are_short():
+    """A module has at most MOST_LINES lines, but for those in LONGER."""
+    lengths = {path.relative_to(ROOT).as_posix(): len(path.read_text().splitlines()) for path in MODULES}
+    assert {name for name, lines in lengths.items() if lines > MOST_LINES} == LONGER
