@@ -14,9 +14,6 @@ from touchstone.reference_impl.continuous.driven_time_of_impact import sweep_dri
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.core.conventions import (
-    COUNT_EVENTS,
-    COUNT_GAVE_UP,
-    COUNT_UNCONVERGED,
     DETECTION_DISCRETE,
     DETECTION_FAST,
     DETECTION_SWEEP,
@@ -26,12 +23,16 @@ from touchstone.reference_impl.core.conventions import (
     IMPULSES_TOGETHER,
     NEWTON_WORK,
     SIMULATED,
+    TIME_MIN,
+)
+from touchstone.reference_impl.core.counters import (
+    COUNT_EVENTS,
+    COUNT_GAVE_UP,
     STAGE_COLLISION,
     STAGE_DRIVE,
     STAGE_IMPULSES,
     STAGE_INTEGRATION,
     STAGE_REMOVAL,
-    TIME_MIN,
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import invert_symmetric
@@ -239,9 +240,7 @@ def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contact
         (h, fraction): the length solved for [s], and the fraction of it that elapsed.
     """
     start, first_held = clock(state["clock"]), state["contact_count"]
-    h, converged = solve_resting_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
-    if not converged:
-        state["counters"][COUNT_UNCONVERGED] += 1
+    h = solve_resting_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
     returned = first_return(bodies, pairs, touching, state)
     state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
     set_ways(bodies, pairs, touching, h, state["flight"])

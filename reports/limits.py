@@ -1,4 +1,4 @@
-"""Limits as data: what a metric may be, where, and why; known failings stand in `known.py`."""
+"""Limits as data: what a metric may be, where, and why; known failings stand in `known_failures`."""
 
 from __future__ import annotations
 
@@ -338,7 +338,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     if known is not None and not met and (known.never or not isnan(row.value)):
         verdict, reason = _excused(row, known)
     elif known is not None and met and at_own_step(row) and is_measured(row):
-        verdict, reason = "fail", f"a known failing is gone: take it out of known.py ({known.reason})"
+        verdict, reason = "fail", f"a known failing is gone: take it out of known_failures ({known.reason})"
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
     return replace(row, limit=largest, verdict=verdict, basis=basis, reason=remark)
 

@@ -24,6 +24,7 @@ from touchstone.adapters.recorder import record, scenario_json
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.counters import COUNTERS
 from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.core.world import BODY, PAIR, World
@@ -222,7 +223,7 @@ def scene_piece(world: World, index: int) -> Piece:
 
 def counters(world: World) -> dict[str, int]:
     """The counters of the last frame by name."""
-    return dict(zip(conventions.COUNTERS, world.state[0]["counters"].tolist()))
+    return dict(zip(COUNTERS, world.state[0]["counters"].tolist()))
 
 
 def motion(world: World) -> tuple[np.ndarray, np.ndarray, float]:

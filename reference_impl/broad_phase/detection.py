@@ -3,17 +3,14 @@
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.continuous.swept_motion import swept_box
-from touchstone.reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, SIMULATED, TOUCH_DISTANCE
+from touchstone.reference_impl.core.counters import (
     COUNT_CONTACTING,
     COUNT_CONTACTS,
     COUNT_LOST,
     COUNT_PAIRS,
     COUNT_UNCONVERGED,
-    DRIVEN,
-    OVERLAP_TOLERANCE,
-    SIMULATED,
     STAGE_COLLISION,
-    TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.driven.skeleton import are_adjacent

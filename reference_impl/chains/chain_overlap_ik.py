@@ -10,10 +10,9 @@ from touchstone.reference_impl.core.conventions import (
     BEND_SHARE,
     CHAIN_PASSES,
     CHAIN_TOLERANCE,
-    COUNT_IK_ITERATIONS,
-    COUNT_IK_JOINTS,
     STRETCHED_SHARE,
 )
+from touchstone.reference_impl.core.counters import COUNT_IK_ITERATIONS, COUNT_IK_JOINTS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of
 from touchstone.reference_impl.driven.skeleton import hang, measure_angle

@@ -9,13 +9,13 @@ from touchstone.reference_impl.chains.posture_qp import apply_turns, missed_shar
 from touchstone.reference_impl.core.conventions import (
     BEND_ROUNDS,
     CHAIN_ROUNDS,
-    COUNT_IK_ROUNDS,
     OVERLAP_TOLERANCE,
     POSTURE_LEAST_TURN,
     QP_TOLERANCE,
     QP_TURN_MAX,
     STRETCHED_SHARE,
 )
+from touchstone.reference_impl.core.counters import COUNT_IK_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.driven.skeleton import pose_chain_links, pose_moved
 

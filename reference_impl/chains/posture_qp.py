@@ -13,8 +13,6 @@ would be unbounded.
 
 from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.core.conventions import (
-    COUNT_IK_ITERATIONS,
-    COUNT_IK_JOINTS,
     QP_LEVER,
     QP_PLAIN_SWEEPS,
     QP_RELAXATION,
@@ -22,6 +20,7 @@ from touchstone.reference_impl.core.conventions import (
     QP_SWEEPS,
     QP_TOLERANCE,
 )
+from touchstone.reference_impl.core.counters import COUNT_IK_ITERATIONS, COUNT_IK_JOINTS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotate
 

@@ -11,7 +11,6 @@ from touchstone.reference_impl.broad_phase.detection import find_swept_pairs
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair, set_path, shown_motion
 from touchstone.reference_impl.continuous.time_of_impact import gap_along, time_of_impact
 from touchstone.reference_impl.core.conventions import (
-    COUNT_UNCONVERGED,
     DETECTION_FAST,
     DETECTION_SWEEP,
     DRIVEN,
@@ -22,8 +21,8 @@ from touchstone.reference_impl.core.conventions import (
     PART_WHOLE,
     PAST_MIDDLE,
     SEGMENT_TURN,
-    STAGE_COLLISION,
 )
+from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED, STAGE_COLLISION
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
 from touchstone.reference_impl.driven.global_depth import side_of

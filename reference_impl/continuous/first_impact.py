@@ -4,8 +4,6 @@ from touchstone.reference_impl.broad_phase.detection import is_marked
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
 from touchstone.reference_impl.continuous.time_of_impact import distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
-    COUNT_EVENTS,
-    COUNT_UNCONVERGED,
     DETECTION_SWEEP,
     IMPACT_SHARE,
     IMPACT_STEPS,
@@ -17,6 +15,7 @@ from touchstone.reference_impl.core.conventions import (
     SINKING_SLACK,
     TOUCH_DISTANCE,
 )
+from touchstone.reference_impl.core.counters import COUNT_EVENTS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 

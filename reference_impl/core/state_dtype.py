@@ -2,13 +2,12 @@
 
 from touchstone.reference_impl.core.conventions import (
     COLUMN_LEVELS,
-    COUNTERS,
     DEPTH_CACHE_SIZE,
     EPA_FACES,
     EPA_VERTICES,
-    STAGES,
     WARM_START_CAPACITY,
 )
+from touchstone.reference_impl.core.counters import COUNTERS, STAGES
 from touchstone.reference_impl.core.dtypes import MATRIX, VECTOR, record
 from touchstone.reference_impl.core.solver_dtypes import SOLVER
 
@@ -85,7 +84,6 @@ STATE = record(
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
     random="i8",  # state of the random generator
-    pair_count="i8",
     contact_count="i8",
     stage_seconds=("f8", (len(STAGES),)),
     counters=("i8", (len(COUNTERS),)),

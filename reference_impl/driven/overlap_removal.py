@@ -6,9 +6,6 @@ from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
 from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.chains.chain_overlap_removal import free_chains, shuffle_chains
 from touchstone.reference_impl.core.conventions import (
-    COUNT_GAVE_UP,
-    COUNT_ROUNDS,
-    COUNT_WAY_BACK,
     DRIVEN,
     FIXED,
     LONGEST_SHIFT,
@@ -23,6 +20,7 @@ from touchstone.reference_impl.core.conventions import (
     VANISHING_SHIFT,
     WAY_BACK_STEPS,
 )
+from touchstone.reference_impl.core.counters import COUNT_GAVE_UP, COUNT_ROUNDS, COUNT_WAY_BACK
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
 from touchstone.reference_impl.driven.global_depth import global_depth, largest_depth, side_of

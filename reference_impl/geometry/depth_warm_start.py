@@ -15,9 +15,6 @@ the check costs almost nothing.
 from math import sqrt
 
 from touchstone.reference_impl.core.conventions import (
-    COUNT_CERTIFIED,
-    COUNT_EXACT,
-    COUNT_WALKED,
     DEGENERATE_HEIGHT,
     DEPTH_EXACT,
     DEPTH_WALK,
@@ -27,6 +24,7 @@ from touchstone.reference_impl.core.conventions import (
     WARM_START_GAP,
     WARM_START_SLACK,
 )
+from touchstone.reference_impl.core.counters import COUNT_CERTIFIED, COUNT_EXACT, COUNT_WALKED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.geometry.capsule_distance import have_segments, segment_distance

@@ -7,13 +7,7 @@ dense substep.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import (
-    EVENT_CAP,
-    FLIGHT_EULER,
-    NO_FLOOR,
-    SLIDE_MIN,
-    SLIP_MIN,
-)
+from touchstone.reference_impl.core.conventions import EVENT_CAP, FLIGHT_EULER, NO_FLOOR, SLIDE_MIN, SLIP_MIN
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.simulated.contact import relative_velocity
 

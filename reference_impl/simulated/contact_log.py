@@ -1,6 +1,6 @@
 """Contact log of a frame: one row per impulse, with the surface velocities before and after it."""
 
-from touchstone.reference_impl.core.conventions import COUNT_LOST
+from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import surface_velocity

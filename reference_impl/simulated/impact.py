@@ -11,13 +11,12 @@ from math import sqrt
 
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
-    COUNT_GUARDED,
-    COUNT_IMPULSES,
     IMPULSE_CAP,
     IMPULSES_TOGETHER,
     NO_FLOOR,
     SETTLE_MIN,
 )
+from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import (

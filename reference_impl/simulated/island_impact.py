@@ -1,12 +1,7 @@
 """Simultaneous impacts of an island, and the energy guard for an island as a whole."""
 
-from touchstone.reference_impl.core.conventions import (
-    APPROACH_MIN,
-    COUNT_GUARDED,
-    COUNT_IMPULSES,
-    ENERGY_ROUNDING,
-    RESTITUTION_GUARDED,
-)
+from touchstone.reference_impl.core.conventions import APPROACH_MIN, ENERGY_ROUNDING, RESTITUTION_GUARDED
+from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import apply_to_both, relative_velocity

@@ -11,6 +11,7 @@ from touchstone.reference_impl.core.conventions import (
     STOP_SHARE,
     STOP_SHORT,
 )
+from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.simulated.contact import approach_speed
 from touchstone.reference_impl.simulated.contact_events import first_stop, note_free_slip
@@ -28,8 +29,7 @@ def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, stat
     Args:
         time, h: start of the substep in the frame, and its length [s].
     Returns:
-        (h, converged): h is the length for which the impulses are valid, shorter if a sliding contact stops
-        earlier; converged tells whether the impulses converged.
+        The length for which the impulses are valid [s], shorter if a sliding contact stops earlier.
     """
     converged = True
     for k in range(RESTING_CONTACT_ROUNDS):
@@ -48,7 +48,7 @@ def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, stat
         begin_again(bodies, joints, drivers)
         h *= STOP_SHORT * share
     log_held(bodies, pairs, count, contacts, state, time)
-    return h, converged
+    return h
 
 
 @kernel
@@ -106,4 +106,5 @@ def _solve_in_turn(bodies, joints, drivers, pairs, count, state):
         strike(bodies, joints, drivers, pairs[k], 0.0, state)
         for i in range(3):
             pairs[k]["resting_impulse"][i] += state["impulse"][i]
+    state["counters"][COUNT_UNCONVERGED] += 1
     return False

@@ -3,8 +3,6 @@
 from touchstone.reference_impl.broad_phase.detection import detect, is_free, place_listed
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.core.conventions import (
-    COUNT_GAVE_UP,
-    COUNT_ROUNDS,
     IMPULSES_TOGETHER,
     OVERLAP_TOLERANCE,
     REMOVAL_ROUNDS,
@@ -12,6 +10,7 @@ from touchstone.reference_impl.core.conventions import (
     SEPARATION_SWEEPS,
     SIMULATED,
 )
+from touchstone.reference_impl.core.counters import COUNT_GAVE_UP, COUNT_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.driven.skeleton import place
 

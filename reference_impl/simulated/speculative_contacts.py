@@ -16,9 +16,6 @@ from touchstone.reference_impl.continuous.swept_motion import lever_of
 from touchstone.reference_impl.continuous.time_of_impact import gap_along, place_pair, time_of_impact
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
-    COUNT_DENSE,
-    COUNT_EVENTS,
-    COUNT_UNCONVERGED,
     DENSE_EVENTS,
     DENSE_PARTS,
     DENSE_SINKING,
@@ -29,9 +26,14 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_TARGET,
     SIMULATED,
     SPECULATIVE_SLACK,
-    STAGE_COLLISION,
     TOUCH_CLOSED,
     TOUCH_DISTANCE,
+)
+from touchstone.reference_impl.core.counters import (
+    COUNT_DENSE,
+    COUNT_EVENTS,
+    COUNT_UNCONVERGED,
+    STAGE_COLLISION,
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector

@@ -20,7 +20,6 @@ from touchstone.reference_impl.core.conventions import (
     COMPLIANCE_LEAST,
     COMPLIANCE_RISE,
     COMPLIANCE_ROUNDING,
-    COUNT_FACTORS,
     EXTRAPOLATION_MOST,
     EXTRAPOLATION_RISE,
     INNER_SHARE,
@@ -35,6 +34,7 @@ from touchstone.reference_impl.core.conventions import (
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
 )
+from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
 from touchstone.reference_impl.solver.contact_rows import (

@@ -20,8 +20,6 @@ before: the mean force then points along that sliding. In such an island frictio
 from math import inf
 
 from touchstone.reference_impl.core.conventions import (
-    COUNT_SWEEPS,
-    COUNT_UNCONVERGED,
     DENSE_SWEEPS,
     DENSE_VISITS,
     FIRST_SWEEPS,
@@ -32,6 +30,7 @@ from touchstone.reference_impl.core.conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_TARGET,
 )
+from touchstone.reference_impl.core.counters import COUNT_SWEEPS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import surface_velocity

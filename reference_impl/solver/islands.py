@@ -3,7 +3,8 @@
 A mover is the unit that an impulse on a body moves: a simulated body, or all links of a driver.
 """
 
-from touchstone.reference_impl.core.conventions import COUNT_LOST, NO_FLOOR
+from touchstone.reference_impl.core.conventions import NO_FLOOR
+from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY

@@ -3,7 +3,7 @@
 `bounds.csv` holds a bound per engine, profile, scene, metric and subject: MARGIN times what was
 measured. After engines or limits have changed, measure again by `touchstone run ... --profile ...` and
 
-    python -m touchstone.reports.known_failures.bounds runs/<time>/results.csv ...
+    python -m touchstone.reports.known_failures.measure runs/<time>/results.csv ...
 
 which replaces the bounds of what those runs show, and drops those of what is no longer documented.
 """

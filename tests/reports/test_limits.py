@@ -184,7 +184,7 @@ def test_known_failings_are_strict(limits):
     assert judged(ROW, ()).verdict == "fail"
     mended = judged(replace(ROW, value=0.5), ("gallery",))
     assert mended.verdict == "fail"
-    assert "a known failing is gone: take it out of known.py (soft)" in mended.reason
+    assert "a known failing is gone: take it out of known_failures (soft)" in mended.reason
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.engines.reference.settings import configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 from touchstone.reference_impl.core.kernel import CACHE_FOLDER, JIT, kernel
 from touchstone.reference_impl.core.world import World
@@ -142,7 +142,7 @@ class _World:
         times = np.minimum(times, scenario.duration)
         self._targets = _targets(self._world, [sample(tracker, times) for tracker in scenario.trackers])
         self._next = 0
-        self._stages = np.zeros(len(conventions.STAGES))
+        self._stages = np.zeros(len(counters.STAGES))
         prepare(*self._world)
         if not self._world.drivers["has_free"].all():
             self._refuse_stuck()
@@ -190,7 +190,7 @@ class _World:
         state.linear_velocity[:], state.angular_velocity[:] = bodies["velocity"], bodies["omega"]
         state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
         count = int(self._state["contact_count"])
-        lost = int(self._state["counters"][conventions.COUNT_LOST])
+        lost = int(self._state["counters"][counters.COUNT_LOST])
         if lost:
             full = "contacts" if count >= len(self._world.contacts) else "pairs"
             room = len(getattr(self._world, full))
@@ -262,13 +262,13 @@ class _World:
 
     def stage_seconds(self) -> Mapping[str, float]:
         """Time per stage since the last call [s]."""
-        told = dict(zip(conventions.STAGES, self._stages.tolist()))
+        told = dict(zip(counters.STAGES, self._stages.tolist()))
         self._stages[:] = 0.0
         return told
 
     def work(self) -> Mapping[str, float]:
         """Work counters of the last frame, and what it left unresolved (INEXACT)."""
-        counted = dict(zip(conventions.COUNTERS, map(float, self._state["counters"].tolist())))
+        counted = dict(zip(counters.COUNTERS, map(float, self._state["counters"].tolist())))
         return counted | {name: float(self._state[field]) for name, field in INEXACT.items()}
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.geometry.depth_cache import find_entry
 from touchstone.reference_impl.pipeline import prepare, step
@@ -78,9 +78,9 @@ def test_a_scene_is_detected_alike(depth: int) -> None:
             )
             found[method] = world.pairs[:end].copy()
             counted = state["counters"][
-                [conventions.COUNT_WALKED, conventions.COUNT_CERTIFIED, conventions.COUNT_EXACT]
+                [counters.COUNT_WALKED, counters.COUNT_CERTIFIED, counters.COUNT_EXACT]
             ]
-            assert counted.sum() == state["counters"][conventions.COUNT_PAIRS]
+            assert counted.sum() == state["counters"][counters.COUNT_PAIRS]
         methods += counted
         exact, walked = found.values()
         np.testing.assert_array_equal(exact["piece_a"], walked["piece_a"])
