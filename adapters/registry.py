@@ -12,7 +12,7 @@ from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Set
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """All that others know of an engine: no other table names engines.
+    """What the project needs to know of an engine; no other table names engines.
 
     Attributes:
         implementation: "module:Class".
@@ -20,7 +20,7 @@ class Entry:
         profiles: native step [s] of each profile.
         distribution: what is installed, where it is not called like the package.
         color, marker: of the engine in pictures, as matplotlib writes them.
-        rounding: what the engine stores less exactly than it is told; "" if nothing.
+        rounding: what the engine stores in lower precision; "" if nothing.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one

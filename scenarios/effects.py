@@ -174,7 +174,7 @@ class Plan:
         bounds = self.bounds
         out = ((position < bounds.low) | (position > bounds.high)).any(axis=1)
         if out.any():
-            return f"{names[int(np.argmax(out))]} left the box that it was to keep to"
+            return f"{names[int(np.argmax(out))]} left the bounds of its plan"
         if len(self.apart):
             a, b = self.apart.T
             gap = np.linalg.norm(position[a] - position[b], axis=1) - bounds.reach[a] - bounds.reach[b]

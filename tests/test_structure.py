@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,20 @@ def test_modules_are_short():
     """A module has at most MOST_LINES lines, but for those in LONGER."""
     lengths = {path.relative_to(ROOT).as_posix(): len(path.read_text().splitlines()) for path in MODULES}
     assert {name for name, lines in lengths.items() if lines > MOST_LINES} == LONGER
+
+
+PRIVATE_PHRASES = re.compile(
+    r"\b(finds? no room|is told|looks? at|by turns|keeps? to|anew|alike|held against)\b"
+)
+"""Phrases that a reader has to read twice; CONTRIBUTING says what to write instead."""
+
+
+def test_texts_use_plain_terms():
+    """No docstring, comment or message uses one of PRIVATE_PHRASES."""
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in MODULES
+        for number, line in enumerate(path.read_text().splitlines(), start=1)
+        if PRIVATE_PHRASES.search(line)
+    ]
+    assert found == []

@@ -94,7 +94,7 @@ def balls_at_rest(
     progress: Progress,
     loader: Loader = load,
 ) -> list[Curve]:
-    """Whole frames of every engine under its first profile, by turns; the reference at `further` too."""
+    """Whole frames of every engine under its first profile, interleaved; the reference at `further` too."""
     curves, children = [], []
     for engine, entry in ENGINES.items():
         profile, dt = next(iter(entry.profiles.items()))

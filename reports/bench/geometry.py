@@ -32,7 +32,7 @@ __all__ = ["Plan", "run", "show", "steps"]
 
 STUDY = "bench geometry"
 SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance", "mujoco")
-"""Detectors asked; those of the reference are held against the rest."""
+"""Detectors that are timed; those of the reference are compared with the others."""
 MOTION = "hand sliding"
 """The family whose pairs come frame after frame."""
 FALSE = 1e-11

@@ -1,4 +1,4 @@
-"""What a metric looks at: a recording, its scene, and what follows from both, worked out once."""
+"""The context of a metric: a recording, its scene, and quantities derived from both, computed once."""
 
 from __future__ import annotations
 

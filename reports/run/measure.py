@@ -36,7 +36,7 @@ def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence
 
 
 def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list[Row]:
-    """`measured`, of evidence that others look at too."""
+    """`measured`, from a context that is shared."""
     scenario = evidence.scenario
     rows: list[Row] = []
     asked = {name.removesuffix(".spread") for name in only} | set(NEEDED if only else METRICS)

@@ -1,4 +1,4 @@
-"""Detectors clocked by turns: each in a process of its own, all on the same queries one after another.
+"""Interleaved timing of detectors: each in a process of its own, all on the same queries in turn.
 
 So they share the machine's ups and downs.
 """

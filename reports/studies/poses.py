@@ -1,7 +1,7 @@
 """Pairs of convex pieces for the narrow-phase study: random and adversarial poses, by family.
 
 Sizes are about 1 m. Overlap is made to measure: moving B along the normal of the deepest face changes the
-depth by just as much, so a wanted depth or gap needs one look at the explicit Minkowski difference.
+depth by just as much, so one evaluation of the explicit Minkowski difference gives any depth or gap.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ NOTES = {
     "overlap": "measured by one oracle for all engines",
     "energy": "passive contact only lowers S; W: work of the drive, or of driven bodies on simulated ones",
     "friction": "contact by contact: impulses are the engine's word, audited against the motion",
-    "timing": "native step calls, one thread, all engines by turns in one run; each its own step",
+    "timing": "native step calls, one thread, all engines interleaved in one run; each its own step",
 }
 DASHES = ";   dashed: limit of the engines, dotted: of the reference"
 

@@ -55,8 +55,8 @@ def towers(rng: Generator) -> Setup:
     """Stacked boxes in contact, aligned to within 2 mm."""
     count = int(rng.integers(3, 13))
     size, jitter = random_size(rng), float(rng.choice([0.0, rng.uniform(0, JITTER)]))
-    alike = rng.random() < 0.6
-    shapes: list[Shape] = [Box((size, size, size)) if alike else random_box(rng, size) for _ in range(count)]
+    cubes = rng.random() < 0.6
+    shapes: list[Shape] = [Box((size, size, size)) if cubes else random_box(rng, size) for _ in range(count)]
     turns = [random_yaw(rng, 0.05) for _ in shapes]
     heights = stacked(shapes, turns, [0.0] * count, 0.0)
     places = rng.uniform(-jitter, jitter, (count, 2))

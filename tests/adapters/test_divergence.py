@@ -147,7 +147,7 @@ def test_a_plan_that_is_left_at_a_normal_energy_is_blamed(scenario):
         state.position[0, 0] = 100.0 * t
 
     told = str(ended(motion, scenario))
-    assert told.startswith("ball left the box that it was to keep to (the plan does not hold; --effects all ")
+    assert told.startswith("ball left the bounds of its plan (the plan does not hold; --effects all ")
     assert "diverged" not in told
 
 

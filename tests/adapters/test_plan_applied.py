@@ -190,5 +190,5 @@ def test_a_lie_ends_the_run(lab: SimpleNamespace, registry: SimpleNamespace) -> 
     bounds = planned(scene).bounds
     lying = replace(planned(scene), bounds=replace(bounds, low=bounds.low + (0.0, 0.0, 0.5)))
     player = Player(player.world, scene, Settings("balanced", FRAME), lying)
-    with pytest.raises(AdapterError, match="ball left the box that it was to keep to"):
+    with pytest.raises(AdapterError, match="ball left the bounds of its plan"):
         player.play(30)

@@ -116,4 +116,4 @@ def test_a_bound_that_breaks_is_told(lab: SimpleNamespace) -> None:
     position = np.array([body.position for body in scene.bodies])
     assert made.broken(position, names) is None
     position[1, 0] += 1e3
-    assert made.broken(position, names) == "ball left the box that it was to keep to"
+    assert made.broken(position, names) == "ball left the bounds of its plan"

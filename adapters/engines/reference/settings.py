@@ -156,7 +156,7 @@ _TABLE: tuple[Setting, ...] = (
             "exact": conventions.DEPTH_EXACT,
         },
         ("walk", "certified", "certified"),
-        "walked from the frame before, only where that is proved to be exact, or found anew",
+        "walked from the frame before, only where that is proved to be exact, or computed from scratch",
     ),
     Choice(
         "posture",

@@ -18,7 +18,7 @@ ALONG = 1e-9
 STOPPED = 0.05
 """Speed below which a body that slid has stopped [m/s]: what creeps is slower."""
 COASTS = 0.3
-"""Speed from which the way of a body that is let go is told [m/s]: 1.5 cm with mu = 0.3."""
+"""Least speed at release for which the coasting distance is measured [m/s]: 1.5 cm with mu = 0.3."""
 TURNED = 0.1
 """Turn beyond which a box no longer slides as a point does [rad]: its corners take 1 % of the friction
 aside."""

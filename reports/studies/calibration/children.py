@@ -41,7 +41,7 @@ class _Server:
         self._name, self._loader = name, loader
 
     def handle(self, command: str, argument: tuple[Probe, Settings]) -> object:
-        """Obey `load`, then `play`, repeatedly; a probe that fails is told by its status and reason."""
+        """Obey `load`, then `play`, repeatedly; a probe that fails gives its status and reason."""
         if command == "load":
             self._engine = self._loader(self._name)
             return self._engine.version()

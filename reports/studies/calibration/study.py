@@ -1,7 +1,7 @@
 """The study `calibration`: the restitution and friction that engines achieve, beside what was asked for.
 
-Every engine plays the same small scenes under each of its profiles; what a body shows is told from its motion
-alone. Adapters never read the results.
+Every engine plays the same small scenes under each of its profiles; what a body does is measured from its
+motion alone. Adapters never read the results.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The study `narrow-phase`: the same poses through every detector, against the explicit Minkowski difference.
 
 Depth errors are relative to max(depth, a thousandth of the pair's size); a contact that was not seen counts
-as distance 0. Times are of single queries, clocked by turns of all detectors, warmed up, without handing over
+as distance 0. Times are of single queries, interleaved over all detectors, warmed up, without handing over
 shapes and poses. `time.query` is what a caller from Python waits; `time.net` and ratios take the cheapest
 call off, that of two spheres.
 """
