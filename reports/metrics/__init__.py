@@ -80,16 +80,16 @@ PAIR_METRICS = (
     *("contact.gap", "restitution.achieved", "restitution.error"),
     *("friction.deficit", "friction.direction"),
 )
-"""Metrics of single pairs, which tell nothing of a heap: others push at the same time."""
+"""Metrics of single pairs. They mean nothing in a heap, where other contacts act at the same time."""
 
 SOLVER_METRICS = ("solver.residual", "solver.dropped_time", "solver.parted_energy", "solver.caps")
-"""Metrics of what a solver leaves unresolved: a run that breaks a limit of theirs says so in a warning."""
+"""Metrics of what a solver leaves unresolved. A run that breaks one of their limits prints a warning."""
 
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
 IMPULSE_METRICS = (
     *("contact.complementarity", "contact.at_distance"),
     *("friction.cone", "friction.cone.point", "friction.deficit", "friction.direction", "energy.injected"),
 )
-"""Metrics that trust the engine's impulses: rejected where `contact.impulse_balance` fails its audit."""
+"""Metrics that use the engine's impulses; rejected where `contact.impulse_balance` fails its audit."""
 DRIVEN_METRICS = tuple(name for name in IMPULSE_METRICS if name != "contact.at_distance")
-"""Those that trust impulses on driven bodies too."""
+"""Metrics that also use impulses on driven bodies."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 ROUNDING = 1e-9
-"""Share of a frame by which a contact at its very start may seem to fall into the one before [1]."""
+"""Share of a frame by which rounding may assign a contact at its start to the previous frame [1]."""
 
 
 class NotMeasured(Exception):
@@ -31,12 +31,12 @@ class NotMeasured(Exception):
 
 
 class JudgeMissing(NotMeasured):
-    """The library that judges this cannot be imported: not the same as a metric that does not apply."""
+    """The oracle cannot be imported; this differs from a metric that does not apply."""
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A value that carries a remark, or none (`value` is NaN) with the reason why."""
+    """A value with an optional remark; a missing value is NaN, with the reason."""
 
     value: float
     reason: str = ""
@@ -47,7 +47,7 @@ Values = Mapping[str, float | Value]
 
 
 def worst(found: Mapping[str, float]) -> Values:
-    """The largest of several bodies' values for the whole scene, with the name of the body as a remark."""
+    """The largest value of several bodies, for the whole scene; the remark names the body."""
     name = max(found, key=lambda body: abs(found[body]))
     return {"": Value(found[name], f"of {name}" if len(found) > 1 else "")}
 
@@ -63,7 +63,8 @@ def judging() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A row of the METRICS table. `shown` is the unit of tables and how many of it make one `unit`."""
+    """A row of the METRICS table. `shown` is the unit in tables and its scale: how many of it make one
+    `unit`."""
 
     name: str
     unit: str
@@ -91,8 +92,8 @@ class Evidence:
 
     @cached_property
     def expected_pairs(self) -> dict[tuple[str, str], list[tuple[int, int]]]:
-        """Body pairs (a < b) behind each pair of names in the expectations; the root of a driven body
-        stands for all of its links."""
+        """Body pairs (a < b) of each pair of names in the expectations; the root of a driven body represents
+        all of its links."""
         scenario = self.scenario
         links = {tracker.root: scenario.links(tracker) for tracker in scenario.trackers}
         found = {}
@@ -118,7 +119,8 @@ class Evidence:
 
     @cached_property
     def truths(self) -> dict[int, Motion]:
-        """How bodies must move, by index, at the recording's times; empty where the scene has no truth."""
+        """Closed-form motion per body index at the recording's times; empty where the scene has no closed
+        form."""
         scenario = self.scenario
         return {
             scenario.body_index(t.body): motion(scenario, t, self.recording.time) for t in scenario.truths
@@ -141,12 +143,12 @@ class Evidence:
 
     @cached_property
     def restitution(self) -> Array:
-        """Coefficient of restitution asked for, per contact row."""
+        """Requested coefficient of restitution per contact row."""
         return self._coefficients[:, 0]
 
     @cached_property
     def friction(self) -> Array:
-        """Friction coefficient asked for, per contact row."""
+        """Requested friction coefficient per contact row."""
         return self._coefficients[:, 1]
 
     @cached_property
@@ -165,12 +167,12 @@ class Evidence:
 
     @cached_property
     def contact_frame(self) -> NDArray[np.int64]:
-        """Per contact row the displayed step (of s = frames - 1) in which it acted."""
+        """Index of the displayed step (of s = frames - 1) in which each contact row acted."""
         step = self.recording.contacts["time"] / self.frame + ROUNDING
         return np.minimum(step.astype(np.int64), len(self.recording.time) - 2)
 
     def slip(self, moment: Literal["before", "after"]) -> Array:
-        """Tangential velocity of B against A per contact row (c, 3) [m/s]."""
+        """Tangential velocity of B relative to A per contact row (c, 3) [m/s]."""
         rows = self.recording.contacts
         relative = rows[f"velocity_b_{moment}"] - rows[f"velocity_a_{moment}"]
         along = np.einsum("ij,ij->i", relative, rows["normal"])
@@ -178,7 +180,7 @@ class Evidence:
 
     @cached_property
     def least_impulse(self) -> Array:
-        """j_0 = 1e-3 m g h per contact row [N s]: below it an impulse is noise."""
+        """j_0 = 1e-3 m g h per contact row [N s]; smaller impulses are noise."""
         rows = self.recording.contacts
         weight = np.linalg.norm(self.gravity) or 1.0
         step = float(self.recording.facts["dt"])
@@ -187,11 +189,11 @@ class Evidence:
         return np.asarray(1e-3 * np.where(np.isfinite(lighter), lighter, self.mass.max()) * weight * step)
 
     def pair_name(self, a: int, b: int) -> str:
-        """Two bodies as a subject."""
+        """Subject of a pair of bodies."""
         return f"{self.scenario.bodies[a].name}-{self.scenario.bodies[b].name}"
 
     def owner_pair(self, a: int, b: int) -> str:
-        """Two bodies as a subject, links of a driven body under their root's name."""
+        """Subject of a pair of bodies; the name of the root stands for any link of a driven body."""
         trackers, groups = self.scenario.trackers, self._groups
         names = [trackers[groups[k]].root if groups[k] >= 0 else self.scenario.bodies[k].name for k in (a, b)]
         return "-".join(names)

@@ -1,4 +1,4 @@
-"""What a person's joints do: limits, reach cones, speeds."""
+"""Metrics of joints: limits, reach cones, speeds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def joint_limit(evidence: Evidence) -> Values:
 
 
 def joint_cone(evidence: Evidence) -> Values:
-    """Largest angle by which a bone leaves its reach cone or a ball joint its range of twist [rad]."""
+    """Largest angle by which a bone leaves its reach cone, or a ball joint its range of twist [rad]."""
     cones = [cone for chain in evidence.scenario.chains for cone in chain.cones]
     if not cones:
         raise NotMeasured("the scene has no reach cones")
@@ -29,7 +29,7 @@ def joint_cone(evidence: Evidence) -> Values:
 
 
 def joint_speed(evidence: Evidence) -> Values:
-    """Largest speed of a hinge, its change of angle from frame to frame [rad/s]."""
+    """Largest speed of a hinge, by its change of angle between frames [rad/s]."""
     names = _hinges(evidence)
     if not names:
         raise NotMeasured("the scene has no joints")
@@ -38,7 +38,7 @@ def joint_speed(evidence: Evidence) -> Values:
 
 
 def limit_excess(evidence: Evidence) -> Array:
-    """How far every hinge is beyond its limits (f, j) [rad]; 0 within."""
+    """Excess of every hinge over its limits (f, j) [rad]; 0 within."""
     hinges, angle = _hinges(evidence), evidence.recording.joint_angle
     low = np.array([joint.lower for joint in hinges])
     high = np.array([joint.upper for joint in hinges])
@@ -46,7 +46,7 @@ def limit_excess(evidence: Evidence) -> Array:
 
 
 def cone_excess(evidence: Evidence, cone: ReachCone) -> Array:
-    """How far a ball joint is outside its cone or its range of twist (f,) [rad], the larger of the two."""
+    """Excess of a ball joint over its cone or its range of twist (f,) [rad], the larger of the two."""
     names = [joint.name for joint in _hinges(evidence)]
     columns = [names.index(name) for name in cone.joints]
     by_name = {joint.name: joint for joint in evidence.scenario.joints}
@@ -62,16 +62,17 @@ def cone_excess(evidence: Evidence, cone: ReachCone) -> Array:
 
 
 def _outside(bone: Array, center: Array, corners: Array) -> Array:
-    """Angles (f,) of directions from a spherical polygon that is star-shaped from its centre [rad]."""
+    """Angular distances (f,) of directions from a spherical polygon that is star-shaped from its centre
+    [rad]."""
     after = np.roll(corners, -1, axis=0)
     normals = np.cross(corners, after)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    # the sector of the polygon, seen from the centre, in which each direction is
+    # The polygon's sector about the centre that contains each direction.
     start, end = np.cross(center, corners), np.cross(center, after)
     in_sector = (bone @ start.T >= 0) & (bone @ end.T <= 0)
     height = bone @ normals.T
     inside = (in_sector & (height >= 0)).any(axis=1)
-    # distance from each edge: from its great circle where its foot is on the edge, else from its ends
+    # Distance from each edge: from its great circle where the foot is on the edge, else from its ends.
     feet = bone[:, None] - height[:, :, None] * normals
     ahead = np.cross(normals[None], feet)
     on_edge = (np.einsum("fei,ei->fe", ahead, corners) <= 0) & (np.einsum("fei,ei->fe", ahead, after) >= 0)

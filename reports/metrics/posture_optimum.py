@@ -1,4 +1,4 @@
-"""How far a person is shown from the tracked posture, and how far from it the best known free posture is."""
+"""Deviation of the shown posture from the tracked one, and of the best known free posture from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.scenario import Tracker
 
 FRAMES = 6
-"""Pressed frames, spread evenly, whose best posture is searched for: 0.2 s each. Twelve change 0.2 %."""
+"""Number of pressed frames, spread evenly, whose best posture is searched for, 0.2 s each. Twelve change the
+result by 0.2 %."""
 
 
 def posture_deviation(evidence: Evidence) -> Values:
@@ -26,8 +27,8 @@ def posture_deviation(evidence: Evidence) -> Values:
 def posture_over_best(evidence: Evidence) -> Values:
     """Sum of |q - q_tracker|^2 shown over that of the best known free posture, 6 pressed frames [1].
 
-    Pressed frames are those in which the tracker's posture overlaps something, the same for every engine. The
-    best is that of 20 starts, with the root where it is shown (`nearest_posture.py`).
+    In pressed frames the tracker's posture overlaps something; they are the same for every engine. The best
+    posture is that of 20 starts, with the root in its shown pose (`nearest_posture.py`).
     """
     tracker, frames = _person(evidence)
     with judging():

@@ -1,4 +1,5 @@
-"""What an engine says its solver left unresolved. Only the reference tells; 0 where all was resolved."""
+"""Metrics of what an engine's solver reports as unresolved, 0 where all was resolved. Only the reference
+reports it."""
 
 from __future__ import annotations
 
@@ -13,14 +14,15 @@ RESIDUAL, BODY_A, BODY_B = RESIDUAL_COUNTERS
 CAPS = ("gave_up", "unconverged", "lost")
 """Counters of iterations and buffers that reached their cap."""
 CAP_PREFIX = "cap."
-"""How counters of single caps begin: an engine that adds one has it counted and shown."""
+"""Prefix of the counters of single caps: a counter with this prefix is counted and shown."""
 UNRESOLVED = (*RESIDUAL_COUNTERS, "dropped_time", "parted_energy")
-"""Counters that are sizes and bodies, no counts: they have metrics of their own."""
+"""Counters that hold quantities or body indices, not counts; they have metrics of their own."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A displayed frame, counted from 1 (0 is the initial state), and a pair of bodies' names, or none."""
+    """A displayed frame, counted from 1 (0 is the initial state), and the names of a pair of bodies, if
+    known."""
 
     frame: int
     pair: tuple[str, str] | None
@@ -30,7 +32,7 @@ class Place:
 
 
 def solver_residual(evidence: Evidence) -> Values:
-    """Largest speed by which a contact misses its law after it was solved, of all frames [m/s]."""
+    """Largest speed by which a contact violates its law after the solve, over all frames [m/s]."""
     return _told(evidence, RESIDUAL, total=False)
 
 
@@ -40,7 +42,7 @@ def solver_dropped_time(evidence: Evidence) -> Values:
 
 
 def solver_parted_energy(evidence: Evidence) -> Values:
-    """Potential energy that parting overlapping simulated bodies added, over all frames [J]."""
+    """Potential energy added by separating overlapping simulated bodies, over all frames [J]."""
     return _told(evidence, "parted_energy")
 
 
@@ -62,8 +64,8 @@ def cap_counters(evidence: Evidence) -> tuple[str, ...]:
 
 
 def worst_place(evidence: Evidence, *counters: str) -> Place:
-    """The frame in which counters are the largest, and a pair that it is about: the one whose contact was
-    solved worst, or the deepest contact of the frame."""
+    """The frame in which the counters' sum is largest, with a pair: the one with the largest residual, or the
+    deepest contact of the frame."""
     step = int(np.argmax(np.abs(_per_frame(evidence, *counters))))
     pair = tuple(int(_per_frame(evidence, name)[step]) for name in (BODY_A, BODY_B))
     rows = evidence.recording.contacts
@@ -78,7 +80,8 @@ def worst_place(evidence: Evidence, *counters: str) -> Place:
 
 
 def _told(evidence: Evidence, *counters: str, total: bool = True) -> Values:
-    """The sum of counters over all frames, or the largest frame's, with its place where it is not zero."""
+    """The sum of counters over all frames, or the largest of a frame; a value other than zero has its worst
+    place."""
     frames = _per_frame(evidence, *counters)
     value = float(frames.sum() if total else frames.max(initial=0.0))
     return {"": Value(value, f"most in {worst_place(evidence, *counters)}") if value else value}

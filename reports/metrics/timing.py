@@ -1,4 +1,4 @@
-"""Time and work. Verdicts on ratios only; single times belong to the machine that measured them."""
+"""Time and work per frame. Only ratios get verdicts; single times depend on the machine."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ def time_frame(statistic: str) -> Callable[[Evidence], Values]:
 
 
 def time_drive(evidence: Evidence) -> Values:
-    """Median per displayed frame of the commands set from Python [s]; the reference's are in its frame."""
+    """Median time per displayed frame to set commands from Python [s]; the reference's frame includes it."""
     return {"": float(np.median(evidence.recording.time_drive))}
 
 
 def time_read(evidence: Evidence) -> Values:
-    """Median per displayed frame of reading the state out [s]; in no other figure."""
+    """Median time per displayed frame to read the state out [s]; in no other figure."""
     return {"": float(np.median(evidence.recording.time_read))}
 
 
 def time_crossing(evidence: Evidence) -> Values:
-    """Median of an empty call into the engine [s]."""
+    """Median time of an empty call into the engine [s]."""
     return {"": float(np.median(evidence.recording.time_crossing))}
 
 
 def time_share(evidence: Evidence) -> Values:
-    """Share of a stage in the time of all stages the engine tells [1]."""
+    """Share of each stage in the time of all stages that the engine reports [1]."""
     r = evidence.recording
     total = r.stage_seconds.sum()
     if not len(r.stage_names) or total == 0:
@@ -53,7 +53,7 @@ def time_share(evidence: Evidence) -> Values:
 
 
 def work(evidence: Evidence) -> Values:
-    """Mean per displayed frame of what the engine counts [1]."""
+    """Mean per displayed frame of each counter of the engine [1]."""
     r = evidence.recording
     if not len(r.work_names):
         raise NotMeasured("the engine counts nothing")

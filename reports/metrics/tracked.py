@@ -1,4 +1,4 @@
-"""Where trackers ask driven bodies to be, and where that is inside others: the same for every engine."""
+"""Tracked poses of driven bodies, and where these overlap other bodies; the same for every engine."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from touchstone.scenarios.scenario import Scenario, Tracker
 Mask = NDArray[np.bool_]
 
 PRESSED = 1e-3
-"""Depth of a tracked link in a body from which on it is pressed against it [m]: what a viewer sees."""
+"""Depth of a tracked link in a body from which the link is pressed against it [m]: a visible depth."""
 KEPT_SCENES = 4
-"""Scenes whose tracked depths are kept: all columns of one are judged one after the other."""
+"""Number of scenes whose tracked depths are cached: the columns of a scene are judged in sequence."""
 
 
 def pressed(evidence: Evidence, tracker: Tracker) -> dict[int, Mask]:
-    """Per body that a tracker presses links of its driven body into: in which frames (f,) [bool].
+    """Mask (f,) of pressed frames, per body that a tracker presses links of its driven body into [bool].
 
     The body is fixed, or driven too (a link of the same driven body where these may touch). Raises
     JudgeMissing where the overlap oracle cannot be imported.
@@ -42,7 +42,7 @@ def pressed(evidence: Evidence, tracker: Tracker) -> dict[int, Mask]:
 
 @lru_cache(KEPT_SCENES)
 def tracked_depths(scenario: Scenario) -> dict[tuple[int, int], Array]:
-    """Depth (f,) [m] of every pair of a tracked link and a body that is not simulated, in every frame."""
+    """Depth (f,) [m] of every pair of a tracked link and a body that is not simulated."""
     with judging():
         from touchstone.adapters.oracles.overlap import measure
     frames = scenario.frame_count + 1

@@ -1,4 +1,4 @@
-"""Audit of the impulses, the restitution that was achieved, and impulses where there is no contact."""
+"""Audit of impulses, achieved restitution, and impulses at a distance."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from touchstone.scenarios.scenario import ORIGIN, Body, Sphere
 Mask = NDArray[np.bool_]
 
 AUDIT_LIMIT = 0.01
-"""Impulse balance above which a recording's impulse metrics are rejected [relative]."""
+"""Impulse balance above which the impulse metrics of a recording are rejected [relative]."""
 DRIVEN_AUDIT_LIMIT = 0.1
-"""The same of a driven body [relative]: short touches of a hand that turns are good to 0.07 in steps of first
-order (`ball_snip`), half the impulse would be 0.5."""
+"""The same limit for driven bodies [relative]. Short touches of a turning hand reach 0.07 in first-order
+steps (`ball_snip`); half the impulse would be 0.5."""
 UNDRIVEN = "the engine poses its driven bodies itself: no drive to balance"
 UNTOUCHED = 1e-9
-"""Change of velocity over |v| + g T, both at their largest, below which only rounding changed it [1]."""
+"""Change of velocity over |v| + g T, both at their largest, below which only rounding changed the velocity
+[1]."""
 BOUNCE_SPEED = 1.0
-"""Approach speed from which a bounce is judged [m/s]: below, engines and method fade restitution out."""
+"""Least approach speed at which a bounce is judged [m/s]; below it, engines and method fade restitution
+out."""
 
 TURNED = 1e-6
-"""Sine of an angle by which a normal may turn in an impact along it [1]: rounding of the oracle's."""
+"""Sine of the angle by which a normal may turn during an impact along it [1]: rounding of the oracle."""
 REFERENCE_SPEED = 1.4
-"""Speed of a fall of 0.1 m, by which a law's breach is measured [m/s]."""
+"""Speed after a fall of 0.1 m, the scale of violations of the impact law [m/s]."""
 
 
 def impulse_balance(evidence: Evidence) -> Values:
@@ -79,7 +81,8 @@ def impulse_balance_driven(evidence: Evidence) -> Values:
 
 
 def driven_pairs(evidence: Evidence) -> set[str]:
-    """Pairs with a driven body, or of two of its links, whose contacts press; links by their root's name."""
+    """Pairs with a driven body, or of two of its links, whose contacts press; links have their root's
+    name."""
     rows = evidence.recording.contacts
     driven = np.array([kind == "driven" for kind in evidence.kind])
     pressing = evidence.impulses[0] > 0
@@ -89,7 +92,7 @@ def driven_pairs(evidence: Evidence) -> set[str]:
 
 
 def _pace(evidence: Evidence, body: int) -> float:
-    """The speed that a body has, or that gravity gives in the run [m/s]."""
+    """Largest speed of a body plus the speed that gravity gives it over the run [m/s]."""
     r = evidence.recording
     fastest = np.linalg.norm(r.linear_velocity[:, body], axis=1).max()
     return float(fastest + np.linalg.norm(evidence.gravity) * r.time[-1])
@@ -104,7 +107,7 @@ def restitution_achieved(evidence: Evidence) -> Values:
 
 
 def restitution_error(evidence: Evidence) -> Values:
-    """Largest |achieved - asked| restitution of the same impacts [1]; truth 0."""
+    """Largest |achieved - requested| restitution of the same impacts [1]; truth 0."""
     return {"": max(abs(bounce.restitution - asked) for _, bounce, asked in _judged(evidence))}
 
 
@@ -122,7 +125,8 @@ def _judged(evidence: Evidence) -> list[tuple[str, Bounce, float]]:
 
 
 def _central(evidence: Evidence, a: int, b: int) -> bool:
-    """Whether impacts pass through the centres of those that move, along a line that keeps its direction."""
+    """Whether impacts pass through the centres of the moving bodies, along a line that keeps its
+    direction."""
     moving = [evidence.scenario.bodies[k] for k in (a, b) if evidence.kind[k] != "fixed"]
     normal = evidence.distances.normal[a, b]
     turned = np.linalg.norm(np.cross(normal, normal[0]), axis=1).max()
@@ -157,9 +161,10 @@ def complementarity(evidence: Evidence) -> Values:
 def at_distance(evidence: Evidence) -> Values:
     """Mean of the pair's gap by the oracle at each contact, weighted by its impulse [m]; truth 0.
 
-    A body that is hit at a distance is found by the free arc to the first contact of its frame, or back from
-    its last; a path of first order is off that arc by g dt h / 2, 0.34 mm for steps of 1/240 s. Contacts of
-    driven bodies are left out: how they move within a frame is each engine's own affair.
+    The position of a body that is hit at a distance follows from its free arc, forward to the first contact
+    of its frame or backward to the last; a first-order path differs from that arc by g dt h / 2, 0.34 mm for
+    steps of 1/240 s. Contacts of driven bodies are excluded: each engine moves those in its own way within a
+    frame.
     """
     rows = evidence.recording.contacts
     normal, _ = evidence.impulses
@@ -179,7 +184,8 @@ def at_distance(evidence: Evidence) -> Values:
 
 
 def _ends(evidence: Evidence) -> tuple[Mask, Mask]:
-    """Per contact row whether it is the first, and whether the last, of its frame for both of its bodies."""
+    """Per contact row, whether it is the first and whether it is the last of its frame for both of its
+    bodies."""
     rows, frame = evidence.recording.contacts, evidence.contact_frame
     frames, bodies = len(evidence.recording.time), len(evidence.scenario.bodies)
     moving = np.array(evidence.kind) != "fixed"
@@ -195,8 +201,9 @@ def _ends(evidence: Evidence) -> tuple[Mask, Mask]:
 
 
 def _gap_at(evidence: Evidence, g: Gap, time: Array, frame: Array, first: Mask, last: Mask) -> Array:
-    """Gap at times within frames: by a free arc where one leads to the contact, or along the line between two
-    frames in touch, whichever is less (hops fit between them); in between two contacts as if in touch."""
+    """Gap at times within frames: the smaller of the free arc's, where one leads to the contact, and the
+    linear interpolation between two touching frames (hops fit between them); zero between two contacts of a
+    frame."""
     since = time - evidence.recording.time[frame]
     before, after = (
         g.gap[k] + g.rate[k] * t + g.pull[k] * t * t / 2

@@ -1,4 +1,5 @@
-"""Coulomb's law, contact by contact; impulses are the engine's word, velocities and normals are audited."""
+"""Violations of Coulomb's law per contact; the engine reports the impulses, velocities and normals are
+audited."""
 
 from __future__ import annotations
 
@@ -12,14 +13,15 @@ SLIDING_SPEED = 0.05
 """Slip above which a contact slides [m/s]."""
 
 ROUNDING = 1e-15
-"""Share of an impulse that rounding of its normal may turn across it [1]: some five roundings."""
+"""Tangential share of an impulse that rounding of its normal may cause [1]: about five roundings."""
 
 
 def friction_cone(evidence: Evidence) -> Values:
     """Largest max(0, sum |j_t| - mu sum j_n) / (mu sum j_n + j_0) of a pair in a native step [1]; truth 0.
 
-    The sums are over the pair's points, whose shares of the load are not determined. The excess of a step in
-    which the pair does not press (sum j_n <= j_0) is divided by the pair's median load: no ratio to nothing.
+    The sums are over the pair's points, whose shares of the load are not determined. In a step in which the
+    pair does not press (sum j_n <= j_0) the divisor is the pair's median load, to avoid division by almost
+    zero.
     """
     rows = evidence.recording.contacts
     if not len(rows):
@@ -49,7 +51,7 @@ def friction_cone_point(evidence: Evidence) -> Values:
 
 
 def _bounds(evidence: Evidence) -> tuple[Array, Array]:
-    """Per contact row mu j_n, and |j_t| without what rounding leaves across a frictionless impulse [N s]."""
+    """Per contact row mu j_n, and |j_t| less the tangential rounding of a frictionless impulse [N s]."""
     normal, tangential = evidence.impulses
     limit = evidence.friction * np.maximum(normal, 0.0)
     rounding = ROUNDING * np.linalg.norm(evidence.recording.contacts["impulse"], axis=1)
@@ -67,7 +69,7 @@ def friction_deficit(evidence: Evidence) -> Values:
 
 
 def friction_direction(evidence: Evidence) -> Values:
-    """Angle between j_t and the reverse sliding velocity, same contacts, weighted by j_n [rad]; truth 0."""
+    """Angle between j_t and the reversed sliding velocity, same contacts, weighted by j_n [rad]; truth 0."""
     normal, tangential = evidence.impulses
     found = {}
     for pair, chosen in _sliding(evidence).items():
@@ -79,7 +81,7 @@ def friction_direction(evidence: Evidence) -> Values:
 
 
 def _sliding(evidence: Evidence) -> dict[str, Array]:
-    """Rows that press and slide before and after, with friction in the pair; links by their root's name."""
+    """Rows that press and slide before and after, of pairs with friction; links have their root's name."""
     rows = evidence.recording.contacts
     normal, _ = evidence.impulses
     before = np.linalg.norm(evidence.slip("before"), axis=1)

@@ -12,9 +12,9 @@ from touchstone.reports.metrics.tracked import Mask, pressed
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""
 SUPPORT_REACH = 5e-3
-"""Gap within which a body supports one at rest, or holds a pressed one [m]: five of the widest margins."""
+"""Gap within which a body supports one at rest, or holds a pressed one [m]: five times the widest margin."""
 FEWEST = 5
-"""Frames from which on there is a median to tell [1]."""
+"""Least number of frames of a median [1]."""
 
 
 def overlap_max(evidence: Evidence) -> Values:
@@ -67,7 +67,7 @@ def _resting_gaps(evidence: Evidence) -> dict[str, float]:
 
 
 def _pressed_gaps(evidence: Evidence) -> dict[str, float]:
-    """Of each driven body to each other that it is pressed into: links by their root's name."""
+    """Gaps between each driven body and each body that it is pressed into; links have their root's name."""
     gaps: dict[str, list[tuple[Array, Mask]]] = {}
     for tracker in evidence.scenario.trackers:
         links = evidence.scenario.links(tracker)
@@ -86,7 +86,7 @@ def _pressed_gaps(evidence: Evidence) -> dict[str, float]:
 
 
 def overlap_tunnelled(evidence: Evidence) -> Values:
-    """Number of times a body passed through another, fixed or moving, and was apart on its other side [1]."""
+    """Number of times a body passed through a fixed or moving one and was apart on its other side [1]."""
     if not any(True for _ in evidence.scenario.touching_pairs()):
         raise NotMeasured("no two bodies may touch")
     found = passages(evidence)

@@ -1,12 +1,12 @@
-"""Passages: a piece that was apart from another, or touched it, is so again on its other side.
+"""Passages: a piece is apart from another, or touches it, on one side and later again on the other side.
 
-Judged by the frames, not by the engine's contacts. To end inside is not a passage; neither is a bounce within
-a frame, a graze, or a way round an edge. Where the deep part lies between two frames, the way is not known,
-and it counts as a passage only if
+Passages are computed from the poses of the frames, not from the engine's contacts. A body that ends inside
+another has not passed it; nor has one that bounces within a frame, grazes, or goes round an edge. Where the
+deep part lies between two frames, the path is unknown; it counts as a passage only if
 
 - the bodies are too slow to have gone round, or
 - the velocities before lead in on one side and the velocities after lead back in on the other, or
-- the velocities before lead in and the engine reports no contact: its word may convict, never acquit.
+- the velocities before lead in and the engine reports no contact. Reported contacts never rule out a passage.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from touchstone.reports.metrics.contacts.swept_pairs import SweptPairs
 from touchstone.reports.metrics.context import Evidence, judging
 
 THROUGH = 0.5
-"""Depth of a passage over the sum of both pieces' inner radii, at least [1]: less is a graze. A ball passes
-another's centre within half the sum of their radii."""
+"""Least depth of a passage over the sum of both pieces' inner radii [1]; shallower contact is a graze. A ball
+that passes another's centre within half the sum of their radii reaches this depth."""
 ENTERED = 0.25
 """Depth over the same sum at which the sides of entry and exit are determined [1]."""
 TOUCHING = 1 / 64
-"""Depth over the same sum up to which pieces count as apart: what stands on a table touches it [1]."""
+"""Depth over the same sum up to which pieces count as apart [1]: a body on a table touches it."""
 LANDING = 1 / 64
-"""Share of that sum by which a sample at ENTERED may miss it [1]: sampling lands there to rounding."""
+"""Tolerance of a sample at ENTERED, over the same sum [1]: sampling reaches that level up to rounding."""
 SPARE = 1.001
-"""Share of the way by which rounding may lengthen it [1]."""
+"""Factor by which rounding may lengthen a path [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """A body (by index) that passed through another, and when it was in the middle [s]."""
+    """A body (by index) that passed through another, and the time of the middle of the passage [s]."""
 
     a: int
     b: int
@@ -45,7 +45,7 @@ class Passage:
 
 
 def passages(evidence: Evidence) -> list[Passage]:
-    """All passages of a recording in order of time; pieces of two bodies that pass together are one.
+    """All passages of a recording in order of time; pieces of two bodies that pass together count once.
 
     Raises JudgeMissing where the overlap oracle cannot be imported.
     """
@@ -80,7 +80,7 @@ def _through(evidence: Evidence, pair: Pair, steps: set[int]) -> Iterator[tuple[
 
 
 def _encounters(pair: Pair, steps: set[int], level: float) -> Iterator[list[Sample]]:
-    """Samples of a pair from a moment apart to the next moment apart, where a step in between can be deep."""
+    """Samples of a pair between two successive moments of separation, where a step in between can be deep."""
     last, touching = len(pair.motions.rotation) - 1, -TOUCHING * pair.thickness
     done = 0
     for step in sorted(steps):
@@ -102,7 +102,7 @@ def _encounters(pair: Pair, steps: set[int], level: float) -> Iterator[list[Samp
 
 
 def _sure(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
-    """Whether the bodies went through each other between two frames that show them apart."""
+    """Whether the bodies certainly passed through each other between two frames in which they are apart."""
     if _cannot_go_round(evidence, pair, frame, deepest):
         return True
     motions, (a, b) = pair.motions, pair.bodies
@@ -118,16 +118,16 @@ def _sure(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
 
 
 def _entry(pair: Pair, steps: tuple[Step, Step]) -> Sample | None:
-    """Where the pair goes in along steps of both bodies."""
+    """The sample at which the pair enters, along steps of both bodies."""
     level = -ENTERED * pair.thickness
     return next((sample for sample in pair.samples(steps, level) if sample.distance <= level), None)
 
 
 def _cannot_go_round(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
-    """Whether the way round is longer than the bodies' speeds allow.
+    """Whether a path round the obstacle is longer than the bodies' speeds allow.
 
-    A way round passes the deepest point of the chord by the depth there, at least. Ways are those of A's
-    material at that point, seen from B.
+    Such a path passes the deepest point of the chord at a distance of at least the depth there. Paths are
+    those of A's material at that point, relative to B.
     """
     motions, steps, share = pair.motions, pair.chords(frame), deepest.time - frame
     _, point = pair.sample(steps, share, deepest.time)

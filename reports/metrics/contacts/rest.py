@@ -1,4 +1,4 @@
-"""Whether everything comes to rest where it should."""
+"""Metrics of bodies that come to rest: speed, place, bodies lost."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, wo
 from touchstone.scenarios.scenario import Body, Box, Piece
 
 LAST = 0.5
-"""End of a run over which speeds are told [s]: a body that is pushed for a moment rests all the same."""
+"""Length of the end of a run over which speeds are averaged [s]: a brief push does not end rest."""
 
 
 def rest_speed(evidence: Evidence) -> Values:
-    """Largest distance of a body from where it was half a second before the end, over that time [m/s]."""
+    """Largest distance of a body from its place half a second before the end, over that time [m/s]."""
     _require(evidence)
     c, names = evidence.mass_centers, [body.name for body in evidence.scenario.bodies]
     before = c[-1 - round(LAST / evidence.frame)]
@@ -32,7 +32,7 @@ def rest_lost(evidence: Evidence) -> Values:
 
 
 def rest_moved(evidence: Evidence) -> Values:
-    """Largest distance of the centre of mass of a body that must rest from where it must be [m]; truth 0."""
+    """Largest distance of the centre of mass of a resting body from its closed form [m]; truth 0."""
     found = {}
     for truth in evidence.scenario.truths:
         if truth.arcs and not any(any((*arc.velocity, *arc.acceleration)) for arc in truth.arcs):

@@ -1,4 +1,4 @@
-"""What a body that slides, rolls or sticks on a fixed one does, against its closed form."""
+"""Sliding, rolling and sticking of a body on a fixed one, compared with the closed form."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, wo
 from touchstone.scenarios.scenario import Arc, Box, Sphere
 
 SUPPORTED = 1e-4
-"""Gap at the start within which a body lies on a fixed one [m]."""
+"""Initial gap within which a body lies on a fixed one [m]."""
 ALONG = 1e-9
-"""Part of a motion across the support's face up to which it is along it [1]: rounding."""
+"""Share of a motion along the support's normal up to which it is tangential [1]: rounding."""
 STOPPED = 0.05
-"""Speed below which a body that slid has stopped [m/s]: what creeps is slower."""
+"""Speed below which a sliding body has stopped [m/s]; creep is slower."""
 COASTS = 0.3
 """Least speed at release for which the coasting distance is measured [m/s]: 1.5 cm with mu = 0.3."""
 TURNED = 0.1
-"""Turn beyond which a box no longer slides as a point does [rad]: its corners take 1 % of the friction
-aside."""
+"""Turn beyond which a box no longer slides as a point does [rad]: 1 % of the friction at its corners then
+acts sideways."""
 SLIDING = 0.1
-"""Share of its first slip down to which a ball surely slides [1]: the line of slip over time ends there."""
+"""Share of its first slip above which a ball surely slides [1]; the fit of slip over time ends there."""
 
 
 def friction_stop(evidence: Evidence) -> Values:
@@ -39,11 +39,11 @@ def friction_stop(evidence: Evidence) -> Values:
 
 
 def friction_coast(evidence: Evidence) -> Values:
-    """Way of a box from where a driven body lets it go to where it stops, over v^2 / (2 mu g), less 1 [1].
+    """Distance that a box slides after a driven body releases it, over v^2 / (2 mu g), less 1 [1].
 
     Truth 0 for a box that slides flat on a level floor. v is its speed at the end of the last frame in which
-    it is driven. A box that is slower than COASTS then, that tilts or turns by more than TURNED from then on,
-    or that does not stop, tells nothing.
+    it is driven. Not measured for a box that is then slower than COASTS, that tilts or turns by more than
+    TURNED afterwards, or that does not stop.
     """
     rows, driven = evidence.recording.contacts, np.array(evidence.kind) == "driven"
     by_hand = driven[rows["body_a"]] | driven[rows["body_b"]]
@@ -91,8 +91,8 @@ def friction_tilt(evidence: Evidence) -> Values:
 def friction_creep(evidence: Evidence) -> Values:
     """Mean speed over the second half of the time since a body that should stick has stopped [m/s]; truth 0.
 
-    A body that should slide first has stopped once it is slower than STOPPED for good; how far it slid until
-    then is `friction.stop`. One that should stick from the start counts however fast it goes.
+    A body that should slide first has stopped once its speed stays below STOPPED; `friction.stop` measures
+    how far it slid until then. A body that should stick from the start counts at any speed.
     """
     found, slides = {}, []
     time = evidence.recording.time
@@ -113,7 +113,7 @@ def friction_creep(evidence: Evidence) -> Values:
 
 
 def friction_heading(evidence: Evidence) -> Values:
-    """Largest difference between ways that are equal but for their heading, over the way [1]; truth 0."""
+    """Largest difference between paths that differ only in heading, over the path length [1]; truth 0."""
     if "headings" not in evidence.scenario.tags:
         raise NotMeasured("the scene has one heading")
     ways = []
@@ -127,7 +127,7 @@ def friction_heading(evidence: Evidence) -> Values:
 
 
 def rolling_time(evidence: Evidence) -> Values:
-    """Time at which slip ends, by the line through it while it lasts, against the closed form [relative]."""
+    """Time at which slip ends, by a linear fit of the slip, over the closed form, less 1 [relative]."""
     found = {}
     time = evidence.recording.time
     for name, body, arcs in _paths(evidence):
@@ -139,7 +139,7 @@ def rolling_time(evidence: Evidence) -> Values:
         slip = np.linalg.norm(v + np.cross(w, down), axis=1)
         ends = np.flatnonzero(slip <= SLIDING * slip[0])
         last = int(ends[0]) if len(ends) else len(slip)
-        # a line through few frames is exact where friction is constant, as it should be
+        # With constant friction, slip is linear in time, so a fit of few frames is exact.
         slope, start = np.polyfit(time[:last], slip[:last], 1) if last > 1 else (0.0, slip[0])
         found[name] = float(-start / slope / arcs[1].start - 1) if slope < 0 else float("inf")
     return _measured(found, "no ball slides until it rolls")
@@ -156,8 +156,8 @@ def _rests(arc: Arc) -> bool:
 
 
 def _flat(evidence: Evidence) -> list[tuple[str, int, Array]]:
-    """Name, index and the support's normal of bodies that lie on a fixed box and by their truth never turn
-    nor leave it."""
+    """Name, index and the support's normal of bodies that lie on a fixed box and, in closed form, never turn
+    or leave it."""
     found = []
     d = evidence.distances
     for name, body, arcs in _paths(evidence):
@@ -174,7 +174,8 @@ def _flat(evidence: Evidence) -> list[tuple[str, int, Array]]:
 
 
 def _face(evidence: Evidence, body: int, near: Array) -> Array:
-    """The axis of a box nearest to a direction: the oracle's normal of faces that touch is good to 1e-3."""
+    """The axis of a box nearest to a direction; for touching faces the oracle's normal is accurate to 1e-3
+    only."""
     turned = Rotation.from_quat(evidence.recording.orientation[0, body], scalar_first=True)
     piece = Rotation.from_quat(evidence.scenario.bodies[body].pieces[0].orientation, scalar_first=True)
     axes = (turned * piece).as_matrix()

@@ -1,8 +1,7 @@
-"""Signed distance of two pieces while their bodies move from one displayed frame to the next.
+"""Signed distance of two pieces during the motion of their bodies between displayed frames.
 
-A recording holds poses at frames only. Between two frames a body is taken to move on a straight line and to
-turn about a fixed axis (`chord`), or to go on from a frame with the velocities it has there (`onward`,
-`backward`).
+A recording holds poses at frames only. Between two frames a body is assumed to move on a straight line and to
+turn about a fixed axis (`chord`), or to keep the velocities of a frame (`onward`, `backward`).
 """
 
 from __future__ import annotations
@@ -24,15 +23,15 @@ if TYPE_CHECKING:
     from touchstone.reports.metrics.context import Evidence
 
 STEPS_PER_THICKNESS = 16
-"""Steps in which a motion through two pieces is sampled, per sum of their inner radii [1]."""
+"""Number of samples of a motion through two pieces, per sum of their inner radii [1]."""
 UNBOUNDED = 1e3
-"""Depth from which the oracle found none [m]: it says 1.8e308 of some bodies that lie within each other."""
+"""Depth from which the oracle's answer is invalid [m]: it returns 1.8e308 for some nested pieces."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A moment of a motion: `time` in frames, signed distance [m], and the unit normal from piece P to
-    piece Q in the axes of one of their bodies."""
+    """The pair at one moment of a motion: `time` in frames, signed distance [m], and the unit normal from
+    piece P to piece Q in the axes of one of their bodies."""
 
     time: float
     distance: float
@@ -41,7 +40,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """How a body moves from `frame` on: where its mass centre goes [m] and how it turns [rotation vector]."""
+    """Motion of a body from `frame`: displacement of its mass centre [m] and rotation vector [rad]."""
 
     frame: int
     way: Array
@@ -50,8 +49,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """A piece's centre in its body's frame [m], the ball round that centre that holds it, the ball in it, and
-    the distance of its farthest point from the body's mass centre [m]."""
+    """A piece's centre in its body's frame [m], the radii of its bounding and its inscribed ball about that
+    centre [m], and the distance of its farthest point from the body's mass centre [m]."""
 
     center: Array
     outer: float
@@ -72,10 +71,10 @@ class Motions:
 
     @cached_property
     def turn(self) -> Array:
-        """Rotation vectors (f - 1, n, 3) that take a frame's orientation to the next, world axes.
+        """Rotation vectors (f - 1, n, 3) from a frame's orientation to the next, world axes.
 
-        Of the turns that end there the one nearest to what the angular velocity makes of a frame: a body may
-        turn by more than half a revolution.
+        Of the rotations that reach the next orientation, the one nearest to the angular velocity times the
+        frame: a body may turn by more than half a revolution.
         """
         steps, count = len(self.rotation) - 1, self.rotation.shape[1]
         between = self.rotation[1:] @ self.rotation[:-1].swapaxes(2, 3)
@@ -90,19 +89,19 @@ class Motions:
         return np.asarray(least + 2 * np.pi * rounds * axis)
 
     def chord(self, body: int, frame: int) -> Step:
-        """From a frame straight to the next."""
+        """The straight step from a frame to the next."""
         way = self.center[frame + 1, body] - self.center[frame, body]
         return Step(frame, way, self.turn[frame, body])
 
     def onward(self, body: int, frame: int) -> Step:
-        """From a frame on with the velocities it has there, for one frame."""
+        """The step of one frame that keeps the velocities of a frame."""
         r = self._recording
         return Step(
             frame, r.linear_velocity[frame, body] * self.frame, r.angular_velocity[frame, body] * self.frame
         )
 
     def backward(self, body: int, frame: int) -> Step:
-        """From a frame back with the velocities it has there, for one frame."""
+        """The step of one frame back in time that keeps the velocities of a frame."""
         ahead = self.onward(body, frame)
         return Step(frame, -ahead.way, -ahead.turn)
 
@@ -115,7 +114,7 @@ class Motions:
         return turned, center - turned @ np.array(self.bodies[body].center_of_mass)
 
     def point_velocity(self, body: int, frame: int, point: Array) -> Array:
-        """Velocity [m/s] at a frame of a body's point, given by where it is in the world at that frame."""
+        """Velocity at a frame of a body's point, given by its world position at that frame [m/s]."""
         r = self._recording
         arm = point - self.center[frame, body]
         return np.asarray(r.linear_velocity[frame, body] + np.cross(r.angular_velocity[frame, body], arm))
@@ -137,7 +136,8 @@ class Pair:
 
     @cached_property
     def _axes(self) -> int | None:
-        """The body in whose axes normals are given: the one that turns less, no ball; None: the world's."""
+        """The body in whose axes normals are given: the one that turns less and is no ball; None for world
+        axes."""
         sided = [body for body, piece in zip(self.bodies, self.pieces) if not isinstance(piece.shape, Sphere)]
         turned = {body: np.linalg.norm(self.motions.turn[:, body], axis=1).sum() for body in sided}
         return min(sided, key=lambda body: turned[body], default=None)
@@ -166,13 +166,13 @@ class Pair:
         return self._at_frames[frame]
 
     def chords(self, frame: int) -> tuple[Step, Step]:
-        """Both bodies' ways straight from a frame to the next."""
+        """The straight steps of both bodies from a frame to the next."""
         a, b = self.bodies
         return self.motions.chord(a, frame), self.motions.chord(b, frame)
 
     def samples(self, steps: tuple[Step, Step], level: float, start: float = 0.0) -> Iterator[Sample]:
-        """The pair along both steps, close enough that no crossing of a signed distance `level` is missed but
-        what goes less far beyond it than a step of STEPS_PER_THICKNESS."""
+        """Samples of the pair along both steps, dense enough to find every crossing of a signed distance
+        `level`, except those that go less far beyond it than a step of STEPS_PER_THICKNESS."""
         way = float(np.linalg.norm(steps[0].way - steps[1].way))
         way += sum(float(np.linalg.norm(s.turn)) * e.reach for s, e in zip(steps, self.extents))
         share = 0.0
@@ -184,7 +184,7 @@ class Pair:
 
 
 def extent(motions: Motions, body: int, piece: Piece) -> Extent:
-    """How large a piece is."""
+    """The extent of a piece."""
     local, outer, inner = _size(piece.shape)
     turned = Rotation.from_quat(piece.orientation, scalar_first=True).apply(local)
     center = np.array(piece.position) + turned
@@ -194,7 +194,7 @@ def extent(motions: Motions, body: int, piece: Piece) -> Extent:
 
 @cache
 def _size(shape: Shape) -> tuple[Array, float, float]:
-    """Centre [m, piece frame], radius of the ball round it that holds the shape, and of the one in it."""
+    """Centre [m, piece frame], radius of the bounding ball and of the inscribed ball [m]."""
     match shape:
         case Sphere(radius):
             return np.zeros(3), radius, radius

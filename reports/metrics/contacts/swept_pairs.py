@@ -1,7 +1,8 @@
-"""Which pieces can have been deep in each other between two frames: bounds on boxes and balls, no oracle.
+"""Culls pairs of pieces that cannot overlap deeply between two frames, by boxes and balls, without the
+oracle.
 
-A pair is kept where the balls round both pieces overlap by a required depth on their chords, and where the
-extents of each cut as deep into the other's box.
+A pair remains where the bounding balls of both pieces overlap by a required depth on their chords, and where
+the extents of each cut as deep into the other's box.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from touchstone.reports.metrics.context import Evidence
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 LARGE_TURN = 1.0
-"""Turn within a frame from which a piece is bounded by a ball [rad]: extents at its ends tell too little."""
+"""Turn within a frame from which a piece is bounded by a ball [rad]: extents at the ends of the turn are not
+enough."""
 
 
 class SweptPairs:
-    """All pieces of a scene along a recording."""
+    """The pieces of a scene over a recording, with the bounds of their motions."""
 
     def __init__(self, evidence: Evidence, motions: Motions) -> None:
         self._motions = motions
@@ -40,7 +42,7 @@ class SweptPairs:
         turned = motions.rotation[:, self._body]
         self._center = motions.center[:, self._body] + np.einsum("fmij,mj->fmi", turned, local - mass_center)
         self._angle = np.linalg.norm(motions.turn, axis=2)[:, self._body]
-        # a centre off the mass centre moves on an arc: how far it is from the chord
+        # A centre off the mass centre moves on an arc; this is the arc's distance from the chord.
         self._bulge = offset * _bulge(self._angle)
         self._may_touch = np.zeros((len(bodies), len(bodies)), dtype=bool)
         for a, b in evidence.scenario.touching_pairs():
@@ -66,7 +68,8 @@ class SweptPairs:
                     yield Pair(self._motions, a, one, b, two), steps
 
     def _nearest(self, p: int, others: NDArray[np.int64]) -> Array:
-        """Distance between balls round pieces on their chords, per step and other piece (f - 1, o) [m]."""
+        """Distance between the bounding balls of pieces on their chords, per step and other piece (f - 1, o)
+        [m]."""
         apart = self._center[:, others] - self._center[:, [p]]
         start, way = apart[:-1], np.diff(apart, axis=0)
         square = np.einsum("foi,foi->fo", way, way)
@@ -76,7 +79,7 @@ class SweptPairs:
         return np.asarray(nearest - reach)
 
     def _deep(self, p: int, q: int, depth_share: float) -> NDArray[np.bool_]:
-        """Steps in which neither piece's box bounds the depth below what is asked for (f - 1,)."""
+        """Mask of the steps in which neither piece's box bounds the depth below the required one (f - 1,)."""
         depth = depth_share * (self._inner[p] + self._inner[q])
         found = self._nearest(p, np.array([q]))[:, 0] <= -depth
         for one, two in ((p, q), (q, p)):
@@ -85,7 +88,7 @@ class SweptPairs:
         return found
 
     def _crosses_box(self, one: int, two: int, depth: float) -> NDArray[np.bool_]:
-        """Whether the chord of `two` cuts so deep into the box round `one`, in `one`'s axes (f - 1,)."""
+        """Whether the chord of `two` cuts to `depth` [m] into the box of `one`, in `one`'s axes (f - 1,)."""
         low, high = self._box_of(one)
         lows, highs = self._extent_in(one, two)
         middle, half = (lows + highs) / 2, (highs - lows) / 2
@@ -95,7 +98,8 @@ class SweptPairs:
         grown = np.maximum(half[:-1], half[1:])
         grown = np.where((turn > LARGE_TURN)[:, None], np.maximum(grown, self._outer[two]), grown)
         grown += (self._outer[two] * np.minimum(turn, LARGE_TURN))[:, None]
-        # seen from a piece that turns the chord is an arc; its middle is that far from the mass centre's
+        # In the axes of a turning piece the chord is an arc; its middle is that far from the mass centre's
+        # chord.
         slack = far * _bulge(self._angle[:, one]) + self._bulge[:, one] + self._bulge[:, two]
         reach = (high - low) / 2 + grown + slack[:, None] - depth
         start, end = middle[:-1] - (low + high) / 2, middle[1:] - (low + high) / 2
@@ -119,7 +123,7 @@ class SweptPairs:
         return {}
 
     def _placed(self, k: int) -> tuple[Array, Array]:
-        """Rotation matrix and origin of a piece at every frame."""
+        """Rotation matrix and origin of a piece in every frame."""
         if k not in self._places:
             body, piece = self.pieces[k]
             turned = self._motions.rotation[:, body]
@@ -130,7 +134,7 @@ class SweptPairs:
 
 
 def _bulge(angle: Array) -> Array:
-    """Distance of an arc of radius 1 from its chord, at most, for its angle [rad]."""
+    """Largest distance of an arc of radius 1 from its chord, by the arc's angle [rad]."""
     return np.where(angle < np.pi, 1 - np.cos(np.minimum(angle, np.pi) / 2), 2.0)
 
 

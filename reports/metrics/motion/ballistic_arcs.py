@@ -1,7 +1,7 @@
-"""Moments between frames: when a gap closes or opens, told from free arcs on both sides.
+"""Times between frames at which a gap closes or opens, from the free arcs on both sides.
 
-A displayed frame is too coarse to see a bounce, so positions and velocities are carried on under gravity from
-the last free frame (and back from the next): no engine's own contact is asked.
+A displayed frame is too coarse to resolve a bounce. Positions and velocities are therefore extrapolated under
+gravity, forward from the last free frame and backward from the next. The engine's own contacts are not used.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from touchstone.reports.metrics.context import Evidence
 TOUCH_GAP = 1e-4
 """Gap below which bodies touch [m]."""
 OPEN_GAP = 1e-3
-"""Gap above which bodies have parted [m]: more than the widest margin an engine keeps."""
+"""Gap above which bodies have separated [m]: wider than any engine's contact margin."""
 KICK = 0.05
-"""Change of the closing speed that gravity does not explain [m/s]: something was hit."""
+"""Change of the closing speed beyond gravity's from which an impact took place [m/s]."""
 
 HASTE = 1.5
-"""Frames within which an arc must close for a kick at its end to count as this pair's touch [1]."""
+"""Frames within which an arc must close for a velocity jump at its end to count as this pair's impact [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bounce:
-    """A contact between two frames: its time [s], approach and departure speed [m/s] along the normal, where
-    the free arcs meet gap 0."""
+    """A contact between two frames: its time [s], and the approach and departure speeds [m/s] along the
+    normal at which the free arcs reach gap 0."""
 
     time: float
     approach: float
@@ -36,14 +36,14 @@ class Bounce:
 
     @property
     def restitution(self) -> float:
-        """Departure over approach speed."""
+        """Ratio of departure to approach speed."""
         return self.departure / self.approach
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Signed distance of a pair over the frames, its rate, and its acceleration without contact: gravity on
-    simulated bodies, what the frame before shows of driven ones."""
+    """Signed distance of a pair over the frames, its rate, and its acceleration without contact: gravity for
+    simulated bodies, the motion of the previous frame for driven ones."""
 
     gap: Array
     rate: Array
@@ -51,7 +51,7 @@ class Gap:
 
 
 def gap_of(evidence: Evidence, pairs: list[tuple[int, int]]) -> Gap:
-    """The nearest of several body pairs, frame by frame."""
+    """The gap of the nearest of several body pairs, per frame."""
     d = evidence.distances
     stacked = np.array([d.distance[pair] for pair in pairs])
     nearest = stacked.argmin(axis=0)
@@ -94,12 +94,12 @@ def bounces(evidence: Evidence, pair: tuple[int, int]) -> list[Bounce]:
 
 
 def _at_contact(rate: float, pull: float) -> float:
-    """Speed at gap 0 of an arc that meets TOUCH_GAP with `rate`: at 1 m/s the difference is 0.1 %."""
+    """Speed at gap 0 of an arc that reaches TOUCH_GAP with `rate`; at 1 m/s they differ by 0.1 %."""
     return float(np.sqrt(max(0.0, rate * rate - 2 * pull * TOUCH_GAP)))
 
 
 def first_closing(evidence: Evidence, g: Gap, start: float) -> float:
-    """Time from `start` on at which the gap first closes to TOUCH_GAP [s]; NaN if never."""
+    """First time after `start` at which the gap closes to TOUCH_GAP [s]; NaN if never."""
     h, time = evidence.frame, evidence.recording.time
     for k in range(len(g.gap) - 1):
         if time[k + 1] < start or g.gap[k] <= TOUCH_GAP:
@@ -109,7 +109,7 @@ def first_closing(evidence: Evidence, g: Gap, start: float) -> float:
             return float(time[k] + closing)
         if closed:
             return float(time[k] + h * (g.gap[k] - TOUCH_GAP) / (g.gap[k] - g.gap[k + 1]))
-        # a driven body hit while it sped up: its arc ends just short of the other
+        # A driven body that accelerates is hit although its arc ends just short of the other body.
         if kicked and _closing(g, k, HASTE * h) is not None:
             return float(time[k + 1])
     return float("nan")
@@ -126,8 +126,8 @@ def last_opening(evidence: Evidence, g: Gap) -> float:
 
 
 def _closing(g: Gap, k: int, h: float) -> float | None:
-    """Time from frame k at which the arc through it meets TOUCH_GAP, nearest to k; None if not within h,
-    which is negative for the time before."""
+    """Time relative to frame k at which the arc through it reaches TOUCH_GAP, the nearest to k; None if not
+    within h. A negative h searches backward."""
     a, b, c = g.pull[k] / 2, g.rate[k], g.gap[k] - TOUCH_GAP
     roots = np.roots([a, b, c]) if a != 0 else np.array([-c / b] if b != 0 else [])
     real = [float(root.real) for root in roots if abs(root.imag) < 1e-12 and 0 <= root.real / h <= 1]
@@ -135,5 +135,5 @@ def _closing(g: Gap, k: int, h: float) -> float | None:
 
 
 def _kicked(g: Gap, k: int, h: float) -> bool:
-    """Whether the gap opens faster at frame k + 1 than gravity alone would let it."""
+    """Whether the gap opens faster at frame k + 1 than gravity explains."""
     return bool(g.rate[k + 1] - (g.rate[k] + g.pull[k] * h) > KICK)

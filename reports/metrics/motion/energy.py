@@ -1,4 +1,4 @@
-"""Energy that comes from nowhere, or goes where there is no way."""
+"""Energy created or lost without a physical cause."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Val
 from touchstone.reports.metrics.posture import limit_excess
 
 STORING = 1e-4
-"""Overlap from which a soft contact may hold more than rounding of elastic energy [m]."""
+"""Overlap from which a soft contact may store elastic energy beyond rounding [m]."""
 STORING_ANGLE = 1e-3
-"""Excess over a joint's limit from which a soft one may do so [rad]: 1e-4 m at the end of a hand."""
+"""Excess over a joint's limit from which a soft limit may store elastic energy [rad]: 1e-4 m at the end of a
+hand."""
 
 
 def energy_gain(evidence: Evidence) -> Values:
     """Largest E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1].
 
-    Where a scene has no closed form, over the kinetic energy at the start.
-
-    Frames in which a soft contact stores energy are left out, as in `energy.injected`.
+    In a scene without a closed form the divisor is the kinetic energy at the start. Frames in which a soft
+    contact stores energy are excluded, as in `energy.injected`.
     """
     return {"": float(_change(evidence).max())}
 
@@ -48,15 +48,15 @@ def _change(evidence: Evidence) -> Array:
 
 
 def energy_injected(evidence: Evidence) -> Values:
-    """Largest rise over any window of S = K + U - W, W the work the drive puts in [J].
+    """Largest rise over any window of S = K + U - W, with W the work done by the drive [J].
 
-    Passive contact can only lower S, but a soft one stores energy while it is compressed: frames in which a
-    simulated body overlaps by more than STORING are no start of a window; for `all`, neither are those in
-    which any body does or a hinge is beyond its limit by more than STORING_ANGLE.
+    Passive contact can only lower S, but a soft contact stores energy while it is compressed. A window
+    therefore does not start in a frame in which a simulated body overlaps by more than STORING; for `all`,
+    nor in one in which any body does or a hinge exceeds its limit by more than STORING_ANGLE.
 
-    Subject `simulated`: simulated bodies alone, W the work of the impulses that driven bodies exert on them,
-    J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body, W the work of
-    the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
+    Subject `simulated`: only simulated bodies; W is the work of the impulses that driven bodies exert on
+    them, J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body; W is the
+    work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
     """
     found: dict[str, float | Value] = {
         subject: float(np.max(rise)) for subject, rise in energy_rise(evidence).items()
@@ -67,7 +67,7 @@ def energy_injected(evidence: Evidence) -> Values:
 
 
 def energy_rise(evidence: Evidence) -> dict[str, Array]:
-    """Per subject of `energy.injected` and per frame (f,) the rise of S above its least so far [J]."""
+    """Rise of S above its running minimum, per subject of `energy.injected` and per frame (f,) [J]."""
     found: dict[str, Array] = {}
     work = evidence.recording.driver_work
     if evidence.scenario.trackers and not np.isnan(work).any():
@@ -81,11 +81,11 @@ def energy_rise(evidence: Evidence) -> dict[str, Array]:
 
 
 def energy_ledger(evidence: Evidence) -> Values:
-    """Energy that simulated bodies gain over the run, per mechanism [J], where the engine tells it.
+    """Energy that simulated bodies gain over the run, per mechanism [J], where the engine reports it.
 
-    friction, restitution: J . (v- + v+) / 2 along the contact and along its normal, v of B against A, without
-    contacts of driven bodies; drive: the work of those; correction: what is left of the change of K + U, that
-    is what poses were corrected by, and integration. Truth: nothing above zero but drive.
+    friction, restitution: J . (v- + v+) / 2 along the contact plane and along its normal, v of B relative to
+    A, without contacts of driven bodies. drive: the work of those. correction: the remaining change of K + U,
+    due to pose correction and integration. Truth: only drive is above zero.
     """
     if evidence.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
@@ -104,7 +104,8 @@ def energy_ledger(evidence: Evidence) -> Values:
 
 
 def _stores(evidence: Evidence, bodies: list[int]) -> Array:
-    """Frames in which one of the bodies overlaps by more than STORING: a soft contact stores energy then."""
+    """Mask of the frames in which a body overlaps by more than STORING, so that a soft contact stores
+    energy."""
     stores = np.zeros(len(evidence.recording.time), dtype=bool)
     for (a, b), distance in evidence.distances.distance.items():
         if a in bodies or b in bodies:
@@ -137,7 +138,7 @@ def _kinetic(evidence: Evidence, body: int, velocity: Array, orientation: Array,
 
 
 def spin(evidence: Evidence, body: int, orientation: Array, omega: Array) -> Array:
-    """I w of a body per frame (f, 3), world [kg m^2/s]."""
+    """Angular momentum I w of a body per frame (f, 3), world axes [kg m^2/s]."""
     turned = Rotation.from_quat(orientation, scalar_first=True)
     inertia = np.array(evidence.scenario.bodies[body].inertia)
     return np.asarray(turned.apply(turned.inv().apply(omega) @ inertia))

@@ -1,4 +1,4 @@
-"""What must have happened, and when: touch, roll, leave, land, meet, part."""
+"""Times and places of expected events: touch, roll, leave, land, meet, part."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from touchstone.scenarios.scenario import Expectation, Scenario
 ROLL_SLIP = 0.01
 """Slip below which a contact rolls [m/s]."""
 PART_GAP = 3e-3
-"""Gap of bodies that part [m]: more than Bullet's margins of 1 mm round two hulls."""
+"""Gap from which bodies have separated [m]: more than Bullet's margins of 1 mm round two hulls."""
 PARTED = 0.1
-"""Time for which bodies that part stay apart [s]: an engine's contact may open for a moment."""
+"""Least duration of a separation [s]: an engine's contact may open for a moment."""
 
 
 def event_time(event: str) -> Callable[[Evidence], Values]:
-    """The metric that tells when an event happened."""
+    """The metric of an event's time."""
 
     def measure(evidence: Evidence) -> Values:
         return {subject: _time(evidence, e) for subject, e in _expected(evidence, event).items()}
@@ -43,7 +43,7 @@ def event_time(event: str) -> Callable[[Evidence], Values]:
 
 
 def event_place(event: str) -> Callable[[Evidence], Values]:
-    """The metric that tells how far a body had come when an event happened."""
+    """The metric of a body's distance from its start at an event."""
 
     def measure(evidence: Evidence) -> Values:
         found = {}
@@ -59,7 +59,7 @@ def event_place(event: str) -> Callable[[Evidence], Values]:
 
 
 def subjects(scenario: Scenario) -> dict[tuple[str, str], Expectation]:
-    """(event, subject) -> expectation: the pair, numbered where it is expected several times."""
+    """(event, subject) -> expectation; a pair that is expected several times is numbered."""
     found: dict[tuple[str, str], Expectation] = {}
     counts: dict[tuple[str, str], int] = {}
     keys = [(e.event, f"{e.body}-{e.other}") for e in scenario.expectations]
@@ -102,8 +102,8 @@ def _at(evidence: Evidence, gap: Gap, time: float) -> float:
 
 
 def _parting(evidence: Evidence, gap: Gap, start: float) -> float:
-    """Time from `start` on at which the gap, not yet open for PARTED [s] then, opens past PART_GAP for so
-    long; else NaN."""
+    """First time after `start` at which the gap opens past PART_GAP and stays open for PARTED [s]. NaN if
+    there is none, or if the gap is open for PARTED from `start`."""
     time, frames = evidence.recording.time, round(PARTED / evidence.frame)
     is_open = gap.gap > PART_GAP
     first = int(np.searchsorted(time, start + ROUNDING, side="right")) - 1

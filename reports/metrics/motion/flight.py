@@ -1,4 +1,4 @@
-"""Bounces and flips: when and how high, against the closed form."""
+"""Heights of bounces and times of flips, compared with the closed form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from touchstone.scenarios.closed_form import flips
 from touchstone.scenarios.scenario import Arc
 
 SEEN = 2.0
-"""Length of an arc from which a displayed frame surely falls into its middle [frames]."""
+"""Least length of an arc that surely has a displayed frame near its middle [frames]."""
 
 
 def bounce_height(evidence: Evidence) -> Values:
@@ -34,13 +34,13 @@ def bounce_height(evidence: Evidence) -> Values:
 
 
 def _heights(arcs: tuple[Arc, ...], g: float, frame: float) -> list[float]:
-    """Heights [m] of the arcs that start upwards, against gravity, and last long enough."""
+    """Heights of the arcs that start upwards, against gravity, and last long enough [m]."""
     speeds = [arc.velocity[2] for arc in arcs[1:] if arc.velocity[2] > 0 > arc.acceleration[2]]
     return [speed**2 / (2 * g) for speed in speeds if 2 * speed / g >= SEEN * frame]
 
 
 def rotation_flip(evidence: Evidence) -> Values:
-    """Largest error of the times at which a free top turns over [s]; one that is missed counts to the end."""
+    """Largest error of the times at which a free top flips [s]; a missed flip counts until the end."""
     found = {}
     for truth in evidence.scenario.truths:
         if truth.law == "torque_free":
@@ -54,7 +54,8 @@ def rotation_flip(evidence: Evidence) -> Values:
 
 
 def _flips_seen(evidence: Evidence, body: int) -> np.ndarray:
-    """Zeros of the rate about the axis of the middle moment, between frames by Euler's equations."""
+    """Times of the zeros of the rate about the axis of the middle moment of inertia, between frames by
+    Euler's equations."""
     inertia = np.array(evidence.scenario.bodies[body].inertia)
     moments, axes = np.linalg.eigh(inertia)
     turned = Rotation.from_quat(evidence.recording.orientation[:, body], scalar_first=True)

@@ -9,7 +9,7 @@ from touchstone.reports.metrics.context import Evidence, NotMeasured, Values
 from touchstone.reports.metrics.motion.energy import spin
 
 NOTHING = 1e-12
-"""Angular momentum over (sum m |v|) times the distance of the centres below which only rounding turns [1]."""
+"""Angular momentum over (sum m |v|) times the distance of the centres below which it is rounding [1]."""
 
 
 def momentum_linear(evidence: Evidence) -> Values:
@@ -38,7 +38,7 @@ def momentum_angular(evidence: Evidence) -> Values:
 
 
 def momentum_withheld(evidence: Evidence) -> Values:
-    """Share of the momentum that the one body that should carry all of it lacks at the end [1]; truth 0."""
+    """Share of the momentum missing at the end from the body that should carry all of it [1]; truth 0."""
     momenta = _momenta(evidence)
     speeds = {k: np.linalg.norm(truth.velocity[[0, -1]], axis=1) for k, truth in evidence.truths.items()}
     giver, taker = ([k for k, speed in speeds.items() if speed[end] > 0] for end in (0, 1))

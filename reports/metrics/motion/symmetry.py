@@ -7,9 +7,9 @@ import numpy as np
 from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
 
 SAME_PLACE = 1e-9
-"""Distance within which a body starts at the mirror image of another [m]: rounding."""
+"""Distance within which a body starts at the mirror image of another's place [m]: rounding."""
 MIRROR = np.array([-1.0, 1.0, 1.0])
-"""x -> -x."""
+"""Reflection x -> -x."""
 
 
 def symmetry_mirror(evidence: Evidence) -> Values:

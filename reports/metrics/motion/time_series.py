@@ -1,4 +1,4 @@
-"""What a recording does over time, frame by frame: metrics before their largest value is taken."""
+"""Time series of metrics that report the largest value over the frames."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ _OVER_TIME: dict[str, Callable[[Evidence], dict[str, Array]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Per metric and subject the values whose largest it is, one per frame (f,) at `time` (f,) [s]."""
+    """Per metric and subject the values over which the metric takes its largest, one per frame (f,) at `time`
+    (f,) [s]."""
 
     time: Array
     values: dict[tuple[str, str], Array]
 
 
 def course(evidence: Evidence) -> Course:
-    """The course of `overlap.max` [m] and `energy.injected` [J]; what cannot be measured is left out."""
+    """Time series of `overlap.max` [m] and `energy.injected` [J]; a metric that cannot be measured is left
+    out."""
     found: dict[tuple[str, str], Array] = {}
     for metric, measure in _OVER_TIME.items():
         try:
             values = measure(evidence)
-        except Exception:  # the metric's row tells why
+        except Exception:  # the metric's row holds the reason
             continue
         found |= {(metric, subject): value for subject, value in values.items()}
     return Course(evidence.recording.time, found)

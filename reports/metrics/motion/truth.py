@@ -1,4 +1,4 @@
-"""Distance from the closed form, for scenes that have one: of the body that is farthest from it."""
+"""Errors against the closed form, in scenes that have one; each is that of the worst body."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from touchstone.scenarios.closed_form import Motion
 
 
 def truth_position(evidence: Evidence) -> Values:
-    """Largest distance of the centre of mass from its closed form over the longest way of any body [1]."""
+    """Largest distance of the centre of mass from its closed form over the longest path of any body [1]."""
     way = _largest(evidence, lambda truth: truth.position - truth.position[0], "moves")
     found = {}
     for body, truth in evidence.truths.items():
@@ -59,7 +59,7 @@ def truth_spin(evidence: Evidence) -> Values:
 
 
 def _largest(evidence: Evidence, quantity: Callable[[Motion], Array], does: str) -> float:
-    """Largest size of a vector over all frames and bodies."""
+    """Largest norm of a vector over all frames and bodies."""
     if not evidence.truths:
         raise NotMeasured("the scene has no closed form")
     sizes = [np.linalg.norm(quantity(truth), axis=1).max() for truth in evidence.truths.values()]
