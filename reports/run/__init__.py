@@ -1,1 +1,1 @@
-"""The study `run`: what was asked for, play, measures, comparisons and results."""
+"""The study `run`: request, simulation, measures, comparisons and results."""

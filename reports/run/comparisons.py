@@ -1,4 +1,4 @@
-"""Rows that compare engines: ratios of time against the fastest, and the spread of events."""
+"""Rows that compare engines: time ratios and the spread of events."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFER
 from touchstone.scenarios.scenario import Scenario
 
 RATIO_LIMIT, PROBE_RATIO_LIMIT, EQUAL_RATIO_LIMIT = 0.5, 1.0, 1.0
-"""The reference's time over the fastest engine's at its recommended step; in probes, where a frame may hold
-next to nothing and an engine's is a few microseconds; at equal steps, where many contacts hold."""
+"""Largest ratios of the reference's time to the fastest engine's: at the engine's recommended step; in
+probes, whose frames hold almost no work and take an engine a few microseconds; at equal steps, in scenes with
+many contacts."""
 MANY_CONTACTS = 10
-"""Contacts of the reference's median frame beyond which a probe is held to RATIO_LIMIT too."""
+"""Contacts in the reference's median frame above which RATIO_LIMIT applies to a probe too."""
 SAME_DEPTH = 1e-8
-"""Overlap below which none is larger [m]: the oracle's tolerance."""
+"""Overlap below which two values are equal [m]: the oracle's tolerance."""
 
 
 def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: list[Row]) -> list[Row]:
-    """`ratio.time` of the reference against every engine; a verdict against the fastest at its own step, and
-    at equal steps where `ratio_limits` asks for one."""
+    """`ratio.time` of the reference to every engine. The ratio to the fastest engine gets a verdict at its
+    own step, and at equal steps where `ratio_limits` has a limit."""
     found = []
     overlap = {(r.engine, r.profile): r for r in rows if r.metric == "overlap.max"}
     ours = {profile: r for (engine, profile), r in played.items() if engine == REFERENCE}
     others = {column: r for column, r in played.items() if column[0] != REFERENCE}
     for profile, mine in ours.items():
         ratios = {column: time_ratio(mine.time_frame, theirs.time_frame) for column, theirs in others.items()}
-        # per class of steps, over the frames that both played
+        # Per class of steps, over the frames that both engines played.
         largest_last = sorted(ratios, key=lambda column: ratios[column].value)
         fastest = {column[1]: column for column in largest_last}
         limits = ratio_limits(scenario, mine) if profile == "balanced" else {}
@@ -63,8 +64,8 @@ def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows
 
 
 def _compared(ours: Row | None, theirs: Row | None) -> tuple[str, bool | None]:
-    """What is said of both overlaps, and whether ours is no larger; None where a number is missing that there
-    should be. Where no two bodies may touch there is nothing to compare."""
+    """Text on both overlaps, and whether ours is no larger: None where an expected number is missing. Where
+    no two bodies may touch there is nothing to compare."""
     for row in (ours, theirs):
         if row is None:
             return "overlap not measured", None
@@ -75,7 +76,7 @@ def _compared(ours: Row | None, theirs: Row | None) -> tuple[str, bool | None]:
 
 
 def ratio_limits(scenario: Scenario, ours: Recording) -> dict[str, float]:
-    """Largest ratio of the reference's time over that of the fastest engine, per profile of the engines."""
+    """Largest allowed ratio of the reference's time to the fastest engine's, per profile of the engines."""
     frames = np.floor(ours.contacts["time"] * scenario.frame_rate + ROUNDING).astype(int)
     held = np.bincount(frames, minlength=len(ours.time_frame))
     if np.median(held) > MANY_CONTACTS:
@@ -84,7 +85,8 @@ def ratio_limits(scenario: Scenario, ours: Recording) -> dict[str, float]:
 
 
 def spreads_of(scenario: Scenario, rows: list[Row]) -> list[Row]:
-    """Spread of every event over the reference and the engines as recommended; the outlier named."""
+    """Spread of every event over the reference and the engines in profile `recommended`; names the
+    outlier."""
     found = []
     events = sorted({(r.metric, r.subject, r.unit) for r in rows if r.metric.startswith("events.")})
     for metric, subject, unit in events:

@@ -1,4 +1,4 @@
-"""Rows of all metrics of a recording: what applies, what the audits reject, what a scene expects."""
+"""Rows of all metrics of a recording, with the audits' rejections and the scene's expectations."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
 from touchstone.scenarios.scenario import Scenario
 
 NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
-"""Metrics that others are judged by."""
+"""Metrics that the judgement of others needs."""
 
 
 def excused(row: Row, recording: Recording, tags: tuple[str, ...]) -> Row:
-    """The row; known where it breaks a limit and a needed effect was left out because that was asked for."""
+    """The row; its verdict is `known` where it breaks a limit because a needed effect was disabled on
+    request."""
     told: dict[str, str] = recording.facts.get("effects", {})
     removed = [effect for effect, state in told.items() if state.startswith("forced off")]
     found = judged(row, tags)
@@ -31,12 +32,13 @@ def excused(row: Row, recording: Recording, tags: tuple[str, ...]) -> Row:
 
 
 def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence[str] = ()) -> list[Row]:
-    """One row per metric and subject of a recording: of all metrics, or of those named and what they need."""
+    """One row per metric and subject of a recording: all metrics, or the named ones and those that they
+    need."""
     return measured_of(base, Evidence(recording, scenario), only)
 
 
 def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list[Row]:
-    """`measured`, from a context that is shared."""
+    """`measured`, from a shared context."""
     scenario = evidence.scenario
     rows: list[Row] = []
     asked = {name.removesuffix(".spread") for name in only} | set(NEEDED if only else METRICS)
@@ -64,7 +66,7 @@ def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list
 
 
 def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
-    """Events judged against the scene's expectations."""
+    """Adds the verdicts on events by the scene's expectations."""
     windows = {(f"events.{event}", subject): e for (event, subject), e in subjects(scenario).items()}
     found = []
     for row in rows:
@@ -86,15 +88,15 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
 
 
 def _audited(rows: list[Row], evidence: Evidence) -> list[Row]:
-    """Impulse metrics rejected where the impulses do not balance the motion, or where nobody can tell; marked
-    where they rest on impulses of driven bodies that nothing balances."""
+    """Rejects impulse metrics where the impulses do not balance the motion, or where the balance is unknown.
+    Marks metrics that use impulses on driven bodies which no audit covers."""
     rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
     rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
     audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}
     doubtful = set()
     for pair in driven_pairs(evidence):
         one, _, two = pair.partition("-")
-        # what a body's own links do to each other changes no sum over them
+        # Impulses between links of one body cancel in the sum over its links.
         if one == two or not {one, two} & audited:
             doubtful.add(pair)
     if not doubtful:

@@ -1,4 +1,4 @@
-"""What a run is asked for, and what it gives."""
+"""The request of a run, and its results."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What to run: scenes, (engine, profile) columns, an own native step [s] or none, and where to put it.
+    """What to run: scenes, (engine, profile) columns, an optional native step [s], and the output folder.
 
-    Changed settings call for columns of the reference alone.
+    Changed settings require columns of the reference only.
     """
 
     scenarios: tuple[Scenario, ...]
@@ -40,25 +40,25 @@ class Request:
     metrics: tuple[str, ...] = ()
     command: str = ""
     changes: tuple[str, ...] = ()  # "key=value" in the reference's profiles
-    effects: tuple[str, ...] | None = None  # to run whatever a scene calls for; None: what it calls for
-    drive: str = "native"  # of hinges in DART, Bullet and MuJoCo
+    effects: tuple[str, ...] | None = None  # to run in every scene; None: what each scene needs
+    drive: str = "native"  # drive of hinges in DART, Bullet and MuJoCo
     tracker: str = "ideal"  # the variant of the trackers that the scenes have
-    budget: float = inf  # seconds of native steps after which a column leaves out the rest of a scene
+    budget: float = inf  # seconds of native steps after which a column skips the rest of a scene
 
     def settings(self, engine: str, profile: str) -> Settings:
-        """How a column runs."""
+        """The settings of a column."""
         dt = self.dt or ENGINES[engine].profiles[profile]
         changed = changes(profile, self.changes) if self.changes else ()
-        # the reference poses hinges, whatever drives those of engines
+        # The reference poses hinges itself, whatever drives those of the engines.
         drive = DRIVES[0] if engine == REFERENCE else self.drive
         return Settings(profile, dt, changed, self.effects, drive=drive, tracker=self.tracker)
 
 
 @dataclass
 class Results:
-    """What a run gave: the long table; per (scenario, engine, profile) the recording, of a run that failed
-    what it did before, and what a recording does over time, the last where several engines play; a line per
-    run that left contacts unresolved."""
+    """Results of a run: the long table; per (scenario, engine, profile) the recording (of a failed run, up to
+    the failure) and, where several engines play, the time series; a warning per run that left contacts
+    unresolved."""
 
     frame: pd.DataFrame
     recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Results:
     warnings: list[str] = field(default_factory=list)
 
     def warn(self, base: Row, evidence: Evidence) -> None:
-        """Keep the warning of a run, if it calls for one."""
+        """Store the warning of a run, if it has one."""
         line = warning(base, evidence)
         self.warnings += [line] if line else []
 
@@ -78,5 +78,5 @@ def step_text(dt: float) -> str:
 
 
 def columns_of(engines: Iterable[str], profiles: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """(engine, profile) columns: each engine in those of the profiles it has."""
+    """(engine, profile) columns: each engine in those of the profiles that it has."""
     return tuple((e, p) for e in engines for p in profiles if p in ENGINES[e].profiles)

@@ -1,4 +1,4 @@
-"""The study `run`: play scenes on engines, judge the recordings, and keep everything in one folder."""
+"""The study `run`: simulate scenes on engines, judge the recordings, and store all results in one folder."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from touchstone.scenarios.scenario import Scenario
 
 
 def run(request: Request, progress: Progress) -> Results:
-    """Play, judge and store; the folder appears whole when all is done, or not at all."""
+    """Simulate, judge and store; the folder appears complete when all is done, or not at all."""
     with output_folder(request.out) as folder:
         (folder / "recordings").mkdir()
         (folder / "output").mkdir()
@@ -81,7 +81,8 @@ def _judge(
     results: Results,
     progress: Progress,
 ) -> list[Row]:
-    """Rows of all metrics of one scene, and those that need several engines; recordings go into `results`."""
+    """Rows of all metrics of one scene, with the comparisons of several engines; stores recordings in
+    `results`."""
     rows: list[Row] = []
     several = len({outcome.job.engine for outcome in outcomes}) > 1
     played: dict[tuple[str, str], Recording] = {}

@@ -1,4 +1,4 @@
-"""Where engines differ, in four words: overlap, energy, friction, timing."""
+"""Differences between engines by four topics: overlap, energy, friction, timing."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A word and the metrics behind it, each with the difference below which there is none [its unit]."""
+    """A topic and its metrics, each with the largest difference that counts as none [its unit]."""
 
     name: str
     same: Mapping[str, float]
 
 
 SAME_SHARE = 0.02
-"""Two times or figures within this share of each other are one [1]: medians of one run repeat to about it."""
+"""Relative difference within which two times or figures are equal [1]: medians of one run repeat to about
+it."""
 TOPICS = (
-    # 1e-6 m is what removal ends at; the rest is rounding of some hundred frames
+    # Overlap removal ends at 1e-6 m; the rest is rounding over some hundred frames.
     Topic("overlap", {"overlap.max": 1e-6, "overlap.tunnelled": 0.5, "contact.gap": 1e-6}),
     Topic("energy", {"energy.injected": 1e-9, "energy.gain": 1e-9, "energy.loss": 1e-9}),
     Topic("friction", {"friction.cone": 1e-6, "friction.deficit": 1e-6, "friction.stop": 1e-6}),
@@ -39,7 +40,7 @@ TOPICS = (
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A metric of a scene on every engine that has a value; `same` as in its topic."""
+    """Values of a scene's metric on every engine that has one; `same` as in its topic."""
 
     metric: str
     subject: str
@@ -58,20 +59,20 @@ class Line:
 
     @property
     def differs(self) -> bool:
-        """Whether any two are apart."""
+        """Whether any two values differ."""
         return len(self.nearest) < len(self.rows)
 
     @property
     def nearest(self) -> list[str]:
-        """The engines nearest to the truth, 0: more than one where they are not apart."""
+        """The engines nearest to the truth, 0: several where their values are equal."""
         least = min(map(abs, self.values.values()))
         reach = max(least + self.same, least * (1 + SAME_SHARE))
         return [engine for engine, value in self.values.items() if abs(value) <= reach]
 
     @property
     def outlier(self) -> str:
-        """The engine farthest from the median of the others, a time by its ratio; of two the one farther from
-        the truth."""
+        """The engine farthest from the median of the others (times by their ratio); of two, the one farther
+        from the truth."""
         values = self.values
         if len(values) == 2:
             return max(values, key=lambda engine: abs(values[engine]))
@@ -97,12 +98,12 @@ class Line:
 
     @property
     def worst(self) -> str:
-        """The engine that misses its limit by most, or else the one farthest from the truth."""
+        """The engine that exceeds its limit by most, or else the one farthest from the truth."""
         return max(self.values, key=lambda engine: (max(1.0, self._share(engine)), abs(self.values[engine])))
 
     @property
     def share(self) -> float:
-        """The worst value over its limit; 0 without one."""
+        """Ratio of the worst value to its limit; 0 without a limit."""
         return self._share(self.worst)
 
     def _share(self, engine: str) -> float:
@@ -129,8 +130,8 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A topic: lines on which engines differ, scenes with figures that do not, scenes without figures of two
-    engines; per engine, metric and reason of a value that is missing from a line the scenes."""
+    """A topic: lines on which engines differ; scenes whose figures do not differ; scenes without figures of
+    two engines; and per engine, metric and reason of a value missing from a line, the scenes."""
 
     topic: Topic
     lines: list[Line] = field(default_factory=list)
@@ -140,7 +141,7 @@ class Section:
 
 
 Columns = dict[str, Row]
-"""Per engine a row of the column it is compared in: its profile, its step."""
+"""Per engine a row of the column in which it is compared: its profile and step."""
 
 
 def columns(results: Results) -> Columns:
@@ -153,12 +154,12 @@ def columns(results: Results) -> Columns:
 
 
 def head(row: Row) -> str:
-    """A column in words."""
+    """The heading of a column."""
     return f"{row.engine} {row.profile} {step_text(row.dt)} s"
 
 
 def not_played(results: Results) -> list[str]:
-    """What was skipped or failed in the engines' own columns, each reason once."""
+    """Skipped and failed runs in the engines' default columns, each reason once."""
     own = {engine: row.profile for engine, row in columns(results).items()}
     found: dict[str, list[str]] = {}
     for row in rows_of(results.frame[results.frame.metric == "run"]):
@@ -193,8 +194,8 @@ def sections(request: Request, results: Results) -> list[Section]:
 
 
 def _line(rows: list[Row], metric: str, same: float) -> Line | None:
-    """The line of a metric, of the subject that most engines have and on which they differ most; None where
-    fewer than two have it."""
+    """The line of a metric, for the subject that most engines have and on which they differ most; None if
+    fewer than two engines have it."""
     by_subject: dict[str, dict[str, Row]] = {}
     for row in rows:
         if row.metric == metric and isfinite(row.value):
@@ -211,7 +212,8 @@ def _add_gaps(gaps: dict[str, list[str]], line: Line, rows: list[Row]) -> None:
 
 
 def command(request: Request, line: Line) -> str:
-    """The command that shows a line's worst value again; a time shows beside the shortest of its run."""
+    """The command that reproduces a line's worst value; for a time, with the engine whose time was
+    shortest."""
     engines = [line.worst]
     if line.metric.startswith("time."):
         engines = [line.nearest[0], line.worst]
@@ -226,7 +228,7 @@ def command(request: Request, line: Line) -> str:
 
 
 def worst_lines(section: Section) -> dict[str, Line]:
-    """Per scene the line that misses its limit by most; without a limit the first."""
+    """Per scene the line that exceeds its limit by most; without a limit the first."""
     found: dict[str, Line] = {}
     for line in section.lines:
         best = found.setdefault(line.scenario, line)

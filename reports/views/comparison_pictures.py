@@ -27,13 +27,13 @@ from touchstone.reports.views.tables import number, unit_of
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
 FEW = 6
-"""Scenes up to which each is drawn over time; of more, the gallery's."""
+"""Largest number of scenes that are all drawn over time; of more, only the gallery's."""
 ACROSS = 3
-"""Most panels side by side."""
+"""Largest number of panels side by side."""
 WIDTH, PANEL, DOT, MILLI = 11.0, 2.3, 0.28, 1e3
-"""Of a picture, a panel and a row of dots [inches]; milliseconds in a second."""
+"""Width of a picture, heights of a panel and of a row of dots [inches]; milliseconds in a second."""
 BELOW, LEAST_EXCESS = 0.1, 1e-4
-"""Smaller values are drawn there and read 0: a share of a line's `same`, an excess of friction [1]."""
+"""Smaller values are drawn at these and labelled 0: a share of a line's `same`, an excess of friction [1]."""
 FRICTION: tuple[tuple[str, str, float, Callable[[Row], float]], ...] = (
     (
         "friction.cone",
@@ -49,7 +49,7 @@ FRICTION: tuple[tuple[str, str, float, Callable[[Row], float]], ...] = (
     ),
     ("friction.stop", "distance of stopping, too long by;\nCoulomb: 0", 0.0, lambda row: row.value),
 )
-"""Metric, what is drawn of it, its truth."""
+"""Metric, the quantity drawn, its truth."""
 TITLES = {
     "overlap": "Overlap: the depth of the deepest pair of bodies",
     "energy": "Energy from nowhere: how far S = K + U - W rises above its least so far",
@@ -97,8 +97,8 @@ def _legend(figure: Figure, own: Columns) -> None:
 
 
 def _over_time(figure: Figure, request: Request, results: Results, section: Section) -> None:
-    """The first metric of a topic that tells engines apart, over time; as dots what is no course, and of many
-    scenes those outside the gallery."""
+    """Draws the first metric of a topic in which engines differ over time; draws dots for metrics without a
+    time series and, if there are many scenes, for those outside the gallery."""
     metric = next(metric for metric in section.topic.same if any(x.metric == metric for x in section.lines))
     lines = [line for line in section.lines if line.metric == metric]
     many = len(request.scenarios) > FEW
@@ -123,7 +123,7 @@ def _over_time(figure: Figure, request: Request, results: Results, section: Sect
 
 
 def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
-    """Per engine times and values of a line's metric; empty where it has no course."""
+    """Per engine times and values of a line's metric; empty where it has no time series."""
     key = (line.metric, line.subject)
     found = {e: results.courses.get((line.scenario, e, row.profile)) for e, row in line.rows.items()}
     return {
@@ -132,7 +132,7 @@ def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
 
 
 def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
-    """One scene over time up to `top` [SI], its limits as dashes."""
+    """Draws one scene over time up to `top` [SI], with its limits as dashes."""
     floor, scale = line.same * BELOW, _scale(line.metric)
     courses = _courses(line, results)
     for engine, row in line.rows.items():
@@ -153,7 +153,8 @@ def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
 
 
 def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> None:
-    """A row per line, a marker per engine, side by side where they meet; a tick where its limit is."""
+    """Draws a row per line with a marker per engine, side by side where they coincide, and a tick at its
+    limit."""
     for k, line in enumerate(lines):
         axes.axhspan(k - 0.5, k + 0.5, color="#f6f6f6" if k % 2 else "white", zorder=0)
         for engine, row in line.rows.items():
@@ -167,7 +168,7 @@ def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> N
 
 
 def _decades(axis: Axis, floor: float, top: float) -> None:
-    """Ticks at decades, at most eight; the lowest reads 0."""
+    """Sets ticks at decades, at most eight; the lowest is labelled 0."""
     low, high = round(log10(floor)), ceil(log10(top))
     step = max(1, ceil((high - low) / 8))
     axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 1, step)]))
@@ -189,7 +190,7 @@ def _scale(metric: str) -> float:
 
 
 def _friction(figure: Figure, request: Request, results: Results, section: Section) -> None:
-    """Excess over the cone, and the share of mu j_n that sliding contacts show."""
+    """Draws the excess over the cone, and the share of mu j_n in sliding contacts."""
     by_kind = [[line for line in section.lines if line.metric == metric] for metric, *_ in FRICTION]
     most = max(map(len, by_kind))
     figure.set_size_inches(WIDTH, 1.6 + DOT * (most + 2))
@@ -211,7 +212,8 @@ def _friction(figure: Figure, request: Request, results: Results, section: Secti
 
 
 def _timing(figure: Figure, request: Request, results: Results, section: Section) -> None:
-    """Per scene and engine the frames' times: median, quartiles, 5 to 95 %, the longest; ratios beside."""
+    """Draws frame times per scene and engine: median, quartiles, 5 to 95 %, maximum; with a table of
+    ratios."""
     own = columns(results)
     scenes = list(dict.fromkeys(line.scenario for line in section.lines))
     figure.set_size_inches(WIDTH, 1.8 + 0.46 * (len(scenes) + 1))
@@ -245,7 +247,7 @@ def _spread(axes: Axes, times: Array, y: float, engine: str) -> None:
 
 
 def _ratio_table(axes: Axes, results: Results, scenes: list[str], own: Columns) -> None:
-    """The reference's median over an engine's, with its interval."""
+    """Adds the table of the reference's median over each engine's, with its interval."""
     ratios = rows_of(results.frame[results.frame.metric == "ratio.time"])
     found = {
         (row.scenario, row.subject): row for row in ratios if row.profile == own.get(REFERENCE, row).profile

@@ -1,6 +1,6 @@
-"""The results section of the paper: what a frame of the reference costs, scene by scene, and where it goes.
+"""Cost of the reference's frames per scene and stage, as in the results section of the paper.
 
-Counts are per displayed frame; iterations, joints and pairs over the frames in which there are any.
+Counts are per displayed frame; iterations, joints and pairs are over the frames that have any.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ HEADS = (
     *("scene", "frame\nus", "p99\nus", "colli-\nsion", "removal\nand IK"),
     *("IK iter-\nations", "peak", "joints", "peak", "pairs", "peak"),
 )
-"""In lines that leave a table of 80 columns room for whole names of scenes."""
+"""Split into lines so that whole names of scenes fit a table of 80 columns."""
 NOTE = (
     f"{ENGINE} {PROFILE}, scenes by cost. Median and 99th percentile of the frame time; shares of all "
     "stages; means and peaks of a frame's IK iterations, joints turned and contacting pairs, over frames "
@@ -31,10 +31,10 @@ IK_ITERATIONS, IK_JOINTS, PAIRS = "ik.iterations", "ik.joints", "pairs.contactin
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """One scene, frame by frame: its time [s], the seconds of each stage, and the counts of IK and pairs."""
+    """Series over the frames of one scene: time [s], seconds of each stage, counts of IK and pairs."""
 
     scene: str
-    time: Array  # at the frames' ends [s]
+    time: Array  # ends of the frames [s]
     frame: Array
     stages: Mapping[str, Array]
     counts: Mapping[str, Array]
@@ -45,13 +45,13 @@ class Budget:
         return float(np.median(self.frame))
 
     def share(self, stage: str) -> float:
-        """Of a stage in the time of all [1]."""
+        """Share of a stage in the time of all stages [1]."""
         total = sum(float(seconds.sum()) for seconds in self.stages.values())
         return float(self.stages[stage].sum()) / total if total > 0 else 0.0
 
 
 def budgets(recordings: Mapping[tuple[str, str, str], Recording]) -> list[Budget]:
-    """Of every recording of the reference's default profile, the cheapest scene first."""
+    """The budget of every recording of the reference's default profile, the cheapest scene first."""
     chosen = {key[0]: r for key, r in recordings.items() if key[1:] == (ENGINE, PROFILE)}
     return sorted((_budget(scene, recording) for scene, recording in chosen.items()), key=lambda b: b.cost)
 
@@ -81,6 +81,6 @@ def budget_rows(found: list[Budget]) -> list[list[str]]:
 
 
 def _told(counts: Array) -> tuple[str, str]:
-    """Mean over the frames that have any, and peak."""
+    """Texts of the mean over the frames that have any, and of the peak."""
     some = counts[counts > 0]
     return (f"{some.mean():.1f}", f"{some.max():.0f}") if len(some) else ("", "")

@@ -1,4 +1,4 @@
-"""The frame budget over the run: a panel a scene, stages above and the work of inverse kinematics below."""
+"""Picture of the frame budget over time: per scene a panel of stages and one of inverse kinematics."""
 
 from __future__ import annotations
 
@@ -19,23 +19,24 @@ from touchstone.reports.views.pictures import INK, PALE
 
 COLUMNS = 2
 STAGES = (("collision", "#0072B2"), ("removal", "#D55E00"), ("impulses", "#009E73"), ("other", "#c9c9c9"))
-"""Okabe and Ito: told apart by colour-blind readers; `removal` is overlap removal with inverse kinematics."""
+"""Colours of Okabe and Ito, which colour-blind readers can distinguish; `removal` is overlap removal with
+inverse kinematics."""
 NAMES = {"removal": "overlap removal and IK", "other": "all else"}
 ITERATIONS, CONTACTS = "#e3b489", "#0072B2"
 HEADROOM, CUT = 1.5, 97.0
-"""A panel reaches this much over this percentile of its frames: single frames that the machine interrupted
-would hide all others."""
+"""A panel ends at this factor times this percentile of its frames: single frames that the operating system
+interrupted would hide all others."""
 
 
 def write_picture(recordings: Mapping[tuple[str, str, str], Recording], folder: Path) -> None:
-    """Draw the scenes that the reference played, if any, into a folder of results."""
+    """Draw the scenes that the reference played, if any, to a file in the results folder."""
     found = budgets(recordings)
     if found:
         frame_budget(found, folder / BUDGET_PICTURE)
 
 
 def frame_budget(found: list[Budget], path: Path) -> None:
-    """Draw scenes, one after the other in lines of two panels."""
+    """Draw the scenes in rows of two panels."""
     style = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
     lines = ceil(len(found) / COLUMNS)
     with rc_context(style):  # type: ignore[arg-type]

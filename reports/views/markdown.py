@@ -55,7 +55,7 @@ def report(request: Request, results: Results) -> str:
 
 
 PLACES = 8
-"""Scenes that are named before the rest is counted."""
+"""Number of scenes that are named; the rest is counted."""
 INTRODUCTION = (
     "Each engine in its own profile, at its own step. A line is a metric whose truth is 0, or a time, of the "
     "pair on which engines differ most; lines on which none is apart are left out. The outlier is the engine "
@@ -64,7 +64,7 @@ INTRODUCTION = (
 
 
 def _differences(request: Request, results: Results) -> list[str]:
-    """The four sections, with what was not played."""
+    """The four sections, with the runs that did not take place."""
     parts = ["", "## Differences between the engines", ""]
     missing = [f"- not played: {reason}" for reason in not_played(results)]
     found, own = sections(request, results), columns(results)
@@ -82,7 +82,7 @@ def _differences(request: Request, results: Results) -> list[str]:
 
 
 def _section(request: Request, results: Results, section: Section, own: Columns) -> list[str]:
-    """The table of a topic, its picture, and where each engine does best."""
+    """The table and picture of a topic, and the scenes in which each engine is best."""
     parts: list[str] = []
     if section.lines:
         worst = worst_lines(section)
@@ -122,7 +122,7 @@ def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:
 
 
 def _limits(line: Line, results: Results) -> str:
-    """The limit of all, or of each kind of engine; of a time that of the reference's ratio."""
+    """The limit of all engines or of each kind of engine; for a time, that of the reference's ratio."""
     if line.metric == "time.frame.median":
         frame = results.frame[
             (results.frame.scenario == line.scenario) & (results.frame.metric == "ratio.time")
@@ -141,7 +141,7 @@ def _limits(line: Line, results: Results) -> str:
 
 
 def _nearest(section: Section, own: Columns) -> list[str]:
-    """Where each engine is nearest to the truth."""
+    """Per engine, the scenes in which it is nearest to the truth."""
     best = {engine: [line for line in section.lines if engine in line.nearest] for engine in own}
     word = "shortest" if section.topic.name == "timing" else "nearest to the truth"
     return [
@@ -151,7 +151,7 @@ def _nearest(section: Section, own: Columns) -> list[str]:
 
 
 def _places(lines: list[Line]) -> str:
-    """Where: scenes, or metrics where there is one scene."""
+    """Names of the scenes, or of the metrics if there is one scene."""
     scenes = list(dict.fromkeys(line.scenario for line in lines))
     names = scenes if len(scenes) > 1 else [f"{line.scenario} {line.name}" for line in lines]
     more = f" and {len(names) - PLACES} more" if len(names) > PLACES else ""
@@ -178,7 +178,7 @@ def _grid(frame: pd.DataFrame, scenario: str) -> list[str]:
 
 
 def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
-    """Restitution of every bounce and friction of every sliding pair, beside what the scene asks for."""
+    """Restitution of every bounce and friction of every sliding pair, with the requested values."""
     columns = list(dict.fromkeys(zip(scene.engine, scene.profile)))
     achieved = scene[scene.metric.isin(["restitution.achieved", "friction.deficit"]) & scene.value.notna()]
     lines: dict[tuple[str, str], dict[tuple[str, str], str]] = {}
@@ -200,7 +200,7 @@ def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
 
 
 def _budget(scene: pd.DataFrame) -> list[str]:
-    """Per column the median frame and the share of each stage, with the pairs that were looked at."""
+    """Median frame and share of each stage per column, with the number of tested pairs."""
     heads = ["engine", "frame us", *BUDGET_STAGES, "pairs", "contacts"]
     rows = []
     for (engine, profile), part in scene.groupby(["engine", "profile"], sort=False):

@@ -1,7 +1,7 @@
-"""The model card: a scene's driven bodies as every engine says it holds them, with pinocchio as the referee.
+"""The model card: a scene's driven bodies in every engine, checked by pinocchio as the referee.
 
-All figures are read back from a world that an engine built, at the scene's first moment; the referee works
-from the scene itself. Deviations are relative to the referee's mass, size or inertia.
+All figures are read back from a world that an engine built, at the scene's start; the referee computes its
+own from the scene. Deviations are relative to the referee's mass, size or inertia.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario, Tracker
 
 AGREED = 1e-9
-"""Deviation up to which an engine holds what the scene says [1]: rounding of some thirty links."""
+"""Deviation up to which an engine's model matches the scene [1]: rounding of some thirty links."""
 REFEREE = "pinocchio"
 
 
@@ -80,8 +80,8 @@ def _row(
 
 
 def deviation(scenario: Scenario, tracker: Tracker, recording: Recording) -> float:
-    """Largest of an engine's deviations from the referee and the scene: mass, centre, inertia, limits [1];
-    infinite where degrees of freedom, hinges or pieces are not as many."""
+    """Largest deviation of an engine from the referee and the scene, over mass, centre, inertia and limits
+    [1]; infinite where the numbers of degrees of freedom, hinges or pieces differ."""
     facts = recording.facts
     mass, center, inertia = _referee(scenario, tracker)
     own_mass, own_center, own_inertia = _whole(scenario, tracker, recording)
@@ -108,7 +108,7 @@ def _referee(scenario: Scenario, tracker: Tracker) -> tuple[float, Array, Array]
 
 
 def _whole(scenario: Scenario, tracker: Tracker, recording: Recording) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it of all links, as an engine tells and poses them first."""
+    """Mass, centre of mass and inertia about it of all links, in an engine's first reported state."""
     links, bodies = scenario.links(tracker), recording.facts["bodies"]
     facts = [bodies[scenario.bodies[k].name] for k in links]
     turned = Rotation.from_quat(recording.orientation[0][list(links)], scalar_first=True).as_matrix()
@@ -123,7 +123,7 @@ def _whole(scenario: Scenario, tracker: Tracker, recording: Recording) -> tuple[
 
 
 def _held(scenario: Scenario) -> tuple[Mapping[str, Recording], Mapping[str, str]]:
-    """What engines built, from a single frame each, and why others could not."""
+    """A recording of one frame per engine, and the reasons why others failed."""
     short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=())
     held, reasons = {}, {e: missing_reason(e) for e in ENGINES if not installed(e)}
     with tempfile.TemporaryDirectory() as folder, Children(together=True) as children:

@@ -1,4 +1,4 @@
-"""Many scenes at a glance: how many limits each engine meets per scene, and the figures that stand out."""
+"""Overview of many scenes: limits that each engine meets per scene, and the figures that stand out."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ BAD = ("known", "fail", "error")
 """Verdicts that stand out, the worst last."""
 RATIO = "ratio.time"
 NOTHING = 1e-12
-"""Value below which a figure is 0 [1], as it is shown."""
+"""Value below which a figure counts as 0 [1] and is shown as 0."""
 BODY = re.compile(r"^of \S+; ")
-"""The remark that names the worst body, before a reason."""
+"""The remark that names the worst body, which precedes a reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One scene: what became of its limits per column, and rows of (metric, unit, cells)."""
+    """One scene: the outcome of its limits per column, and rows of (metric, unit, cells)."""
 
     scenario: str
     outcome: list[Cell]
@@ -33,7 +33,8 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """All scenes. `totals` are per column the numbers that TOTALS names; `remarks` the lines below."""
+    """All scenes. `totals` holds per column the numbers that TOTALS names; `remarks` the lines below the
+    table."""
 
     heads: list[tuple[str, str, str]]
     sections: list[Section]
@@ -45,7 +46,8 @@ TOTALS = (
     *("limits", "met", "by construction", "known", "causes", "unjudged", "broken", "errors"),
     *("not applicable", "not run"),
 )
-"""Limits are metrics per scene; causes are those of the known failings; errors hold runs that failed."""
+"""Limits are counted per metric and scene; causes are those of the known failings; errors count failed
+runs."""
 
 
 def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> Overview:
@@ -78,7 +80,7 @@ def _section(name: str, rows: list[Row], columns: list[Column], counts: Mapping[
         for metric in METRICS
         if metric not in HIDDEN and any(row.value == row.value for row in found.get(metric, {}).values())
     ]
-    # what stands out, and the first figure that is not 0: where there is one, the distance from the truth
+    # Figures that stand out, and the first that is not 0: the distance from the truth, where there is one.
     figures = [metric for metric in measured if not metric.startswith("time.")]
     first = next((m for m in figures if any(abs(row.value) > NOTHING for row in found[m].values())), "")
     told = [m for m in measured if m == first or any(row.verdict in BAD for row in found[m].values())]
@@ -101,7 +103,7 @@ def _cell(row: Row | None) -> Cell:
 
 
 def _outcome(rows: list[Row], column: Column, counts: Mapping[Column, Count]) -> Cell:
-    """Limits met of those of the scene, or why there are none."""
+    """The limits met of those of the scene, or the reason why there are none."""
     run = [row for row in rows if (row.engine, row.profile) == column and row.metric == "run"]
     if run:
         return Cell(run[0].verdict, run[0].verdict)
@@ -133,12 +135,12 @@ def _total(
 
 
 def _cause(row: Row) -> str:
-    """A reason without the worst body and the command that shows it."""
+    """A reason without the worst body and the command that reproduces it."""
     return BODY.sub("", row.reason).partition(": touchstone run ")[0]
 
 
 def _not_applicable(counts: Iterable[Mapping[Column, Count]]) -> list[str]:
-    """Why limits do not apply, each reason once, with the metrics and how often."""
+    """The reasons why limits do not apply, each once, with the metrics and counts."""
     found: dict[str, dict[str, int]] = {}
     for scene in counts:
         for count in scene.values():
@@ -152,7 +154,8 @@ def _not_applicable(counts: Iterable[Mapping[Column, Count]]) -> list[str]:
 
 
 def _remarks(rows: list[Row]) -> list[str]:
-    """What was broken, skipped or is known: each reason once per engine, with the figures it explains."""
+    """Broken limits, skipped runs and known failings: each reason once per engine, with the figures it
+    explains."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row.verdict in BAD or row.verdict == UNJUDGED or (row.verdict in NOT_RUN and row.metric == "run"):

@@ -21,17 +21,17 @@ from touchstone.reports.studies.calibration.rows import JUDGED_SPEED
 
 INK, PALE = "#222222", "#8a8a8a"
 LIBRARY_COLORS = {"python-fcl": "#D55E00", "coal": "#0072B2"}
-"""Of detectors that belong to no engine; with those of the engines, the colours of Okabe and Ito."""
+"""Colours of detectors that belong to no engine; with those of the engines, the palette of Okabe and Ito."""
 MARKERS = "osD"
-"""One per detector of an engine, in the order of the table."""
+"""Markers of an engine's detectors, in the order of the table."""
 ERROR_FLOOR = 1e-16
-"""Smaller errors are drawn here: half a rounding of double precision [1]."""
+"""Smaller errors are drawn at this value: half a rounding of double precision [1]."""
 LEVELS = (
     (2.2e-16, "rounding, double precision"),
     (6.0e-8, "rounding, single precision"),
     (1.0, "no contact seen"),
 )
-"""Errors worth a line [1]."""
+"""Errors that get a reference line [1]."""
 LETTER, LINE, GAP = 0.0078, 0.028, 0.011
 """Width and height of a label's letter and its distance from the marker, over the picture's sides [1]."""
 
@@ -112,7 +112,8 @@ def _draw(axes: Axes, point: Point) -> None:
 
 
 def _label(axes: Axes, points: list[Point]) -> None:
-    """Every name beside its marker: of eight places the one with the fewest bars, markers and names in it."""
+    """Places every name beside its marker, at the one of eight places that covers the fewest bars, markers
+    and names."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
 
     def across(time: float) -> float:
@@ -199,14 +200,15 @@ def _frame(axes: Axes, points: list[Point]) -> None:
 
 
 SIDES = ((2**0.5, "√2"), (0.5**0.5, "1 / √2"))
-"""Shares of friction at 45 degrees that tell a square for a cone [1]."""
+"""Shares of friction at 45 degrees that reveal a pyramid in place of a cone [1]."""
 
 
 def requested_and_achieved(frame: pd.DataFrame, path: Path) -> None:
-    """Achieved over asked restitution and friction per engine, from the rows of the study `calibration`.
+    """Achieved over requested restitution and friction per engine, from the rows of the study `calibration`.
 
-    Restitution from JUDGED_SPEED on: medians over speeds and shapes, with the range over these and over where
-    within a step bodies land. Friction per heading: medians over coefficients and shapes, with their range.
+    Restitution from JUDGED_SPEED: medians over speeds and shapes, with the range over these and over the
+    phase within a step at which bodies land. Friction per heading: medians over coefficients and shapes, with
+    their range.
     """
     engines = [name for name in ENGINES if name in set(frame[frame.value.notna()].engine)]
     style = {"font.family": "DejaVu Sans", "font.size": 10.5, "axes.edgecolor": PALE}
@@ -226,11 +228,11 @@ def requested_and_achieved(frame: pd.DataFrame, path: Path) -> None:
 
 
 Ranges = dict[float, list[float]]
-"""Values by what they are drawn over."""
+"""Values by their abscissa."""
 
 
 def _profiles(frame: pd.DataFrame) -> list[tuple[str, bool]]:
-    """The first profile, filled, and the accurate one or the next, hollow."""
+    """The first profile, drawn filled, and the accurate one or the next, drawn hollow."""
     names = list(dict.fromkeys(frame.profile))
     second = ACCURATE if ACCURATE in names else next(iter(names[1:]), "")
     return [(names[0], True)] + ([(second, False)] if second not in ("", names[0]) else [])
@@ -259,7 +261,7 @@ def _frictions(frame: pd.DataFrame) -> Ranges:
 
 
 def _draw_ranges(axes: Axes, found: Ranges, engine: str, profile: str, filled: bool, shift: float) -> None:
-    """Median and range of each list; filled markers a little to the left, hollow ones to the right."""
+    """Draws median and range of each list; filled markers a little to the left, hollow ones to the right."""
     colour, places = color_of(engine), sorted(found)
     x = np.array(places) + (-shift if filled else shift)
     low, high = [min(found[place]) for place in places], [max(found[place]) for place in places]

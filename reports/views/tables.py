@@ -1,4 +1,4 @@
-"""The table of one scene: rows are metrics, columns are engines; the same cells for terminal and report."""
+"""The table of one scene: rows are metrics, columns are engines. Terminal and report share its cells."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from touchstone.reports.run.request import step_text
 HIDDEN = ("work", "time.share")
 """Metrics that have a table of their own."""
 OUTLIER_FACTOR = 3.0
-"""A value is an outlier when it lies this many median deviations of the others from their median ..."""
+"""Least distance of an outlier from the median, in median deviations of the other values [1]."""
 OUTLIER_SHARE = 0.1
-"""... and by more than this share of it."""
+"""Least distance of an outlier from the median, as a share of the median [1]."""
 MARKS = {"fail": " ✗", "known": " †", "error": " ✗", UNJUDGED: " ?"}
 BASIS_MARKS = {CONSTRUCTION: " =", UNAUDITED: " ~"}
 LEGEND = (
@@ -47,7 +47,8 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A table: heads of the columns (engine, profile, step), and rows of (metric, subject, unit, cells)."""
+    """A table: headings of the columns (engine, profile, step), and rows of (metric, subject, unit,
+    cells)."""
 
     heads: list[tuple[str, str, str]]
     rows: list[tuple[str, str, str, list[Cell]]]
@@ -56,12 +57,12 @@ class Grid:
 Column = tuple[str, str]
 """Engine and profile."""
 Rows = dict[tuple[Column, str, str], Row]
-"""By column, metric and subject."""
+"""Rows by column, metric and subject."""
 
 
 def grid(frame: pd.DataFrame, scenario: str, shown: Collection[Column] = ()) -> Grid:
-    """The grid of one scene from the long table; `shown` (engine, profile) columns, or all. A metric that
-    applies to none of them has no row."""
+    """The grid of one scene from the long table; `shown` (engine, profile) columns, or all. Metrics that
+    apply to none of them get no row."""
     scene = [
         row
         for row in rows_of(frame[frame.scenario == scenario])
@@ -121,7 +122,7 @@ def number(value: float) -> str:
     """Three significant digits; two and an exponent below 1e-3 and from 1e4; 0 for rounding."""
     if abs(value) < 1e-12:
         return "0"
-    # rounding may carry into another digit: 9.999 is 10.0
+    # Rounding may carry into another digit: 9.999 is 10.0.
     rounded = abs(float(f"{value:.2e}") if abs(value) < 1e3 else float(f"{value:.0f}"))
     if 1e-3 <= rounded < 1e4:
         digits = max(0, 2 - int(np.floor(np.log10(rounded))))
@@ -130,14 +131,14 @@ def number(value: float) -> str:
 
 
 def exact_number(value: float) -> str:
-    """As `number`, where 1e-15 is no zero; - for none."""
+    """As `number`, but without rounding small values to zero; - for a missing value."""
     if isnan(value):
         return "-"
     return f"{value:.1e}" if 0 < abs(value) < 1e-3 else number(value)
 
 
 def _with_outlier(cells: list[Cell], values: Sequence[float]) -> list[Cell]:
-    """Mark the one of four values or more that stands apart from the others."""
+    """Mark the outlier among four values or more."""
     if np.isfinite(values).sum() < 4:
         return cells
     middle = np.nanmedian(values)

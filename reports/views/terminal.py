@@ -25,10 +25,10 @@ STYLES = {
     "pass": "",
 }
 IN_FULL = 8
-"""Scenes up to which each has its whole table; more are shown at a glance."""
+"""Largest number of scenes that are shown as whole tables; more are shown as an overview."""
 Padding = tuple[int, int] | tuple[int, int, int, int]
 NARROW = 112
-"""Columns a table needs; plain output (files, pipes) is never narrower."""
+"""Least width of plain output (files, pipes) in characters, which a table needs."""
 
 
 def console(**options: bool) -> Console:
@@ -46,14 +46,14 @@ def table_of(title: str, heads: Sequence[str], left: int = 1, padding: Padding =
 
 
 def print_notes(notes: Iterable[str], out: Console) -> None:
-    """Print what a table means."""
+    """Print the notes that explain a table."""
     for note in notes:
         out.print(note, style="dim", highlight=False, markup=False)
 
 
 def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
-    """Print one table per scene with the `shown` columns, its ratios, and every verdict that is no pass; an
-    overview where there are more than IN_FULL scenes."""
+    """Print one table per scene with the `shown` columns, its ratios, and every verdict other than pass; an
+    overview if there are more than IN_FULL scenes."""
     if frame.scenario.nunique() > IN_FULL:
         _show_overview(overview(frame, shown), out)
         return
@@ -69,7 +69,7 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
 
 
 def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Console) -> None:
-    """Print what frames of the reference cost, if it played at least two scenes."""
+    """Print the cost of the reference's frames, if it played at least two scenes."""
     found = budgets(recordings)
     if 1 < len(found) <= IN_FULL:
         table = table_of("frame budget", HEADS, padding=(0, 0))
@@ -158,8 +158,8 @@ def ratio_rows(scene: pd.DataFrame) -> list[list[str]]:
 
 
 def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -> list[str]:
-    """What broke a limit, failed or was skipped as a whole, and what is known of the `shown` columns (or of
-    all), each with its reason."""
+    """Broken limits, failed and skipped runs, and known failings of the `shown` columns (or of all), each
+    with its reason."""
     lines = []
     for row in rows_of(scene[scene.verdict.isin(["fail", "error", "known"])]):
         if row.verdict == "known" and shown and (row.engine, row.profile) not in shown:

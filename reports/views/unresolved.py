@@ -1,4 +1,4 @@
-"""The warning of a run whose solver left something unresolved."""
+"""The warning of a run whose solver left contacts or time unresolved."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ KINDS = {
     "solver.parted_energy": (("parted_energy",), "parting overlap added {} J, most of it in {}"),
     "solver.caps": (CAPS, "caps reached: {}, most in {}"),
 }
-"""Metric -> its counters, and what a warning says of its size and its worst place."""
+"""Metric -> its counters, and the warning's texts of its size and its worst place."""
 
 
 def warning(base: Row, evidence: Evidence) -> str | None:
-    """One line that names engine, profile, scene, frame and pair of everything that a run left unresolved
-    beyond its limit, known failings included; None where that is nothing, or the engine does not tell.
+    """One line with engine, profile, scene, frame and pair of everything that a run left unresolved beyond
+    its limit, known failings included; None if there is nothing, or if the engine does not report it.
 
     Args:
         base: a row of the run, for its engine, profile, scene and step.
-        evidence: of the run, whole or until it failed.
+        evidence: context of the run, whole or up to its failure.
     """
     told = []
     for metric, (counters, words) in KINDS.items():
@@ -41,6 +41,6 @@ def warning(base: Row, evidence: Evidence) -> str | None:
 
 
 def _value(evidence: Evidence, metric: str) -> float:
-    """The value of one of KINDS for the whole run."""
+    """Value of a metric of KINDS for the whole run."""
     found = METRICS[metric].measure(evidence)[""]
     return found.value if isinstance(found, Value) else found
