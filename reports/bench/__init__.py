@@ -1,4 +1,4 @@
-"""`touchstone bench`: what the reference costs, always as a ratio to others measured in the same run."""
+"""`touchstone bench`: cost of the reference, always as a ratio to others measured in the same run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BENCHES = {
     "frame": "compiled frames of all scenes: time of every engine over every other",
     "scaling": "exponents: broad phase, balls at rest, vertices of hulls",
 }
-"""Name -> what is measured."""
+"""Name -> measured quantity."""
 
 
 class Bench(Protocol):
@@ -26,7 +26,7 @@ class Bench(Protocol):
     steps: Callable[[], int]
     """Steps of progress of a whole run."""
     run: Callable[[Path, Progress], pd.DataFrame]
-    """Measure, and store all in a folder that appears whole or not at all."""
+    """Measure, and store all in a folder that appears complete or not at all."""
     show: Callable[[pd.DataFrame, Console], None]
     """Print tables and remarks."""
 

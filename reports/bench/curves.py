@@ -1,4 +1,4 @@
-"""What `bench scaling` measures: times over sizes, of the broad phase, of balls at rest, of hulls."""
+"""Measurements of `bench scaling`: times over sizes, of the broad phase, of balls at rest, of hulls."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Sc
 from touchstone.scenarios.solids import sphere_inertia
 
 BROAD_PHASE, BALLS, VERTICES = "broad phase", "balls at rest", "hull vertices"
-"""What grows."""
+"""Names of the curves."""
 WARM_UP = 5
-"""Frames of each size that are not counted."""
+"""Frames of each size that are discarded."""
 SPACING, RADIUS, MASS = 0.2, 0.05, 0.3
 """Balls at rest: distance from centre to centre, radius [m] and mass [kg]."""
 
 
 @dataclass(slots=True)
 class Curve:
-    """Times [s] per repetition (r,) of one engine over sizes; `ended`: verdict and reason of one that is out,
-    `remark`: of the times."""
+    """Times [s] per repetition (r,) of one engine over sizes. `ended`: verdict and reason of an engine that
+    stopped; `remark`: on the times."""
 
     scenario: str
     unit: str
@@ -52,7 +52,7 @@ def broad_phase(sizes: Sequence[int], frames: int, progress: Progress) -> list[C
     clouds = [Cloud(size, np.random.default_rng(size)) for size in sizes]
     times = np.zeros((len(sizes), WARM_UP + frames))
     for frame in range(WARM_UP + frames):
-        # one frame of each in turn: as in a step, the processor's caches hold something else meanwhile
+        # One frame of each size in turn: other work evicts the processor's caches in between, as in a step.
         for k, cloud in enumerate(clouds):
             times[k, frame] = undisturbed(cloud.frame)
         progress(BROAD_PHASE, 1)
@@ -64,7 +64,7 @@ def broad_phase(sizes: Sequence[int], frames: int, progress: Progress) -> list[C
 
 
 def resting_balls(count: int) -> Scenario:
-    """Balls on one floor, each on its own."""
+    """Balls on one floor that do not touch each other."""
     across = ceil(sqrt(count))
     half = across * SPACING
     floor = Body("floor", "fixed", "wood", (Piece("floor", Box((half, half, 0.1)), (0.0, 0.0, -0.1)),))
@@ -94,7 +94,8 @@ def balls_at_rest(
     progress: Progress,
     loader: Loader = load,
 ) -> list[Curve]:
-    """Whole frames of every engine under its first profile, interleaved; the reference at `further` too."""
+    """Times of whole frames of every engine in its first profile, interleaved; the reference also at
+    `further` sizes."""
     curves, children = [], []
     for engine, entry in ENGINES.items():
         profile, dt = next(iter(entry.profiles.items()))
@@ -146,7 +147,7 @@ def hull_vertices(
     progress: Progress,
     loader: DetectorLoader = load_detector,
 ) -> list[Curve]:
-    """Depth of touching hulls, frame after frame of a motion, net of the crossing."""
+    """Times of depth queries of touching hulls, over the frames of a motion, net of the crossing."""
     rng = np.random.default_rng(0)
     queries: list[Pair] = []
     stretches = []

@@ -1,9 +1,9 @@
-"""`bench frame`: one displayed frame of every scene, on every engine, over that of every other.
+"""`bench frame`: time of a displayed frame of every scene, as ratios between all engines.
 
-The recorder of `touchstone run` plays all columns in turns of half a second of the scene, then all again.
-Engines are compared at their recommended steps and at equal steps; the reference takes one step a frame in
-both. A ratio tells something where the overlap of the engine in front is no larger. An engine that takes
-longer than BUDGET over a scene leaves out the rest of it; ratios are over the frames that both played.
+As in `touchstone run`, the recorder alternates between all columns every half second of the scene; the whole
+scene is repeated. Engines are compared at their recommended steps and at equal steps; the reference takes one
+step a frame in both. A ratio is meaningful only if the faster engine's overlap is no larger. An engine that
+exceeds BUDGET in a scene skips the rest of it; ratios are over the frames that both played.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ __all__ = ["run", "show", "steps"]
 
 STUDY = "bench frame"
 TAGS = ("gallery", "heap", "probe")
-"""Scenes of these tags are played."""
+"""Tags of the scenes that are played."""
 OURS, CLASSES = "balanced", ("recommended", "equal-step")
-"""The reference's profile, and those of the engines, that are compared among themselves and with it."""
+"""The reference's profile, and the profiles of the engines that are compared with it and among themselves."""
 REPEATS = 2
 BUDGET = 20.0
-"""Seconds of native steps after which an engine is stopped in a scene: 216 balls take DART 20 minutes."""
+"""Seconds of native steps after which an engine stops in a scene: DART takes 20 minutes for 216 balls."""
 METRICS = ("overlap.max", "ratio.time")
 
 Column = tuple[str, str]
@@ -63,7 +63,7 @@ def steps(scenarios: Sequence[Scenario] | None = None, repeats: int = REPEATS) -
 def run(
     out: Path, progress: Progress, scenarios: Sequence[Scenario] | None = None, repeats: int = REPEATS
 ) -> pd.DataFrame:
-    """Play all scenes `repeats` times; store rows, manifest and what every repetition left."""
+    """Play all scenes `repeats` times; store rows, manifest and the results of every repetition."""
     played = tuple(scenarios or scenes())
     with output_folder(out) as folder:
         results = [
@@ -112,7 +112,7 @@ def _ratios(
     steps_of: Mapping[Column, float],
     judged: Mapping[tuple[str, str], Row],
 ) -> list[Row]:
-    """Every engine over every other of its class; the one that `run` judges is judged again."""
+    """Ratios of every engine to every other of its class; the ratio that `run` judges is judged again."""
     rows = []
     for mine, other in permutations(times, 2):
         if not _comparable(mine, other):
@@ -131,7 +131,7 @@ def _ratios(
 
 
 def _comparable(one: Column, two: Column) -> bool:
-    """Two engines of one class; the reference belongs to each."""
+    """Whether two engines are of one class; the reference belongs to each."""
     if one[0] == two[0]:
         return False
     return one[1] == two[1] or REFERENCE in (one[0], two[0])

@@ -28,7 +28,7 @@ NOTES = (
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:
-    """One table per scene and class of steps: every engine over every other."""
+    """Print one table per scene and class of steps: every engine over every other."""
     for scenario in dict.fromkeys(frame.scenario):
         rows = {
             (r.engine, r.profile, r.metric, r.subject): r for r in rows_of(frame[frame.scenario == scenario])
@@ -49,7 +49,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
 
 
 def _show_judged(frame: pd.DataFrame, out: Console) -> None:
-    """One row per ratio with a limit: the reference over the fastest engine of a class of steps."""
+    """Print one row per ratio with a limit: the reference over the fastest engine of a class of steps."""
     table = table_of("bench frame: the reference over the fastest engine", JUDGED, left=2)
     times = {(r.scenario, r.engine, r.profile): r.value for r in rows_of(frame[frame.metric == "time.frame"])}
     for row in rows_of(frame[(frame.metric == "ratio.time") & (frame.verdict != "")]):

@@ -1,8 +1,8 @@
-"""`bench geometry`: time per query of convex depth, and how right it is.
+"""`bench geometry`: time per query of convex depth, and its error.
 
-Single pairs by family, and a hand that slides over a table, asked frame after frame. `time.query` is what a
-caller from Python waits; `time.net` and ratios take the cheapest call off. The reference is asked in a batch
-inside one compiled call. Errors are against the explicit Minkowski difference.
+Single pairs by family, and a hand that slides over a table, queried in every frame. `time.query` is the wall
+time of a call from Python; `time.net` and ratios subtract the cheapest call. The reference is queried in a
+batch inside one compiled call. Errors are relative to the explicit Minkowski difference.
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ __all__ = ["Plan", "run", "show", "steps"]
 
 STUDY = "bench geometry"
 SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance", "mujoco")
-"""Detectors that are timed; those of the reference are compared with the others."""
+"""Timed detectors; those of the reference are compared with the others."""
 MOTION = "hand sliding"
-"""The family whose pairs come frame after frame."""
+"""The family whose pairs form the frames of a motion."""
 FALSE = 1e-11
-"""Error over max(depth, size / 1000) from which an answer is wrong [1]: a hundred roundings of the truth."""
+"""Error over max(depth, size / 1000) from which an answer is wrong [1]: a hundred roundings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How much is asked: pairs per family, frames of the motion, turns of all detectors, passes per turn."""
+    """Size of the benchmark: pairs per family, frames of the motion, turns of all detectors, passes per
+    turn."""
 
     pairs: int = 100
     frames: int = 90
@@ -53,7 +54,7 @@ PLAN = Plan()
 
 
 def steps(plan: Plan = PLAN) -> int:
-    """Queries of all detectors."""
+    """Number of queries of all detectors."""
     return len(SUBJECTS) * (len(FAMILIES) * plan.pairs + plan.frames * len(hand_slide(1)[0]))
 
 
@@ -74,7 +75,8 @@ def run(out: Path, progress: Progress, plan: Plan = PLAN, loader: Loader = load_
 
 
 def queries(plan: Plan) -> tuple[Truth, list[Stretch]]:
-    """All queries with their truths: each family on its own, as code does that asks for one thing."""
+    """All queries with their truths, one stretch per family: an application asks one kind of query at a
+    time."""
     rng = np.random.default_rng(0)
     pairs: list[Pair] = []
     stretches = []
@@ -93,7 +95,7 @@ def queries(plan: Plan) -> tuple[Truth, list[Stretch]]:
 
 
 def rows_of_bench(truth: Truth, measured: Mapping[str, Measured]) -> list[Row]:
-    """Rows of every detector and family; of the sliding hand also what a detector says of its own answers."""
+    """Rows of every detector and family; for the sliding hand also the detectors' certificates."""
     rows = []
     asked = {}
     for name, mine in measured.items():
@@ -133,8 +135,8 @@ def _rows(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list[Row]:
 
 
 def _certificates(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list[Row]:
-    """Share of answers that the detector did not prove, or not from the frame before, and how many are wrong
-    among those that it did prove."""
+    """Share of answers without a certificate, or without one from the previous frame, and the number of wrong
+    answers among certified ones."""
     proved = chosen.copy()
     proved[[k for k, failure in mine.failures.items() if failure.kind == UNCONVERGED]] = False
     wrong = proved & (depth_errors(truth, mine) > FALSE)
@@ -146,7 +148,7 @@ def _certificates(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list
 
 
 def _ratios(truth: Truth, asked: Mapping[str, Measured]) -> list[Row]:
-    """Time of each of the reference's detectors over each other's, query by query."""
+    """Ratios of the time of each of the reference's detectors to each other detector's, query by query."""
     rows = []
     for name in filter(_ours, asked):
         for other in asked:

@@ -19,7 +19,7 @@ NOTES = (
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:
-    """One row per family and detector for each of the reference's, and what those say of their answers."""
+    """Print one row per family and detector for each of the reference's, and the reference's certificates."""
     rows = {(row.scenario, row.engine, row.metric, row.subject): row for row in rows_of(frame)}
     timed = frame[frame.metric == "time.net"]
     ratios = frame[frame.metric == "ratio.time"]

@@ -1,4 +1,4 @@
-"""What `bench` asks detectors: single pairs by family, and motions frame by frame."""
+"""Poses for `bench`: single pairs by family, and motions frame by frame."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector
 
 SMALL = 0.01
-"""Size of the small hull over that of the large one [1]: a ball beside a table."""
+"""Ratio of the small hull's size to the large one's [1]: a ball beside a table."""
 DEPTHS = (0.02, 0.5)
-"""Overlap over the depth of pieces put into one another [1]."""
+"""Range of the overlap over the depth of the pieces before they are moved apart [1]."""
 GAPS = (-3.0, 0.0)
-"""Powers of ten of the gaps of pieces apart [m]."""
+"""Range of the powers of ten of gaps between separated pieces [m]."""
 
 
 def _overlap(rng: np.random.Generator) -> Callable[[float], float]:
@@ -39,7 +39,7 @@ def hulls_overlapping(rng: np.random.Generator) -> Pair:
 
 
 def hulls_apart(rng: np.random.Generator) -> Pair:
-    """Two of them, 1 mm to 1 m apart."""
+    """Two elliptic hulls, 1 mm to 1 m apart."""
     return parted_pair(rng, elliptic(rng), elliptic(rng), _gap(rng))
 
 
@@ -49,7 +49,7 @@ def boxes_overlapping(rng: np.random.Generator) -> Pair:
 
 
 def small_and_large(rng: np.random.Generator) -> Pair:
-    """A hull and one a hundredth of its size, overlapping by the same shares."""
+    """A hull and one a hundredth of its size, with the same relative overlaps."""
     return parted_pair(rng, elliptic(rng), elliptic(rng, SMALL), _overlap(rng))
 
 
@@ -61,23 +61,23 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Pair]] = {
 }
 
 STEP = 1e-3
-"""The hand's way per frame [m]: 6 cm/s."""
+"""The hand's displacement per frame [m]: 6 cm/s."""
 SINK = 5e-3
-"""How deep the lowest point lies in the table when the hand neither rocks nor bobs [m]."""
+"""Depth of the lowest point in the table when the hand neither rocks nor bobs [m]."""
 ROCK, BOB, PERIOD = 0.02, 1.5e-3, 60
-"""Amplitudes of pitch and roll [rad] and of height [m], and frames a cycle takes: no hand slides like a
-ruler."""
+"""Amplitudes of pitch and roll [rad] and of height [m], and frames per cycle: a real hand does not slide
+rigidly level."""
 THUMB, FINGER = (-0.25, 0.2, 0.1), (0.01, 0.01, 0.01)
-"""Angles of the hinges [rad]: the hand lies flat, each part within a few millimetres of the surface, as are
-all pairs that a broad phase hands on."""
+"""Angles of the hinges [rad]: the hand lies flat, each part within a few millimetres of the surface, like all
+pairs that a broad phase reports."""
 TABLE = Piece("table", Box((0.6, 0.4, 0.02)), (0.0, 0.0, -0.02))
-"""Its surface is z = 0."""
+"""The table, with its surface at z = 0."""
 START = -0.1
-"""Where the palm starts along x [m]."""
+"""Initial x of the palm [m]."""
 
 
 def hand_slide(frames: int) -> list[list[Pair]]:
-    """The fifteen parts of the hand against a table over which it slides, frame by frame."""
+    """Pairs of the fifteen parts of the hand with the table over which it slides, frame by frame."""
     parts = _resting_hand()
     motion = []
     for k in range(frames):
@@ -89,7 +89,7 @@ def hand_slide(frames: int) -> list[list[Pair]]:
 
 
 def _resting_hand() -> list[Piece]:
-    """The parts round the palm's x and y, so high that the lowest sinks by SINK."""
+    """The parts about the palm's x and y, at the height at which the lowest sinks by SINK."""
     links, joints = hand_parts()
     names = tuple(joint.name for joint in joints)
     origin, upright = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
@@ -107,13 +107,13 @@ def _resting_hand() -> list[Piece]:
 HALF_AXES: Vector = (0.6, 0.5, 0.4)
 """Half axes of the hulls of many vertices [m]."""
 NEAR = 0.75
-"""Distance of their centres before they are put in touch [m]: they overlap, whichever way they are turned."""
+"""Distance of their centres before they are moved into touch [m]: they overlap in any orientation."""
 TOUCH_DEPTH, TURN = 5e-3, 5e-4
-"""Overlap in the first frame [m], and how far one of them turns per frame [rad] while it slides by STEP."""
+"""Overlap in the first frame [m], and rotation of one hull per frame [rad] while it slides by STEP."""
 
 
 def hull_slide(vertices: int, pairs: int, frames: int, rng: np.random.Generator) -> list[list[Pair]]:
-    """Pairs of touching hulls of so many vertices, one sliding past the other and turning a little."""
+    """Pairs of touching hulls of `vertices` vertices, one sliding past the other and turning a little."""
     hull = Piece("hull", Hull(spread_vertices(vertices)))
     turns = Rotation.from_quat(rng.normal(size=(pairs, 2, 4)).reshape(-1, 4))
     sides, axes = (_directions(rng, pairs) for _ in range(2))
@@ -121,7 +121,7 @@ def hull_slide(vertices: int, pairs: int, frames: int, rng: np.random.Generator)
         (moved(hull, turns[2 * k], np.zeros(3)), moved(hull, turns[2 * k + 1], NEAR * sides[k]))
         for k in range(pairs)
     ]
-    # along the deepest face's normal the depth changes as far as B moves
+    # Along the deepest face's normal the depth changes as far as B moves.
     batch = load(REFERENCE).prepare(near)
     batch.ask()
     distance, normal = batch.answers().distance, batch.answers().normal
@@ -143,7 +143,7 @@ def _directions(rng: np.random.Generator, count: int) -> Array:
 
 
 def spread_vertices(count: int) -> tuple[Vector, ...]:
-    """Points spread evenly over an ellipsoid by the golden angle, all of them corners of their hull."""
+    """Points spread evenly over an ellipsoid by the golden angle, all vertices of their convex hull."""
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
     across = np.sqrt(1 - z * z)

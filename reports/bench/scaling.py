@@ -1,7 +1,7 @@
-"""`bench scaling`: how time grows with size, as the exponent of a power law.
+"""`bench scaling`: growth of time with size, as the exponent of a power law.
 
-- Broad phase: boxes that move in a cloud of constant density, 100 to 10,000 of them. Frames of all sizes come
-  in turn, so that none keeps the processor's caches to itself: as in a step.
+- Broad phase: 100 to 10,000 boxes that move in a cloud of constant density. Frames of all sizes alternate, so
+  that none keeps the processor's caches to itself, as in a step.
 - Balls at rest: whole frames of every engine at its own step; all balls touch one floor and no other ball.
 - Hull vertices: depth of touching hulls of 50 to 5,000 vertices, one sliding past the other.
 """
@@ -35,13 +35,13 @@ SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-f
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Sizes, and how often each is measured."""
+    """Sizes, and the number of repetitions."""
 
     pieces: tuple[int, ...] = (100, 320, 1000, 3200, 10_000)
     cloud_frames: int = 60
     balls: tuple[int, ...] = (10, 30, 100)
     more_balls: tuple[int, ...] = (300, 500)
-    """For the reference alone: other engines take a minute to build them."""
+    """Sizes for the reference only: other engines take a minute to build them."""
     ball_turns: int = 4
     ball_frames: int = 5
     vertices: tuple[int, ...] = (50, 160, 500, 1600, 5000)
@@ -54,7 +54,7 @@ PLAN = Plan()
 
 
 def steps(plan: Plan = PLAN) -> int:
-    """Frames of the cloud, builds and turns of the balls, and queries of the detectors."""
+    """Number of frames of the cloud, builds and turns of the balls, and queries of the detectors."""
     worlds = len(ENGINES) * len(plan.balls) + len(plan.more_balls)
     queries = len(SUBJECTS) * len(plan.vertices) * plan.hull_pairs * plan.hull_frames
     return 5 + plan.cloud_frames + worlds * (1 + plan.ball_turns) + queries

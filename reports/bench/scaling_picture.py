@@ -21,13 +21,13 @@ TITLES = {
     BALLS: ("Whole frame", "balls at rest on a floor, each engine at its own step"),
     VERTICES: ("Convex depth", "vertices per hull, one hull sliding past the other"),
 }
-"""What is measured -> title and the label of sizes."""
+"""Curve -> title and label of sizes."""
 LABEL_GAP = 0.055
-"""Least distance between two labels over the picture's height [1]."""
+"""Least distance between two labels, as a share of the picture's height [1]."""
 
 
 def draw(frame: pd.DataFrame, path: Path) -> None:
-    """One panel per thing measured. A marker is the median, a bar its 95 % interval."""
+    """Draw one panel per curve. A marker is the median, a bar its 95 % interval."""
     shown = [name for name in TITLES if (frame.scenario == name).any()]
     style = {"font.family": "DejaVu Sans", "font.size": 10, "axes.edgecolor": PALE}
     with rc_context(style):  # type: ignore[arg-type]
@@ -97,7 +97,7 @@ def _frame(axes: Axes, part: pd.DataFrame) -> None:
 
 
 def _label(axes: Axes, labels: list[tuple[float, str, str]]) -> None:
-    """Names and exponents right of the lines' ends, pushed apart where they would overlap."""
+    """Write names and exponents right of the lines' ends, moved apart where they would overlap."""
     low, high = axes.get_ylim()
     heights = [np.log(end / low) / np.log(high / low) for end, _, _ in labels]
     placed: list[float] = []

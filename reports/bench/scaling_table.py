@@ -13,7 +13,7 @@ NOTES = ("exponent: of the power law that fits the medians by least squares, wit
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:
-    """One table per thing measured: times by size, and the exponent."""
+    """Print one table per curve: times by size, and the exponent."""
     for scenario in dict.fromkeys(frame[frame.metric == "scaling.time"].scenario):
         part = frame[frame.scenario == scenario]
         sizes = list(dict.fromkeys(part[part.metric == "scaling.time"].subject))

@@ -1,4 +1,4 @@
-"""What the tables of `bench` share."""
+"""Text of the cells of `bench` tables."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MICRO = 1e6
 
 
 def value_text(row: Row | None, factor: float = 1.0) -> str:
-    """The value of a row; blank where there is no row, - where it holds none."""
+    """The value of a row; blank without a row, - without a value."""
     return "" if row is None else exact_number(row.value * factor)
 
 
@@ -26,7 +26,7 @@ def interval_text(row: Row | None, factor: float = 1.0) -> str:
 
 
 def spread_text(row: Row | None, factor: float = 1.0) -> str:
-    """The value of a row, and how far the farther end of its interval lies from it."""
+    """The value of a row, and the distance of the farther end of its interval."""
     if row is None or row.low != row.low or row.value == 0:
         return value_text(row, factor)
     away = max(row.high - row.value, row.value - row.low) / abs(row.value)
@@ -41,7 +41,7 @@ def limit_text(row: Row | None) -> Text:
 
 
 def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> None:
-    """Notes, then every row that broke a limit, failed or was skipped, with its reason."""
+    """Print notes, then every row that broke a limit, failed or was skipped, with its reason."""
     print_notes(notes, out)
     told = frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]
     for row in rows_of(told):
