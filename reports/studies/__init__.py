@@ -1,1 +1,1 @@
-"""Studies: what is measured beside the scenes, each a command of its own."""
+"""Studies: measurements other than runs of scenes, each with a command of its own."""

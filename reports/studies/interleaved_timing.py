@@ -1,6 +1,7 @@
-"""Interleaved timing of detectors: each in a process of its own, all on the same queries in turn.
+"""Interleaved timing of detectors: each runs in a process of its own, and all answer the same queries in
+turn.
 
-So they share the machine's ups and downs.
+Variations of the machine's speed therefore affect all detectors equally.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from touchstone.reports.cli.progress import Progress
 
 
 class Stretch(NamedTuple):
-    """Queries `first` to `end` - 1, handed over together; frame after frame of a motion, each of `frame` of
-    them, or unrelated (0)."""
+    """Queries `first` to `end` - 1, passed together: the frames of a motion with `frame` queries each, or
+    unrelated queries (0)."""
 
     first: int
     end: int
@@ -30,10 +31,10 @@ class Stretch(NamedTuple):
 
 @dataclass(slots=True)
 class Measured:
-    """What a detector gave: distance (n,) [m] and normal (n, 3), NaN where nothing is reported; seconds of
-    each query (n,) and of the crossings, apart and touching (c, 2); failures by pair; version and settings.
-    `ended`: verdict and reason of one that is out; `held` (n,): whether a followed motion's answer was proved
-    from that of the frame before, NaN where it was not asked."""
+    """Results of a detector: distance (n,) [m] and normal (n, 3), NaN where it reports none; seconds of each
+    query (n,) and of the crossings, apart and touching (c, 2); failures by pair; version and settings.
+    `ended`: verdict and reason of a detector that stopped. `held` (n,): whether the answer in a motion was
+    certified from the previous frame's, NaN where this was not requested."""
 
     distance: Array
     normal: Array
@@ -45,8 +46,8 @@ class Measured:
     held: Array = field(default_factory=lambda: np.zeros(0))
 
     def net(self, distance: Array) -> Array:
-        """Seconds per query without the crossing; results of an overlap, by the true `distance` (n,), cost
-        more to hand back."""
+        """Seconds per query without the crossing. The crossing depends on the true `distance` (n,): results
+        of an overlap cost more to return."""
         apart, touching = np.median(np.concatenate(self.crossing), axis=0)
         contact = np.isfinite(self.distance) & (distance < 0)
         return np.asarray(self.seconds - np.where(contact, touching, apart))
@@ -62,11 +63,11 @@ def measure(
     progress: Progress,
     loader: Loader = load_detector,
 ) -> dict[str, Measured]:
-    """Ask every detector every query `turns` times `passes` times; a query's time is the median of all.
+    """Run every query on every detector `turns` times `passes` times; a query's time is the median of all.
 
     Args:
-        output: folder of what the detectors' processes print.
-        progress: told the detector and how many queries it was done with.
+        output: folder of the output of the detectors' processes.
+        progress: receives the detector and its number of finished queries.
     """
     n = len(pairs)
     measured = {

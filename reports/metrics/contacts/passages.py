@@ -6,7 +6,9 @@ deep part lies between two frames, the path is unknown; it counts as a passage o
 
 - the bodies are too slow to have gone round, or
 - the velocities before lead in on one side and the velocities after lead back in on the other, or
-- the velocities before lead in and the engine reports no contact. Reported contacts never rule out a passage.
+- only the velocities before lead in, and the engine reports no contact.
+
+Reported contacts hide no passage that the first two conditions prove.
 """
 
 from __future__ import annotations

@@ -19,13 +19,13 @@ from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 
 COLUMNS = 4
 FLOOR = 1e-12
-"""Smaller errors are drawn here [1, rad]: rounding."""
+"""Smaller errors are drawn at this value [1, rad]: rounding."""
 CEILING = 10.0
-"""Larger errors are drawn here [1, rad]: the motion is lost."""
+"""Larger errors are drawn at this value [1, rad]: the motion is lost."""
 
 
 def convergence(frame: pd.DataFrame, path: Path) -> None:
-    """Errors against the closed form over the step; the larger marker is the engine's own step."""
+    """Draw errors against the closed form over the step; the larger marker is the engine's own step."""
     errors = frame[frame.metric == "agreement.error"]
     panels = list(dict.fromkeys(zip(errors.scenario, errors.subject)))
     panels = [panel for panel in panels if _tells(errors, panel)] or panels[:1]
@@ -50,7 +50,7 @@ def convergence(frame: pd.DataFrame, path: Path) -> None:
 
 
 def _tells(errors: pd.DataFrame, panel: tuple[str, str]) -> bool:
-    """Whether any engine is off by more than rounding."""
+    """Whether any engine's error exceeds rounding."""
     part = errors[(errors.scenario == panel[0]) & (errors.subject == panel[1])]
     return bool((part.value > 10 * FLOOR).any())
 

@@ -1,9 +1,9 @@
-"""The study `agreement`: scenes with a closed form, at ever smaller steps, against the truth and each other.
+"""The study `agreement`: convergence of engines to the closed form and to each other at decreasing steps.
 
-Every engine plays a scene at its own step and down a ladder of halved ones. What its result still changes
-below its own step is *discretisation*; what the limit of the ladder (Richardson's, where there is an order)
-is off by is its *model*. The order is the slope of the change from rung to rung. Errors are the largest over
-frames and bodies: of positions over the longest way of any body, of orientations in radians.
+Every engine plays a scene at its own step and at a ladder of halved steps. The *discretisation* error is the
+change of its result below its own step. The *model* error is the error of the ladder's limit (Richardson's,
+where there is an order). The order is the slope of the change from rung to rung. Errors are the largest over
+frames and bodies: of positions over the longest path of any body, of orientations in radians.
 """
 
 from __future__ import annotations
@@ -35,31 +35,33 @@ from touchstone.scenarios.scenario import Scenario
 
 STUDY = "agreement"
 LADDER = tuple(1 / (120 * 2**k) for k in range(5))
-"""Steps [s]: halved four times, about the 1/240 s that all engines share in `equal-step`."""
+"""Steps [s]: halved four times, around the 1/240 s that all engines share in `equal-step`."""
 ROUNDING = 1e-9
-"""A change or an error below it is the rounding of some ten thousand steps, not discretisation [1, rad]."""
+"""Change or error below which rounding of some ten thousand steps dominates, not discretisation [1, rad]."""
 FALLS = 0.5
-"""Share of the error left at the foot of the ladder above which it does not fall; order 1 leaves 1/16."""
+"""Share of the error left at the smallest step above which the error does not converge [1]; order 1 leaves
+1/16."""
 LEAST_ORDER = 0.5
-"""Orders whose interval reaches below it are not extrapolated by [1]."""
+"""Least order of an extrapolation [1]: none where the order's interval reaches below it."""
 CONFIDENCE = 0.95
 QUANTITIES = ("position", "orientation")
 SCENES = (
     *("fall", "tumble_stable", "tumble_unstable", "spring", "bounce_e05", "collide_sticks", "cradle"),
     *("roll", "slip", "slide", "incline_slides"),
 )
-"""What is played unless scenes are named: of each family with a closed form one or two."""
+"""Default scenes: one or two of each family with a closed form."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Of bodies with a truth: centres of mass over the longest way (f, n, 3), orientations wxyz (f, n, 4)."""
+    """Trajectories of bodies with a truth: centres of mass over the longest path (f, n, 3), orientations wxyz
+    (f, n, 4)."""
 
     position: Array
     orientation: Array
 
     def limit(self, coarser: Course, order: float) -> Course:
-        """Richardson's extrapolation from a course at twice the step and this one."""
+        """Richardson extrapolation from the trajectory at twice the step and this one."""
         share = 1 / (2**order - 1)
         shape = self.orientation.shape
         mine, theirs = (
@@ -92,12 +94,12 @@ def own_profile(engine: str) -> str:
 
 
 def steps(scenarios: Sequence[Scenario]) -> int:
-    """Progress of a whole run: displayed frames."""
+    """Number of progress steps of a run: displayed frames."""
     return sum(s.frame_count for s in scenarios) * len(ENGINES) * (len(LADDER) + 1)
 
 
 def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.DataFrame:
-    """Play all steps, judge and store; the folder appears whole or not at all."""
+    """Play all steps, judge and store; the folder appears complete or not at all."""
     if lacking := [scenario.name for scenario in scenarios if not scenario.truths]:
         with_truth = [s.name for s in catalogue().values() if s.truths]
         raise NoTruth(f"no closed form for {', '.join(lacking)}; valid: {', '.join(with_truth)}")
@@ -164,7 +166,7 @@ def _job(scenario: Scenario, engine: str, rung: float | None, folder: Path) -> J
     return Job(
         engine,
         scenario,
-        Settings(profile, dt, effects=PLANNED),  # at coarse steps bodies leave the bounds of a plan
+        Settings(profile, dt, effects=PLANNED),  # at coarse steps bodies leave a plan's bounds
         folder / "recordings" / f"{name}.npz",
         folder / "output" / f"{name}.txt",
     )
@@ -182,13 +184,13 @@ def _ended(scenario: Scenario, outcome: Outcome) -> Row:
 
 
 def _way(evidence: Evidence) -> float:
-    """The longest way of any body by its truth [m]; 1 m where nothing moves."""
+    """The longest path of any body in closed form [m]; 1 m where nothing moves."""
     ways = [np.linalg.norm(m.position - m.position[0], axis=1).max() for m in evidence.truths.values()]
     return float(max(ways)) or 1.0
 
 
 def _changes(truth: Course, quantity: str) -> bool:
-    """Whether a truth moves, or turns, at all."""
+    """Whether any truth changes its position, or its orientation."""
     start = Course(
         np.broadcast_to(truth.position[:1], truth.position.shape),
         np.broadcast_to(truth.orientation[:1], truth.orientation.shape),
@@ -197,7 +199,7 @@ def _changes(truth: Course, quantity: str) -> bool:
 
 
 def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, quantity: str) -> list[Row]:
-    """Error at each step, its two parts, and the order."""
+    """Rows of an engine: error at each step, its two parts, and the order."""
     unit = "1" if quantity == "position" else "rad"
     base = replace(base, subject=quantity, unit=unit)
     errors = {dt: path.apart(truth, quantity) for dt, path in paths.items()}
@@ -224,7 +226,7 @@ def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, qua
 
 def order_of(dt: Array, changes: Array) -> tuple[float, float, float]:
     """Slope of log change over log step with its interval (Student's t); NaN where fewer than three changes
-    are more than rounding."""
+    exceed rounding."""
     kept = changes > ROUNDING
     if kept.sum() < 3:
         return float("nan"), float("nan"), float("nan")
@@ -234,7 +236,8 @@ def order_of(dt: Array, changes: Array) -> tuple[float, float, float]:
 
 
 def _outlier(base: Row, played: Mapping[str, Mapping[float, Course]], quantity: str) -> list[Row]:
-    """The engine that is farthest, at its own step, from the nearest of the others; of three or more."""
+    """The engine that is farthest from the nearest of the others at its own step; needs three engines or
+    more."""
     own = {engine: paths[ENGINES[engine].profiles[own_profile(engine)]] for engine, paths in played.items()}
     if len(own) < 3:
         return []

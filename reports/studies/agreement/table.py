@@ -1,4 +1,4 @@
-"""The table of the study `agreement` on a terminal: who is off by how much, and whether steps help."""
+"""The table of the study `agreement` on a terminal: errors, their parts, and orders of convergence."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOTES = (
     "unclear: the 95 % interval of the order is wider than 4",
 )
 UNCLEAR = 2.0
-"""Half an interval of orders above which no order is printed [1]."""
+"""Half width of an order's interval above which no order is printed [1]."""
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:

@@ -1,4 +1,4 @@
-"""One spawned child per engine that plays probes and hands back motions: a crash is one row."""
+"""Spawned child processes, one per engine, that play probes and return motions: a crash costs one row."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Loader = Callable[[str], Engine]
 
 
 class Motion(NamedTuple):
-    """Of the bodies of a probe (b), every step (n): heights over the floor (n, b) [m], and velocities of the
-    centre and of the surface that touches the floor (n, b, 3) [m/s]."""
+    """Motion of a probe's bodies (b) at every step (n): heights over the floor (n, b) [m], and velocities of
+    the centre and of the surface point that touches the floor (n, b, 3) [m/s]."""
 
     gap: Array
     velocity: Array
@@ -41,7 +41,7 @@ class _Server:
         self._name, self._loader = name, loader
 
     def handle(self, command: str, argument: tuple[Probe, Settings]) -> object:
-        """Obey `load`, then `play`, repeatedly; a probe that fails gives its status and reason."""
+        """Handle `load`, then `play`, repeatedly; a probe that fails gives its status and reason."""
         if command == "load":
             self._engine = self._loader(self._name)
             return self._engine.version()
@@ -52,9 +52,9 @@ class _Server:
 
 
 def motion_of(engine: Engine, probe: Probe, settings: Settings) -> Motion:
-    """Play a probe's scene."""
+    """Play a probe's scene and return its motion."""
     played = record(engine, scene(probe, settings.dt), settings)
-    # all but the floor; the surface is that under the centre
+    # All bodies but the floor; the surface point is the one under the centre.
     velocity, omega = played.linear_velocity[:, 1:], played.angular_velocity[:, 1:]
     surface = velocity + np.cross(omega, (0.0, 0.0, -HEIGHT))
     return Motion(played.position[:, 1:, 2] - HEIGHT, velocity, surface)

@@ -1,6 +1,6 @@
-"""The restitution and the friction that bodies show, from their motion alone.
+"""Estimates of restitution and friction from the bodies' motion.
 
-A body is free in a step in which nothing but gravity changed its velocity; where it is not, the floor acts.
+In a free step of a body only gravity changes its velocity; in any other step the floor acts on it.
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ import numpy as np
 from touchstone.adapters.contract import Array
 
 FREE = 1e-3
-"""Share of its weight by which the floor may push a free body [1]: a solver's residual is far less."""
+"""Share of its weight by which the floor may push a free body [1]: a solver's residual is far smaller."""
 SLIP_WINDOW = (0.7, 0.2)
-"""Shares of the first slip between which friction is measured [1]: contacts have settled, nothing sticks."""
+"""Shares of the first slip between which friction is measured [1]: contacts have settled, and none sticks."""
 BOUNCES = 0.25
-"""Restitution from which on a body that was asked for 1 counts as bouncing [1]."""
+"""Least restitution at which a body counts as bouncing, for a requested restitution of 1 [1]."""
 
 
 def restitution_of(gap: Array, rate: Array, g: float, dt: float, level: float = 0.0) -> float:
-    """Speed after the first contact over that before it, both carried to the height of contact by gravity.
+    """Speed after the first contact over that before it, both extrapolated to the height of contact under
+    gravity.
 
     Args:
         gap, rate: height over the floor [m] and its velocity [m/s], (n,), every dt [s].
-        level: height at which bodies touch [m]: 0, but for an engine that keeps a margin.
-    Returns:
+        level: height at which bodies touch [m]: 0, except for an engine with a contact margin. Returns:
         0 where the body never rises freely again; NaN where it never lands.
     """
     free = np.abs(np.diff(rate) + g * dt) < FREE * g * dt
@@ -31,7 +31,7 @@ def restitution_of(gap: Array, rate: Array, g: float, dt: float, level: float = 
         return float("nan")
     k = int(np.argmin(free))
     approach = rate[k] ** 2 + 2 * g * (gap[k] - level)
-    # out of contact: above the floor or free again, and rising, for one that is only braked still falls
+    # Out of contact: above the floor or free again, and rising; a body that is only braked still falls.
     later = np.arange(k + 1, len(free))
     left = later[(rate[later] > 0) & ((gap[later] > level) | free[later])]
     if not len(left) or approach <= 0:
@@ -41,7 +41,7 @@ def restitution_of(gap: Array, rate: Array, g: float, dt: float, level: float = 
 
 
 def rebound_of(gap: Array) -> float:
-    """Square root of the height regained after the first contact over that of the fall; gap (n,) [m]."""
+    """Square root of the rebound height after the first contact over the drop height; gap (n,) [m]."""
     rising = np.flatnonzero(np.diff(gap) > 0)
     top = float(gap[rising[0] :].max()) if len(rising) else 0.0
     return float(np.sqrt(max(0.0, top) / gap[0]))
@@ -65,6 +65,6 @@ def friction_of(velocity: Array, slip: Array, g: float, dt: float) -> float:
 
 
 def lowest_speed(speeds: Array, achieved: Array) -> float:
-    """The least of ascending speeds [m/s] from which on all return at least BOUNCES; NaN if there is none."""
+    """The least of ascending speeds from which all return at least BOUNCES [m/s]; NaN if there is none."""
     bouncing = np.append(np.flatnonzero(~(achieved >= BOUNCES)), -1).max() + 1
     return float(speeds[bouncing]) if bouncing < len(speeds) else float("nan")

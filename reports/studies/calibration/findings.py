@@ -1,4 +1,4 @@
-"""What the study `calibration` found: this run's numbers and the mechanism behind them; its page."""
+"""Findings and page of the study `calibration`: the run's numbers and the mechanisms behind them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from touchstone.reports.studies.calibration.table import NOTES, Values, grids, r
 DART_BOUNCE = 0.1
 """DART bounces where e v is above this (DART_BOUNCING_VELOCITY_THRESHOLD, ContactSurface.hpp) [m/s]."""
 BULLET_MARGIN = 0.02
-"""Bullet finds contacts within this share of a body's size (getContactBreakingThreshold) [1]."""
+"""Share of a body's size within which Bullet generates contacts (getContactBreakingThreshold) [1]."""
 BULLET_BOUNCE = 0.2
 """Bullet's default restitutionVelocityThreshold [m/s]."""
 
@@ -22,7 +22,7 @@ Finding = Callable[[Values, pd.DataFrame], str]
 
 
 def findings(frame: pd.DataFrame) -> list[str]:
-    """A line per finding whose numbers are all in the frame."""
+    """One line per finding whose numbers are all in the frame."""
     values = Values(frame)
     lines = [finding(values, frame) for finding in FINDINGS]
     return [line for line in lines if line and "nan" not in line]

@@ -1,4 +1,4 @@
-"""The rows of the study `calibration`: what was achieved for what was asked, per engine, profile and step."""
+"""Rows of the study `calibration`: achieved and requested values, per engine, profile and step."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from touchstone.reports.studies.calibration.scenes import DROP, G, Probe
 
 STUDY = "calibration"
 ALL = "all"
-"""The aggregate over all pairs, as a scenario."""
+"""Scenario name of the aggregate over all pairs."""
 JUDGED_SPEED = 1.0
-"""Approach speed from which the bias of restitution is summed up [m/s]: slower, engines fade it out."""
+"""Least approach speed of the aggregated bias of restitution [m/s]; below it, engines fade it out."""
 LARGEST = {name: f"{name}.max" for name in ("restitution.bias", "friction.bias")}
-"""Metrics that are summed up, and as what."""
+"""Metric -> the name of its aggregate."""
 HOP_STEPS = 2
-"""Steps that a hop must last to be told from rest."""
+"""Least duration of a hop, to distinguish it from rest [steps]."""
 
 
 @dataclass(slots=True)
 class Measured:
-    """What an engine did: motions per settings and probe, verdict and reason of probes that failed. `ended`:
-    the same of an engine that is out."""
+    """Results of an engine: motions per settings and probe; verdict and reason of probes that failed.
+    `ended`: verdict and reason of an engine that stopped."""
 
     profiles: Sequence[str]
     version: str = ""
@@ -45,14 +45,14 @@ class Measured:
 
 
 def subject_of(kind: str, requested: float, value: float) -> str:
-    """A row's subject: what was asked, at which speed [m/s] or heading [degrees]."""
+    """Subject of a row: the requested value, and the speed [m/s] or heading [degrees]."""
     if kind == "restitution":
         return f"e={requested:g} v={value:.3g}"
     return f"mu={requested:g} heading={value:g}"
 
 
 def rows_of_study(measured: Mapping[str, Measured]) -> list[Row]:
-    """Per engine what it achieved, the largest biases, gaps at rest, and what it could not do."""
+    """Per engine the achieved values, the largest biases, gaps at rest, and failures."""
     rows: list[Row] = []
     for name, mine in measured.items():
         found: list[Row] = []
@@ -70,7 +70,7 @@ def rows_of_study(measured: Mapping[str, Measured]) -> list[Row]:
 
 
 def _failed(name: str, mine: Measured) -> list[Row]:
-    """Probes that failed, or a whole engine."""
+    """Rows of failed probes, or of an engine that stopped."""
     rows = []
     for (settings, probe), (verdict, reason) in mine.failures.items():
         row = Row(STUDY, probe.pair, name, settings.profile, settings.dt, "run")
@@ -84,7 +84,7 @@ def _failed(name: str, mine: Measured) -> list[Row]:
 
 
 def _restitutions(probe: Probe, motion: Motion, dt: float, level: float) -> Array:
-    """Achieved restitution per speed and phase; NaN where a hop is too short to tell."""
+    """Achieved restitution per speed and phase; NaN where a hop is too short to measure."""
     bodies = zip(motion.gap.T, motion.velocity[..., 2].T)
     achieved = np.array([restitution_of(gap, rate, G, dt, level) for gap, rate in bodies])
     achieved = achieved.reshape(len(probe.speeds), len(probe.phases))
@@ -94,7 +94,7 @@ def _restitutions(probe: Probe, motion: Motion, dt: float, level: float) -> Arra
 
 
 def _restitution(base: Row, probe: Probe, achieved: Array) -> list[Row]:
-    """Achieved and bias per speed, the median over the phases with its range."""
+    """Achieved restitution and bias per speed: the median over the phases with its range."""
     rows = []
     for speed, values in zip(probe.speeds, achieved):
         subject = subject_of("restitution", probe.requested, speed)
@@ -112,7 +112,7 @@ def _restitution(base: Row, probe: Probe, achieved: Array) -> list[Row]:
 
 
 def _lowest(name: str, mine: Measured) -> list[Row]:
-    """Per profile the lowest speed that bounces, from all rungs of its ladder."""
+    """Per profile the lowest speed that bounces, from all rungs of the ladder."""
     ladders: dict[Settings, list[tuple[float, float]]] = {}
     for (settings, probe), motion in mine.motions.items():
         if probe.kind == "lowest":
@@ -132,7 +132,7 @@ def _lowest(name: str, mine: Measured) -> list[Row]:
 
 
 def _drop(base: Row, motion: Motion) -> Row:
-    """What a fall from DROP returns of e = 1, and the range over the phases of a step."""
+    """Restitution after a fall from DROP for e = 1, and its range over the phases of a step."""
     values = [rebound_of(gap) for gap in motion.gap.T]
     row = replace(base, metric="restitution.drop", subject=f"e=1 h={DROP:g}", unit="1", reason="asked 1")
     return replace(row, value=values[0], low=min(values), high=max(values))
@@ -154,8 +154,8 @@ def _friction(base: Row, probe: Probe, motion: Motion) -> list[Row]:
 
 
 def _level(mine: Measured, settings: Settings, pair: str) -> float:
-    """Height at which bodies of a pair touch [m]: that at which they rest, asked for e = 0; never below 0,
-    for what rests deeper touched before."""
+    """Height at which bodies of a pair touch [m]: their height at rest for e = 0. Never below 0: a body that
+    rests deeper touched before."""
     for (other, probe), motion in mine.motions.items():
         if (other, probe.pair, probe.kind, probe.requested) == (settings, pair, "restitution", 0.0):
             return max(0.0, float(np.median(motion.gap[-1])))
@@ -173,7 +173,7 @@ def _levels(name: str, mine: Measured) -> list[Row]:
 
 
 def _largest(found: Sequence[Row]) -> list[Row]:
-    """Largest biases per profile and pair, and over all pairs; of restitutions from JUDGED_SPEED on."""
+    """Largest biases per profile and pair, and over all pairs; those of restitution from JUDGED_SPEED."""
     sizes: dict[tuple[str, str, float, str], list[float]] = {}
     for row in found:
         if row.metric not in LARGEST:

@@ -1,7 +1,8 @@
-"""The scenes of the study `calibration`: bodies dropped on a floor, or sliding over it, side by side.
+"""Scenes of the study `calibration`: bodies side by side that drop on a floor, or slide over it.
 
-A scene asks for one restitution, or one friction, of one pair of shapes; its bodies differ in approach speed
-and in where within a native step they meet the floor, or in heading. Its frames are native steps.
+A scene requests one restitution, or one friction, of one pair of shapes. Its bodies differ in approach speed
+and in the phase within a native step at which they meet the floor, or in heading. Its frames are native
+steps.
 """
 
 from __future__ import annotations
@@ -26,26 +27,26 @@ from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 G = 9.81
 HEIGHT = 0.1
-"""Of the centre of every body over the floor it rests on [m]."""
+"""Height of every body's centre over the floor on which it rests [m]."""
 WIDTH = 0.16
-"""Half the width of box and hull [m]: at mu = 1 they slide without tipping."""
+"""Half width of box and hull [m]: at mu = 1 they slide without tipping."""
 PRISM = tuple(
     (WIDTH * cos(k * pi / 3), WIDTH * sin(k * pi / 3), z) for k in range(6) for z in (-HEIGHT, HEIGHT)
 )
 SHAPES: dict[str, tuple[Shape, Matrix]] = {
-    # what lands on the floor, a box; shape and inertia for 1 kg
+    # Shapes that land on the floor, which is a box; shape and inertia for 1 kg.
     "sphere-box": (Sphere(HEIGHT), sphere_inertia(1.0, HEIGHT)),
     "box-box": (Box((WIDTH, WIDTH, HEIGHT)), box_inertia(1.0, (WIDTH, WIDTH, HEIGHT))),
     "hull-box": (Hull(PRISM), box_inertia(1.0, (WIDTH, WIDTH, HEIGHT))),
 }
 SPACING, ROW = 4.0, 8
-"""Between bodies [m], and bodies in a row: none reaches another."""
+"""Distance between bodies [m], and bodies per row: no body reaches another."""
 LEAD_STEPS = 2
-"""Free steps before a body meets the floor, where its approach is long enough [steps]."""
+"""Number of free steps before a body meets the floor, if its approach is long enough [1]."""
 DROP = 0.5
 """Height of a fall from rest [m]: it lands at 3.1 m/s."""
 SLIDE_TIME = 0.3
-"""From the start of a slide to its stop under Coulomb's law [s]."""
+"""Duration of a slide until it stops under Coulomb's law [s]."""
 Kind = Literal["restitution", "lowest", "drop", "friction"]
 TIMES: dict[Kind, float] = {
     # length of a scene [s]: the softest contact lasts some 40 ms; a fall and a rise of DROP take 0.32 s each;
@@ -59,10 +60,10 @@ TIMES: dict[Kind, float] = {
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """What a scene asks for, and of whom: restitution of bodies that meet the floor at `speeds` [m/s] and
-    `phases` [steps] (`lowest`: rungs of a ladder of speeds), or are dropped from DROP and, for other phases,
-    a little higher; or friction of those that slide along `headings` [degrees]. The floor is body 0, they
-    follow, phases within speeds."""
+    """Request of a scene. Restitution: bodies that meet the floor at `speeds` [m/s] and `phases` [steps]
+    (`lowest`: rungs of a ladder of speeds), or that drop from DROP, for other phases from a little higher.
+    Friction: bodies that slide along `headings` [degrees]. Body 0 is the floor; the others follow, with the
+    phases varying fastest."""
 
     pair: str
     kind: Kind
@@ -78,7 +79,7 @@ def scene(probe: Probe, dt: float) -> Scenario:
     bodies = _sliding(probe) if slides else (_bouncing(probe, dt) if probe.speeds else _dropped(probe, dt))
     asked = (0.0, probe.requested) if slides else (probe.requested, 0.0)
     half = SPACING * (len(bodies) + 2)
-    # a piece in its body's own frame: Bullet treats a shifted one as a compound, whose contacts differ
+    # The piece is at its body's origin: Bullet treats a shifted one as a compound, whose contacts differ.
     slab = Piece("floor", Box((half, half, 1.0)))
     return Scenario(
         f"{probe.kind} {probe.requested:g} {probe.pair}",
@@ -96,7 +97,7 @@ def _bouncing(probe: Probe, dt: float) -> list[Body]:
     bodies: list[Body] = []
     for speed in probe.speeds:
         for phase in probe.phases:
-            # gravity adds to the speed on the way: a slow body starts nearer than LEAD_STEPS
+            # Gravity adds to the speed during the approach: a slow body starts nearer than LEAD_STEPS.
             time = min((LEAD_STEPS + phase) * dt, phase * speed / G)
             gap = speed * time - G * time * time / 2
             bodies.append(_body(probe.pair, len(bodies), gap, (0.0, 0.0, G * time - speed)))
@@ -104,14 +105,14 @@ def _bouncing(probe: Probe, dt: float) -> list[Body]:
 
 
 def _dropped(probe: Probe, dt: float) -> list[Body]:
-    """Bodies at rest, spread over the height that one falls through in the last step."""
+    """Bodies at rest, spread over the height of the fall within the last step."""
     last = sqrt(2 * G * DROP) * dt
     gaps = [DROP + phase * last for phase in probe.phases]
     return [_body(probe.pair, k, gap, (0.0, 0.0, 0.0)) for k, gap in enumerate(gaps)]
 
 
 def _sliding(probe: Probe) -> list[Body]:
-    """Bodies on the floor that Coulomb's law would stop after SLIDE_TIME, turned with their headings."""
+    """Bodies on the floor that Coulomb's law stops after SLIDE_TIME, rotated with their headings."""
     speed, angles = probe.requested * G * SLIDE_TIME, [pi / 180 * heading for heading in probe.headings]
     velocities = [(speed * cos(a), speed * sin(a), 0.0) for a in angles]
     return [_body(probe.pair, k, 0.0, v, a) for k, (v, a) in enumerate(zip(velocities, angles))]

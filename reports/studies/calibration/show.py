@@ -1,4 +1,4 @@
-"""What the study prints."""
+"""Terminal output of the study `calibration`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from touchstone.reports.views.terminal import print_notes, table_of
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print all tables, what they mean, and every finding, failure and broken limit."""
+    """Print all tables, their notes, and every finding, failure and broken limit."""
     for grid in grids(frame):
         heads = [head.replace(" ", "\n", 1) for head in grid.heads]
         table = table_of(grid.title, heads, padding=(0, 0))

@@ -1,7 +1,7 @@
-"""The study `calibration`: the restitution and friction that engines achieve, beside what was asked for.
+"""The study `calibration`: restitution and friction that engines achieve, compared with the requested values.
 
-Every engine plays the same small scenes under each of its profiles; what a body does is measured from its
-motion alone. Adapters never read the results.
+Every engine plays the same small scenes under each of its profiles; the estimates use only the bodies'
+motion. Adapters never read the results.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from touchstone.reports.studies.calibration.scenes import SHAPES, Probe
 
 Job = tuple[Settings, Probe]
 LADDER_PART = 26
-"""Bodies of the ladder per scene: more of them rest and hop than an engine's log of contacts holds."""
+"""Bodies of the ladder per scene: more would overflow an engine's log of contacts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """What is asked for: restitutions at approach `speeds` [m/s], frictions at `headings` [degrees], a ladder
+    """Requested values: restitutions at approach `speeds` [m/s], frictions at `headings` [degrees], a ladder
     of speeds for the lowest one that bounces, and e = 1 from a fall under several steps [1/s]."""
 
     pairs: tuple[str, ...] = tuple(SHAPES)
@@ -46,7 +46,7 @@ class Grid:
 
 
 def jobs_of(engine: str, profiles: Sequence[str], grid: Grid) -> list[Job]:
-    """What an engine plays; steps other than its own under its first profile alone."""
+    """The jobs of an engine; steps other than its own only under its first profile."""
     jobs = []
     for profile in profiles:
         settings = Settings(profile, ENGINES[engine].profiles[profile])
@@ -67,7 +67,7 @@ def probes_of(grid: Grid) -> list[Probe]:
 
 
 def steps(columns: Sequence[tuple[str, str]], grid: Grid) -> int:
-    """Progress of a whole run: its scenes."""
+    """Number of progress steps of a run: its scenes."""
     engines = {engine for engine, _ in columns}
     return len(columns) * len(probes_of(grid)) + len(engines) * len(grid.steps)
 
@@ -79,7 +79,8 @@ def run(
     grid: Grid | None = None,
     loader: Loader | None = None,
 ) -> pd.DataFrame:
-    """Play all columns and store rows, picture, report and manifest; the folder appears whole or not."""
+    """Play all columns; store rows, picture, report and manifest. The folder appears complete or not at
+    all."""
     grid = grid or Grid()
     with output_folder(out) as folder:
         (folder / "output").mkdir()
@@ -103,7 +104,7 @@ def _measure(
     progress: Progress,
     loader: Loader | None,
 ) -> dict[str, Measured]:
-    """Every engine in a child of its own, all at once: nothing is timed here."""
+    """Play every engine in a child process of its own, all in parallel: nothing is timed."""
     measured: dict[str, Measured] = {}
     children: list[tuple[Child, list[Job]]] = []
     for engine in dict.fromkeys(name for name, _ in columns):
@@ -138,7 +139,7 @@ def _play(
     measured: dict[str, Measured],
     progress: Progress,
 ) -> None:
-    """One scene per engine."""
+    """Play one scene per engine."""
     asked = [(child, job) for (child, _), job in zip(children, jobs) if job is not None]
     for child, (settings, probe) in asked:
         child.send("play", (probe, settings))

@@ -1,4 +1,4 @@
-"""The tables of the study `calibration`: what was asked for beside what was achieved."""
+"""The tables of the study `calibration`: achieved and requested values."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NOTES = (
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A table as text: title, heads and rows; the first column is left-aligned."""
+    """A table as text: title, headings and rows; the first column is left-aligned."""
 
     title: str
     heads: list[str]
@@ -51,16 +51,16 @@ class Values:
         return self._rows.get((*column, pair, metric, subject), nan)
 
     def first(self, engine: str) -> str:
-        """The profile in which an engine is as it comes, else its first, or ""."""
+        """The engine's default profile, else its first, or ""."""
         own = [profile for name, profile in self.columns if name == engine]
         return DEFAULT if DEFAULT in own else next(iter(own), "")
 
     def both(self, engine: str) -> tuple[tuple[str, str], tuple[str, str]]:
-        """The columns of an engine as it comes and of its accurate profile."""
+        """The columns of an engine's default and of its accurate profile."""
         return (engine, self.first(engine)), (engine, ACCURATE)
 
     def step(self, engine: str) -> float:
-        """Native step of an engine as it comes [s]."""
+        """Native step of an engine in its default profile [s]."""
         return self.steps.get((engine, self.first(engine)), nan)
 
     def lowest(self, engine: str) -> float:
@@ -68,7 +68,7 @@ class Values:
         return self((engine, self.first(engine)), "sphere-box", "restitution.lowest", "e=1")
 
     def share(self, column: tuple[str, str], pair: str, heading: float) -> float:
-        """Achieved over asked friction along a heading, mean over the coefficients."""
+        """Achieved over requested friction along a heading, mean over the coefficients."""
         found = [
             self(column, pair, "friction.bias", subject_of("friction", mu, heading)) for mu in self.frictions
         ]
@@ -77,7 +77,7 @@ class Values:
 
 
 def asked(subjects: Sequence[str], name: str) -> list[float]:
-    """The values that subjects give a name, ascending."""
+    """The values of a name in the subjects, ascending."""
     words = [word for subject in subjects for word in subject.split()]
     return sorted({float(word.partition("=")[2]) for word in words if word.startswith(f"{name}=")})
 
@@ -141,7 +141,7 @@ def _text(value: float) -> str:
 
 
 def remarks(frame: pd.DataFrame) -> list[str]:
-    """What broke a limit, failed, or is skipped as a whole."""
+    """Broken limits, failures, and runs that are skipped as a whole."""
     lines = []
     for row in rows_of(frame[frame.verdict.isin(["fail", "known", "error"]) & (frame.metric != "run")]):
         where = f"{row.engine} {row.profile} {row.scenario}"

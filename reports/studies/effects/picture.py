@@ -1,4 +1,4 @@
-"""The picture of the study `effects`: what plans save, scene by scene, and which effects matter."""
+"""The picture of the study `effects`: time saved by plans per scene, and the effects that matter."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ CELLS = {
 
 
 def savings(frame: pd.DataFrame, path: Path) -> None:
-    """Savings per scene and engine with their intervals, beside a grid of effects toggled alone."""
+    """Draw savings per scene and engine with their intervals, beside a grid of effects toggled one at a
+    time."""
     rows = {(r.scenario, r.engine, r.metric, r.subject): r for r in rows_of(frame)}
     scenes = list(dict.fromkeys(key[0] for key in rows if key[2] == "time.saved" and key[3] == ALL))
     engines = list(dict.fromkeys(key[1] for key in rows if key[2] == "time.saved"))

@@ -1,11 +1,11 @@
-"""The study `effects`: what a plan saves, what it changes, and what each effect alone is worth.
+"""The study `effects`: time saved and outcome changed by a plan and by each effect.
 
-Per scene and engine: the scene's plan against all effects; on the reference also each effect alone, switched
-off where the plan has it and on where it has not. Frames of all variants are interleaved. Means over all
-frames are compared, for a plan spares different things in different frames; on the reference a frame is the
-fastest of PASSES, and net of the crossing from Python, an empty call with all that a step is handed: of a
-probe's frame it is half. Outcomes are compared in every displayed frame: `identical` to the bit, `within
-tolerance`, `matters`.
+Per scene and engine the study compares the scene's plan with all effects. On the reference it also toggles
+one effect at a time: off where the plan has it, on where it has not. Frames of all variants are interleaved.
+Means over all frames are compared, because a plan saves different work in different frames. On the reference
+a frame is the fastest of PASSES, net of the crossing from Python (an empty call with all arguments of a
+step), which is half of a probe's frame. Outcomes are compared in every displayed frame: `identical` to the
+bit, `within tolerance`, `matters`.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ from touchstone.scenarios.scenario import Scenario
 
 STUDY = "effects"
 TOLERANCE = 1e-6
-"""Difference of outcomes that no limit on overlap or gap would notice [m, rad]."""
+"""Difference of outcomes that is below every limit on overlap or gap [m, rad]."""
 BUDGET = 1.0
-"""Seconds of an engine's steps in a scene, both variants together; the reference plays all frames."""
+"""Seconds of an engine's steps in a scene, for both variants; the reference plays all frames."""
 PASSES = 8
-"""Times that the reference's frames are timed, each variant the first in half of them."""
+"""Timed passes of the reference's frames; each variant is first in half of them."""
 JUDGED = ("effects.changed", "time.left", "time.slower", "time.plan")
-"""Metrics of this study with limits."""
+"""Metrics of this study that have limits."""
 
 
 def scenes() -> list[Scenario]:
@@ -58,7 +58,7 @@ def scenes() -> list[Scenario]:
 
 
 def steps(scenarios: Sequence[Scenario], engines: Sequence[str]) -> int:
-    """Progress of a whole run: scenes times engines."""
+    """Number of progress steps of a run: scenes times engines."""
     return len(scenarios) * len(engines)
 
 
@@ -69,7 +69,7 @@ def run(
     progress: Progress,
     loader: Loader = load,
 ) -> pd.DataFrame:
-    """Measure, judge and store; the folder appears whole or not at all."""
+    """Measure, judge and store; the folder appears complete or not at all."""
     with output_folder(out) as folder:
         (folder / "output").mkdir()
         rows: list[Row] = []
@@ -101,7 +101,7 @@ def _step(engine: str) -> float:
 def rows_of_engine(
     engine: str, scenarios: Sequence[Scenario], output: Path, progress: Progress, loader: Loader
 ) -> list[Row]:
-    """Rows of one engine in a process of its own; one that died is started again for the next scene."""
+    """Rows of one engine in a process of its own, which restarts for the next scene if it died."""
     rows: list[Row] = []
     child: VariantPlayer | None = None
     try:
@@ -121,7 +121,7 @@ def rows_of_engine(
 
 
 def _rows_of_scene(child: VariantPlayer, base: Row, scenario: Scenario) -> list[Row]:
-    """Planning, the plan against all effects, and on the reference every effect alone."""
+    """Rows of a scene: planning, the plan against all effects, and on the reference every toggled effect."""
     ours = base.engine == REFERENCE
     wanted: dict[str, tuple[str, ...] | None] = {"": None, ALL: PLANNED}
     rows = []
@@ -144,7 +144,7 @@ def _rows_of_scene(child: VariantPlayer, base: Row, scenario: Scenario) -> list[
 
 
 def toggles(scenario: Scenario) -> dict[str, tuple[str, ...]]:
-    """Effects to run by what is toggled: "+friction" where the plan has none, "-friction" where it has."""
+    """Effects to run per toggle: "+friction" where the plan has none, "-friction" where it has."""
     from touchstone.adapters.motion_bounds import planned
 
     stages = set(planned(scenario).stages)
@@ -156,7 +156,7 @@ def toggles(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 
 
 def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
-    """Time saved by the plan, and how far the outcome is from the plan's, by variant."""
+    """Time saved by the plan, and the difference of the outcome from the plan's, by variant."""
     rows = []
     value, low, high = median_interval(_times(base, played[""].pace), middle=np.mean)
     rows.append(replace(base, metric="time.frame", unit="s", value=value, low=low, high=high))
@@ -177,12 +177,12 @@ def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
 
 
 def _times(row: Row, pace: Pace) -> Array:
-    """Seconds of a row's frames: the reference's are net."""
+    """Seconds of a row's frames; the reference's exclude the crossing."""
     return pace.net if row.engine == REFERENCE else pace.seconds
 
 
 def _saved(row: Row, other: Variant) -> list[Row]:
-    """Share of the other's frames that the plan does without, and by how much it is surely slower."""
+    """Share of the variant's time that the plan saves, and the lower bound of its slowdown."""
     mine, theirs = _times(row, other.beside), _times(row, other.pace)
     if min(len(mine), len(theirs)) == 0:
         return []
@@ -195,8 +195,8 @@ def _saved(row: Row, other: Variant) -> list[Row]:
 
 
 def means(rows: Sequence[Row], tags: Mapping[str, Sequence[str]]) -> list[Row]:
-    """Geometric means of what the plan leaves of the time with all effects, by engine and group of scenes;
-    the interval takes the scenes' as independent."""
+    """Geometric means of the plan's time over that with all effects, by engine and group of scenes; the
+    interval assumes that scenes are independent."""
     found = []
     for engine in dict.fromkeys(row.engine for row in rows):
         for group in GROUPS:

@@ -66,12 +66,12 @@ def show(frame: pd.DataFrame, out: Console) -> None:
 
 
 def outcome(row: Row | None) -> str:
-    """The verdict on an outcome that a row carries: the first words of its reason."""
+    """Verdict on the outcome in a row: the first words of its reason."""
     return "" if row is None else row.reason.partition(";")[0]
 
 
 def mark(rows: dict[tuple[str, str, str, str], Row], scenario: str, effect: str) -> str:
-    """What toggling an effect alone did on the reference."""
+    """Mark of the outcome of toggling an effect on the reference."""
     for sign, words in (("-", {MATTERS: "M", WITHIN: "~", IDENTICAL: "="}), ("+", {IDENTICAL: "."})):
         row = rows.get((scenario, REFERENCE, "effects.moved", sign + effect))
         if row is not None:

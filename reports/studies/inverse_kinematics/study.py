@@ -1,10 +1,10 @@
-"""The study `ik`: `ccd_ik` on random reachable goals of the avatar's left arm, beside a damped least-squares
-loop on pinocchio.
+"""The study `ik`: `ccd_ik` and a damped least-squares loop on pinocchio, on random reachable goals of the
+avatar's left arm.
 
-A goal is where the middle of the hand is in a random posture within limits and reach cones. Starts: `near`,
-each angle within 0.1 rad of that posture, and `rest`, the hanging arm. Solvers take turns goal by goal. The
-reference is clocked inside its one compiled call, pinocchio's loop from Python, where it runs; what a call
-costs stands apart. The loop gets the chain alone and no reach cones.
+A goal is the position of the middle of the hand in a random posture within limits and reach cones. Starts:
+`near`, each angle within 0.1 rad of that posture, and `rest`, the hanging arm. Solvers alternate goal by
+goal. The reference is timed inside its one compiled call, pinocchio's loop in Python, where it runs; the cost
+of a call is a row of its own. The loop gets the chain without reach cones.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ STUDY, CHAIN = "ik", "left_arm"
 POINT: Vector = (0.0, 0.0, -HAND_LENGTH / 2)
 """The end effector in the hand's frame [m]."""
 NEAR = 0.1
-"""Distance of a near start from the goal's posture, each angle [rad]."""
+"""Largest difference of each angle of a near start from the goal's posture [rad]."""
 STARTS = ("arm, near", "arm, rest")
 DAMPING, STEPS = 0.01, 200
-"""Of pinocchio's loop: damping [m], the fastest of 0.01, 0.03 and 0.1, and the cap of its steps."""
+"""Damping of pinocchio's loop [m], the fastest of 0.01, 0.03 and 0.1, and its iteration limit."""
 SOLVERS = (("reference", "balanced"), ("reference", "accurate"), ("pinocchio", "damped least squares"))
-"""Engine and profile; `ccd_ik` alone is what `balanced` does."""
+"""Engine and profile; `balanced` uses `ccd_ik`."""
 MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
 CROSSINGS = 1000
 Answer = Sequence[Any]
@@ -74,7 +74,7 @@ class Arm:
         self._point = np.zeros(3)
 
     def place(self, angles: Array) -> Array:
-        """Pose the arm; a copy of the end effector (3,) [m]."""
+        """Pose the arm and return a copy of the end effector's position (3,) [m]."""
         self.joints["angle"] = angles
         pose_links(self.world.bodies, self.world.joints, self.world.drivers[0])
         hand = self.world.bodies[self.joints[-1]["child"]]
@@ -91,7 +91,8 @@ class Arm:
         return not any(keep_in_cone(self.world.joints, k) for k in balls)
 
     def solve(self, engine: str, profile: str, start: Array, goal: Array) -> tuple[Answer, float]:
-        """A solver's (passes or steps, distance left [m], whether it arrived), and its seconds."""
+        """A solver's result (passes or steps, remaining distance [m], whether it converged), and its
+        seconds."""
         self.place(start)
         if engine == "pinocchio":
             begin = perf_counter()
@@ -105,7 +106,7 @@ class Arm:
         return (world.bodies, world.joints, self.first, self.last, self._point, goal, world.state)
 
     def cross(self, engine: str) -> float:
-        """Seconds of the cheapest call: with a solver's arguments, or into pinocchio."""
+        """Seconds of the cheapest call: an empty one with a solver's arguments, or one into pinocchio."""
         begin = perf_counter()
         if engine == "pinocchio":
             self.loop.cross()
@@ -116,7 +117,8 @@ class Arm:
 
 @kernel
 def solve_chain(bodies, joints, first, last, point, goal, state, accurate):  # type: ignore[no-untyped-def]
-    """Reach for a goal by `ccd_ik` or `accurate_ik`: (passes, distance left, whether it arrived), seconds."""
+    """Solve for a goal by `ccd_ik` or `accurate_ik`: (passes, remaining distance, whether it converged),
+    seconds."""
     s = state[0]
     for i in range(3):
         s["point"][i], s["goal"][i] = point[i], goal[i]
@@ -136,7 +138,7 @@ def solve_chain(bodies, joints, first, last, point, goal, state, accurate):  # t
 
 @kernel
 def _nothing(bodies, joints, first, last, point, goal, state, accurate):  # type: ignore[no-untyped-def]
-    """Cross the compiled border and come back."""
+    """An empty compiled call."""
 
 
 def draw(arm: Arm, count: int, seed: int) -> tuple[Array, Array]:
@@ -156,12 +158,12 @@ def _draw_one(arm: Arm, rng: np.random.Generator, lower: Array, upper: Array) ->
 
 
 def steps(goals: int) -> int:
-    """Progress of a whole run: goals times starts."""
+    """Number of progress steps of a run: goals times starts."""
     return goals * len(STARTS)
 
 
 def run(goals: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
-    """Measure all solvers and store rows and manifest; the folder appears whole or not at all."""
+    """Measure all solvers; store rows and manifest. The folder appears complete or not at all."""
     with output_folder(out) as folder:
         frame = table(rows(goals, seed, progress))
         save(frame, folder)

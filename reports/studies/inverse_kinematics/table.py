@@ -22,7 +22,7 @@ NOTES = (
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one row per start and solver, what a call costs, and every limit that is broken."""
+    """Print one row per start and solver, the cost of a call, and every broken limit."""
     table = table_of("ik: random reachable goals of the left arm", HEADS, left=2, padding=(0, 0))
     for start in STARTS:
         for engine, profile in SOLVERS:

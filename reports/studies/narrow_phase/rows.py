@@ -1,4 +1,4 @@
-"""The rows of the study `narrow-phase`: errors, wrong answers and times of detectors, per family of poses."""
+"""Rows of the study `narrow-phase`: errors, wrong answers and times of detectors, per family of poses."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from touchstone.reports.studies.poses import FAMILIES
 
 STUDY = "narrow-phase"
 ALL = "all"
-"""The aggregate over all families, as a scenario."""
+"""Scenario name of the aggregate over all families."""
 DEPTH_FLOOR = 1e-3
-"""Depth over size below which errors are relative to the size [1]: else rounding is divided by nothing."""
+"""Depth over size below which errors are relative to the size [1], to avoid division of rounding by almost
+zero."""
 SIGN_FLOOR = 1e-9
-"""Distance over size below which neither sign is wrong [1]: three decades below the shallowest touch."""
+"""Distance over size below which either sign is accepted [1]: three decades below the shallowest touch."""
 EQUALLY_DEEP = 1e-6
-"""Further way out along a normal, over the size, below which it is that of an equally deep face [1]."""
+"""Excess over the depth of the translation along a normal, over the size, below which the face counts as
+equally deep [1]."""
 
 STATISTICS: dict[str, Callable[[Array], Any]] = {
     "median": np.median,
@@ -37,8 +39,8 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Pairs, the world vertices of each [m], families, sizes [m] and signed distances [m] (n,), and normals
-    from A to B (n, 3)."""
+    """Pairs with the world vertices of each [m], families, sizes [m] and signed distances [m] (n,), and
+    normals from A to B (n, 3)."""
 
     pairs: Sequence[Pair]
     corners: Sequence[tuple[Array, Array]]
@@ -70,7 +72,7 @@ def rows_of_study(truth: Truth, measured: Mapping[str, Measured]) -> list[Row]:
 
 
 def _family(base: Row, chosen: Mask, truth: Truth, mine: Measured, errors: Array, angles: Array) -> list[Row]:
-    """All rows of one detector on one family but the ratios."""
+    """All rows of one detector on one family, except ratios."""
     rows = []
     error = errors[chosen][np.isfinite(errors[chosen])]
     angle = angles[chosen][np.isfinite(angles[chosen])]
@@ -100,25 +102,25 @@ def _family(base: Row, chosen: Mask, truth: Truth, mine: Measured, errors: Array
 
 
 def _failed(mine: Measured) -> Mask:
-    """Pairs without an answer, as opposed to those without a contact."""
+    """Mask of pairs without an answer; no contact is an answer."""
     failed = np.zeros(len(mine.distance), dtype=bool)
     failed[[k for k, failure in mine.failures.items() if failure.kind != UNCONVERGED]] = True
     return failed
 
 
 def depth_errors(truth: Truth, mine: Measured) -> Array:
-    """|distance - truth| / max(depth, DEPTH_FLOOR size) per pair; NaN where the detector failed, or rightly
-    sees no contact."""
+    """|distance - truth| / max(depth, DEPTH_FLOOR size) per pair; NaN where the detector failed, or correctly
+    reports no contact."""
     unseen = np.isnan(mine.distance) & (truth.distance < 0) & ~_failed(mine)
     distance = np.where(unseen, 0.0, mine.distance)
     return np.abs(distance - truth.distance) / np.maximum(-truth.distance, DEPTH_FLOOR * truth.size)
 
 
 def normal_errors(truth: Truth, mine: Measured) -> Array:
-    """Angles [rad] between normals and truth; NaN where none is reported.
+    """Angles between normals and truth [rad]; NaN where none is reported.
 
-    Where the way out along the normal is longer than the depth by less than EQUALLY_DEEP of the size, an
-    equally deep face was found: then that difference over the size counts, if it is smaller.
+    Where the translation along the normal exceeds the depth by less than EQUALLY_DEEP of the size, the
+    detector found an equally deep face. The error is then that excess over the size, if it is smaller.
     """
     errors = np.full(len(truth.pairs), np.nan)
     for k in np.flatnonzero(np.isfinite(mine.normal).all(axis=1)).tolist():
@@ -131,7 +133,7 @@ def normal_errors(truth: Truth, mine: Measured) -> Array:
 
 
 def _ratios(truth: Truth, measured: Mapping[str, Measured], errors: Mapping[str, Array]) -> list[Row]:
-    """The reference's time per query over each other detector's without its crossing, on common pairs."""
+    """The reference's time per query over each other detector's, net of its crossing, on common pairs."""
     if REFERENCE not in errors:
         return []
     rows = []
@@ -149,8 +151,8 @@ def _ratios(truth: Truth, measured: Mapping[str, Measured], errors: Mapping[str,
 
 
 def with_ratio(row: Row, ours: Array, theirs: Array) -> Row:
-    """The row with the ratio of two detectors' times on the queries that both answered; skipped where there
-    are none, or where they cost no more than their crossing."""
+    """The row with the ratio of two detectors' times on the queries that both answered; skipped if there are
+    none, or if they cost no more than their crossing."""
     both = np.isfinite(ours) & np.isfinite(theirs)
     row = replace(row, unit="1")
     if not both.any() or np.median(theirs[both]) <= 0:
@@ -161,7 +163,7 @@ def with_ratio(row: Row, ours: Array, theirs: Array) -> Row:
 
 
 def with_median(row: Row, seconds: Array, reason: str) -> Row:
-    """The row with the median of times that are finite; skipped for the reason where none is."""
+    """The row with the median of the finite times; skipped for `reason` if there is none."""
     seconds, row = seconds[np.isfinite(seconds)], replace(row, unit="s")
     if not len(seconds):
         return replace(row, verdict="skipped", reason=reason)

@@ -1,9 +1,9 @@
-"""The study `narrow-phase`: the same poses through every detector, against the explicit Minkowski difference.
+"""The study `narrow-phase`: errors and times of all detectors on the same poses.
 
-Depth errors are relative to max(depth, a thousandth of the pair's size); a contact that was not seen counts
-as distance 0. Times are of single queries, interleaved over all detectors, warmed up, without handing over
-shapes and poses. `time.query` is what a caller from Python waits; `time.net` and ratios take the cheapest
-call off, that of two spheres.
+The truth is the explicit Minkowski difference. Depth errors are relative to max(depth, a thousandth of the
+pair's size); a missed contact counts as distance 0. Times are of single queries, interleaved over all
+detectors, after warm-up, without the transfer of shapes and poses. `time.query` is the wall time of a call
+from Python; `time.net` and ratios subtract the cheapest call, that of two spheres.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from touchstone.reports.studies.narrow_phase.rows import STUDY, Truth, rows_of_s
 from touchstone.reports.studies.poses import FAMILIES, corners, draw, size_of
 
 SLICE = 5 * len(FAMILIES)
-"""Pairs per turn: every family five times, so that detectors share the machine's ups and downs."""
+"""Pairs per turn: every family five times, so that variations of the machine's speed affect all detectors
+equally."""
 TURNS, PASSES = 2, 3
 """Turns per slice and timed passes per turn."""
 
@@ -35,12 +36,12 @@ class PairsError(Exception):
 
 
 def steps(pairs: int) -> int:
-    """Progress of a whole run: pairs times detectors."""
+    """Number of progress steps of a run: pairs times detectors."""
     return pairs * len(DETECTORS)
 
 
 def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
-    """Measure all detectors and store rows, picture and manifest; the folder appears whole or not at all."""
+    """Measure all detectors; store rows, picture and manifest. The folder appears complete or not at all."""
     if pairs < len(FAMILIES):
         raise PairsError(f"--pairs {pairs}: expected at least {len(FAMILIES)}, one per family of poses")
     with output_folder(out) as folder:
@@ -61,7 +62,7 @@ def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
 
 
 def truth_of(count: int, seed: int) -> Truth:
-    """Pairs drawn by a seed, and the explicit Minkowski difference of each."""
+    """Random pairs of a seed, with the truth by the explicit Minkowski difference of each."""
     drawn = draw(count, np.random.default_rng(seed))
     vertices = [(corners(a), corners(b)) for _, (a, b) in drawn]
     found = [signed_distance(a, b) for a, b in vertices]

@@ -1,4 +1,4 @@
-"""The table of the study `narrow-phase` on a terminal, and who does best where."""
+"""The table of the study `narrow-phase` on a terminal, and the best detectors per family."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from touchstone.reports.views.terminal import print_notes, table_of
 
 MICRO = 1e6
 ROUNDING, FINE = 1e-12, 1e-4
-"""Errors of the depth that tell families apart [1]: a few thousand roundings over size / 1000, and what no
-simulation notices."""
+"""Depth errors that separate detectors [1]: a few thousand roundings over size / 1000, and an error too small
+to matter in a simulation."""
 HEADS = (
     *(
         "detector",
@@ -75,7 +75,7 @@ def _cells(whole: pd.DataFrame, name: str) -> list[str]:
 
 
 def _families(frame: pd.DataFrame) -> Table:
-    """Per family who is right to rounding, and who is fastest among those right to FINE."""
+    """Per family the detectors that are exact to rounding, and the fastest among those exact to FINE."""
     table = Table(box=SIMPLE, padding=(0, 0), pad_edge=False)
     table.add_column("family", no_wrap=True)
     table.add_column(f"p95 of the depth error below {ROUNDING:.0e}")
@@ -92,7 +92,7 @@ def _families(frame: pd.DataFrame) -> Table:
 
 
 def remarks(frame: pd.DataFrame) -> list[str]:
-    """What broke a limit, is skipped as a whole or failed, and why."""
+    """Broken limits, runs that are skipped as a whole and failures, with reasons."""
     lines = []
     for row in rows_of(frame[frame.verdict.isin(["fail", "known", "error"])]):
         value = "" if row.metric == "run" else f" {row.scenario} {row.metric} {exact_number(row.value)}"
