@@ -1,4 +1,4 @@
-"""The METRICS table: name, unit, which direction is better, formula. Rows of reports keep this order."""
+"""The METRICS table: name, unit, better direction, formula. Rows of reports have this order."""
 
 from __future__ import annotations
 

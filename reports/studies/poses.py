@@ -1,7 +1,7 @@
 """Pairs of convex pieces for the narrow-phase study: random and adversarial poses, by family.
 
-Sizes are about 1 m. Overlap is made to measure: moving B along the normal of the deepest face changes the
-depth by just as much, so one evaluation of the explicit Minkowski difference gives any depth or gap.
+Sizes are about 1 m. Moving B along the normal of the deepest face changes the depth by the same amount, so
+one evaluation of the explicit Minkowski difference gives any requested depth or gap.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from touchstone.scenarios.scenario import Box, Hull, Piece, Shape
 from touchstone.scenarios.solids import elliptic_hull
 
 ELLIPTIC, FINE, RANDOM = 12, 4, 16
-"""Hulls to draw from: 80 triangles, 320 triangles, and the hull of 6 to 40 random points. Few, for loading
-a mesh takes an engine longer than a thousand queries."""
+"""Numbers of hulls to draw from: of 80 triangles, of 320 triangles, and of 6 to 40 random points. They are
+few because an engine loads a mesh in the time of a thousand queries or more."""
 TOUCH = 1e-6
-"""Depth or gap of a shallow touch over the size [1]."""
+"""Depth or gap of a shallow touch, over the size [1]."""
 NEEDLE = 0.01
 """Thickness of a needle over its length [1]."""
 RATIO_POWERS = (3.0, 6.0)
-"""A small piece is 10^-3 to 10^-6 of the large one's size."""
+"""Range of the powers of ten of the size of the large piece over the small one's [1]."""
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
@@ -51,7 +51,7 @@ def size_of(pair: Pair) -> float:
 
 
 class Shapes:
-    """Shapes to draw from, made once."""
+    """Shapes to draw from, created once."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         fine = _subdivided(np.array(elliptic_hull((1.0, 1.0, 1.0))))
@@ -62,7 +62,7 @@ class Shapes:
             self._hulls.append(_vertices(points[ConvexHull(points).vertices]))
 
     def draw(self, rng: np.random.Generator) -> Shape:
-        """A box in one case of three, or one of the hulls."""
+        """A box with probability 1/3, else one of the hulls."""
         if rng.random() < 1 / 3:
             return Box(_axes(rng))
         return Hull(self._hulls[rng.integers(len(self._hulls))])
@@ -78,7 +78,8 @@ def _vertices(points: Array) -> tuple[tuple[float, float, float], ...]:
 
 
 def _subdivided(points: Array) -> Array:
-    """The vertices of a convex polyhedron on the unit sphere, and its edges' midpoints pushed out to it."""
+    """The vertices of a convex polyhedron on the unit sphere, and its edges' midpoints projected onto the
+    sphere."""
     simplices = ConvexHull(points).simplices
     edges = {tuple(sorted((int(s[i]), int(s[j])))) for s in simplices for i, j in ((0, 1), (1, 2), (2, 0))}
     finer = np.vstack([points, [points[i] + points[j] for i, j in sorted(edges)]])
@@ -101,23 +102,23 @@ def _moved(piece: Piece, shift: Array) -> Piece:
 
 
 def _parted(pair: Pair, gap: Callable[[float], float]) -> Pair:
-    """B moved along the deepest face's normal, so that an overlapping pair of depth d gets distance
-    gap(d) [m]."""
+    """The pair with B moved along the deepest face's normal, so that an overlapping pair of depth d gets
+    distance gap(d) [m]."""
     a, b = pair
     distance, normal = signed_distance(corners(a), corners(b))
     return (a, _moved(b, (gap(-distance) - distance) * normal)) if distance < 0 else pair
 
 
 def _overlapping(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Pieces whose centres are near each other."""
+    """Overlapping pieces whose centres are near each other."""
     a = _posed(shapes.draw(rng), rng.normal(size=3), _turn(rng))
     b = _posed(shapes.draw(rng), np.array(a.position) + 0.05 * rng.normal(size=3), _turn(rng))
     return a, b
 
 
 def parted_pair(rng: np.random.Generator, one: Shape, two: Shape, gap: Callable[[float], float]) -> Pair:
-    """Two shapes turned at random and put into one another, then parted along the deepest face's normal so
-    that depth d becomes distance gap(d) [m]."""
+    """Two shapes with random orientations and overlapping centres, separated along the deepest face's normal
+    so that depth d becomes distance gap(d) [m]."""
     a, b = (_posed(shape, rng.normal(size=3), _turn(rng)) for shape in (one, two))
     return _parted((a, replace(b, position=a.position)), gap)
 
@@ -134,31 +135,31 @@ def random_box(rng: np.random.Generator) -> Box:
 
 
 def overlap(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Overlap by 2 to 50 % of the depth the pieces have when put into one another."""
+    """Pieces that overlap by 2 to 50 % of their depth with nearby centres."""
     share = rng.uniform(0.02, 0.5)
     return _parted(_overlapping(rng, shapes), lambda depth: -share * depth)
 
 
 def apart(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Apart by 1 mm to 1 m."""
+    """Pieces 1 mm to 1 m apart."""
     gap = 10 ** rng.uniform(-3, 0)
     return _parted(_overlapping(rng, shapes), lambda depth: gap)
 
 
 def deep(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Put into one another."""
+    """Deeply overlapping pieces, with nearby centres."""
     return _overlapping(rng, shapes)
 
 
 def touch(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Touching: a millionth of the size deep, or apart."""
+    """Touching pieces: a millionth of the size deep, or apart."""
     pair = _overlapping(rng, shapes)
     gap = rng.choice((-TOUCH, TOUCH)) * size_of(pair)
     return _parted(pair, lambda depth: gap)
 
 
 def face_face(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Boxes with common axes, in half of all cases with flush sides too, 0.1 mm to 0.1 m deep."""
+    """Boxes with common axes, in half of all cases also with flush sides, 0.1 mm to 0.1 m deep."""
     half_a, half_b = np.array(_axes(rng)), np.array(_axes(rng))
     if rng.random() < 0.5:
         half_b[:2] = half_a[:2]
@@ -168,7 +169,8 @@ def face_face(rng: np.random.Generator, shapes: Shapes) -> Pair:
 
 
 def edge_edge(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Square bars edge to parallel edge, 0.1 mm to 0.1 m deep or apart: two faces are equally deep."""
+    """Square bars with parallel edges in contact, 0.1 mm to 0.1 m deep or apart: two faces are equally
+    deep."""
     half_a, half_b = np.array(_axes(rng)), np.array(_axes(rng))
     half_a[1], half_b[1] = half_a[0], half_b[0]
     depth = rng.choice((-1.0, 1.0)) * 10 ** rng.uniform(-4, -1)
@@ -177,14 +179,14 @@ def edge_edge(rng: np.random.Generator, shapes: Shapes) -> Pair:
 
 
 def _boxes(rng: np.random.Generator, half_a: Array, half_b: Array, shift: Array) -> Pair:
-    """Boxes with common axes, turned together in three of four cases."""
+    """Boxes with common axes, rotated together with probability 3/4."""
     turn = _turn(rng) if rng.random() < 0.75 else Rotation.identity()
     one, two = (Box((float(x), float(y), float(z))) for x, y, z in (half_a, half_b))
     return _posed(one, (0.0, 0.0, 0.0), turn), _posed(two, turn.apply(shift), turn)
 
 
 def needle(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """A bar or a hull a hundred times as long as thick, against another or any piece; overlapping."""
+    """A bar or a hull a hundred times as long as thick, overlapping another or any piece."""
     axes = (1.0, NEEDLE, NEEDLE)
     needles: tuple[Shape, Shape] = (Box(axes), Hull(elliptic_hull(axes)))
     one = needles[rng.integers(2)]
@@ -208,7 +210,7 @@ def size_ratio(rng: np.random.Generator, shapes: Shapes) -> Pair:
 
 
 def coincident(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """A piece in its twin."""
+    """A piece and its copy in the same place."""
     piece = _posed(shapes.draw(rng), rng.normal(size=3), _turn(rng))
     return piece, piece
 
@@ -227,7 +229,8 @@ FAMILIES: dict[str, Callable[[np.random.Generator, Shapes], Pair]] = {
 
 
 def draw(count: int, rng: np.random.Generator) -> list[tuple[str, Pair]]:
-    """`count` pairs with the names of their families, in turn, so that any stretch holds all of them."""
+    """`count` pairs with the names of their families; families alternate, so that any stretch contains all of
+    them."""
     shapes = Shapes(rng)
     names = list(FAMILIES)
     return [(name, FAMILIES[name](rng, shapes)) for name in (names[k % len(names)] for k in range(count))]

@@ -41,10 +41,10 @@ def overlap_time(evidence: Evidence) -> Values:
 
 
 def contact_gap(evidence: Evidence) -> Values:
-    """Median signed distance of a body at rest, or pressed by its tracker, to what carries it [m]; truth 0.
+    """Median signed distance of a body at rest, or pressed by its tracker, to its support [m]; truth 0.
 
-    A simulated body that rests on a fixed one; and a driven body, by its nearest link, in the frames in which
-    its tracker has a link inside a fixed or driven body.
+    Covers a simulated body that rests on a fixed one; and a driven body, by its nearest link, in the frames
+    in which its tracker has a link inside a fixed or driven body.
     """
     found = {**_resting_gaps(evidence), **_pressed_gaps(evidence)}
     if not found:

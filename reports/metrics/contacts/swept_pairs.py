@@ -156,7 +156,8 @@ def _extents(shape: Shape, turned: Array) -> tuple[Array, Array]:
 
 
 def _segment_meets_box(start: Array, way: Array, half: Array) -> NDArray[np.bool_]:
-    """Whether segments from `start` along `way` (n, 3) meet boxes of half sides (n, 3) round the origin."""
+    """Whether segments from `start` to `start + way` (n, 3) meet boxes of half sides (n, 3) round the
+    origin."""
     with np.errstate(divide="ignore", invalid="ignore"):
         one, two = (-half - start) / way, (half - start) / way
     inside = np.abs(start) <= half

@@ -49,8 +49,8 @@ SLIDE_TIME = 0.3
 """Duration of a slide until it stops under Coulomb's law [s]."""
 Kind = Literal["restitution", "lowest", "drop", "friction"]
 TIMES: dict[Kind, float] = {
-    # length of a scene [s]: the softest contact lasts some 40 ms; a fall and a rise of DROP take 0.32 s each;
-    # a friction of 0.7 of the one asked for still shows
+    # Duration of a scene [s]. The softest contact lasts 40 ms; a fall and a rise of DROP take 0.32 s each;
+    # a slide at 0.7 of the requested friction still stops.
     "restitution": 0.2,
     "lowest": 0.2,
     "drop": 0.75,

@@ -18,17 +18,17 @@ from touchstone.reports.studies.predictability.definitions import CLOSED_FORM, D
 from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 
 ACROSS = 3
-"""Most panels side by side."""
+"""Largest number of panels side by side."""
 FLOOR = 1e-4
-"""Smaller amplifications are drawn here [1]: all is forgotten."""
+"""Smaller amplifications are drawn at this value [1]: the perturbation has vanished."""
 LEAST, MOST = 0.1, 100.0
-"""Every panel shows these amplifications at least [1]."""
+"""Every panel's axis includes these amplifications [1]."""
 BESIDE = 1.25
-"""Factor between the places of two engines on the axis of sizes: their ranges stand apart."""
+"""Factor between the abscissas of two engines, so that their ranges do not overlap."""
 
 
 def amplifications(frame: pd.DataFrame, path: Path) -> None:
-    """Median with the range over the directions; dotted: the closed form."""
+    """Draw the median with the range over the directions; dotted: the closed form."""
     measured = frame[frame.metric == METRIC]
     scenes, engines = list(dict.fromkeys(measured.scenario)), list(dict.fromkeys(measured.engine))
     across = max(1, min(ACROSS, len(scenes)))

@@ -1,9 +1,9 @@
-"""The study `predictability`: how far apart runs end that start a hair's breadth apart.
+"""The study `predictability`: amplification of small perturbations of the initial state.
 
-Amplification is the distance of the final positions of a perturbed run from those of the scene itself over
-the perturbation, both as one vector of all bodies; the median over random directions, with its range. The
-same directions serve all sizes and engines. Neither much nor little is better: the closed form stands beside
-it where there is one.
+Amplification is the distance of a perturbed run's final positions from the unperturbed run's, over the
+perturbation, both as one vector of all bodies. Rows hold the median over random directions, with its range.
+All sizes and engines use the same directions. Neither a high nor a low value is better; where there is a
+closed form, its amplification is reported beside it.
 """
 
 from __future__ import annotations
@@ -38,18 +38,19 @@ from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import shifted
 
 NEAR = 2 * SIZES[-1]
-"""Gap within which bodies touch at the start [m]: these are not pressed together or lifted."""
+"""Gap within which bodies touch at the start [m]: perturbations neither press these together nor separate
+them."""
 SCENES = ("fall", "bounce_e05", "collide_oblique", "cradle", "ball_snip")
-"""What is played unless scenes are named."""
+"""Default scenes."""
 
 
 def steps(scenarios: Sequence[Scenario]) -> int:
-    """Progress of a whole run: displayed frames."""
+    """Number of progress steps of a run: displayed frames."""
     return sum(s.frame_count for s in scenarios) * len(ENGINES) * (1 + len(SIZES) * DRAWS)
 
 
 def run(scenarios: Sequence[Scenario], seed: int, out: Path, progress: Progress) -> pd.DataFrame:
-    """Play every scene as it is and perturbed; the folder appears whole or not at all."""
+    """Play every scene unperturbed and perturbed; the folder appears complete or not at all."""
     rows: list[Row] = []
     with output_folder(out) as folder, Children(together=True) as children:
         (folder / "output").mkdir()
@@ -68,7 +69,7 @@ def run(scenarios: Sequence[Scenario], seed: int, out: Path, progress: Progress)
 def rows_of_scene(
     scenario: Scenario, seed: int, folder: Path, children: Children, progress: Progress
 ) -> list[Row]:
-    """Amplification per engine and size, and the closed form's."""
+    """Rows of amplification per engine and size, and of the closed form's."""
     rows = [_ended(scenario, e, MISSING, missing_reason(e)) for e in ENGINES if not installed(e)]
     ends: dict[str, list[Array]] = {engine: [] for engine in ENGINES if installed(engine)}
     bodies = _outcome_bodies(scenario)
@@ -98,8 +99,8 @@ def rows_of_scene(
 
 
 def directions(scenario: Scenario, normals: Array, seed: int) -> list[Array]:
-    """DRAWS unit vectors (n, 3) over the simulated bodies, or over the trackers where there are none; to
-    first order no gap of those that touch (`touching`) changes."""
+    """DRAWS unit vectors (n, 3) over the simulated bodies, or over the trackers if there are none. To first
+    order they change no gap of touching pairs (`touching`)."""
     rng = np.random.default_rng([seed, scenario.seed])
     count = len(_simulated(scenario)) or len(scenario.trackers)
     found = []
@@ -112,7 +113,8 @@ def directions(scenario: Scenario, normals: Array, seed: int) -> list[Array]:
 
 
 def touching(recording: Recording, scenario: Scenario) -> Array:
-    """Per pair that touches in the first frame a row (3 n,): how its gap changes as simulated bodies move."""
+    """Gradient of the gap with respect to the positions of simulated bodies: one row (3 n,) per pair that
+    touches in the first frame."""
     from touchstone.adapters.oracles.overlap import measure
 
     start = {name: getattr(recording, name)[:1] for name in ("time", "position", "orientation")}
@@ -133,19 +135,21 @@ def _simulated(scenario: Scenario) -> list[int]:
 
 
 def _outcome_bodies(scenario: Scenario) -> list[int]:
-    """Whose final positions count: simulated bodies, or else all driven ones."""
+    """Bodies whose final positions count: simulated bodies, or else all driven ones."""
     driven = [k for k, body in enumerate(scenario.bodies) if body.kind == "driven"]
     return _simulated(scenario) or driven
 
 
 def _amplifications(ends: list[Array]) -> Array:
-    """Final distance over the perturbation (SIZES, DRAWS), from the scene's own end and those after it."""
+    """Final distance over the perturbation (SIZES, DRAWS), from the unperturbed end state and those after
+    it."""
     moved = np.reshape(ends[1:], (len(SIZES), DRAWS, -1)) - np.ravel(ends[0])
     return np.asarray(np.linalg.norm(moved, axis=-1) / np.array(SIZES)[:, None])
 
 
 def _rows(base: Row, found: Array, truth: Array | None = None) -> list[Row]:
-    """Per size the median over the directions with the range, and the largest error beside the truth's."""
+    """Per size the median over the directions with the range, and the largest error against the closed
+    form's."""
     rows = []
     for k, size in enumerate(SIZES):
         row = replace(base, metric=METRIC, unit="1", subject=f"{size:g} m", value=float(np.median(found[k])))

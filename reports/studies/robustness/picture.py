@@ -1,4 +1,4 @@
-"""The picture of the study `robustness`: rise of energy over residual, a marker for each run."""
+"""The picture of the study `robustness`: rise of energy over residual, one marker per run."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from touchstone.reports.views.pictures import INK, PALE
 from touchstone.scenarios.random_scenes import KINDS
 
 ACROSS = 2
-"""Panels side by side."""
+"""Number of panels side by side."""
 FLOOR = 1e-16
-"""Smaller figures, and 0, are drawn here: rounding."""
+"""Smaller figures, and 0, are drawn at this value: rounding."""
 CEILING = 1e3
-"""Larger figures, and those that are not finite, are drawn here: an explosion is one, whatever its size."""
+"""Larger and non-finite figures are drawn at this value: beyond it, the size of an explosion does not
+matter."""
 HUES = (
     "#0072B2", "#56B4E9", "#009E73", "#88CC00", "#F0E442", "#E69F00",
     "#D55E00", "#CC79A7", "#AA4499", "#882255", "#777777", "#000000",
 )  # fmt: skip
-"""Of the kinds."""
+"""Markers of the kinds of scene."""
 FAILED = ("hang", "not finite", "exploded")
-"""Outcomes that are drawn even where no rise is known."""
+"""Outcomes that are drawn even if the rise is unknown."""
 TICKS = (1e-16, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)
 
 
 def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
-    """One panel per engine and profile. Engines that tell no residual stand on its left edge."""
+    """Draw one panel per engine and profile. Engines that report no residual are drawn at its left edge."""
     known = (
         runs[runs.rise.notna() | runs.outcome.isin(["not finite", "exploded", "hang"])] if len(runs) else runs
     )
@@ -86,6 +87,6 @@ def _panel(axes: Axes, runs: pd.DataFrame) -> None:
 
 
 def _drawn(values: pd.Series, unknown: float) -> np.ndarray:
-    """Within the picture; what is not known, or not finite, at `unknown`."""
+    """Values clipped to the picture's range; unknown and non-finite ones are `unknown`."""
     found = values.to_numpy(dtype=float)
     return np.clip(np.where(np.isfinite(found), found, unknown), FLOOR, CEILING)

@@ -1,7 +1,7 @@
-"""One random scene on one engine, and what can be said of the run without knowing its truth.
+"""Plays one random scene on one engine, and assesses the run without a closed form.
 
-Energy of simulated bodies may only fall, momentum of isolated ones is kept, nothing overlaps or passes
-through a body, all stays finite and ends in time. U is the energy at the start (`available`).
+Energy of simulated bodies may only decrease, momentum of isolated ones is conserved, bodies do not overlap or
+pass through each other, and the run is finite and ends in time. U is the energy at the start (`available`).
 """
 
 from __future__ import annotations
@@ -47,27 +47,28 @@ OUTCOMES = (
     "residual",
     "ok",
 )
-"""Classes of a run, the worst first; a run is of the first that applies."""
+"""Classes of a run, the worst first; a run belongs to the first that applies."""
 FRAME_SECONDS = 5.0
-"""Time of a frame from which a run hangs [s]: three hundred times a frame of 60 Hz."""
+"""Time of a frame from which a run counts as hanging [s]: three hundred times a frame of 60 Hz."""
 SCENE_SECONDS = 120.0
-"""Time of a whole run from which it hangs [s]."""
+"""Time of a whole run from which it counts as hanging [s]."""
 PATIENCE = 300.0
-"""Time without an answer after which a process is ended [s]: longer than a cold compilation."""
+"""Time without an answer after which the process is terminated [s]: longer than a cold compilation."""
 EXPLODED = 1.0
-"""Energy gained since the start, over U, from which a run explodes [1]: it has doubled."""
+"""Energy gained since the start, over U, from which a run counts as exploded [1]: it has doubled."""
 EXPLODED_SPEED = 30.0
-"""Speed from which a run with a driven body explodes [m/s]: ten times that of the fastest hand."""
+"""Speed from which a run with a driven body counts as exploded [m/s]: ten times the fastest hand's."""
 COUNTERS = ("gave_up", "unconverged", "dropped_time", "parted_energy")
-"""What the reference counts where a frame was not resolved exactly; dropped_time in s, parted_energy in J."""
+"""Counters of the reference for frames that were not resolved exactly; dropped_time in s, parted_energy in
+J."""
 UNSOLVED = 1e-7
-"""Residual from which a frame counts as not solved [m/s]: bodies sink by 2e-9 m in it."""
+"""Residual from which a frame counts as unsolved [m/s]: it lets bodies sink by 2e-9 m per frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What a run may reach and still be `ok`: largest overlap [m], change of momentum over its sum [1], rise
-    of energy in a frame over U [1], residual of a frame [m/s]."""
+    """Largest values of an `ok` run: overlap [m], change of momentum over its sum [1], rise of energy in a
+    frame over U [1], residual of a frame [m/s]."""
 
     overlap: float
     momentum: float
@@ -76,14 +77,16 @@ class Bounds:
 
 
 EXACT = Bounds(overlap=1.02e-6, momentum=1e-9, rise=1e-6, residual=1e-7)
-"""The reference: touching is found within 1e-6 m, by an oracle good to 1e-8 m; what the solver guarantees."""
+"""Bounds of the reference: it detects touching within 1e-6 m, the oracle's tolerance is 1e-8 m; the rest is
+what the solver guarantees."""
 FIRST_ORDER = Bounds(overlap=1e-2, momentum=1e-6, rise=0.05, residual=inf)
-"""DART, Bullet and MuJoCo: found once it overlaps, by v h at 2.4 m/s and 1/240 s; energy to 5 %."""
+"""Bounds of DART, Bullet and MuJoCo: they detect contact after overlap, by v h at 2.4 m/s and 1/240 s; energy
+to 5 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One run: the scene of a seed, on an engine; `perturbation` moves each body by so much [m]."""
+    """One run: the scene of a seed on an engine; `perturbation` displaces each body by that distance [m]."""
 
     engine: str
     settings: Settings
@@ -100,7 +103,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What came of a run; NaN where it does not apply."""
+    """Assessment of a run; NaN where a figure does not apply."""
 
     outcome: str
     reason: str = ""
@@ -117,13 +120,13 @@ class Assessment:
 
     @property
     def residual(self) -> float:
-        """The largest of a frame [m/s]."""
+        """Largest residual of a frame [m/s]."""
         return max(self.residuals, default=nan)
 
 
 def available(scenario: Scenario) -> float:
-    """U: the kinetic energy of simulated bodies at the start, and sum(m g h) with h the height of a centre of
-    mass over the lowest point of them all [J]."""
+    """U: the kinetic energy of simulated bodies at the start plus sum(m g h), with h the height of a centre
+    of mass over the lowest of them [J]."""
     bodies = [body for body in scenario.bodies if body.kind == "simulated"]
     g = np.array(scenario.acting_gravity)
     size = float(np.linalg.norm(g))
@@ -145,7 +148,7 @@ def available(scenario: Scenario) -> float:
 
 
 def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: Bounds) -> Assessment:
-    """Play a scene in this process and classify the run; a failed run is judged by what it did before."""
+    """Play a scene in this process and classify the run; a failed run is assessed up to its failure."""
     player: Player | None = None
     outcome, reason = "", ""
     try:
@@ -164,7 +167,7 @@ def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: Bound
 
 
 def _play(player: Player, scenario: Scenario) -> str:
-    """Play frame by frame until the end, or until the run takes too long; "" or "hang"."""
+    """Play frame by frame until the end or a timeout; returns "" or "hang"."""
     start = perf_counter()
     for _ in range(scenario.frame_count):
         before = player.seconds_played
@@ -175,7 +178,7 @@ def _play(player: Player, scenario: Scenario) -> str:
 
 
 def _cause(message: str) -> str:
-    """The class of a run that an adapter ended."""
+    """Class of a run that an adapter aborted with `message`."""
     if "diverged" not in message:
         return "error"
     return "not finite" if "not finite" in message else "exploded"
@@ -184,7 +187,7 @@ def _cause(message: str) -> str:
 def _judged(
     recording: Recording, scenario: Scenario, bounds: Bounds, outcome: str, reason: str
 ) -> Assessment:
-    """The class of a run and its figures; `outcome` is what is known already."""
+    """Class and figures of a run; `outcome` is the class if already known."""
     evidence = Evidence(recording, scenario)
     states = ("position", "orientation", "linear_velocity", "angular_velocity")
     finite = all(bool(np.isfinite(getattr(recording, name)).all()) for name in states)
@@ -226,9 +229,10 @@ def _judged(
 
 
 def _energy(evidence: Evidence, depth: Array) -> tuple[float, float]:
-    """Largest rise in a frame and largest gain since the start, both over U [1]; NaN where a driver works.
+    """Largest rise in a frame and largest gain since the start, both over U [1]; NaN where a driver does
+    work.
 
-    A soft contact stores energy: a frame that starts deeper than STORING is not counted as a rise.
+    A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise.
     """
     if evidence.scenario.trackers:
         return nan, nan
@@ -262,7 +266,7 @@ class _Server:
         self._engines: dict[str, Engine] = {}
 
     def handle(self, command: str, task: Task) -> Assessment:
-        """Obey `play`."""
+        """Handle `play`."""
         if task.engine not in self._engines:
             self._engines[task.engine] = self._loader(task.engine)
         bounds = EXACT if task.engine == "reference" else FIRST_ORDER

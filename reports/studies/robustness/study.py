@@ -1,9 +1,8 @@
-"""The study `robustness`: random scenes that nobody tuned for, judged by what needs no truth.
+"""The study `robustness`: random scenes for which nothing was tuned, assessed without a closed form.
 
-The scenes of consecutive seeds (`scenarios.random_scenes`) are played by two processes at most. Each run
-falls into one class of OUTCOMES. The rows hold, per kind of scene and for `all`, the number of runs of each
-class and the spread of the figures; `runs.csv` has a line for each run. Limits hold for the reference, over
-all kinds.
+At most two processes play the scenes of consecutive seeds (`scenarios.random_scenes`). Each run belongs to
+one class of OUTCOMES. The rows hold, per kind of scene and for `all`, the number of runs of each class and
+the spread of the figures; `runs.csv` has one line per run. Limits apply to the reference, over all kinds.
 """
 
 from __future__ import annotations
@@ -38,13 +37,13 @@ from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
 
 STUDY = "robustness"
 ALL = "all"
-"""Scenario of the rows over all kinds."""
+"""Scenario name of the rows over all kinds."""
 PROFILES = ("balanced", "accurate", "recommended")
-"""Profiles that are played unless told otherwise."""
+"""Default profiles."""
 PROCESSES = 2
-"""Most processes that play at a time."""
+"""Largest number of processes that play at a time."""
 WORST = 8
-"""Runs that are listed per column and class."""
+"""Number of runs that are listed per column and class."""
 SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
     # metric: percentiles
     "rise": (("p50", 50), ("p99", 99), ("max", 100)),
@@ -56,7 +55,7 @@ SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
 UNITS = {"rise": "1", "residual": "m/s", "overlap": "m", "momentum": "1", "slowest": "s"}
 COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in OUTCOMES)
 METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts))
-"""Metrics of the study's rows, each named with it."""
+"""Metrics of the study's rows; each name begins with the study's."""
 Run = tuple[Task, Assessment]
 
 
@@ -80,7 +79,7 @@ def run(
     loader: Loader = load,
     patience: float = PATIENCE,
 ) -> pd.DataFrame:
-    """Play all tasks and judge the columns; the folder appears whole or not at all."""
+    """Play all tasks and judge the columns; the folder appears complete or not at all."""
     with output_folder(out) as folder:
         runs = played(asked, folder, progress, loader, patience)
         rows = [
@@ -101,7 +100,7 @@ def run(
 def played(
     asked: Sequence[Task], folder: Path, progress: Progress, loader: Loader = load, patience: float = PATIENCE
 ) -> list[Run]:
-    """Play tasks in processes; one that dies or hangs is a run of that class and is replaced."""
+    """Play tasks in processes; a process that dies or hangs gives a run of that class and is replaced."""
     count = min(PROCESSES, len(asked))
     idle: SimpleQueue[Child] = SimpleQueue()
     for k in range(count):
@@ -134,7 +133,7 @@ def played(
 
 
 def rows_of_runs(runs: Sequence[Run]) -> list[Row]:
-    """Counts and spreads per column, over all kinds and per kind, and the worst runs with their lines."""
+    """Counts and spreads per column, over all kinds and per kind, and the worst runs with their commands."""
     rows: list[Row] = []
     columns = dict.fromkeys((task.engine, task.settings) for task, _ in runs)
     for engine, settings in columns:
@@ -148,7 +147,7 @@ def rows_of_runs(runs: Sequence[Run]) -> list[Row]:
 
 
 def _figures(base: Row, found: list[Assessment]) -> list[Row]:
-    """The rows of a kind in a column."""
+    """Rows of one kind in a column."""
     outcomes = [one.outcome for one in found]
     rows = [
         replace(base, metric=metric, value=float(outcomes.count(outcome)), unit="1")
@@ -169,7 +168,7 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
 
 
 def _worst(base: Row, runs: Sequence[Run]) -> list[Row]:
-    """The worst runs of every class but `ok`, with the line that plays each again."""
+    """The worst runs of every class but `ok`, with the command that repeats each."""
     rows = []
     for outcome in OUTCOMES[:-1]:
         these = [(task, found) for task, found in runs if found.outcome == outcome]
@@ -193,7 +192,7 @@ def _worst(base: Row, runs: Sequence[Run]) -> list[Row]:
 
 
 def line(task: Task) -> str:
-    """The command that plays a task again."""
+    """The command that repeats a task."""
     extra = f" --kind {task.kind}" if task.kind else ""
     extra += f" --perturbation {task.perturbation:g}" if task.perturbation else ""
     return (
@@ -203,7 +202,7 @@ def line(task: Task) -> str:
 
 
 def table_of_runs(runs: Sequence[Run]) -> pd.DataFrame:
-    """A line for each run."""
+    """Table with one line per run."""
     lines = []
     for task, found in runs:
         facts = asdict(found)

@@ -21,7 +21,7 @@ FIGURES = {
     "overlap": "overlap.max",
     "frame": "slowest.max",
 }
-"""Heads of columns, and the metrics below them."""
+"""Headings of columns, and the metrics below them."""
 NOTES = (
     "rise: of each run, the largest rise of energy in a frame over the energy at the start [1]",
     "residual: of each frame, what the contact solver left [m/s]; overlap [m]; frame: the slowest [s]",
@@ -29,7 +29,8 @@ NOTES = (
 
 
 def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one table per column, then broken limits, then the worst runs with the lines that repeat them."""
+    """Print one table per column, then broken limits, then the worst runs with the commands that repeat
+    them."""
     figures = frame[frame.metric != "run"]
     for (engine, profile), part in figures.groupby(["engine", "profile"], sort=False):
         seen = [
@@ -74,5 +75,5 @@ def _cell(row: Row | None) -> str:
 
 
 def short(value: float) -> str:
-    """One digit and the power of ten."""
+    """A value as one digit and a power of ten."""
     return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e") if value else "0"
