@@ -1,7 +1,7 @@
-"""How many of a scene's limits each column meets: the same number of limits for every column.
+"""Number of a scene's limits that each column meets, out of the same number for every column.
 
-A metric counts once, by its worst subject. One that is judged in some column and not in another does not
-apply there, and says why: not applicable is not a pass.
+A metric counts once, by its worst subject. A metric that is judged in one column but not in another does not
+apply in the other, with a reason; not applicable is not a pass.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from touchstone.reports.results import CONSTRUCTION, UNAPPLIED, UNJUDGED, Row
 from touchstone.reports.views.tables import Column
 
 WORST_LAST = ("pass", "known", UNJUDGED, "fail", "error")
-"""Verdicts that count."""
+"""Verdicts that count, the worst last."""
 NO_LIMIT = "no limit for this column"
 NOT_REPORTED = "not among the rows of this run"
 
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """Of one scene and column: metrics by verdict, those met by construction, and metric -> why it does not
-    apply. `limits` is the number of metrics that are judged in any column, or would be with an ideal
-    tracker."""
+    """Counts of one scene and column: metrics by verdict, those met by construction, and metric -> the reason
+    why it does not apply. `limits` is the number of metrics that are judged in any column, or would be with
+    an ideal tracker."""
 
     limits: int
     verdicts: Mapping[str, int]
@@ -32,19 +32,19 @@ class Count:
 
     @property
     def worst(self) -> str:
-        """The worst verdict that is no pass, or none."""
+        """The worst verdict other than pass, or none."""
         found = [verdict for verdict in WORST_LAST[1:] if self.verdicts[verdict]]
         return found[-1] if found else ""
 
     @property
     def text(self) -> str:
-        """Limits met of all of the scene, and in brackets how many do not apply."""
+        """The limits met of all in the scene; in brackets, how many do not apply."""
         apart = f" ({len(self.not_applicable)})" if self.not_applicable else ""
         return f"{self.verdicts['pass']} of {self.limits}{apart}"
 
 
 def counted(rows: Iterable[Row], columns: Sequence[Column]) -> dict[Column, Count]:
-    """Counts of one scene per column; columns whose run failed or did not take place are left out."""
+    """Counts of one scene per column; columns that failed or did not run are excluded."""
     found: dict[Column, dict[str, list[Row]]] = {column: {} for column in columns}
     ended = set()
     for row in rows:
@@ -76,13 +76,13 @@ def _count(mine: Mapping[str, list[Row]], judged: Sequence[str]) -> Count:
 
 
 def _worst(rows: Iterable[Row]) -> Row | None:
-    """The row with the worst verdict; None where none has one."""
+    """The row with the worst verdict; None if no row has one."""
     judged = [row for row in rows if row.verdict in WORST_LAST]
     return max(judged, key=lambda row: WORST_LAST.index(row.verdict), default=None)
 
 
 def _unapplied(rows: Iterable[Row]) -> list[str]:
-    """Why the metric's limit does not apply, where a row says so."""
+    """The rows' reasons why the metric's limit does not apply."""
     return [row.reason for row in rows if row.basis == UNAPPLIED]
 
 

@@ -1,4 +1,5 @@
-"""Limits as data: what a metric may be, where, and why; known failings stand in `known_failures`."""
+"""Table of limits: the largest allowed value of a metric, where it applies, and why. Known failings are in
+`known_failures`."""
 
 from __future__ import annotations
 
@@ -15,9 +16,9 @@ from touchstone.scenarios.effects import PLANNED
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Largest allowed size [SI unit of the metric] of a metric, for an engine, scenario or tag, profile and
-    subject ("" = every one). The most specific row wins; among equals the last. `by_construction`: the method
-    meets it whatever it simulates, so that meeting it says little."""
+    """Largest allowed absolute value [SI unit] of a metric, for an engine, scenario or tag, profile and
+    subject ("" = every one). The most specific limit wins; among equals the last. `by_construction`: the
+    method meets it whatever it simulates, so meeting it is weak evidence."""
 
     metric: str
     largest: float
@@ -37,7 +38,7 @@ PERSON_ENERGY = {
     "volley": 2.0,
     "push_box": 55.5,
 }
-"""Largest kinetic energy that the tracker of a scene asks for [J]."""
+"""Largest kinetic energy of a scene's tracked motion [J]."""
 HINGE_SPEED = {
     "wall_push": 7.5,
     "corner_slide": 3.2,
@@ -48,8 +49,8 @@ HINGE_SPEED = {
     "volley": 3.1,
     "push_box": 5.1,
 }
-"""Largest speed of a hinge of a scene's tracker [rad/s]: attraction follows it, removal that tears would be
-faster."""
+"""Largest speed of a hinge of a scene's tracker [rad/s]. Attraction follows it; only overlap removal that
+jerks a hinge is faster."""
 GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
     Limit(
@@ -146,8 +147,8 @@ GALLERY: tuple[Limit, ...] = (
     Limit("scaling.exponent", 1.1, "work linear in the pieces, and a cache to spare", scenario="broad phase"),
 )
 RESOLVED: tuple[Limit, ...] = (
-    # in every scene. `paper` resolves contacts one after the other up to a cap, as it is printed, and lifts
-    # what semi-implicit Euler sinks: neither has a limit
+    # Limits in every scene. `paper` resolves contacts in sequence up to a cap, as printed, and separates
+    # bodies that sink under semi-implicit Euler: neither has a limit.
     *(
         Limit(metric, largest, reason, "reference", profile=profile)
         for profile in ("balanced", "accurate")
@@ -181,7 +182,7 @@ EFFECTS: tuple[Limit, ...] = (
     Limit("time.plan", 0.05, "a plan is made before anybody waits for it", "reference"),
 )
 ROBUSTNESS: tuple[Limit, ...] = tuple(
-    # of the reference, over all kinds of random scenes
+    # Limits of the reference, over all kinds of random scenes.
     Limit(f"robustness.{metric}", largest, reason, "reference", "all", profile)
     for profile in ("balanced", "accurate")
     for metric, largest, reason in (
@@ -200,7 +201,7 @@ ROBUSTNESS: tuple[Limit, ...] = tuple(
 FIRST_ORDER = "5 %: an integrator of first order at a fitting step is off by h / T, below 1 %"
 BOUNCES = tuple(f"bounce_{e}" for e in ("e0", "e03", "e05", "e08", "e1"))
 PROBES: tuple[Limit, ...] = (
-    # what a correct engine of first order meets
+    # Limits that a correct first-order engine meets.
     Limit("overlap.max", 1e-2, "met at 2.4 m/s, v h at 1/240 s: found once it overlaps", scenario="impact"),
     Limit("contact.gap", 2e-4, "a body at rest falls by g h^2 = 0.17 mm in 1/240 s", scenario="probe"),
     Limit("contact.at_distance", 4e-4, "known to g dt h / 2: 0.34 mm at 1/240 s", scenario="probe"),
@@ -250,7 +251,7 @@ ROUNDING = "the laws of Newton and Coulomb, to rounding"
 HELD = "contacts are held over whole frames: what ends within one is off by mu g h^2 / 8"
 CLOSED = "the closed form, to rounding"
 EXACTING: tuple[Limit, ...] = (
-    # what the reference must reach, beside its limits everywhere
+    # Limits of the reference, in addition to those that apply everywhere.
     Limit("contact.at_distance", 1e-6, FOUND, scenario="probe"),
     Limit("contact.complementarity", 1e-12, ROUNDING, scenario="isolated"),
     Limit("contact.at_distance", 1e-4, "held for a part of a frame while bodies turn", scenario="collective"),
@@ -296,7 +297,7 @@ EXACTING: tuple[Limit, ...] = (
     Limit("energy.loss", 1e-9, "over ten seconds of tumbling", scenario="probe"),
 )
 BALANCED: tuple[Limit, ...] = tuple(
-    # it takes an impact 5e-7 m ahead, which is 2e-4 of a bounce of 2.4 mm
+    # The reference handles an impact at a gap of 5e-7 m, which is 2e-4 of a bounce of 2.4 mm.
     Limit(metric, largest, FOUND, scenario=scene)
     for metric, largest in (("truth.position", 1e-4), ("bounce.height", 1e-3), ("restitution.error", 1e-5))
     for scene in BOUNCES
@@ -315,12 +316,12 @@ LIMITS = (
     ),
     *(replace(limit, engine="reference", profile="balanced") for limit in BALANCED),
 )
-"""All of them; the later of equally specific ones wins."""
+"""All limits; the later of equally specific ones wins."""
 
 
 def judged(row: Row, tags: tuple[str, ...]) -> Row:
-    """The row with its limit and verdict. One that passed or failed already (an expected event) is looked up
-    among the known failings alone, and so is a run that failed; other errors and skipped rows stay."""
+    """The row with its limit and verdict. A row that already passed or failed (an expected event), or a
+    failed run, is only looked up among the known failings; other errors and skipped rows stay."""
     if (row.metric, row.verdict) == ("run", "error"):
         known = known_of(row, tags)
         return replace(row, verdict="known", reason=f"{row.reason}; {known.reason}") if known else row
@@ -344,8 +345,8 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
 
 
 def _excused(row: Row, known: Known) -> tuple[str, str]:
-    """Verdict and reason of a known failing: it fails where it has grown past its bound. Events, whose value
-    is a time, have none; nor has what runs at a step that was not measured."""
+    """Verdict and reason of a known failing, which fails beyond its bound. Events, whose value is a time,
+    have no bound; nor has a row at a step that was not measured."""
     if row.metric.startswith("events.") or not at_own_step(row):
         return "known", known.reason
     bound = bound_of(row)
@@ -373,8 +374,8 @@ def known_of(row: Row, tags: tuple[str, ...]) -> Known | None:
 
 
 def at_own_step(row: Row) -> bool:
-    """Whether the row was measured at its profile's own step and settings: with others a known failing may
-    be gone."""
+    """Whether the row was measured at its profile's own step and settings; with others a known failing may be
+    gone."""
     entry = ENGINES.get(row.engine)
     own = entry.profiles.get(row.profile) if entry else row.dt
     return own is not None and abs(own - row.dt) < 1e-9 * row.dt

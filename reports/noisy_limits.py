@@ -1,5 +1,5 @@
-"""Verdicts of runs with noisy trackers: laws keep their limits, what follows from the ideal tracker has
-none."""
+"""Verdicts of runs with noisy trackers: physical laws keep their limits; limits that follow from the ideal
+tracker do not apply."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ OF_THE_TRACKER = (
     *("events.", "truth.", "contact.gap", "joint.speed", "posture."),
     "contact.impulse_balance.driven",
 )
-"""Beginnings of metrics whose limits follow from what a scene's ideal tracker does. The audit of driven
-bodies is of first order in how they are jerked; it rejects impulses all the same."""
+"""Prefixes of metrics whose limits follow from a scene's ideal tracker. The audit of driven bodies is of
+first order in their jerks; it still rejects impulses."""
 NOT_IDEAL = "its limit follows from the ideal tracker"
 
 
 def judged(row: Row, tags: tuple[str, ...]) -> Row:
-    """The row with its limit and verdict, whatever its trackers.
+    """The row with its limit and verdict, for any tracker.
 
     With noisy trackers a documented failing excuses a row without a bound, and may be gone.
     """
@@ -44,8 +44,8 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
 
 
 def _of_the_tracker(row: Row) -> bool:
-    """Whether the limit of a metric follows from a tracker. Engines may gain a share of the energy that a
-    tracker asks for; the reference may gain none."""
+    """Whether a metric's limit follows from a tracker. Engines may gain a share of the tracked kinetic
+    energy; the reference may gain none."""
     return row.metric.startswith(OF_THE_TRACKER) or (
         row.metric == "energy.injected" and row.engine != "reference"
     )

@@ -1,11 +1,12 @@
-"""Upper bounds of documented failings: how large each may be before it counts as a new one.
+"""Upper bounds of documented failings; a failing beyond its bound counts as a new one.
 
-`bounds.csv` holds a bound per engine, profile, scene, metric and subject: MARGIN times what was
-measured. After engines or limits have changed, measure again by `touchstone run ... --profile ...` and
+`bounds.csv` holds a bound per engine, profile, scene, metric and subject: MARGIN times the measured value.
+After engines or limits have changed, measure again by `touchstone run ... --profile ...` and
 
     python -m touchstone.reports.known_failures.measure runs/<time>/results.csv ...
 
-which replaces the bounds of what those runs show, and drops those of what is no longer documented.
+which replaces the bounds of the failings in those runs, and removes those of failings that are no longer
+documented.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from touchstone.reports.results import Row, write_beside
 
 FILE = Path(__file__).with_suffix(".csv")
 MARGIN = 1.25
-"""Bound over what was measured [1]: other processors and versions round otherwise."""
+"""Ratio of a bound to the measured value [1]: other processors and versions round differently."""
 UNMEASURED = frozenset({("mujoco", "balls_box")})
-"""Columns, and scenes of an engine, whose failings were not all measured since their metrics changed: there
-one may lack a bound, or be gone, until they are."""
+"""Columns, and scenes of an engine, whose failings were not all measured since their metrics changed. Until
+they are, a failing there may lack a bound, or be gone."""
 KEYS = ("engine", "profile", "scenario", "metric", "subject")
 Key = tuple[str, ...]
 
 
 def key_of(row: Row) -> Key:
-    """What a bound is filed under."""
+    """The key of a row's bound."""
     return (row.engine, row.profile, row.scenario, row.metric, row.subject)
 
 
@@ -62,7 +63,7 @@ def bounded(value: float) -> float:
 
 
 def updated(old: dict[Key, float], rows: Iterable[Row], documented: Iterable[Key]) -> dict[Key, float]:
-    """Bounds after new measurements: those of `documented` rows, as measured or as they were."""
+    """Bounds after new measurements: those of `documented` rows, newly measured or as before."""
     kept = set(documented)
     measured = {key_of(row): bounded(row.value) for row in rows if isfinite(row.value) and row.value}
     return {key: bound for key, bound in sorted((old | measured).items()) if key in kept}

@@ -1,6 +1,6 @@
 """Documented failings of Bullet: one entry per cause.
 
-Figures are those of the scene that a reason names, with what was varied and nothing else.
+Figures are from the scene that a reason names; only the quantity that it names was varied.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A documented failing, and a cause that several scenes share."""
+"""A documented failing, and a cause that is shared by several scenes."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from itertools import chain
 EVERY = "recommended equal-step default accurate"
 """All profiles of DART, Bullet and MuJoCo."""
 NOISY = ", tracker=noisy"
-"""What the profile of a row with noisy trackers has in it; in a cause a profile has `+noisy` for it."""
+"""Suffix of the profile in rows with noisy trackers; a cause writes `+noisy` after the profile instead."""
 Places = Mapping[str, Mapping[str, str]]
-"""Profiles -> metric -> scenes, each with `:subject` where not all are meant; several in one text."""
+"""Profiles -> metric -> scenes; `:subject` after a scene restricts it to one subject. A text may list
+several."""
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """A documented failing of an engine. Strict: where the limit is met after all, the row fails; where it is
-    missed by more than its bound (`known_bounds`), too."""
+    """A documented failing of an engine. It is strict: a row that meets the limit after all fails, and so
+    does a row beyond its bound (`bounds.csv`)."""
 
     metric: str
     engine: str
@@ -30,7 +31,7 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Why an engine fails, once, and where that shows; `never`: where it keeps an event from happening."""
+    """The cause of an engine's failings, and the places where it shows; `never`: it prevents an event."""
 
     engine: str
     reason: str
@@ -38,7 +39,7 @@ class Cause:
     never: Places = field(default_factory=dict)
 
     def known(self) -> Iterator[Known]:
-        """One entry per profile, metric and scene, each with the line that shows it."""
+        """One entry per profile, metric and scene, each with the command that shows it."""
         shown = ((places, False) for places in self.seen.items())
         hidden = ((places, True) for places in self.never.items())
         for (profiles, metrics), never in chain(shown, hidden):

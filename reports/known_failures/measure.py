@@ -33,7 +33,7 @@ def _rows(paths: Iterable[str]) -> Iterator[Row]:
 
 
 def main(paths: list[str]) -> None:
-    """Take the bounds of documented failings from tables of results."""
+    """Update the bounds of documented failings from tables of results."""
     old = read(FILE) if FILE.exists() else {}
     failing = [row for row in _rows(paths) if failing_known(row)]
     now = updated(old, failing, [*map(key_of, failing), *(key for key in old if _documented(key))])

@@ -1,6 +1,6 @@
-"""Documented failings as data, each with its cause and a line that shows it. They are strict.
+"""Table of documented failings, each with its cause and the command that shows it. Failings are strict.
 
-They may be as large as `bounds.csv` says, and no larger.
+Their upper bounds are in `bounds.csv`.
 """
 
 from __future__ import annotations
