@@ -1,1 +1,1 @@
-"""Reads recordings, judges, shows. The top of the stack."""
+"""Reads recordings, judges them and shows the results. The top layer of the stack."""

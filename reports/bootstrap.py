@@ -1,4 +1,4 @@
-"""Ratios of times measured in one run, with bootstrap intervals: all that may be claimed about speed."""
+"""Ratios of times measured in one run, with bootstrap intervals: the only claims about speed."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Ratio:
 
 
 Middle = Callable[..., Any]
-"""`np.median`, or `np.mean` where all that was spent counts: both take an axis."""
+"""`np.median`, or `np.mean` where the total counts: both take an axis."""
 
 
 def time_ratio(ours: Array, theirs: Array, seed: int = 0, middle: Middle = np.median) -> Ratio:
-    """Median of `ours` over that of `theirs`, as far as both go; frames are resampled in pairs, for they
-    share the noise."""
+    """Ratio of the median of `ours` to that of `theirs`, over their common length; frames are resampled in
+    pairs because they share noise."""
     rng = np.random.default_rng(seed)
     count = min(len(ours), len(theirs))
     ours, theirs = ours[:count], theirs[:count]
@@ -48,8 +48,8 @@ def median_interval(sample: Array, seed: int = 0, middle: Middle = np.median) ->
 
 
 def exponent(sizes: Sequence[float], times: Sequence[Array], seed: int = 0) -> tuple[float, float, float]:
-    """Exponent of a power law with its bootstrap interval: the slope of log median time over log size, by
-    least squares; the repetitions of each size, `times`, are resampled."""
+    """Exponent of a power law with its bootstrap interval: the least-squares slope of log median time over
+    log size; the repetitions of each size, `times`, are resampled."""
     rng = np.random.default_rng(seed)
     x = np.log(np.asarray(sizes, dtype=float))
     weights = (x - x.mean()) / np.sum((x - x.mean()) ** 2)

@@ -1,7 +1,7 @@
-"""The libraries that judge a run: without them nothing that they measure gets a verdict.
+"""The libraries that judge a run; without them their metrics get no verdict.
 
 `adapters.oracles` measures overlap and gaps (coal, python-fcl) and postures (pinocchio). All three are core
-dependencies of the project; an installation that lacks one, or where an import fails, gets an error message.
+dependencies of the project. If one is missing or its import fails, the user gets an error message.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ JUDGES = {
     "touchstone.adapters.oracles.overlap": "overlap, gaps and passages",
     "touchstone.adapters.oracles.nearest_posture": "postures",
 }
-"""What each oracle measures."""
+"""Quantity that each oracle measures."""
 
 
 def judge_faults() -> list[str]:
-    """One line per oracle that cannot be imported: what is not judged and why."""
+    """One line per oracle that cannot be imported: the unjudged quantities and the reason."""
     found = []
     for module, measured in JUDGES.items():
         try:
@@ -27,6 +27,6 @@ def judge_faults() -> list[str]:
 
 
 def fault_text(error: ImportError) -> str:
-    """Why a judge is not there, and how to get it, in one line."""
+    """The reason why an oracle is missing and how to install it, in one line."""
     reason = str(error).partition("\n")[0]
     return f"{reason} (pip install --force-reinstall touchstone)"

@@ -1,4 +1,4 @@
-"""Facts of the machine that belong beside every time."""
+"""Facts of the machine that accompany every time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import platform
 
 
 def machine() -> dict[str, str]:
-    """Facts of the machine that belong beside every time."""
+    """Facts of the machine that accompany every time."""
     return {
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",

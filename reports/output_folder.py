@@ -1,4 +1,4 @@
-"""The folder a study writes: whole when all is done, or not there at all."""
+"""The output folder of a study: complete when all is done, or absent."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class OutputError(Exception):
 
 @contextmanager
 def output_folder(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that takes its place at the end."""
+    """A temporary folder beside `out` that is renamed to it at the end."""
     if not out.name or out.name == "..":
         raise OutputError(f"--out {out}: give the folder a name of its own")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):

@@ -1,4 +1,4 @@
-"""The one long table: every result of the project is a flat row of it."""
+"""The long table: every result of the project is one flat row."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ NOT_RUN = ("skipped", MISSING, UNIMPORTABLE)
 """Verdicts of runs that did not take place, and of metrics that do not apply."""
 VERDICTS = ("", "pass", "fail", "known", "error", UNJUDGED, *NOT_RUN)
 """Blank: reported without a limit. `known`: a documented failing. `error`: the engine threw, hung or died.
-`unjudged`: what judges is missing, or a number to compare. `missing`, `unimportable`: the engine is."""
+`unjudged`: an oracle or a number to compare is missing. `missing`, `unimportable`: the engine is."""
 
 
 CONSTRUCTION, UNAUDITED, UNAPPLIED = "construction", "unaudited", "ideal tracker"
-"""What a verdict rests on, where not on a measurement alone: a limit that the method meets by construction
-(angles are clamped, overlap is removed last); impulses that the engine reports and nothing balances. And why
-a row that has a limit otherwise has no verdict: the limit follows from the scene's ideal tracker."""
+"""Basis of a verdict other than a measurement: a limit that the method meets by construction (angles are
+clamped, overlap is removed last); impulses that the engine reports and no audit covers. The third explains a
+missing verdict: the limit follows from the scene's ideal tracker."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
     """One value [SI]. `subject` names a pair, body, stage or the other side of a ratio; `low`, `high` bound
-    an interval; `limit` is what `verdict` was judged by, `basis` what it rests on; `dt` [s]."""
+    an interval; `limit` is the limit behind `verdict`, `basis` the basis of the verdict; `dt` [s]."""
 
     study: str
     scenario: str
@@ -80,12 +80,12 @@ def table(rows: Iterable[Row]) -> pd.DataFrame:
 
 
 def rows_of(frame: pd.DataFrame) -> list[Row]:
-    """A frame's rows, or those of a part of it."""
+    """The rows of a frame or of a part of it."""
     return [Row(**record) for record in frame.to_dict("records")]  # type: ignore[arg-type]
 
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a file next to `path`, then rename it: `path` is whole or absent."""
+    """Call `write` on a temporary file next to `path`, then rename it: `path` is complete or absent."""
     part = path.with_name(f"{path.name}.part")
     try:
         write(part)
@@ -101,6 +101,6 @@ def save(frame: pd.DataFrame, folder: Path) -> None:
 
 
 def save_manifest(folder: Path, facts: Mapping[str, object]) -> None:
-    """Write `manifest.json`: the machine, and what was run on it."""
+    """Write `manifest.json`: the machine and the facts of the run."""
     text = json.dumps({"machine": machine(), **facts}, indent=1)
     write_beside(folder / "manifest.json", lambda part: part.write_text(text))

@@ -1,4 +1,4 @@
-"""What this machine has: engines and their versions, processor, the compile cache and what it cost."""
+"""Facts of this machine: engines and their versions, processor, the compile cache and compile times."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ def package_version(package: str) -> str | None:
 
 
 def imports() -> list[tuple[str, str, str]]:
-    """(engine, status, what happened) of every engine, imported in a child process; the version where that
-    went well. Then the same of what judges."""
+    """(engine, status, message) of every engine and then of every oracle, imported in a child process each;
+    the message is the version if the import succeeded."""
     rows = [(name, one.status, one.text) for name, one in try_imports().items()]
     faults = judge_faults()
     return [*rows, *(("judge", UNJUDGED, fault) for fault in faults)]
 
 
 def engines() -> list[tuple[str, str, str]]:
-    """(engine, version, how to get it) of every engine; the last is empty where it is installed."""
+    """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
     rows = []
     for name, entry in ENGINES.items():
         found = package_version(entry.distribution or entry.package) if installed(name) else None
@@ -38,12 +38,12 @@ def engines() -> list[tuple[str, str, str]]:
 
 
 def libraries() -> list[tuple[str, str]]:
-    """(library, version) of what results depend on."""
+    """(library, version) of the libraries on which results depend."""
     return [(name, package_version(name) or "not installed") for name in LIBRARIES]
 
 
 def compile_facts() -> dict[str, str]:
-    """Where compiled kernels are kept and what compiling them cost; compiles them if not yet done."""
+    """Location of the compiled kernels and their compile time; compiles them if not yet done."""
     from touchstone.adapters.engines.reference.engine import compile_seconds
     from touchstone.reference_impl.core.kernel import CACHE_FOLDER
 

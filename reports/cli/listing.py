@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from touchstone.scenarios.scenario import Scenario, Vector
 
 ARCS_SHOWN = 6
-"""Arcs of a truth that are written out."""
+"""Largest number of arcs of a closed form that are printed."""
 LAWS = {
     "torque_free": "turns freely, by elliptic functions",
     "coupling": "follows its tracker by Eq. 6, solved in closed form",
@@ -33,7 +33,7 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
 
 
 def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
-    """What is done about each effect, and why."""
+    """Whether each effect runs in a scene, and the reason."""
     from touchstone.adapters.motion_bounds import bounds
     from touchstone.scenarios.effects import plan
 
@@ -42,7 +42,7 @@ def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
 
 
 def truth_lines(scenario: Scenario) -> Iterator[str]:
-    """How each body must move, in words and numbers."""
+    """The closed-form motion of each body, in words and numbers."""
     for truth in scenario.truths:
         if truth.law != "arcs":
             yield f"truth {truth.body}: {LAWS[truth.law]}"

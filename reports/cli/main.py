@@ -1,4 +1,5 @@
-"""`touchstone`: the only file that knows every layer. Heavy imports wait until a command needs them."""
+"""`touchstone`: the only module that imports every layer. Heavy imports are deferred until a command needs
+them."""
 
 from __future__ import annotations
 
@@ -46,11 +47,11 @@ app.command()(bench)
 
 
 UsageError: Any = typer.BadParameter.__base__
-"""Of all wrong usage; typer gives no name to it."""
+"""Base class of all usage errors; typer does not export it."""
 
 
 class Listing(StrEnum):
-    """What `list` can list."""
+    """Arguments of `list`."""
 
     scenarios = "scenarios"
     engines = "engines"
@@ -65,7 +66,7 @@ def main() -> None:
         code = app(prog_name="touchstone", standalone_mode=False)
         sys.stdout.flush()
     except UsageError as error:
-        if type(error).__name__ == "NoArgsIsHelpError":  # which has printed the help
+        if type(error).__name__ == "NoArgsIsHelpError":  # it has printed the help
             sys.exit(BAD_INPUT)
         what, context = " ".join(error.format_message().split()), getattr(error, "ctx", None)
         command = context.command_path if context else "touchstone"
@@ -73,7 +74,7 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except OSError as error:
-        # what is still to be printed goes nowhere
+        # Discard the remaining output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if error.errno == errno.EPIPE:
             sys.exit(1)
@@ -157,7 +158,7 @@ def _request(
     dt: str | None,
     out: Path | None,
 ) -> Request:
-    """The request behind the arguments; a wrong one ends the program with a line."""
+    """The request for the arguments; a wrong argument exits with one line."""
     from touchstone.reports.metrics import METRICS
     from touchstone.reports.run.request import DEFAULT_PROFILES, Request
 
@@ -184,7 +185,7 @@ def _scenarios(names: list[str], tag: str, hold_last: bool = False) -> list[Scen
 
 
 def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenario]:
-    """The scenes with the trackers that were asked for; what cannot be ends with a line."""
+    """The scenes with the requested trackers; an impossible request exits with one line."""
     from touchstone.scenarios.avatar.noisy_tracker import TRACKERS, noisy
 
     if known("tracker", tracker, TRACKERS) == TRACKERS[0]:
@@ -197,7 +198,7 @@ def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenar
 
 
 def _held(scenarios: Iterable[Scenario]) -> Iterator[str]:
-    """A line per tracker that holds its last good sample somewhere."""
+    """One line per tracker that holds its last valid sample at some time."""
     for scenario in scenarios:
         for i, tracker in enumerate(scenario.trackers):
             if tracker.held:

@@ -1,4 +1,4 @@
-"""What all commands of `touchstone` share: exit codes, formats, one line for wrong input, progress."""
+"""Shared parts of all commands: exit codes, formats, one-line errors, progress."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from touchstone.reports.cli.progress import Progress
 
 LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, INTERRUPTED = 1, 2, 3, 4, 130
-"""Exit codes. A broken limit and a failed run come before what could not be judged, and that before an engine
-that is missing: a 3 or a 4 says that nothing else went wrong."""
+"""Exit codes. Broken limits and failed runs take precedence over unjudged results, and those over a missing
+engine: 3 or 4 means that nothing else went wrong."""
 
 
 class Format(StrEnum):
@@ -36,13 +36,13 @@ QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress and no t
 
 
 def stop(message: str, code: int) -> NoReturn:
-    """End with one line on standard error."""
+    """Exit with one line on standard error."""
     print(f"touchstone: {message}", file=sys.stderr)
     sys.exit(code)
 
 
 def known(kind: str, name: str, valid: Iterable[str]) -> str:
-    """The name, if valid; else one line with the nearest valid names, exit 2."""
+    """The name, if valid; else exit 2 with one line of the nearest valid names."""
     names = list(valid)
     if name in names:
         return name
@@ -62,7 +62,7 @@ def columns_for(
     names = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
     wanted = [known("profile", name, every) for name in dict.fromkeys(profiles)]
     asked = wanted or list(default)
-    # without names each engine has its profiles in its own order
+    # Without names, each engine uses its profiles in its own order.
     columns = columns_of(names, asked) if asked else tuple((e, p) for e in names for p in ENGINES[e].profiles)
     if not columns:
         stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}", BAD_INPUT)
@@ -70,7 +70,7 @@ def columns_for(
 
 
 def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tuple[str, ...]:
-    """Changed settings ("key=value") for columns of the reference; what it cannot take ends with a line."""
+    """Changed settings ("key=value") for columns of the reference; invalid ones exit with one line."""
     from touchstone.adapters.engines.reference.settings import SETTINGS, Choice, SettingError, changes, split
 
     texts = tuple(wanted)
@@ -90,7 +90,7 @@ def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tu
 
 
 def effects_for(text: str) -> tuple[str, ...] | None:
-    """The effects that were asked for: None for "auto", or names in the order of a plan."""
+    """The requested effects: None for "auto", or names in the order of a plan."""
     from touchstone.scenarios.effects import PLANNED
 
     if text == "auto":
@@ -102,7 +102,7 @@ def effects_for(text: str) -> tuple[str, ...] | None:
 
 
 def printed(frame: pd.DataFrame, output: Format) -> bool:
-    """Print the long table for machines; False where a human asked."""
+    """Print the long table in a machine format; False for the human format."""
     if output is Format.json:
         print(frame.to_json(orient="records", indent=1, double_precision=15))
     elif output is Format.csv:
@@ -111,16 +111,16 @@ def printed(frame: pd.DataFrame, output: Format) -> bool:
 
 
 def folder_of_now(prefix: str = "") -> Path:
-    """Where results go by default: runs/<prefix><time>."""
+    """Default folder of results: runs/<prefix><time>."""
     from datetime import datetime
 
     return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}"
 
 
 def exit_for(verdicts: Iterable[str], by_name: bool) -> None:
-    """End with the exit code that the verdicts call for; `by_name`: engines were asked for by name.
+    """Exit with the code of the verdicts; `by_name`: the user named the engines.
 
-    An engine that is installed but cannot be imported counts as asked for: it was meant to play.
+    An engine that is installed but cannot be imported counts as named: it was meant to play.
     """
     from touchstone.adapters.contract import MISSING, UNIMPORTABLE
     from touchstone.reports.results import UNJUDGED
@@ -144,7 +144,7 @@ def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
 
 
 def require_judge() -> None:
-    """End with a line where the libraries are missing that judge what a study measures."""
+    """Exit with one line if a library is missing that judges a study's measurements."""
     from touchstone.reports.judge import judge_faults
 
     if faults := judge_faults():
@@ -153,7 +153,7 @@ def require_judge() -> None:
 
 @contextmanager
 def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[Progress]:
-    """Progress over a total of steps; what a study refuses, or no disk takes, ends with one line."""
+    """Progress over a total of steps; an input that a study refuses, or a disk error, exits with one line."""
     from touchstone.reports.output_folder import OutputError
 
     refused: tuple[type[Exception], ...] = (OutputError, *refusals)
@@ -172,7 +172,7 @@ def ended(
     quiet: bool,
     by_name: bool = False,
 ) -> None:
-    """Print what was measured, and end with the exit code that its verdicts call for (`exit_for`)."""
+    """Print the measurements, and exit with the code of their verdicts (`exit_for`)."""
     if not printed(frame, output) and not quiet:
         from touchstone.reports.views.terminal import console
 

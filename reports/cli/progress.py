@@ -11,7 +11,7 @@ Progress = Callable[[str, int], None]
 
 @contextmanager
 def bar(total: int) -> Iterator[Progress]:
-    """A bar over `total` frames, with what is being done and the time it took."""
+    """A bar over `total` frames, with the current task and the elapsed time."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
@@ -28,7 +28,7 @@ def bar(total: int) -> Iterator[Progress]:
 
 @contextmanager
 def lines(total: int) -> Iterator[Progress]:
-    """A line whenever something else is being done."""
+    """One line whenever the task changes."""
     seen: set[str] = set()
 
     def step(label: str, frames: int) -> None:

@@ -1,4 +1,4 @@
-"""`touchstone study` and `touchstone bench`: what is measured beside the scenes."""
+"""`touchstone study` and `touchstone bench`: measurements other than runs of scenes."""
 
 from __future__ import annotations
 
