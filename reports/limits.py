@@ -1,5 +1,5 @@
-"""Table of limits: the largest allowed value of a metric, where it applies, and why. Known failings are in
-`known_failures`."""
+"""Table of limits: the largest allowed value of a metric, where, and why. `known_failures` has the
+exceptions."""
 
 from __future__ import annotations
 
@@ -374,8 +374,7 @@ def known_of(row: Row, tags: tuple[str, ...]) -> Known | None:
 
 
 def at_own_step(row: Row) -> bool:
-    """Whether the row was measured at its profile's own step and settings; with others a known failing may be
-    gone."""
+    """Whether the row has its profile's own step and settings; with others a known failing may be gone."""
     entry = ENGINES.get(row.engine)
     own = entry.profiles.get(row.profile) if entry else row.dt
     return own is not None and abs(own - row.dt) < 1e-9 * row.dt

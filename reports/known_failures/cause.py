@@ -11,8 +11,7 @@ EVERY = "recommended equal-step default accurate"
 NOISY = ", tracker=noisy"
 """Suffix of the profile in rows with noisy trackers; a cause writes `+noisy` after the profile instead."""
 Places = Mapping[str, Mapping[str, str]]
-"""Profiles -> metric -> scenes; `:subject` after a scene restricts it to one subject. A text may list
-several."""
+"""Profiles -> metric -> scenes, several in one text; `:subject` restricts a scene to one subject."""
 
 
 @dataclass(frozen=True, slots=True)

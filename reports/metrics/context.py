@@ -63,8 +63,7 @@ def judging() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A row of the METRICS table. `shown` is the unit in tables and its scale: how many of it make one
-    `unit`."""
+    """A row of the METRICS table. `shown` is the unit in tables, and how many of it make one `unit`."""
 
     name: str
     unit: str
@@ -92,8 +91,8 @@ class Evidence:
 
     @cached_property
     def expected_pairs(self) -> dict[tuple[str, str], list[tuple[int, int]]]:
-        """Body pairs (a < b) of each pair of names in the expectations; the root of a driven body represents
-        all of its links."""
+        """Body pairs (a < b) of each pair of names in the expectations; a root stands for all of its
+        links."""
         scenario = self.scenario
         links = {tracker.root: scenario.links(tracker) for tracker in scenario.trackers}
         found = {}
@@ -119,8 +118,7 @@ class Evidence:
 
     @cached_property
     def truths(self) -> dict[int, Motion]:
-        """Closed-form motion per body index at the recording's times; empty where the scene has no closed
-        form."""
+        """Closed-form motion per body index at the recording's times; empty without a closed form."""
         scenario = self.scenario
         return {
             scenario.body_index(t.body): motion(scenario, t, self.recording.time) for t in scenario.truths

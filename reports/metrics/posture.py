@@ -62,8 +62,7 @@ def cone_excess(evidence: Evidence, cone: ReachCone) -> Array:
 
 
 def _outside(bone: Array, center: Array, corners: Array) -> Array:
-    """Angular distances (f,) of directions from a spherical polygon that is star-shaped from its centre
-    [rad]."""
+    """Angles (f,) of directions from a spherical polygon that is star-shaped from its centre [rad]."""
     after = np.roll(corners, -1, axis=0)
     normals = np.cross(corners, after)
     normals /= np.linalg.norm(normals, axis=1)[:, None]

@@ -13,8 +13,7 @@ from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.scenario import Tracker
 
 FRAMES = 6
-"""Number of pressed frames, spread evenly, whose best posture is searched for, 0.2 s each. Twelve change the
-result by 0.2 %."""
+"""Number of evenly spread pressed frames to optimise, 0.2 s each. Twelve change the result by 0.2 %."""
 
 
 def posture_deviation(evidence: Evidence) -> Values:

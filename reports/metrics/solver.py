@@ -1,5 +1,5 @@
-"""Metrics of what an engine's solver reports as unresolved, 0 where all was resolved. Only the reference
-reports it."""
+"""Metrics of the quantities that a solver reports as unresolved, 0 if none. Only the reference reports
+them."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ UNRESOLVED = (*RESIDUAL_COUNTERS, "dropped_time", "parted_energy")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A displayed frame, counted from 1 (0 is the initial state), and the names of a pair of bodies, if
-    known."""
+    """A displayed frame, counted from 1 (0 is the initial state), and the names of a pair, if known."""
 
     frame: int
     pair: tuple[str, str] | None
@@ -80,8 +79,7 @@ def worst_place(evidence: Evidence, *counters: str) -> Place:
 
 
 def _told(evidence: Evidence, *counters: str, total: bool = True) -> Values:
-    """The sum of counters over all frames, or the largest of a frame; a value other than zero has its worst
-    place."""
+    """The sum of counters over all frames, or the largest of a frame; with the worst place if not zero."""
     frames = _per_frame(evidence, *counters)
     value = float(frames.sum() if total else frames.max(initial=0.0))
     return {"": Value(value, f"most in {worst_place(evidence, *counters)}") if value else value}

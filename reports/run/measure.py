@@ -66,7 +66,7 @@ def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list
 
 
 def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
-    """Adds the verdicts on events by the scene's expectations."""
+    """Add the verdicts on events by the scene's expectations."""
     windows = {(f"events.{event}", subject): e for (event, subject), e in subjects(scenario).items()}
     found = []
     for row in rows:
@@ -88,8 +88,8 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
 
 
 def _audited(rows: list[Row], evidence: Evidence) -> list[Row]:
-    """Rejects impulse metrics where the impulses do not balance the motion, or where the balance is unknown.
-    Marks metrics that use impulses on driven bodies which no audit covers."""
+    """Reject impulse metrics where the impulses do not balance the motion, or where the balance is unknown.
+    Mark metrics that use impulses on driven bodies which no audit covers."""
     rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
     rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
     audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}

@@ -21,8 +21,8 @@ from touchstone.reports.cli.progress import Progress
 
 
 class Stretch(NamedTuple):
-    """Queries `first` to `end` - 1, passed together: the frames of a motion with `frame` queries each, or
-    unrelated queries (0)."""
+    """Queries `first` to `end` - 1, passed together: frames of `frame` queries each, or unrelated ones
+    (0)."""
 
     first: int
     end: int

@@ -78,8 +78,7 @@ def _vertices(points: Array) -> tuple[tuple[float, float, float], ...]:
 
 
 def _subdivided(points: Array) -> Array:
-    """The vertices of a convex polyhedron on the unit sphere, and its edges' midpoints projected onto the
-    sphere."""
+    """The vertices of a convex polyhedron on the unit sphere, and its edge midpoints projected onto it."""
     simplices = ConvexHull(points).simplices
     edges = {tuple(sorted((int(s[i]), int(s[j])))) for s in simplices for i, j in ((0, 1), (1, 2), (2, 0))}
     finer = np.vstack([points, [points[i] + points[j] for i, j in sorted(edges)]])
@@ -169,7 +168,7 @@ def face_face(rng: np.random.Generator, shapes: Shapes) -> Pair:
 
 
 def edge_edge(rng: np.random.Generator, shapes: Shapes) -> Pair:
-    """Square bars with parallel edges in contact, 0.1 mm to 0.1 m deep or apart: two faces are equally
+    """Square bars with parallel edges in contact, 0.1 mm to 0.1 m deep or apart; two faces are equally
     deep."""
     half_a, half_b = np.array(_axes(rng)), np.array(_axes(rng))
     half_a[1], half_b[1] = half_a[0], half_b[0]

@@ -27,8 +27,8 @@ class Topic:
 
 
 SAME_SHARE = 0.02
-"""Relative difference within which two times or figures are equal [1]: medians of one run repeat to about
-it."""
+"""Relative difference within which two values are equal [1]: about the repeatability of medians in one
+run."""
 TOPICS = (
     # Overlap removal ends at 1e-6 m; the rest is rounding over some hundred frames.
     Topic("overlap", {"overlap.max": 1e-6, "overlap.tunnelled": 0.5, "contact.gap": 1e-6}),
@@ -71,8 +71,7 @@ class Line:
 
     @property
     def outlier(self) -> str:
-        """The engine farthest from the median of the others (times by their ratio); of two, the one farther
-        from the truth."""
+        """The engine farthest from the median of the others (times by ratio); of two, from the truth."""
         values = self.values
         if len(values) == 2:
             return max(values, key=lambda engine: abs(values[engine]))
@@ -212,8 +211,7 @@ def _add_gaps(gaps: dict[str, list[str]], line: Line, rows: list[Row]) -> None:
 
 
 def command(request: Request, line: Line) -> str:
-    """The command that reproduces a line's worst value; for a time, with the engine whose time was
-    shortest."""
+    """The command that reproduces a line's worst value; for a time, also the shortest one."""
     engines = [line.worst]
     if line.metric.startswith("time."):
         engines = [line.nearest[0], line.worst]

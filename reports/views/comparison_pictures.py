@@ -97,7 +97,7 @@ def _legend(figure: Figure, own: Columns) -> None:
 
 
 def _over_time(figure: Figure, request: Request, results: Results, section: Section) -> None:
-    """Draws the first metric of a topic in which engines differ over time; draws dots for metrics without a
+    """Draw the first metric of a topic in which engines differ over time. Draw dots for metrics without a
     time series and, if there are many scenes, for those outside the gallery."""
     metric = next(metric for metric in section.topic.same if any(x.metric == metric for x in section.lines))
     lines = [line for line in section.lines if line.metric == metric]
@@ -132,7 +132,7 @@ def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
 
 
 def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
-    """Draws one scene over time up to `top` [SI], with its limits as dashes."""
+    """Draw one scene over time up to `top` [SI], with its limits as dashes."""
     floor, scale = line.same * BELOW, _scale(line.metric)
     courses = _courses(line, results)
     for engine, row in line.rows.items():
@@ -153,8 +153,7 @@ def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
 
 
 def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> None:
-    """Draws a row per line with a marker per engine, side by side where they coincide, and a tick at its
-    limit."""
+    """Draw a row per line, a marker per engine, side by side where they coincide, and a tick at the limit."""
     for k, line in enumerate(lines):
         axes.axhspan(k - 0.5, k + 0.5, color="#f6f6f6" if k % 2 else "white", zorder=0)
         for engine, row in line.rows.items():
@@ -168,7 +167,7 @@ def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> N
 
 
 def _decades(axis: Axis, floor: float, top: float) -> None:
-    """Sets ticks at decades, at most eight; the lowest is labelled 0."""
+    """Set ticks at decades, at most eight; the lowest is labelled 0."""
     low, high = round(log10(floor)), ceil(log10(top))
     step = max(1, ceil((high - low) / 8))
     axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 1, step)]))
@@ -190,7 +189,7 @@ def _scale(metric: str) -> float:
 
 
 def _friction(figure: Figure, request: Request, results: Results, section: Section) -> None:
-    """Draws the excess over the cone, and the share of mu j_n in sliding contacts."""
+    """Draw the excess over the cone, and the share of mu j_n in sliding contacts."""
     by_kind = [[line for line in section.lines if line.metric == metric] for metric, *_ in FRICTION]
     most = max(map(len, by_kind))
     figure.set_size_inches(WIDTH, 1.6 + DOT * (most + 2))
@@ -212,8 +211,7 @@ def _friction(figure: Figure, request: Request, results: Results, section: Secti
 
 
 def _timing(figure: Figure, request: Request, results: Results, section: Section) -> None:
-    """Draws frame times per scene and engine: median, quartiles, 5 to 95 %, maximum; with a table of
-    ratios."""
+    """Draw frame times per scene and engine: median, quartiles, 5 to 95 %, maximum; with a ratio table."""
     own = columns(results)
     scenes = list(dict.fromkeys(line.scenario for line in section.lines))
     figure.set_size_inches(WIDTH, 1.8 + 0.46 * (len(scenes) + 1))
@@ -247,7 +245,7 @@ def _spread(axes: Axes, times: Array, y: float, engine: str) -> None:
 
 
 def _ratio_table(axes: Axes, results: Results, scenes: list[str], own: Columns) -> None:
-    """Adds the table of the reference's median over each engine's, with its interval."""
+    """Add the table of the reference's median over each engine's, with its interval."""
     ratios = rows_of(results.frame[results.frame.metric == "ratio.time"])
     found = {
         (row.scenario, row.subject): row for row in ratios if row.profile == own.get(REFERENCE, row).profile

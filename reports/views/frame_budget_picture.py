@@ -19,8 +19,7 @@ from touchstone.reports.views.pictures import INK, PALE
 
 COLUMNS = 2
 STAGES = (("collision", "#0072B2"), ("removal", "#D55E00"), ("impulses", "#009E73"), ("other", "#c9c9c9"))
-"""Colours of Okabe and Ito, which colour-blind readers can distinguish; `removal` is overlap removal with
-inverse kinematics."""
+"""Colours of Okabe and Ito, safe for colour-blind readers; `removal` includes inverse kinematics."""
 NAMES = {"removal": "overlap removal and IK", "other": "all else"}
 ITERATIONS, CONTACTS = "#e3b489", "#0072B2"
 HEADROOM, CUT = 1.5, 97.0

@@ -33,8 +33,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """All scenes. `totals` holds per column the numbers that TOTALS names; `remarks` the lines below the
-    table."""
+    """All scenes. `totals` holds the numbers that TOTALS names, per column; `remarks` are lines of text."""
 
     heads: list[tuple[str, str, str]]
     sections: list[Section]
@@ -46,8 +45,7 @@ TOTALS = (
     *("limits", "met", "by construction", "known", "causes", "unjudged", "broken", "errors"),
     *("not applicable", "not run"),
 )
-"""Limits are counted per metric and scene; causes are those of the known failings; errors count failed
-runs."""
+"""Limits count per metric and scene; causes are those of the known failings; errors are failed runs."""
 
 
 def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> Overview:
@@ -154,8 +152,7 @@ def _not_applicable(counts: Iterable[Mapping[Column, Count]]) -> list[str]:
 
 
 def _remarks(rows: list[Row]) -> list[str]:
-    """Broken limits, skipped runs and known failings: each reason once per engine, with the figures it
-    explains."""
+    """Broken limits, skipped runs and known failings: each reason once per engine, with its figures."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row.verdict in BAD or row.verdict == UNJUDGED or (row.verdict in NOT_RUN and row.metric == "run"):

@@ -112,8 +112,7 @@ def _draw(axes: Axes, point: Point) -> None:
 
 
 def _label(axes: Axes, points: list[Point]) -> None:
-    """Places every name beside its marker, at the one of eight places that covers the fewest bars, markers
-    and names."""
+    """Place every name beside its marker, at the one of eight places that covers the least."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
 
     def across(time: float) -> float:
@@ -261,7 +260,7 @@ def _frictions(frame: pd.DataFrame) -> Ranges:
 
 
 def _draw_ranges(axes: Axes, found: Ranges, engine: str, profile: str, filled: bool, shift: float) -> None:
-    """Draws median and range of each list; filled markers a little to the left, hollow ones to the right."""
+    """Draw median and range of each list; filled markers a little to the left, hollow ones to the right."""
     colour, places = color_of(engine), sorted(found)
     x = np.array(places) + (-shift if filled else shift)
     low, high = [min(found[place]) for place in places], [max(found[place]) for place in places]

@@ -47,8 +47,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A table: headings of the columns (engine, profile, step), and rows of (metric, subject, unit,
-    cells)."""
+    """A table: column headings (engine, profile, step), and rows of (metric, subject, unit, cells)."""
 
     heads: list[tuple[str, str, str]]
     rows: list[tuple[str, str, str, list[Cell]]]

@@ -158,8 +158,8 @@ def ratio_rows(scene: pd.DataFrame) -> list[list[str]]:
 
 
 def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -> list[str]:
-    """Broken limits, failed and skipped runs, and known failings of the `shown` columns (or of all), each
-    with its reason."""
+    """Broken limits, failed and skipped runs, known failings of the `shown` columns (or of all), with
+    reasons."""
     lines = []
     for row in rows_of(scene[scene.verdict.isin(["fail", "error", "known"])]):
         if row.verdict == "known" and shown and (row.engine, row.profile) not in shown:

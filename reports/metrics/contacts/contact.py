@@ -19,11 +19,9 @@ DRIVEN_AUDIT_LIMIT = 0.1
 steps (`ball_snip`); half the impulse would be 0.5."""
 UNDRIVEN = "the engine poses its driven bodies itself: no drive to balance"
 UNTOUCHED = 1e-9
-"""Change of velocity over |v| + g T, both at their largest, below which only rounding changed the velocity
-[1]."""
+"""Change of velocity over |v| + g T, both at their largest, below which it is rounding [1]."""
 BOUNCE_SPEED = 1.0
-"""Least approach speed at which a bounce is judged [m/s]; below it, engines and method fade restitution
-out."""
+"""Least approach speed of a judged bounce [m/s]; below it, engines and method fade restitution out."""
 
 TURNED = 1e-6
 """Sine of the angle by which a normal may turn during an impact along it [1]: rounding of the oracle."""
@@ -81,8 +79,7 @@ def impulse_balance_driven(evidence: Evidence) -> Values:
 
 
 def driven_pairs(evidence: Evidence) -> set[str]:
-    """Pairs with a driven body, or of two of its links, whose contacts press; links have their root's
-    name."""
+    """Pairs with a driven body, or of two of its links, that press; links have their root's name."""
     rows = evidence.recording.contacts
     driven = np.array([kind == "driven" for kind in evidence.kind])
     pressing = evidence.impulses[0] > 0
@@ -125,8 +122,7 @@ def _judged(evidence: Evidence) -> list[tuple[str, Bounce, float]]:
 
 
 def _central(evidence: Evidence, a: int, b: int) -> bool:
-    """Whether impacts pass through the centres of the moving bodies, along a line that keeps its
-    direction."""
+    """Whether impacts pass through the centres of the moving bodies, along a fixed direction."""
     moving = [evidence.scenario.bodies[k] for k in (a, b) if evidence.kind[k] != "fixed"]
     normal = evidence.distances.normal[a, b]
     turned = np.linalg.norm(np.cross(normal, normal[0]), axis=1).max()
@@ -184,8 +180,7 @@ def at_distance(evidence: Evidence) -> Values:
 
 
 def _ends(evidence: Evidence) -> tuple[Mask, Mask]:
-    """Per contact row, whether it is the first and whether it is the last of its frame for both of its
-    bodies."""
+    """Per contact row, whether it is the first and whether the last of its frame for both bodies."""
     rows, frame = evidence.recording.contacts, evidence.contact_frame
     frames, bodies = len(evidence.recording.time), len(evidence.scenario.bodies)
     moving = np.array(evidence.kind) != "fixed"

@@ -1,5 +1,4 @@
-"""Violations of Coulomb's law per contact; the engine reports the impulses, velocities and normals are
-audited."""
+"""Violations of Coulomb's law per contact, from reported impulses and audited velocities and normals."""
 
 from __future__ import annotations
 

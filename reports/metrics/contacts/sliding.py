@@ -156,8 +156,8 @@ def _rests(arc: Arc) -> bool:
 
 
 def _flat(evidence: Evidence) -> list[tuple[str, int, Array]]:
-    """Name, index and the support's normal of bodies that lie on a fixed box and, in closed form, never turn
-    or leave it."""
+    """Name, index and support normal of bodies that lie on a fixed box and never turn or leave it by
+    truth."""
     found = []
     d = evidence.distances
     for name, body, arcs in _paths(evidence):
@@ -174,8 +174,7 @@ def _flat(evidence: Evidence) -> list[tuple[str, int, Array]]:
 
 
 def _face(evidence: Evidence, body: int, near: Array) -> Array:
-    """The axis of a box nearest to a direction; for touching faces the oracle's normal is accurate to 1e-3
-    only."""
+    """The axis of a box nearest to a direction; the oracle's normal of touching faces is good to 1e-3."""
     turned = Rotation.from_quat(evidence.recording.orientation[0, body], scalar_first=True)
     piece = Rotation.from_quat(evidence.scenario.bodies[body].pieces[0].orientation, scalar_first=True)
     axes = (turned * piece).as_matrix()

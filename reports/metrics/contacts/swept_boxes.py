@@ -136,7 +136,7 @@ class Pair:
 
     @cached_property
     def _axes(self) -> int | None:
-        """The body in whose axes normals are given: the one that turns less and is not a ball; None for world
+        """The body in whose axes normals are given: the one that turns less and is no ball; None: world
         axes."""
         sided = [body for body, piece in zip(self.bodies, self.pieces) if not isinstance(piece.shape, Sphere)]
         turned = {body: np.linalg.norm(self.motions.turn[:, body], axis=1).sum() for body in sided}

@@ -20,8 +20,7 @@ from touchstone.reports.metrics.context import Evidence
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 LARGE_TURN = 1.0
-"""Turn within a frame from which a piece is bounded by a ball [rad]: extents at the ends of the turn are not
-enough."""
+"""Turn within a frame from which a ball bounds a piece [rad]: extents at the turn's ends are not enough."""
 
 
 class SweptPairs:
@@ -68,7 +67,7 @@ class SweptPairs:
                     yield Pair(self._motions, a, one, b, two), steps
 
     def _nearest(self, p: int, others: NDArray[np.int64]) -> Array:
-        """Distance between the bounding balls of pieces on their chords, per step and other piece (f - 1, o)
+        """Distance between the bounding balls of pieces on chords, per step and other piece (f - 1, o)
         [m]."""
         apart = self._center[:, others] - self._center[:, [p]]
         start, way = apart[:-1], np.diff(apart, axis=0)
@@ -156,8 +155,7 @@ def _extents(shape: Shape, turned: Array) -> tuple[Array, Array]:
 
 
 def _segment_meets_box(start: Array, way: Array, half: Array) -> NDArray[np.bool_]:
-    """Whether segments from `start` to `start + way` (n, 3) meet boxes of half sides (n, 3) round the
-    origin."""
+    """Whether segments from `start` along `way` (n, 3) meet boxes of half sides (n, 3) at the origin."""
     with np.errstate(divide="ignore", invalid="ignore"):
         one, two = (-half - start) / way, (half - start) / way
     inside = np.abs(start) <= half

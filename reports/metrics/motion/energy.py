@@ -12,8 +12,7 @@ from touchstone.reports.metrics.posture import limit_excess
 STORING = 1e-4
 """Overlap from which a soft contact may store elastic energy beyond rounding [m]."""
 STORING_ANGLE = 1e-3
-"""Excess over a joint's limit from which a soft limit may store elastic energy [rad]: 1e-4 m at the end of a
-hand."""
+"""Excess over a joint's limit from which a soft limit may do so [rad]: 1e-4 m at the end of a hand."""
 
 
 def energy_gain(evidence: Evidence) -> Values:
@@ -104,8 +103,7 @@ def energy_ledger(evidence: Evidence) -> Values:
 
 
 def _stores(evidence: Evidence, bodies: list[int]) -> Array:
-    """Mask of the frames in which a body overlaps by more than STORING, so that a soft contact stores
-    energy."""
+    """Mask of the frames in which a body overlaps by more than STORING: a soft contact stores energy."""
     stores = np.zeros(len(evidence.recording.time), dtype=bool)
     for (a, b), distance in evidence.distances.distance.items():
         if a in bodies or b in bodies:

@@ -54,8 +54,7 @@ def rotation_flip(evidence: Evidence) -> Values:
 
 
 def _flips_seen(evidence: Evidence, body: int) -> np.ndarray:
-    """Times of the zeros of the rate about the axis of the middle moment of inertia, between frames by
-    Euler's equations."""
+    """Times at which the rate about the middle axis is zero, between frames by Euler's equations."""
     inertia = np.array(evidence.scenario.bodies[body].inertia)
     moments, axes = np.linalg.eigh(inertia)
     turned = Rotation.from_quat(evidence.recording.orientation[:, body], scalar_first=True)

@@ -18,16 +18,14 @@ _OVER_TIME: dict[str, Callable[[Evidence], dict[str, Array]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Per metric and subject the values over which the metric takes its largest, one per frame (f,) at `time`
-    (f,) [s]."""
+    """Per metric and subject, the values (f,) at `time` (f,) [s] of which the metric reports the largest."""
 
     time: Array
     values: dict[tuple[str, str], Array]
 
 
 def course(evidence: Evidence) -> Course:
-    """Time series of `overlap.max` [m] and `energy.injected` [J]; a metric that cannot be measured is left
-    out."""
+    """Time series of `overlap.max` [m] and `energy.injected` [J], without metrics that cannot be measured."""
     found: dict[tuple[str, str], Array] = {}
     for metric, measure in _OVER_TIME.items():
         try:

@@ -39,8 +39,7 @@ LADDER = tuple(1 / (120 * 2**k) for k in range(5))
 ROUNDING = 1e-9
 """Change or error below which rounding of some ten thousand steps dominates, not discretisation [1, rad]."""
 FALLS = 0.5
-"""Share of the error left at the smallest step above which the error does not converge [1]; order 1 leaves
-1/16."""
+"""Share of the error left at the smallest step above which it does not converge [1]; order 1 leaves 1/16."""
 LEAST_ORDER = 0.5
 """Least order of an extrapolation [1]: none where the order's interval reaches below it."""
 CONFIDENCE = 0.95
@@ -225,8 +224,8 @@ def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, qua
 
 
 def order_of(dt: Array, changes: Array) -> tuple[float, float, float]:
-    """Slope of log change over log step with its interval (Student's t); NaN where fewer than three changes
-    exceed rounding."""
+    """Slope of log change over log step with its interval (Student's t); NaN below three changes above
+    rounding."""
     kept = changes > ROUNDING
     if kept.sum() < 3:
         return float("nan"), float("nan"), float("nan")
@@ -236,8 +235,7 @@ def order_of(dt: Array, changes: Array) -> tuple[float, float, float]:
 
 
 def _outlier(base: Row, played: Mapping[str, Mapping[float, Course]], quantity: str) -> list[Row]:
-    """The engine that is farthest from the nearest of the others at its own step; needs three engines or
-    more."""
+    """The engine farthest from the nearest of the others at its own step; of three or more."""
     own = {engine: paths[ENGINES[engine].profiles[own_profile(engine)]] for engine, paths in played.items()}
     if len(own) < 3:
         return []

@@ -29,8 +29,7 @@ CELLS = {
 
 
 def savings(frame: pd.DataFrame, path: Path) -> None:
-    """Draw savings per scene and engine with their intervals, beside a grid of effects toggled one at a
-    time."""
+    """Draw savings per scene and engine with their intervals, beside a grid of single toggled effects."""
     rows = {(r.scenario, r.engine, r.metric, r.subject): r for r in rows_of(frame)}
     scenes = list(dict.fromkeys(key[0] for key in rows if key[2] == "time.saved" and key[3] == ALL))
     engines = list(dict.fromkeys(key[1] for key in rows if key[2] == "time.saved"))
