@@ -156,8 +156,7 @@ def _rests(arc: Arc) -> bool:
 
 
 def _flat(evidence: Evidence) -> list[tuple[str, int, Array]]:
-    """Name, index and support normal of bodies that lie on a fixed box and never turn or leave it by
-    truth."""
+    """Name, index and support normal of bodies that lie on a fixed box and should never turn or leave it."""
     found = []
     d = evidence.distances
     for name, body, arcs in _paths(evidence):

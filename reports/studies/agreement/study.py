@@ -224,8 +224,8 @@ def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, qua
 
 
 def order_of(dt: Array, changes: Array) -> tuple[float, float, float]:
-    """Slope of log change over log step with its interval (Student's t); NaN below three changes above
-    rounding."""
+    """Slope of log change over log step with its interval (Student's t); NaN if fewer than three changes
+    exceed rounding."""
     kept = changes > ROUNDING
     if kept.sum() < 3:
         return float("nan"), float("nan"), float("nan")
