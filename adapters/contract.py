@@ -23,7 +23,7 @@ from touchstone.scenarios.scenario import Scenario
 Array = NDArray[np.float64]
 Scalar = str | int | float | bool
 
-CONTACT_CAPACITY = 32_768
+CONTACT_CAPACITY = 65_536
 """Maximum number of contact points per step; overflow raises an error instead of dropping points."""
 
 DRIVES = ("native", "torque", "posed")

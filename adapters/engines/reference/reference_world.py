@@ -19,7 +19,7 @@ from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
-CONTACT_CAPACITY = 32_768
+CONTACT_CAPACITY = 65_536
 PAIRS_PER_PIECE = 32
 """Pair capacity per piece in large scenes: a sphere among equal spheres has 12 neighbours, which count at the
 start and again at the end of a substep."""
