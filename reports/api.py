@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES
+from touchstone.reports.names import checked
 from touchstone.reports.run.request import DEFAULT_PROFILES, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
 from touchstone.scenarios.catalogue import catalogue
@@ -18,8 +18,8 @@ from touchstone.scenarios.scenario import Scenario
 
 def run(
     scenes: str | Scenario | Iterable[str | Scenario],
-    engines: Sequence[str] | None = None,
-    profiles: Sequence[str] | None = None,
+    engines: str | Iterable[str] | None = None,
+    profiles: str | Iterable[str] | None = None,
     dt: float | None = None,
     out: str | Path | None = None,
 ) -> Results:
@@ -27,8 +27,9 @@ def run(
 
     Args:
         scenes: names of the catalogue or scenarios of your own; one, or several.
-        engines: names; None: all. One that is not installed gives a row that says so.
-        profiles: names; None: `balanced`, `recommended` and `equal-step`, each on the engines that have it.
+        engines: one name or several; None: all. One that is not installed gives a row that says so.
+        profiles: one name or several; None: `balanced`, `recommended` and `equal-step`, each on the engines
+            that have it.
         dt: native step of all engines [s]; None: that of each profile.
         out: new folder that keeps table, recordings, report and pictures; None: nothing is kept on disk.
     Returns:
@@ -38,11 +39,14 @@ def run(
     """
     chosen = [scenes] if isinstance(scenes, (str, Scenario)) else list(scenes)
     scenarios = tuple(
-        one if isinstance(one, Scenario) else catalogue()[_known("scene", one, catalogue())] for one in chosen
+        one if isinstance(one, Scenario) else catalogue()[checked("scene", one, catalogue())]
+        for one in chosen
     )
-    names = [_known("engine", name, ENGINES) for name in engines or ENGINES]
+    if not scenarios or len({scenario.name for scenario in scenarios}) < len(scenarios):
+        raise ValueError("scenes: expected one or more, each with a name of its own")
+    names = [checked("engine", name, ENGINES) for name in _several(engines) or ENGINES]
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
-    wanted = [_known("profile", name, every) for name in profiles or DEFAULT_PROFILES]
+    wanted = [checked("profile", name, every) for name in _several(profiles) or DEFAULT_PROFILES]
     columns = columns_of(names, wanted)
     if not columns:
         raise ValueError(f"no engine of {', '.join(names)} has a profile of {', '.join(wanted)}")
@@ -56,11 +60,6 @@ def run(
         return run_study(request, lambda label, frames: None)
 
 
-def _known(kind: str, name: str, valid: Iterable[str]) -> str:
-    """The name, if it is valid."""
-    names = list(valid)
-    if name in names:
-        return name
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-    raise ValueError(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})")
+def _several(names: str | Iterable[str] | None) -> list[str]:
+    """Names without repetition; a single one may be given as such."""
+    return list(dict.fromkeys([names] if isinstance(names, str) else names or ()))

@@ -72,11 +72,14 @@ def test_a_saved_run_is_loaded_again(tmp_path: Path):
             {"scenes": "fall", "engines": ["mujoco"], "profiles": ["paper"]},
             r"no engine of mujoco has",
         ),
+        ({"scenes": []}, r"expected one or more"),
+        ({"scenes": ["fall", "fall"]}, r"each with a name of its own"),
+        ({"scenes": "fall", "engines": "mujco"}, r"unknown engine 'mujco'"),
         ({"scenes": "fall", "dt": 0.013}, r"does not divide the frame"),
         ({"scenes": "fall", "dt": float("nan")}, r"is no step"),
     ],
 )
 def test_wrong_input_names_what_is_valid(arguments: dict, message: str):
-    """A wrong name or step is one line that tells what is valid."""
+    """A wrong name or step gives one line that names the valid choices."""
     with pytest.raises(ValueError, match=message):
         touchstone.run(**arguments)

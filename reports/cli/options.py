@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+
+from touchstone.reports.names import checked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,12 +44,10 @@ def stop(message: str, code: int) -> NoReturn:
 
 def known(kind: str, name: str, valid: Iterable[str]) -> str:
     """The name, if valid; else exit 2 with one line of the nearest valid names."""
-    names = list(valid)
-    if name in names:
-        return name
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    hint = f"; did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
-    stop(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})", BAD_INPUT)
+    try:
+        return checked(kind, name, valid)
+    except ValueError as error:
+        stop(str(error), BAD_INPUT)
 
 
 def columns_for(

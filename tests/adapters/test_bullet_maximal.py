@@ -30,7 +30,7 @@ def end(scenario: Scenario, profile: str, steps: int) -> tuple[np.ndarray, np.nd
 
 @pytest.mark.parametrize(("name", "steps"), [("collide_slips", 120), ("slip", 240), ("stack", 120)])
 def test_both_representations_agree(name: str, steps: int) -> None:
-    """Play collisions, rolling and resting faces alike: same contacts, bodies within 0.1 mm."""
+    """Play collisions, rolling and resting faces as `recommended` does: equal contacts, 0.1 mm."""
     scenario = catalogue()[name]
     reduced, maximal = (end(scenario, profile, steps) for profile in ("recommended", "maximal"))
     assert reduced[2] == maximal[2]

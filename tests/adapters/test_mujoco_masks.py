@@ -38,7 +38,7 @@ def build(scenario: Scenario):
 
 
 def steps(scenario: Scenario, count: int) -> Iterator[tuple]:
-    """The state after each step, and everything about its contacts that the solver is told."""
+    """The state after each step, and every field of its contacts that the solver reads."""
     world = build(scenario)
     model, data = world._model, world._data
     for step in range(count):

@@ -20,7 +20,7 @@ TAGS = ("gallery",)
 
 
 def test_the_label_tells_the_tracker():
-    """Rows and files of noisy trackers are told from others as those of another drive are."""
+    """The label of rows and files names noisy trackers, as it names another drive."""
     assert Settings("balanced", 1 / 60, tracker="noisy").label == LABEL
     both = Settings("recommended", 1 / 240, drive="torque", tracker="noisy").label
     assert both == "recommended, drive=torque, tracker=noisy"

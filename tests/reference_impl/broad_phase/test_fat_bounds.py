@@ -1,4 +1,4 @@
-"""Rooms: what keeps to its room can meet nothing, and what leaves it is looked at again."""
+"""Fat bounds: pieces inside them touch nothing; a piece that leaves them is detected again."""
 
 from __future__ import annotations
 
