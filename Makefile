@@ -5,7 +5,7 @@ READY := .venv/.ready
 # two workers: the tests of a scene run on one of them, and both share what was played
 PYTEST := $(BIN)/python -m pytest -n 2
 
-.PHONY: run test test-all check clean
+.PHONY: run test test-all check docs clean
 
 run: $(READY)
 	$(BIN)/touchstone run $(ARGS)
@@ -16,11 +16,15 @@ test: $(READY)
 test-all: $(READY)
 	$(PYTEST) -m "slow or not slow"
 
-check: $(READY)
+check: $(READY) docs
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# warnings are errors
+docs: $(READY)
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs build/docs
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
