@@ -1,86 +1,66 @@
-"""Registry of the engines: implementing class (imported on demand), required package and profiles."""
+"""Registry of the engines: implementing class (imported on demand), required package and profiles.
+
+Engines are declared by entry points of the group `touchstone.engines`, ours too. Ours are listed here as
+well, so that a source tree that is not installed has them, and no other package replaces one of them.
+"""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Settings, Unsupported
+from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, ENGINES, MAXIMAL, RECOMMENDED, Entry
+from touchstone.adapters.engines.plugin import declared, distribution_of, entry_declared, entry_of
 
+__all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "Entry"]
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """What the project needs to know of an engine; no other table names engines.
-
-    Attributes:
-        implementation: "module:Class".
-        package: what must be importable.
-        profiles: native step [s] of each profile.
-        distribution: what is installed, where it is not called like the package.
-        color, marker: of the engine in pictures, as matplotlib writes them.
-        rounding: what the engine stores in lower precision; "" if nothing.
-
-    Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
-    the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one
-    step for all engines; `default` keeps all defaults; `accurate` uses options of its documentation that
-    improve Newton's and Coulomb's laws, as `touchstone study calibration` measures. Adapters cite the sources
-    of their settings. `maximal` is Bullet with free balls and boxes in maximal coordinates: faster, with
-    different results.
-    """
-
-    implementation: str
-    package: str
-    profiles: Mapping[str, float]
-    distribution: str = ""
-    color: str = "#666666"
-    marker: str = "P"
-    rounding: str = ""
-
-
-EQUAL_STEP = 1 / 240
-RECOMMENDED, DEFAULT, ACCURATE, MAXIMAL = "recommended", "default", "accurate", "maximal"
-ENGINES: dict[str, Entry] = {
-    "reference": Entry(
-        "touchstone.adapters.engines.reference.engine:ReferenceEngine",
-        "numba",
-        {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60},
-        distribution="touchstone",
-        color="#000000",
-        marker="o",
-    ),
-    "dart": Entry(
-        "touchstone.adapters.engines.dart.engine:DartEngine",
-        "dartpy",
-        {RECOMMENDED: 1 / 1020, "equal-step": EQUAL_STEP, DEFAULT: 1 / 1020, ACCURATE: 1 / 1020},
-        color="#AA4499",
-        marker="^",
-        rounding="vertices of hulls in single precision",
-    ),
-    "bullet": Entry(
-        "touchstone.adapters.engines.bullet.engine:BulletEngine",
-        "pybullet",
-        {
-            RECOMMENDED: 1 / 240,
-            "equal-step": EQUAL_STEP,
-            DEFAULT: 1 / 240,
-            ACCURATE: 1 / 960,
-            MAXIMAL: 1 / 240,
-        },
-        color="#B8860B",
-        marker="s",
-        rounding="corners of hulls rounded to about 1e-4 of their size",
-    ),
-    "mujoco": Entry(
-        "touchstone.adapters.engines.mujoco.engine:MujocoEngine",
-        "mujoco",
-        {RECOMMENDED: 1 / 540, "equal-step": EQUAL_STEP, DEFAULT: 1 / 540, ACCURATE: 1 / 1920},
-        color="#009E73",
-        marker="D",
-        rounding="vertices of hulls in single precision",
-    ),
+OURS = {
+    name: f"touchstone.adapters.engines.{name}:ENTRY" for name in ("reference", "dart", "bullet", "mujoco")
 }
+"""Engines of this project: name -> entry point, as in `pyproject.toml`. They play by default."""
+
+
+def _entry_of_ours(name: str) -> Entry:
+    module, _, attribute = OURS[name].partition(":")
+    entry: Entry = getattr(importlib.import_module(module), attribute)
+    return entry
+
+
+ENGINES.update({name: _entry_of_ours(name) for name in OURS if name not in ENGINES})
+
+
+def available() -> tuple[str, ...]:
+    """Names of all engines that can be asked for: ours, those of installed packages, those already named."""
+    return tuple(dict.fromkeys((*OURS, *declared(), *ENGINES)))
+
+
+def registered(name: str) -> str:
+    """Name under which ENGINES has the engine; registers one that is asked for first.
+
+    Args:
+        name: of an engine of ours or of an installed package, or "module:Class" of one that is not installed.
+    Raises:
+        AdapterError: nothing has this name, or the plug-in cannot be loaded; one line.
+    """
+    if name in ENGINES:
+        return name
+    if name in OURS:
+        ENGINES[name] = _entry_of_ours(name)
+    elif ":" in name:
+        own_name, entry = entry_of(name)
+        if own_name in available() and ENGINES.get(own_name, entry).implementation != name:
+            raise AdapterError(f"engine {name!r}: it calls itself {own_name!r}, which is another engine")
+        if own_name in OURS:
+            raise AdapterError(f"engine {name!r}: it calls itself {own_name!r}, which is another engine")
+        ENGINES[own_name] = entry
+        return own_name
+    elif name in declared():
+        ENGINES[name] = entry_declared(name, declared()[name])
+    else:
+        raise AdapterError(f"unknown engine {name!r}; valid: {', '.join(available())}, or module:Class")
+    return name
 
 
 def installed(name: str) -> bool:
@@ -90,9 +70,10 @@ def installed(name: str) -> bool:
 
 def missing_reason(name: str) -> str:
     """Why an engine is skipped if it is not installed."""
-    # numba is no extra: the project itself requires it.
-    wanted = "touchstone" if name == "reference" else f"'touchstone[{name}]'"
-    return f"not installed (pip install {wanted})"
+    extra = _entry(name).extra
+    if not extra:
+        return f"not installed (no module {_entry(name).package!r})"
+    return f"not installed (pip install {repr(extra) if '[' in extra else extra})"
 
 
 def load(name: str) -> Engine:
@@ -100,7 +81,10 @@ def load(name: str) -> Engine:
     if not installed(name):
         raise NotInstalled(missing_reason(name))
     module, _, attribute = _entry(name).implementation.partition(":")
-    engine: Engine = getattr(importlib.import_module(module), attribute)()
+    found = importlib.import_module(module)
+    for part in attribute.split("."):
+        found = getattr(found, part)
+    engine: Engine = found()  # type: ignore[operator]
     return engine
 
 
@@ -115,14 +99,20 @@ def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
 
 def require_profile(name: str, settings: Settings) -> None:
     """Raise Unsupported if an engine lacks the profile or has no settings to change; names what it has."""
-    valid = ENGINES[name].profiles
+    valid = _entry(name).profiles
     if settings.profile not in valid:
         raise Unsupported(f"{name}: no profile {settings.profile!r}; valid: {', '.join(valid)}")
     if settings.changes:
         raise Unsupported(f"{name}: no settings to change, found {', '.join(settings.changes)}")
 
 
+def distribution(name: str) -> str:
+    """Name of the distribution that holds an engine; the package's where none is stated."""
+    if name in declared() and name not in OURS:
+        return distribution_of(declared()[name])
+    entry = ENGINES.get(name) or _entry_of_ours(name)
+    return entry.distribution or entry.package
+
+
 def _entry(name: str) -> Entry:
-    if name not in ENGINES:
-        raise AdapterError(f"unknown engine {name!r}; valid: {', '.join(ENGINES)}")
-    return ENGINES[name]
+    return ENGINES[registered(name)]

@@ -7,8 +7,9 @@ from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from touchstone.adapters.contract import AdapterError
 from touchstone.adapters.recorder import substeps
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.registry import ENGINES, available, registered
 from touchstone.reports.names import checked
 from touchstone.reports.run.request import DEFAULT_PROFILES, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
@@ -27,7 +28,8 @@ def run(
 
     Args:
         scenes: names of the catalogue or scenarios of your own; one, or several.
-        engines: one name or several; None: all. One that is not installed gives a row that says so.
+        engines: one name or several, also "module:Class" of an engine of your own; None: all of ours. One
+            that is not installed gives a row that says so.
         profiles: one name or several; None: `balanced`, `recommended` and `equal-step`, each on the engines
             that have it.
         dt: native step of all engines [s]; None: that of each profile.
@@ -44,7 +46,7 @@ def run(
     )
     if not scenarios or len({scenario.name for scenario in scenarios}) < len(scenarios):
         raise ValueError("scenes: expected one or more, each with a name of its own")
-    names = [checked("engine", name, ENGINES) for name in _several(engines) or ENGINES]
+    names = [_registered(name) for name in _several(engines) or ENGINES]
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
     wanted = [checked("profile", name, every) for name in _several(profiles) or DEFAULT_PROFILES]
     columns = columns_of(names, wanted)
@@ -58,6 +60,16 @@ def run(
     with TemporaryDirectory() as folder:
         request = Request(scenarios, columns, Path(out) if out else Path(folder) / "run", dt)
         return run_study(request, lambda label, frames: None)
+
+
+def _registered(name: str) -> str:
+    """Name of an engine, registered; raises ValueError if it is unknown or cannot be loaded."""
+    if ":" not in name:
+        checked("engine", name, available())
+    try:
+        return registered(name)
+    except AdapterError as error:
+        raise ValueError(str(error)) from error
 
 
 def _several(names: str | Iterable[str] | None) -> list[str]:

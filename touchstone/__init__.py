@@ -7,7 +7,8 @@
     results.recordings["fall", "mujoco", "recommended"].position  # (f, n, 3) [m]
 
 `run` plays scenes and judges them, `scenarios` lists them, `load` reads a recording from a file. `Scenario`
-and its parts describe a scene of your own. Names are imported when they are used.
+and its parts describe a scene of your own; `SimpleWorld` is the base of an engine of your own. Names are
+imported when they are used.
 """
 
 from __future__ import annotations
@@ -33,12 +34,15 @@ _PARTS = (
     "Tracker",
     "Truth",
 )
+_ADAPTER = ("BodyFacts", "Manifest", "PairFacts", "Settings", "State", "Unsupported")
 _HOME = {
     "run": "touchstone.reports.api",
     "Results": "touchstone.reports.run.request",
     "Recording": "touchstone.adapters.recording",
     "load": "touchstone.adapters.recording",
     "scenarios": "touchstone.scenarios",
+    **dict.fromkeys(_ADAPTER, "touchstone.adapters.contract"),
+    "SimpleWorld": "touchstone.adapters.engines.simple_world",
     **dict.fromkeys(_PARTS, "touchstone.scenarios.scenario"),
 }
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from touchstone.adapters.contract import MISSING, Engine
+from touchstone.adapters.contract import MISSING, UNIMPORTABLE, AdapterError, Engine
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.adapters.workers.process import ChildProcess
 
@@ -33,8 +33,12 @@ def try_imports(
     found, children = {}, {}
     with TemporaryDirectory() as folder:
         for name in names:
-            if loader is load and not installed(name):
-                found[name] = Imported(MISSING, missing_reason(name))
+            try:
+                if loader is load and not installed(name):
+                    found[name] = Imported(MISSING, missing_reason(name))
+                    continue
+            except AdapterError as error:  # a plug-in that cannot be loaded
+                found[name] = Imported(UNIMPORTABLE, str(error))
                 continue
             children[name] = ChildProcess(_Importer, (loader,), Path(folder, f"{name}.txt"), patience)
             children[name].send("import", name)

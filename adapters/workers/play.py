@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 from touchstone.adapters.contract import MISSING, Settings
 from touchstone.adapters.recording import Recording, load
-from touchstone.adapters.registry import ENGINES, installed, missing_reason, profiles_of
+from touchstone.adapters.registry import ENGINES, installed, missing_reason, profiles_of, registered
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.scenarios.scenario import Scenario
 
@@ -50,7 +50,7 @@ def play(
     """Play a scene on several engines, each in a child process.
 
     Args:
-        engines: names, each with its first profile, or (name, profile).
+        engines: names, or "module:Class", each with its first profile, or (name, profile).
         dt: native step for all engines [s]; None: that of each profile.
         effects: effects to run, as in `Settings`; None: those that the scene requires.
         children: processes to reuse when many scenes are played; None: new ones.
@@ -59,7 +59,9 @@ def play(
     Raises:
         AdapterError: an engine or a profile is unknown; the message names the valid ones.
     """
-    columns = [(one, next(iter(profiles_of(one)))) if isinstance(one, str) else one for one in engines]
+    pairs = [(one, "") if isinstance(one, str) else one for one in engines]
+    named = [(registered(name), profile) for name, profile in pairs]
+    columns = [(name, profile or next(iter(profiles_of(name)))) for name, profile in named]
     steps = {(name, profile): dt or profiles_of(name, profile)[profile] for name, profile in columns}
     runs = {column: Run(MISSING, missing_reason(column[0])) for column in steps if not installed(column[0])}
     with TemporaryDirectory() as folder:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from touchstone.adapters.contract import UNIMPORTABLE, AdapterError
+from touchstone.adapters.engines.entry import ENGINES, Entry
 
 PATIENCE = 300.0
 """Time for one command after which a child counts as hung [s]; a cold compilation takes about 40."""
@@ -91,7 +92,10 @@ class ChildProcess:
         self.failure: tuple[str, str] | None = None
         self._patience = patience
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=obey, args=(theirs, output, server, arguments), daemon=True)
+        known = dict(ENGINES)
+        self._process = context.Process(
+            target=obey, args=(theirs, output, server, arguments, known), daemon=True
+        )
         with interrupt_held(), one_thread(), main_left_out():
             self._process.start()
         theirs.close()
@@ -146,8 +150,18 @@ class ChildProcess:
             self._process.join()
 
 
-def obey(pipe: Connection, output: Path, server: Callable[..., Server], arguments: tuple[Any, ...]) -> None:
-    """Child's end: execute commands by `server(*arguments)` until the pipe closes."""
+def obey(
+    pipe: Connection,
+    output: Path,
+    server: Callable[..., Server],
+    arguments: tuple[Any, ...],
+    engines: dict[str, Entry],
+) -> None:
+    """Child's end: execute commands by `server(*arguments)` until the pipe closes.
+
+    `engines` are those that the parent knows, plug-ins included.
+    """
+    ENGINES.update(engines)
     divert_output(output)
     handle = server(*arguments).handle
     while True:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, version
 
-from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.adapters.registry import ENGINES, available, distribution, installed, missing_reason
 from touchstone.adapters.workers.import_check import try_imports
 from touchstone.reports.judge import judge_faults
 from touchstone.reports.results import UNJUDGED
@@ -23,7 +23,7 @@ def package_version(package: str) -> str | None:
 def imports() -> list[tuple[str, str, str]]:
     """(engine, status, message) of every engine and then of every oracle, imported in a child process each;
     the message is the version if the import succeeded."""
-    rows = [(name, one.status, one.text) for name, one in try_imports().items()]
+    rows = [(name, one.status, one.text) for name, one in try_imports(available()).items()]
     faults = judge_faults()
     return [*rows, *(("judge", UNJUDGED, fault) for fault in faults)]
 
@@ -31,9 +31,11 @@ def imports() -> list[tuple[str, str, str]]:
 def engines() -> list[tuple[str, str, str]]:
     """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
     rows = []
-    for name, entry in ENGINES.items():
-        found = package_version(entry.distribution or entry.package) if installed(name) else None
-        rows.append((name, found or "-", "" if installed(name) else missing_reason(name)))
+    for name in available():
+        # The module of a plug-in that is merely declared is not imported.
+        there = name not in ENGINES or installed(name)
+        found = package_version(distribution(name)) if there else None
+        rows.append((name, found or "-", "" if there else missing_reason(name)))
     return rows
 
 

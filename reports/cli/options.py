@@ -57,8 +57,8 @@ def columns_for(
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.run.request import columns_of
 
+    names = engines_named(engines) or list(ENGINES)
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
-    names = [known("engine", name, ENGINES) for name in dict.fromkeys(engines)] or list(ENGINES)
     wanted = [known("profile", name, every) for name in dict.fromkeys(profiles)]
     asked = wanted or list(default)
     # Without names, each engine uses its profiles in its own order.
@@ -66,6 +66,22 @@ def columns_for(
     if not columns:
         stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}", BAD_INPUT)
     return columns
+
+
+def engines_named(names: Iterable[str]) -> list[str]:
+    """The engines, registered; an unknown one, or a plug-in that cannot be loaded, exits with one line."""
+    from touchstone.adapters.contract import AdapterError
+    from touchstone.adapters.registry import available, registered
+
+    found = []
+    for name in dict.fromkeys(names):
+        if ":" not in name:
+            known("engine", name, available())
+        try:
+            found.append(registered(name))
+        except AdapterError as error:
+            stop(str(error), BAD_INPUT)
+    return list(dict.fromkeys(found))
 
 
 def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from touchstone.reports.cli.options import (
     QuietOption,
     columns_for,
     ended,
+    engines_named,
     folder_of_now,
     known,
     measuring,
@@ -114,7 +115,7 @@ def effects(
     from touchstone.scenarios.catalogue import catalogue
 
     chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or ()] or scenes()
-    engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
+    engines = engines_named(engine or ENGINES)
     folder = out or folder_of_now("effects-")
     with measuring(steps(chosen, engines), quiet) as progress:
         frame = run(chosen, engines, folder, progress)

@@ -78,5 +78,13 @@ def step_text(dt: float) -> str:
 
 
 def columns_of(engines: Iterable[str], profiles: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """(engine, profile) columns: each engine in those of the profiles that it has."""
-    return tuple((e, p) for e in engines for p in profiles if p in ENGINES[e].profiles)
+    """(engine, profile) columns: each engine in those of the profiles that it has. With DEFAULT_PROFILES, an
+    engine that has none of them plays its first."""
+    wanted, columns = tuple(profiles), []
+    for engine in engines:
+        valid = ENGINES[engine].profiles
+        mine = [profile for profile in wanted if profile in valid]
+        if not mine and wanted == DEFAULT_PROFILES:
+            mine = [next(iter(valid))]
+        columns += [(engine, profile) for profile in mine]
+    return tuple(columns)

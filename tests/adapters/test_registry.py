@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ import pytest
 from touchstone.adapters import registry as module
 from touchstone.adapters.contract import AdapterError, NotInstalled
 from touchstone.adapters.recorder import substeps
-from touchstone.adapters.registry import ENGINES, Entry, installed, load, missing_reason
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.scenarios.catalogue import catalogue
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -48,9 +49,7 @@ def test_the_hint_names_something_pip_can_install(name):
 
 def test_a_missing_package_is_told_with_the_extra(monkeypatch):
     """An engine whose package is not there is not installed, and loading it says how to get it."""
-    entry = Entry(
-        "touchstone.adapters.engines.mujoco.engine:MujocoEngine", "no_such_package", {"recommended": 1 / 60}
-    )
+    entry = replace(ENGINES["mujoco"], package="no_such_package")
     monkeypatch.setitem(module.ENGINES, "mujoco", entry)
     assert not installed("mujoco")
     with pytest.raises(NotInstalled, match=r"pip install 'touchstone\[mujoco\]'"):

@@ -1,1 +1,19 @@
 """Adapter of Bullet through pybullet."""
+
+from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, EQUAL_STEP, MAXIMAL, RECOMMENDED, Entry
+
+ENTRY = Entry(
+    "touchstone.adapters.engines.bullet.engine:BulletEngine",
+    "pybullet",
+    {
+        RECOMMENDED: 1 / 240,
+        "equal-step": EQUAL_STEP,
+        DEFAULT: 1 / 240,
+        ACCURATE: 1 / 960,
+        MAXIMAL: 1 / 240,
+    },
+    color="#B8860B",
+    marker="s",
+    rounding="corners of hulls rounded to about 1e-4 of their size",
+    extra="touchstone[bullet]",
+)

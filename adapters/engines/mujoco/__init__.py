@@ -1,1 +1,13 @@
 """Adapter of MuJoCo."""
+
+from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, EQUAL_STEP, RECOMMENDED, Entry
+
+ENTRY = Entry(
+    "touchstone.adapters.engines.mujoco.engine:MujocoEngine",
+    "mujoco",
+    {RECOMMENDED: 1 / 540, "equal-step": EQUAL_STEP, DEFAULT: 1 / 540, ACCURATE: 1 / 1920},
+    color="#009E73",
+    marker="D",
+    rounding="vertices of hulls in single precision",
+    extra="touchstone[mujoco]",
+)

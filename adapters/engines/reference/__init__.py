@@ -1,1 +1,13 @@
 """Adapter of the reference implementation."""
+
+from touchstone.adapters.engines.entry import Entry
+
+ENTRY = Entry(
+    "touchstone.adapters.engines.reference.engine:ReferenceEngine",
+    "numba",
+    {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60},
+    distribution="touchstone",
+    color="#000000",
+    marker="o",
+    extra="touchstone",  # numba is no extra: the project itself requires it
+)

@@ -1,0 +1,50 @@
+"""Entry of an engine in the registry, and the engines that this process knows.
+
+An engine is registered under the entry-point group `touchstone.engines`, ours as well as those of others. The
+entry point names an `Entry`, or a class that meets `Engine` in `adapters/contract.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+GROUP = "touchstone.engines"
+"""Entry-point group of engines."""
+EQUAL_STEP = 1 / 240
+RECOMMENDED, DEFAULT, ACCURATE, MAXIMAL = "recommended", "default", "accurate", "maximal"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What the project needs to know of an engine; no other table names engines.
+
+    Attributes:
+        implementation: "module:Class".
+        package: what must be importable.
+        profiles: native step [s] of each profile.
+        distribution: what is installed, where it is not called like the package.
+        color, marker: of the engine in pictures, as matplotlib writes them.
+        rounding: what the engine stores in lower precision; "" if nothing.
+        extra: what pip installs to get the engine; "" for an engine that is not of this project.
+
+    Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
+    the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one
+    step for all engines; `default` keeps all defaults; `accurate` uses options of its documentation that
+    improve Newton's and Coulomb's laws, as `touchstone study calibration` measures. Adapters cite the sources
+    of their settings. `maximal` is Bullet with free balls and boxes in maximal coordinates: faster, with
+    different results.
+    """
+
+    implementation: str
+    package: str
+    profiles: Mapping[str, float]
+    distribution: str = ""
+    color: str = "#666666"
+    marker: str = "P"
+    rounding: str = ""
+    extra: str = ""
+
+
+ENGINES: dict[str, Entry] = {}
+"""Engines that play by default, then those that were asked for by name in this process or its parent."""

@@ -1,0 +1,114 @@
+"""World of simulated and fixed bodies, kept in NumPy arrays: the base of small engines of your own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Array, BodyFacts, Manifest, PairFacts, Settings, State
+from touchstone.scenarios.scenario import Scenario
+
+
+class SimpleWorld:
+    """World that needs `step` only, which calls `push` for each contact and `advance` at its end. `describe`
+    reports the arrays that `step` uses.
+
+    Attributes (n bodies; conventions as in `adapters/contract.py`):
+        position (n, 3), orientation (n, 4), linear_velocity (n, 3), angular_velocity (n, 3).
+        free (n,): whether a body is simulated.
+        mass (n,), inertia (n, 3, 3): of the bodies; inverse_mass (n,) is 0 for bodies that are not free.
+        restitution, friction: coefficient per pair of bodies (a < b) that may touch.
+        pairs: those pairs.
+        gravity (3,), dt: acting gravity [m/s^2] and native step [s].
+    """
+
+    engine, version = "simple", "0"
+
+    def __init__(self, scenario: Scenario, settings: Settings) -> None:
+        self.scenario, self.settings, self.dt = scenario, settings, settings.dt
+        bodies = scenario.bodies
+        self.position = np.array([body.position for body in bodies])
+        self.orientation = np.array([body.orientation for body in bodies])
+        self.linear_velocity = np.array([body.linear_velocity for body in bodies])
+        self.angular_velocity = np.array([body.angular_velocity for body in bodies])
+        self.mass = np.array([body.mass for body in bodies])
+        self.inertia = np.array([body.inertia for body in bodies])
+        self.free = np.array([body.kind == "simulated" for body in bodies])
+        self.inverse_mass = np.where(self.free, 1 / np.where(self.free, self.mass, 1.0), 0.0)
+        self._center = np.array([body.center_of_mass for body in bodies])
+        self.gravity = np.array(scenario.acting_gravity)
+        self.pairs = list(scenario.touching_pairs())
+        self.restitution = {pair: scenario.pair_coefficients(*pair)[0] for pair in self.pairs}
+        self.friction = {pair: scenario.pair_coefficients(*pair)[1] for pair in self.pairs}
+        self._touched: list[tuple[int, int, Array, Array, float, Array]] = []
+
+    def step(self) -> None:
+        """Advance by one native step."""
+        raise NotImplementedError("a world of your own defines `step`")
+
+    def push(self, a: int, b: int, point: Array, normal: Array, distance: float, impulse: Array) -> None:
+        """Apply an impulse [N s] to b, and its reverse to a, at a world point; report it as a contact of this
+        step, with the normal from a to b."""
+        turns = self._turns()
+        for body, sign in ((a, -1.0), (b, 1.0)):
+            if self.free[body]:
+                axes, arm = turns[body].as_matrix(), point - self._centers()[body]
+                self.linear_velocity[body] += sign * self.inverse_mass[body] * impulse
+                torque = axes.T @ np.cross(arm, sign * impulse)
+                self.angular_velocity[body] += axes @ np.linalg.solve(self.inertia[body], torque)
+        self._touched.append((a, b, point, normal, distance, impulse))
+
+    def advance(self) -> None:
+        """Move free bodies by their velocities over a step."""
+        centers = self._centers() + self.free[:, None] * self.linear_velocity * self.dt
+        turned = Rotation.from_rotvec(self.free[:, None] * self.angular_velocity * self.dt) * self._turns()
+        self.orientation = turned.as_quat(scalar_first=True)
+        self.position = centers - turned.apply(self._center)
+
+    def _turns(self) -> Rotation:
+        return Rotation.from_quat(self.orientation, scalar_first=True)
+
+    def _centers(self) -> Array:
+        """Centres of mass (n, 3) [m], world."""
+        centers: Array = self.position + self._turns().apply(self._center)
+        return centers
+
+    def drive(self, step: int) -> None:
+        """Command the driven bodies: there are none. Forgets the contacts of the last step."""
+        self._touched.clear()
+
+    def read(self, state: State) -> None:
+        """Write the arrays and the contacts of the last step into `state`."""
+        state.position[:], state.orientation[:] = self.position, self.orientation
+        state.linear_velocity[:], state.angular_velocity[:] = self.linear_velocity, self.angular_velocity
+        state.clear_contacts()
+        for contact in self._touched:
+            state.add_contact(*contact)
+
+    def describe(self) -> Manifest:
+        """Manifest of the arrays that `step` uses."""
+        bodies, names = self.scenario.bodies, [body.name for body in self.scenario.bodies]
+        facts = {
+            body.name: BodyFacts(float(m), body.center_of_mass, tuple(tuple(row) for row in inertia.tolist()))
+            for body, m, inertia in zip(bodies, self.mass, self.inertia)
+        }
+        pairs = tuple(
+            PairFacts(names[a], names[b], self.restitution[a, b], self.friction[a, b]) for a, b in self.pairs
+        )
+        return Manifest(self.engine, self.version, self.settings.profile, self.dt, {}, facts, pairs)
+
+    def cross(self) -> None:
+        """Make an empty call."""
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """No stages are timed."""
+        return {}
+
+    def work(self) -> Mapping[str, float]:
+        """Nothing is counted."""
+        return {}
+
+    def close(self) -> None:
+        """There is nothing to release."""
