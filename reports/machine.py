@@ -1,9 +1,36 @@
-"""Facts of the machine that accompany every time."""
+"""Facts of the machine and the program that accompany every measurement."""
 
 from __future__ import annotations
 
 import os
 import platform
+import subprocess
+import sys
+from datetime import date
+from pathlib import Path
+
+
+def origin() -> dict[str, str]:
+    """Command, commit (of a checkout; empty elsewhere) and day of a measurement."""
+    command = " ".join(["touchstone", *sys.argv[1:]]) if sys.argv[0].endswith("touchstone") else ""
+    return {"command": command, "commit": _commit(), "day": date.today().isoformat()}
+
+
+def _commit() -> str:
+    """Abbreviated commit of this checkout, with a plus sign if files differ from it."""
+    call = [
+        "git",
+        "-C",
+        str(Path(__file__).resolve().parent),
+        "describe",
+        "--always",
+        "--dirty=+",
+        "--exclude=*",
+    ]
+    try:
+        return subprocess.run(call, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return ""
 
 
 def machine() -> dict[str, str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from touchstone.adapters.contract import MISSING, UNIMPORTABLE
-from touchstone.reports.machine import machine
+from touchstone.reports.machine import machine, origin
 
 UNJUDGED = "unjudged"
 NOT_RUN = ("skipped", MISSING, UNIMPORTABLE)
@@ -101,6 +101,6 @@ def save(frame: pd.DataFrame, folder: Path) -> None:
 
 
 def save_manifest(folder: Path, facts: Mapping[str, object]) -> None:
-    """Write `manifest.json`: the machine and the facts of the run."""
-    text = json.dumps({"machine": machine(), **facts}, indent=1)
+    """Write `manifest.json`: command, commit, day and machine, and the facts of the run."""
+    text = json.dumps({**origin(), "machine": machine(), **facts}, indent=1)
     write_beside(folder / "manifest.json", lambda part: part.write_text(text))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from touchstone.scenarios.scenario import Scenario, Vector
 
@@ -30,6 +30,71 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
         widths = {head: max(len(head), *(len(str(row[head])) for row in rows)) for head in heads}
         for row in ({head: head for head in heads}, *rows):
             print("  ".join(f"{row[head]!s:{widths[head]}}" for head in heads).rstrip())
+
+
+def scenario_rows() -> list[dict[str, object]]:
+    """Scenes with tags, durations and kinds of truth."""
+    from touchstone.scenarios.catalogue import catalogue
+
+    return [
+        {
+            "scenario": s.name,
+            "tags": " ".join(s.tags),
+            "duration [s]": s.duration,
+            "truth": " ".join(dict.fromkeys(truth.law for truth in s.truths)),
+            "summary": s.summary,
+        }
+        for s in catalogue().values()
+    ]
+
+
+def engine_rows() -> list[dict[str, object]]:
+    """Engines with their versions."""
+    from touchstone.reports.cli.doctor import engines
+
+    return [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
+
+
+def metric_rows() -> list[dict[str, object]]:
+    """Metrics with units and definitions."""
+    from touchstone.reports.metrics import METRICS
+
+    return [
+        {"metric": m.name, "unit": m.unit, "better": m.better, "definition": m.formula}
+        for m in METRICS.values()
+    ]
+
+
+def profile_rows() -> list[dict[str, object]]:
+    """Profiles of every engine with their native steps."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.run.request import step_text
+
+    return [
+        {"profile": profile, "engine": name, "step [s]": step_text(dt)}
+        for name, entry in ENGINES.items()
+        for profile, dt in entry.profiles.items()
+    ]
+
+
+def setting_rows() -> list[dict[str, object]]:
+    """Settings of the reference with their values in every profile."""
+    from touchstone.adapters.engines.reference.settings import PROFILES, SETTINGS
+
+    return [
+        {"setting": s.name, "values": s.valid, **dict(zip(PROFILES, s.profiles)), "meaning": s.summary}
+        for s in SETTINGS.values()
+    ]
+
+
+LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {
+    "scenarios": scenario_rows,
+    "engines": engine_rows,
+    "metrics": metric_rows,
+    "profiles": profile_rows,
+    "settings": setting_rows,
+}
+"""Rows of each argument of `touchstone list`."""
 
 
 def effect_rows(scenario: Scenario) -> list[dict[str, object]]:

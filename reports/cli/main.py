@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     INTERRUPTED,
@@ -44,6 +45,7 @@ app = typer.Typer(
 )
 app.add_typer(study, name="study")
 app.command()(bench)
+app.command()(docs)
 
 
 UsageError: Any = typer.BadParameter.__base__
@@ -226,50 +228,9 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
 @app.command("list")
 def list_things(what: Listing, output: FormatOption = Format.table) -> None:
     """List scenarios, engines, metrics, profiles, or the settings of the reference."""
-    from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.cli.listing import LISTS, show_rows
 
-    rows: list[dict[str, object]]
-    if what is Listing.scenarios:
-        from touchstone.scenarios.catalogue import catalogue
-
-        rows = [
-            {
-                "scenario": s.name,
-                "tags": " ".join(s.tags),
-                "duration [s]": s.duration,
-                "truth": " ".join(dict.fromkeys(truth.law for truth in s.truths)),
-                "summary": s.summary,
-            }
-            for s in catalogue().values()
-        ]
-    elif what is Listing.engines:
-        from touchstone.reports.cli.doctor import engines
-
-        rows = [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
-    elif what is Listing.metrics:
-        from touchstone.reports.metrics import METRICS
-
-        rows = [
-            {"metric": m.name, "unit": m.unit, "better": m.better, "definition": m.formula}
-            for m in METRICS.values()
-        ]
-    elif what is Listing.settings:
-        from touchstone.adapters.engines.reference.settings import PROFILES, SETTINGS
-
-        rows = [
-            {"setting": s.name, "values": s.valid, **dict(zip(PROFILES, s.profiles)), "meaning": s.summary}
-            for s in SETTINGS.values()
-        ]
-    else:
-        from touchstone.reports.run.request import step_text
-
-        rows = [
-            {"profile": profile, "engine": name, "step [s]": step_text(dt)}
-            for name, entry in ENGINES.items()
-            for profile, dt in entry.profiles.items()
-        ]
-    show_rows(rows, output)
+    show_rows(LISTS[what](), output)
 
 
 @app.command()

@@ -8,7 +8,6 @@ frames and bodies: of positions over the longest path of any body, of orientatio
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -27,7 +26,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, table, write_beside
+from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.run.request import step_text
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
@@ -254,13 +253,10 @@ def _outlier(base: Row, played: Mapping[str, Mapping[float, Course]], quantity: 
 
 
 def _save_manifest(scenarios: Sequence[Scenario], folder: Path) -> None:
-    from touchstone.reports.machine import machine
-
-    manifest = {
+    facts = {
         "study": STUDY,
-        "machine": machine(),
         "steps": LADDER,
         "scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in scenarios},
         "own_steps": {e: ENGINES[e].profiles[own_profile(e)] for e in ENGINES},
     }
-    write_beside(folder / "manifest.json", lambda part: part.write_text(json.dumps(manifest, indent=1)))
+    save_manifest(folder, facts)

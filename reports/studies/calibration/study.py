@@ -6,7 +6,6 @@ motion. Adapters never read the results.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import zip_longest
@@ -19,7 +18,7 @@ from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import save, table, write_beside
+from touchstone.reports.results import save, save_manifest, table, write_beside
 from touchstone.reports.studies.calibration.children import Child, Loader, Motion
 from touchstone.reports.studies.calibration.rows import STUDY, Measured, rows_of_study
 from touchstone.reports.studies.calibration.scenes import SHAPES, Probe
@@ -153,13 +152,9 @@ def _play(
 
 
 def _save_manifest(grid: Grid, measured: dict[str, Measured], folder: Path) -> None:
-    from touchstone.reports.machine import machine
-
-    manifest = {
+    facts = {
         "study": STUDY,
         "grid": asdict(grid),
-        "machine": machine(),
         "engines": {name: {"version": m.version, "profiles": m.profiles} for name, m in measured.items()},
     }
-    text = json.dumps(manifest, indent=1)
-    write_beside(folder / "manifest.json", lambda part: part.write_text(text))
+    save_manifest(folder, facts)

@@ -1,0 +1,60 @@
+"""`touchstone docs`: write the generated pages."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from touchstone.reports.cli.options import BAD_INPUT, stop
+
+GALLERY = "gallery"
+
+
+def docs(
+    context: typer.Context,
+    results: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Folders of runs, studies and benches to show (default: none)."),
+    ] = None,
+    stills: Annotated[bool, typer.Option("--stills", help="Draw the gallery's scenes again.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder of the documentation.")] = Path("docs"),
+) -> None:
+    """Write the generated pages of the documentation: commands, lists, measurements, stills."""
+    from touchstone.adapters.contract import AdapterError
+    from touchstone.reports.docs.measurements import NoResults, page_of
+    from touchstone.reports.docs.reference import commands_page, list_pages
+    from touchstone.reports.results import write_beside
+    from touchstone.scenarios.catalogue import tagged
+
+    if not (out / "index.md").is_file():
+        stop(f"--out {out}: no documentation here (index.md is missing); run in a checkout", BAD_INPUT)
+    try:
+        pages = [page_of(folder) for folder in results or ()]
+    except NoResults as error:
+        stop(str(error), BAD_INPUT)
+    folder = out / "generated"
+    (folder / "pictures").mkdir(parents=True, exist_ok=True)
+    if stills:
+        from touchstone.reports.docs.stills import draw
+
+        try:
+            for name in draw(tagged(GALLERY), folder / "pictures"):
+                print(f"drew {name}")
+        except AdapterError as error:
+            stop(str(error), BAD_INPUT)
+    drawn = {
+        scene.name: f"pictures/{scene.name}.png"
+        for scene in tagged(GALLERY)
+        if (folder / "pictures" / f"{scene.name}.png").is_file()
+    }
+    texts = {"commands.md": commands_page(context.find_root().command), **list_pages(drawn)}
+    for name, text, pictures in pages:
+        texts[name] = text
+        for target, source in pictures.items():
+            write_beside(folder / "pictures" / target, lambda part, source=source: shutil.copy(source, part))
+    for name, text in texts.items():
+        write_beside(folder / name, lambda part, text=text: part.write_text(text))
+        print(folder / name)

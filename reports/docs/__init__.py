@@ -1,0 +1,1 @@
+"""Generated pages of docs/: commands, lists, tables and pictures of measurements, stills of scenes."""

@@ -1,0 +1,84 @@
+"""Pages of measurements: the tables and pictures of a results folder, with the command that measured them."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Callable
+from io import StringIO
+from pathlib import Path
+
+import pandas as pd
+from rich.console import Console
+
+from touchstone.reports.docs.reference import NOTICE
+
+WIDTH = 120
+"""Width of tables in characters."""
+SHOWN_BY = {
+    "run": "touchstone.reports.views.terminal",
+    "ik": "touchstone.reports.studies.inverse_kinematics.table",
+    "calibration": "touchstone.reports.studies.calibration.show",
+}
+"""Modules whose `show` prints a study's table, where they are not `reports/studies/NAME/table.py`."""
+
+
+class NoResults(Exception):
+    """A folder holds no results; the message says what is missing."""
+
+
+def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
+    """Name and text of the page of a results folder, and the pictures that it shows by their new names.
+
+    Raises:
+        NoResults: the folder has no `results.parquet` with rows, or no manifest.
+    """
+    try:
+        frame = pd.read_parquet(folder / "results.parquet")
+        facts = json.loads((folder / "manifest.json").read_text())
+        study = str(frame.study.iloc[0])
+    except (OSError, ValueError, IndexError, AttributeError) as error:
+        raise NoResults(f"{folder}: no results of a run, study or bench ({error})") from error
+    name = study.replace(" ", "-")
+    pictures = {f"{name}-{path.name}": path for path in sorted(folder.glob("*.png"))}
+    parts = [NOTICE, f"# `touchstone {_command(study)}`", _origin(facts)]
+    parts += ["```text", _text(study, frame), "```"]
+    parts += [f"![{picture.rpartition('.')[0]}](pictures/{picture})" for picture in pictures]
+    return f"{name}.md", "\n\n".join(parts).replace("```text\n\n", "```text\n") + "\n", pictures
+
+
+def _command(study: str) -> str:
+    return study if study == "run" or study.startswith("bench ") else f"study {study}"
+
+
+def _origin(facts: dict) -> str:
+    """What measured the table: command, commit, day, and machine."""
+    machine = facts.get("machine", {})
+    known = (
+        ("Command", facts.get("command")),
+        ("commit", facts.get("commit")),
+        ("day", facts.get("day")),
+        ("processor", machine.get("processor")),
+        ("cores", machine.get("cores")),
+    )
+    return ", ".join(f"{name} `{value}`" for name, value in known if value) + "."
+
+
+def _text(study: str, frame: pd.DataFrame) -> str:
+    """The table as the command prints it."""
+    out = StringIO()
+    _show_of(study)(frame, Console(file=out, width=WIDTH, no_color=True, force_terminal=False))
+    return "\n".join(line.rstrip() for line in out.getvalue().strip("\n").splitlines())
+
+
+def _show_of(study: str) -> Callable[[pd.DataFrame, Console], None]:
+    """The function that prints a study's table."""
+    bench = study.partition("bench ")[2]
+    home = f"bench.{bench}" if bench else f"studies.{study.replace('-', '_')}.table"
+    try:
+        show: Callable[[pd.DataFrame, Console], None] = importlib.import_module(
+            SHOWN_BY.get(study, f"touchstone.reports.{home}")
+        ).show
+    except (ModuleNotFoundError, AttributeError) as error:
+        raise NoResults(f"no module shows the study {study!r}") from error
+    return show

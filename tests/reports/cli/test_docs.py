@@ -1,0 +1,75 @@
+"""`touchstone docs`: generated pages are current, and bad input costs nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import typer
+
+from touchstone.reports.cli.main import app
+from touchstone.reports.docs.measurements import NoResults, page_of
+from touchstone.reports.docs.reference import commands_page, list_pages
+from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.scenarios.catalogue import tagged
+
+GENERATED = Path(__file__).resolve().parents[3] / "docs" / "generated"
+
+
+def test_generated_pages_are_current():
+    """Pages that follow from the code equal those in docs/; else run `touchstone docs`."""
+    pictures = {scene.name: f"pictures/{scene.name}.png" for scene in tagged("gallery")}
+    pages = {"commands.md": commands_page(typer.main.get_command(app)), **list_pages(pictures)}
+    stale = [name for name, text in pages.items() if (GENERATED / name).read_text() != text]
+    assert not stale, "run `touchstone docs`"
+
+
+def test_every_gallery_scene_has_a_still():
+    """A scene of the gallery has a picture in docs/; else run `touchstone docs --stills`."""
+    assert [
+        s.name for s in tagged("gallery") if not (GENERATED / "pictures" / f"{s.name}.png").is_file()
+    ] == []
+
+
+@pytest.fixture
+def results(tmp_path):
+    """A folder as the study `predictability` leaves it."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    row = Row("run", "fall", "reference", "balanced", 1 / 60, "overlap.max", 2e-3, "m", verdict="fail")
+    save(table([row]), folder)
+    save_manifest(folder, {"command": "touchstone run fall"})
+    (folder / "overlap.png").write_bytes(b"picture")
+    return folder
+
+
+def test_a_page_shows_the_table_and_its_origin(results):
+    """The page of a folder names the command and holds the table as printed, and its pictures."""
+    name, text, pictures = page_of(results)
+    assert name == "run.md"
+    assert "`touchstone run fall`" in text
+    assert "overlap.max" in text
+    assert "2.00 ✗" in text
+    assert pictures == {"run-overlap.png": results / "overlap.png"}
+    assert "![run-overlap](pictures/run-overlap.png)" in text
+
+
+@pytest.mark.parametrize("damage", [lambda f: (f / "manifest.json").unlink(), lambda f: f.rename("x"), None])
+def test_a_folder_without_results_is_named(results, damage, tmp_path, monkeypatch):
+    """A folder that is absent, incomplete or without rows is refused by its name."""
+    monkeypatch.chdir(tmp_path)
+    if damage:
+        damage(results)
+    else:
+        pd.DataFrame({"study": []}).to_parquet(results / "results.parquet")
+    with pytest.raises(NoResults, match="run: no results"):
+        page_of(results)
+
+
+def test_docs_needs_a_checkout(touchstone, left, tmp_path):
+    """Outside a checkout the command writes nothing and exits with 2."""
+    code, out, err = touchstone("docs")
+    assert (code, out) == (2, "")
+    assert "index.md is missing" in err
+    assert left(tmp_path) == []
