@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -54,7 +55,11 @@ def docs(
     for name, text, pictures in pages:
         texts[name] = text
         for target, source in pictures.items():
-            write_beside(folder / "pictures" / target, lambda part, source=source: shutil.copy(source, part))
+            write_beside(folder / "pictures" / target, partial(shutil.copy, source))
     for name, text in texts.items():
-        write_beside(folder / name, lambda part, text=text: part.write_text(text))
+        write_beside(folder / name, partial(_write, text))
         print(folder / name)
+
+
+def _write(text: str, path: Path) -> None:
+    path.write_text(text)

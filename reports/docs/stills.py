@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,10 +48,8 @@ def draw(scenarios: Iterable[Scenario], folder: Path) -> Iterator[str]:
     for scenario in scenarios:
         shot = SHOTS.get(scenario.name, Shot(scenario.duration / 2))
         picture = Image.fromarray(_picture(scenario, shot))
-        write_beside(
-            folder / f"{scenario.name}.png",
-            lambda part, picture=picture: picture.save(part, format="png", optimize=True),
-        )
+        save = partial(picture.save, format="png", optimize=True)
+        write_beside(folder / f"{scenario.name}.png", save)
         yield scenario.name
 
 
