@@ -1,6 +1,6 @@
 """A picture of one moment of a recording, drawn by MuJoCo's renderer without a display.
 
-Bodies are posed as recorded; nothing is simulated. Fixed bodies between the camera and what it looks at are
+Bodies are posed as recorded; nothing is simulated. Fixed bodies between the camera and its target are
 left out.
 """
 
@@ -33,7 +33,7 @@ COLORS = {
 
 
 class View(NamedTuple):
-    """Where the camera looks: a point [m], its distance from it [m], and its direction [degrees]."""
+    """The camera: its target [m], its distance from it [m], and its direction [degrees]."""
 
     center: tuple[float, float, float]
     distance: float
@@ -119,7 +119,7 @@ def _is_floor(body: Body, piece: Piece) -> bool:
 
 
 def _hides(body: Body, piece: Piece, view: View) -> bool:
-    """Whether a fixed piece's box about its corners meets the line from the camera to what it looks at."""
+    """Whether a fixed piece's box about its corners meets the line from the camera to its target."""
     low, high = piece_box(piece, np.array(body.position), matrix(body.orientation))
     start, way = view.eye, np.array(view.center) - view.eye
     with np.errstate(divide="ignore"):
