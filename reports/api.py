@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from touchstone.adapters.contract import AdapterError
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, available, registered
+from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.names import checked
 from touchstone.reports.run.request import DEFAULT_PROFILES, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
@@ -57,7 +57,7 @@ def run(
             raise ValueError(f"dt: {dt} is no step; give seconds, such as 1/240")
         for scenario in scenarios:
             substeps(scenario, dt)
-    with TemporaryDirectory() as folder:
+    with scratch_folder() as folder:
         request = Request(scenarios, columns, Path(out) if out else Path(folder) / "run", dt)
         return run_study(request, lambda label, frames: None)
 

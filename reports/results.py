@@ -103,4 +103,4 @@ def save(frame: pd.DataFrame, folder: Path) -> None:
 def save_manifest(folder: Path, facts: Mapping[str, object]) -> None:
     """Write `manifest.json`: command, commit, day and machine, and the facts of the run."""
     text = json.dumps({**origin(), "machine": machine(), **facts}, indent=1)
-    write_beside(folder / "manifest.json", lambda part: part.write_text(text))
+    write_beside(folder / "manifest.json", lambda part: part.write_text(text, "utf-8"))

@@ -27,6 +27,7 @@ class Entry:
         color, marker: of the engine in pictures, as matplotlib writes them.
         rounding: what the engine stores in lower precision; "" if nothing.
         extra: what pip installs to get the engine; "" for an engine that is not of this project.
+        compiles: whether its first scene may wait for a compiler.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one
@@ -44,6 +45,7 @@ class Entry:
     marker: str = "P"
     rounding: str = ""
     extra: str = ""
+    compiles: bool = False
 
 
 ENGINES: dict[str, Entry] = {}

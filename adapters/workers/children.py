@@ -16,8 +16,9 @@ from typing import Any
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings
 from touchstone.adapters.recorder import ready, warm_up
-from touchstone.adapters.registry import load
+from touchstone.adapters.registry import ENGINES, load
 from touchstone.adapters.workers.process import (
+    COMPILE_PATIENCE,
     PATIENCE,
     ChildProcess,
     divert_output,
@@ -71,12 +72,22 @@ class Outcome:
 class Children:
     """Child processes of a run, per engine and profile; a context manager that ends them.
 
-    With `together`, all children play in parallel: for runs whose times are not used.
+    With `together`, all children play in parallel: for runs whose times are not used. An engine that hung in
+    a scene skips the scenes that follow: each would cost `patience` seconds. `compile_patience` [s] is for
+    commands that may compile the reference.
     """
 
-    def __init__(self, loader: Loader = load, patience: float = PATIENCE, together: bool = False) -> None:
+    def __init__(
+        self,
+        loader: Loader = load,
+        patience: float = PATIENCE,
+        together: bool = False,
+        compile_patience: float = COMPILE_PATIENCE,
+    ) -> None:
         self._loader, self._patience, self._together = loader, patience, together
+        self._compile_patience = compile_patience
         self._kept: dict[tuple[str, str], _Child] = {}
+        self._hung: dict[tuple[str, str], str] = {}
 
     def __enter__(self) -> Children:
         return self
@@ -90,13 +101,15 @@ class Children:
 
         Raises OSError if a recording cannot be written: a full disk is not an engine's failure.
         """
+        jobs = list(jobs)
         children: list[_Child] = []
         with interrupt_held():
             for job in jobs:
-                children.append(self._child(job))
+                if _key(job) not in self._hung:
+                    children.append(self._child(job))
         turns = [children] if self._together else [[child] for child in children]
         for command in ("build", "warm up", "start"):
-            _order(children, command, progress)
+            _order(children, command, progress, self._compile_patience)
         frames = max((child.job.scenario.frame_count for child in children), default=0)
         for first in range(0, frames, SLICE):
             for turn in turns:
@@ -105,11 +118,14 @@ class Children:
         for child in children:
             if child.outcome.status == _NotSaved.status:
                 raise OSError(child.outcome.reason)
-        return [child.outcome for child in children]
+        played = {_key(child.job): child.outcome for child in children}
+        skipped = {key: f"not played: the engine hung in {scene}" for key, scene in self._hung.items()}
+        self._hung |= {_key(child.job): child.job.scenario.name for child in children if child.hung}
+        return [played.get(_key(job)) or Outcome(job, "skipped", skipped[_key(job)]) for job in jobs]
 
     def _child(self, job: Job) -> _Child:
         """Child for the job's engine and settings; starts one if there is none or if it failed."""
-        key = (job.engine, job.settings.label)
+        key = _key(job)
         child = self._kept.get(key)
         if child is None or child.failure is not None:
             child = self._kept[key] = _Child(job, self._loader, self._patience)
@@ -117,14 +133,19 @@ class Children:
         return child
 
 
-def _order(turn: list[_Child], command: str, progress: Progress) -> None:
-    """Send a command to all children and wait for their answers."""
+def _key(job: Job) -> tuple[str, str]:
+    return job.engine, job.settings.label
+
+
+def _order(turn: list[_Child], command: str, progress: Progress, compile_patience: float = 0.0) -> None:
+    """Send a command to all children and wait for their answers; for those that compile, at least
+    `compile_patience` seconds."""
     for child in turn:
         if child.failure is None:
             progress(f"{child.label}: {command}", 0)
         child.send(command, child.job if command == "build" else None)
     for child in turn:
-        child.receive()
+        child.receive(compile_patience if child.compiles else 0.0)
 
 
 def _play(turn: list[_Child], frames: int, progress: Progress) -> None:
@@ -153,6 +174,7 @@ class _Child(ChildProcess):
         super().__init__(_Run, (job.engine, loader), job.output, patience)
         self.job = job
         self.label = f"{job.engine} {job.settings.label}"
+        self.compiles = job.engine in ENGINES and ENGINES[job.engine].compiles
 
     @property
     def outcome(self) -> Outcome:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from touchstone.adapters.contract import MISSING, UNIMPORTABLE, AdapterError, Engine
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.adapters.workers.process import ChildProcess
+from touchstone.adapters.workers.scratch import scratch_folder
 
 Loader = Callable[[str], Engine]
 PATIENCE = 60.0
@@ -31,7 +31,7 @@ def try_imports(
 ) -> dict[str, Imported]:
     """Import engines in parallel, each in a child process."""
     found, children = {}, {}
-    with TemporaryDirectory() as folder:
+    with scratch_folder() as folder:
         for name in names:
             try:
                 if loader is load and not installed(name):

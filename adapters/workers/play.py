@@ -13,12 +13,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from touchstone.adapters.contract import MISSING, Settings
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import ENGINES, installed, missing_reason, profiles_of, registered
 from touchstone.adapters.workers.children import Children, Job
+from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -64,7 +64,7 @@ def play(
     columns = [(name, profile or next(iter(profiles_of(name)))) for name, profile in named]
     steps = {(name, profile): dt or profiles_of(name, profile)[profile] for name, profile in columns}
     runs = {column: Run(MISSING, missing_reason(column[0])) for column in steps if not installed(column[0])}
-    with TemporaryDirectory() as folder:
+    with scratch_folder() as folder:
         jobs = {
             (name, profile): Job(
                 name,

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
@@ -19,19 +20,28 @@ from typing import Any, Protocol
 
 from touchstone.adapters.contract import UNIMPORTABLE, AdapterError
 from touchstone.adapters.engines.entry import ENGINES, Entry
+from touchstone.adapters.workers.orphans import end_with_parent
 
-PATIENCE = 300.0
-"""Time for one command after which a child counts as hung [s]; a cold compilation takes about 40."""
+PATIENCE = 120.0
+"""Time for one command after which a child counts as hung [s]; children answer within ten seconds of play."""
+COMPILE_PATIENCE = 900.0
+"""The same for commands that may compile the reference [s]: 54 s on the machine of the measurements."""
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that numpy's linear algebra reads when it is loaded."""
 
+ENDING = (signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a run as Ctrl-C does, and that end a child at once."""
+
 
 @contextmanager
 def interrupt_held() -> Iterator[None]:
-    """Block Ctrl-C. Child processes that start meanwhile stay blocked: the parent handles it."""
+    """Block Ctrl-C, and signals that end a run as Ctrl-C does.
+
+    Child processes that start meanwhile do not hear Ctrl-C: the parent handles it.
+    """
     resource_tracker.ensure_running()  # Its start would unblock Ctrl-C.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, *ENDING})
     try:
         yield
     finally:
@@ -82,7 +92,8 @@ class Server(Protocol):
 
 
 class ChildProcess:
-    """Parent's end. `failure` is None, or the status and the reason of the first command that failed."""
+    """Parent's end. `failure` is None, or the status and the reason of the first command that failed; `hung`
+    says that the failure was a missing answer."""
 
     def __init__(
         self, server: Callable[..., Server], arguments: tuple[Any, ...], output: Path, patience: float
@@ -90,11 +101,12 @@ class ChildProcess:
         """Start a process in which `server(*arguments)` executes commands (`obey`)."""
         context = multiprocessing.get_context("spawn")
         self.failure: tuple[str, str] | None = None
+        self.hung = False
         self._patience = patience
         self._pipe, theirs = context.Pipe()
-        known = dict(ENGINES)
+        known, by_kernel = dict(ENGINES), threading.current_thread() is threading.main_thread()
         self._process = context.Process(
-            target=obey, args=(theirs, output, server, arguments, known), daemon=True
+            target=obey, args=(theirs, output, server, arguments, known, by_kernel), daemon=True
         )
         with interrupt_held(), one_thread(), main_left_out():
             self._process.start()
@@ -109,13 +121,16 @@ class ChildProcess:
             except OSError:
                 self._died()
 
-    def receive(self) -> Any:
-        """Wait for the answer to the last command; None if the child has failed."""
+    def receive(self, at_least: float = 0.0) -> Any:
+        """Wait for the answer to the last command, for the child's patience or `at_least` so long [s]; None
+        if the child has failed."""
         if self.failure is not None:
             return None
+        patience = max(self._patience, at_least)
         try:
-            if not self._pipe.poll(self._patience):
-                self._fail("error", f"hung: no answer to '{self._command}' for {self._patience:g} s")
+            if not self._pipe.poll(patience):
+                self.hung = True
+                self._fail("error", f"hung: no answer to '{self._command}' for {patience:g} s")
                 return None
             status, answer = self._pipe.recv()
         except (EOFError, OSError):
@@ -156,12 +171,17 @@ def obey(
     server: Callable[..., Server],
     arguments: tuple[Any, ...],
     engines: dict[str, Entry],
+    by_kernel: bool = False,
 ) -> None:
-    """Child's end: execute commands by `server(*arguments)` until the pipe closes.
+    """Child's end: execute commands by `server(*arguments)` until the pipe closes or the parent ends
+    (`end_with_parent`).
 
     `engines` are those that the parent knows, plug-ins included.
     """
     ENGINES.update(engines)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+    if (parent := multiprocessing.parent_process()) is not None and parent.pid is not None:
+        end_with_parent(parent.pid, by_kernel)
     divert_output(output)
     handle = server(*arguments).handle
     while True:

@@ -3,21 +3,19 @@ them."""
 
 from __future__ import annotations
 
-import errno
-import os
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from touchstone.reports.cli.docs import docs
+from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.options import (
     BAD_INPUT,
-    INTERRUPTED,
     Format,
     FormatOption,
     QuietOption,
@@ -30,6 +28,8 @@ from touchstone.reports.cli.options import (
     printed,
     progress_for,
     stop,
+    tell_failures,
+    version,
 )
 from touchstone.reports.cli.studies import bench, study
 
@@ -37,19 +37,16 @@ if TYPE_CHECKING:
     from touchstone.reports.run.request import Request
     from touchstone.scenarios.scenario import Scenario
 
+HELP = "Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes."
 app = typer.Typer(
-    help="Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes.",
+    help=HELP,
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 app.add_typer(study, name="study")
 app.command()(bench)
 app.command()(docs)
-
-
-UsageError: Any = typer.BadParameter.__base__
-"""Base class of all usage errors; typer does not export it."""
 
 
 class Listing(StrEnum):
@@ -64,26 +61,22 @@ class Listing(StrEnum):
 
 def main() -> None:
     """Entry point: every expected failure ends in one line on standard error."""
-    try:
-        code = app(prog_name="touchstone", standalone_mode=False)
-        sys.stdout.flush()
-    except UsageError as error:
-        if type(error).__name__ == "NoArgsIsHelpError":  # it has printed the help
-            sys.exit(BAD_INPUT)
-        what, context = " ".join(error.format_message().split()), getattr(error, "ctx", None)
-        command = context.command_path if context else "touchstone"
-        stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
-    except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
-    except OSError as error:
-        # Discard the remaining output.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if error.errno == errno.EPIPE:
-            sys.exit(1)
-        stop(f"{error.filename or 'standard output'}: {error.strerror or error}", BAD_INPUT)
-    if code == INTERRUPTED:
-        stop("interrupted; nothing was written", INTERRUPTED)
-    sys.exit(code)
+    guarded(lambda: app(prog_name="touchstone", standalone_mode=False))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"touchstone {version()}")
+        raise typer.Exit
+
+
+@app.callback(help=HELP)
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Options before the command."""
 
 
 @app.command()
@@ -135,7 +128,7 @@ def run(
         print(line, file=sys.stderr)
     try:
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
-        with progress_for(frames, quiet) as progress:
+        with progress_for(frames, quiet, by_scene=True) as progress:
             results = run_study(request, progress)
     except OutputError as error:
         stop(str(error), BAD_INPUT)
@@ -149,7 +142,11 @@ def run(
         show(results.frame, console(), shown)
         show_budget(results.recordings, console())
         print(f"results: {request.out}")
-    exit_for(results.frame.verdict, bool(engine))
+    if quiet:
+        tell_failures(results.frame)
+    for line in results.faults:
+        print(line, file=sys.stderr)
+    exit_for(results.frame.verdict, bool(engine), bool(results.faults))
 
 
 def _request(

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
     from touchstone.reports.cli.progress import Progress
 
-LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, INTERRUPTED = 1, 2, 3, 4, 130
-"""Exit codes. Broken limits and failed runs take precedence over unjudged results, and those over a missing
-engine: 3 or 4 means that nothing else went wrong."""
+LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, ENGINE_FAILED = 1, 2, 3, 4, 5
+INTERNAL_ERROR, INTERRUPTED, CLOSED_OUTPUT = 70, 130, 141
+"""Exit codes. A broken limit takes precedence over an engine that failed, that over a page that could not be
+written, unjudged results and a missing engine: 3 or 4 means that nothing else went wrong."""
 
 
 class Format(StrEnum):
@@ -33,7 +34,9 @@ class Format(StrEnum):
 
 
 FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress and no table.")]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", help="No progress and no table; what failed is still told.")
+]
 
 
 def stop(message: str, code: int) -> NoReturn:
@@ -125,15 +128,28 @@ def printed(frame: pd.DataFrame, output: Format) -> bool:
     return output is not Format.table
 
 
+def version() -> str:
+    """Version of the program."""
+    from importlib.metadata import PackageNotFoundError
+    from importlib.metadata import version as version_of
+
+    try:
+        return version_of("touchstone")
+    except PackageNotFoundError:
+        return "not installed"
+
+
 def folder_of_now(prefix: str = "") -> Path:
-    """Default folder of results: runs/<prefix><time>."""
+    """Default folder of results: runs/<prefix><time>-<process>; two runs of one second have two folders."""
+    import os
     from datetime import datetime
 
-    return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}"
+    return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}-{os.getpid()}"
 
 
-def exit_for(verdicts: Iterable[str], by_name: bool) -> None:
-    """Exit with the code of the verdicts; `by_name`: the user named the engines.
+def exit_for(verdicts: Iterable[str], by_name: bool, faults: bool = False) -> None:
+    """Exit with the code of the verdicts; `by_name`: the user named the engines; `faults`: the program could
+    not write one of its own pages.
 
     An engine that is installed but cannot be imported counts as named: it was meant to play.
     """
@@ -141,21 +157,34 @@ def exit_for(verdicts: Iterable[str], by_name: bool) -> None:
     from touchstone.reports.results import UNJUDGED
 
     found = set(verdicts)
-    if found & {"fail", "error"}:
+    if "fail" in found:
         raise typer.Exit(LIMIT_BROKEN)
+    if "error" in found:
+        raise typer.Exit(ENGINE_FAILED)
+    if faults:
+        raise typer.Exit(INTERNAL_ERROR)
     if UNJUDGED in found:
         raise typer.Exit(NOT_JUDGED)
     if UNIMPORTABLE in found or (by_name and MISSING in found):
         raise typer.Exit(ENGINE_MISSING)
 
 
-def progress_for(total: int, quiet: bool):  # type: ignore[no-untyped-def]
-    """Progress on standard error over a total of steps."""
+def tell_failures(frame: pd.DataFrame) -> None:
+    """Print broken limits and failed runs on standard error, one line each."""
+    for row in frame[frame.verdict.isin(["fail", "error"])].itertuples():
+        what = f" {row.metric} {row.subject}".rstrip() + f" {row.value:.4g}, limit {row.limit:.4g}:"
+        told = row.reason if row.metric == "run" else f"{what.strip()} {row.reason}"
+        line = f"{row.verdict}: {row.scenario} {row.engine} {row.profile}: {told}"
+        print(line, file=sys.stderr)
+
+
+def progress_for(total: int, quiet: bool, by_scene: bool = False):  # type: ignore[no-untyped-def]
+    """Progress on standard error over a total of steps; off a terminal one line per scene or per task."""
     from touchstone.reports.cli.progress import bar, lines, silence
 
     if quiet:
         return silence()
-    return bar(total) if sys.stderr.isatty() else lines(total)
+    return bar(total) if sys.stderr.isatty() else lines(by_scene)
 
 
 def require_judge() -> None:
@@ -193,4 +222,6 @@ def ended(
 
         show(frame, console())
         print(f"results: {folder}")
+    if quiet:
+        tell_failures(frame)
     exit_for(frame.verdict, by_name)

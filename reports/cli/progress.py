@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 Progress = Callable[[str, int], None]
+SCENE = "scene "
+"""Start of the label that announces a scene."""
 
 
 @contextmanager
@@ -27,14 +29,15 @@ def bar(total: int) -> Iterator[Progress]:
 
 
 @contextmanager
-def lines(total: int) -> Iterator[Progress]:
-    """One line whenever the task changes."""
+def lines(by_scene: bool = False) -> Iterator[Progress]:
+    """One line per task, or with `by_scene` one per scene and one while the reference compiles."""
     seen: set[str] = set()
 
     def step(label: str, frames: int) -> None:
-        if label not in seen:
-            seen.add(label)
-            print(_first_time(label), file=sys.stderr, flush=True)
+        text = _first_time(label)
+        if label not in seen and not (by_scene and text == label and not label.startswith(SCENE)):
+            print(text, file=sys.stderr, flush=True)
+        seen.add(label)
 
     yield step
 

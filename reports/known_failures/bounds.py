@@ -51,7 +51,7 @@ def is_measured(row: Row) -> bool:
 
 def read(path: Path) -> dict[Key, float]:
     """The bounds of a file."""
-    with open(path, newline="") as file:
+    with open(path, newline="", encoding="utf-8") as file:
         return {tuple(row[key] for key in KEYS): float(row["largest"]) for row in csv.DictReader(file)}
 
 
@@ -73,7 +73,7 @@ def write(bounds: dict[Key, float], path: Path) -> None:
     """Write bounds, sorted."""
 
     def fill(part: Path) -> None:
-        with open(part, "w", newline="") as file:
+        with open(part, "w", newline="", encoding="utf-8") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow((*KEYS, "largest"))
             table.writerows((*key, f"{bound:g}") for key, bound in sorted(bounds.items()))

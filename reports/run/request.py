@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import inf
@@ -65,6 +65,15 @@ class Results:
     ended: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
     courses: dict[tuple[str, str, str], Course] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)  # pages that could not be written, and why
+
+    def write(self, what: str, page: Callable[[], object]) -> None:
+        """Write a page or a picture; what was measured survives one that fails."""
+        try:
+            page()
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}".splitlines()[0]
+            self.faults.append(f"{what} could not be written; results are stored: {reason}")
 
     def warn(self, base: Row, evidence: Evidence) -> None:
         """Store the warning of a run, if it has one."""

@@ -9,7 +9,7 @@ from touchstone.adapters.contract import MISSING
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.noisy_limits import judged
@@ -32,7 +32,8 @@ def run(request: Request, progress: Progress) -> Results:
         rows: list[Row] = []
         results = Results(table(rows))
         with Children() as children:
-            for scenario in request.scenarios:
+            for number, scenario in enumerate(request.scenarios, start=1):
+                progress(f"{SCENE}{number} of {len(request.scenarios)}: {scenario.name}", 0)
                 outcomes, missing = _play(request, scenario, folder, children, progress)
                 rows += _judge(request, scenario, outcomes, results, progress) + missing
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
@@ -52,9 +53,13 @@ def run(request: Request, progress: Progress) -> Results:
         }
         save_manifest(folder, manifest)
 
-        write_picture(results.recordings, folder)
-        draw(request, results, folder)
-        write_beside(folder / "report.md", lambda part: part.write_text(report(request, results)))
+        results.write("pictures", lambda: write_picture(results.recordings, folder))
+        results.write("pictures", lambda: draw(request, results, folder))
+        page = folder / "report.md"
+        results.write(
+            page.name,
+            lambda: write_beside(page, lambda part: part.write_text(report(request, results), "utf-8")),
+        )
     return results
 
 

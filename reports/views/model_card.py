@@ -6,7 +6,6 @@ own from the scene. Deviations are relative to the referee's mass, size or inert
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from touchstone.adapters.oracles.articulated import Articulated
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job
+from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario, Tracker
@@ -126,7 +126,7 @@ def _held(scenario: Scenario) -> tuple[Mapping[str, Recording], Mapping[str, str
     """A recording of one frame per engine, and the reasons why others failed."""
     short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=())
     held, reasons = {}, {e: missing_reason(e) for e in ENGINES if not installed(e)}
-    with tempfile.TemporaryDirectory() as folder, Children(together=True) as children:
+    with scratch_folder() as folder, Children(together=True) as children:
         jobs = []
         for engine in (e for e in ENGINES if installed(e)):
             profile = next(iter(ENGINES[engine].profiles))

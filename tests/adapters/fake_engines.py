@@ -39,6 +39,8 @@ class Engine:
 
     def build(self, scenario, settings):
         self.builds += 1
+        if self.name == "slow" and self.builds == 1:
+            time.sleep(4.0)  # longer than the patience of tests
         if self.name == "unsupported":
             raise Unsupported("unsupported: no spheres")
         return World(self, settings, warming=self.builds == 1)

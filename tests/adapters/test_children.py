@@ -265,3 +265,34 @@ def test_no_jobs_is_no_play(scenario):
     """Nothing to play gives nothing."""
     with Children() as children:
         assert children.play([], lambda label, frames: None) == []
+
+
+def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path):
+    """Skip the scenes after one in which an engine hung, with its name; the others play on."""
+    from fake_engines import load as fakes
+
+    stage, quiet = Stage(tmp_path, scenario), lambda label, frames: None
+    with Children(partial(fakes, str(tmp_path)), patience=PATIENCE) as children:
+        children.play(stage.jobs(["hangs", "healthy"]), quiet)
+        start = time.monotonic()
+        ended = children.play(stage.jobs(["hangs", "healthy"]), quiet)
+    assert time.monotonic() - start < PATIENCE
+    assert [(one.job.engine, one.status, one.reason) for one in ended] == [
+        ("hangs", "skipped", "not played: the engine hung in test"),
+        ("healthy", "done", ""),
+    ]
+
+
+@pytest.mark.parametrize(("compiles", "status"), [(True, "done"), (False, "error")])
+def test_compilation_has_a_patience_of_its_own(scenario, tmp_path, monkeypatch, compiles, status):
+    """Wait longer for commands that may compile, for engines that do; not for any other engine."""
+    from fake_engines import load as fakes
+
+    from touchstone.adapters.registry import ENGINES, Entry
+
+    monkeypatch.setitem(ENGINES, "slow", Entry("", "", {}, compiles=compiles))
+    stage = Stage(tmp_path, scenario)
+    loader = partial(fakes, str(tmp_path))
+    with Children(loader, patience=PATIENCE, compile_patience=3 * PATIENCE) as children:
+        (ended,) = children.play(stage.jobs(["slow"]), lambda label, frames: None)
+    assert ended.status == status

@@ -196,7 +196,7 @@ def _add_hull(node: Any, shape: Hull, name: str) -> Any:
         lines.append("f {} {} {}".format(*(turned + 1)))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hull.obj"
-        path.write_text("\n".join(lines) + "\n")
+        path.write_text("\n".join(lines) + "\n", "utf-8")
         mesh = f'<mesh filename="{path.as_uri()}"/>'
         link = f'<link name="l"><collision><geometry>{mesh}</geometry></collision></link>'
         urdf = f'<robot name="r">{link}</robot>'

@@ -10,4 +10,5 @@ ENTRY = Entry(
     color="#000000",
     marker="o",
     extra="touchstone",  # numba is no extra: the project itself requires it
+    compiles=True,
 )

@@ -91,7 +91,7 @@ def run(
         from touchstone.reports.studies.calibration.findings import report
         from touchstone.reports.views.pictures import requested_and_achieved
 
-        write_beside(folder / "report.md", lambda part: part.write_text(report(frame)))
+        write_beside(folder / "report.md", lambda part: part.write_text(report(frame), "utf-8"))
         write_beside(folder / "calibration.png", lambda part: requested_and_achieved(frame, part))
     return frame
 

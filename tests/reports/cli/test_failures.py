@@ -59,13 +59,13 @@ def test_lost_samples_are_refused_or_held(touchstone, added, registry, monkeypat
 
 
 def test_a_tracker_that_starts_stuck_is_told(touchstone, added, lab):
-    """Tell frame, pair and depth where walls leave no room: a row with its reason, and exit 1."""
+    """Tell frame, pair and depth where walls leave no room: a row with its reason, and exit 5."""
     walls = [lab.block(f"wall_{s}", (0.5, 0.5, 3.0), (0.0, 0.6 * s, 0.0), kind="fixed") for s in (-1, 1)]
     person = lab.person()
     added(lambda: replace(person, name="stuck", bodies=(*person.bodies, *walls)))
     code, out, _ = touchstone("run", "stuck", *REFERENCE, "--profile", "balanced", "--format", "csv")
     rows = list(csv.DictReader(io.StringIO(out)))
-    assert code == 1
+    assert code == 5
     assert [(row["metric"], row["verdict"]) for row in rows] == [("run", "error")]
     told = r"reference: trackers\[0\] starts stuck: in frame 1 '\w+' and 'wall_-?1' overlap by 0\.\d+ m"
     assert re.search(told, rows[0]["reason"])
@@ -83,15 +83,17 @@ def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch, left):
     assert "results.csv" in left("r")
 
 
-def test_an_engine_that_dies_is_exit_1(touchstone, monkeypatch):
-    """An engine that dies is a row with its reason, and exit 1."""
+def test_an_engine_that_dies_is_exit_5(touchstone, monkeypatch):
+    """An engine that dies is a row with its reason, and exit 5; `--quiet` still tells."""
     said = "died during 'play': signal SIGSEGV"
     crash = lambda self, jobs, progress: [Outcome(job, "error", said) for job in jobs]  # noqa: E731
     monkeypatch.setattr(study.Children, "play", crash)
     code, out, _ = touchstone(*RUN, "--out", "r", "--format", "json")
     rows = json.loads(out)
-    assert code == 1
+    assert code == 5
     assert [(row["metric"], row["verdict"], row["reason"]) for row in rows] == [("run", "error", said)]
+    code, out, err = touchstone(*RUN, "--out", "s", "--quiet")
+    assert (code, out, err) == (5, "", f"error: ball_snip reference balanced: {said}\n")
 
 
 @pytest.mark.parametrize(("named", "wanted"), [(False, 0), (True, 3)])
@@ -116,13 +118,14 @@ def test_a_missing_engine_is_skipped_with_a_hint(touchstone, quick, monkeypatch,
         (["missing", "pass"], True, 3),
         (["unimportable"], False, 3),
         (["missing", "unimportable", "fail"], True, 1),
-        (["missing", "error"], True, 1),
+        (["fail", "error"], True, 1),
+        (["missing", "error", "unjudged"], True, 5),
         (["missing", "unjudged", "pass"], True, 4),
         (["unjudged", "fail"], False, 1),
     ],
 )
 def test_verdicts_decide_the_exit_code(verdicts, named, wanted):
-    """What is broken or failed is 1, before what is not judged, 4, before an engine that is missing, 3."""
+    """A broken limit is 1, before an engine that failed, 5, an unjudged row, 4, and a missing engine, 3."""
     try:
         exit_for(verdicts, named)
         code = 0
@@ -198,12 +201,13 @@ def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):
     code, out, err = touchstone(*RUN, "--metric", "overlap.max", "--out", "s", "--format", "json")
     assert [line.startswith(start) for line in err.splitlines() if "warning" in line] == [True]
     assert {row["metric"] for row in json.loads(out)} == {"overlap.max"}
-    assert touchstone(*RUN, "--out", "t", "--quiet")[2] == ""
+    quiet = touchstone(*RUN, "--out", "t", "--quiet")[2].splitlines()
+    assert [line.partition(": ")[0] for line in quiet] == ["fail"] * len(quiet)
 
 
 def test_a_failed_run_keeps_its_recording(touchstone, monkeypatch, registry, left):
     """Leave what a run recorded before it diverged in the folder of results, beside its row, its warning and
-    exit 1."""
+    exit 5."""
     said = "diverged: the position of 'ball' is not finite, in frame 40 at 0.6667 s"
     recording = registry.played("ball_snip", "reference")
     work = recording.work.copy()
@@ -216,7 +220,7 @@ def test_a_failed_run_keeps_its_recording(touchstone, monkeypatch, registry, lef
 
     monkeypatch.setattr(study.Children, "play", play)
     code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")
-    assert code == 1
+    assert code == 5
     assert [(row["verdict"], row["reason"]) for row in json.loads(out)] == [("error", said)]
     # why it failed is worth a warning, too
     assert "warning: reference balanced ball_snip: contact solve left 0.5 m/s in frame 40" in err

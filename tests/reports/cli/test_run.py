@@ -32,7 +32,7 @@ def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path, left):
     assert left("here/results/recordings") == ["ball_snip-reference-balanced.npz"]
     assert "results: here/results" in out
     assert "overlap.max" in out
-    assert "reference balanced: judge" in err
+    assert err.splitlines()[0] == "scene 1 of 1: ball_snip"
     manifest = json.loads(Path("here/results/manifest.json").read_text())
     assert manifest["command"] == " ".join(["touchstone", *RUN, "--out", "here/results"])
     assert manifest["engines"]["ball_snip/reference/balanced"]["engine"] == "reference"
@@ -109,7 +109,7 @@ def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
     label = "balanced, friction=always, event_rows=100"
     assert code == 0
     assert "friction=always" in out
-    assert f"reference {label}: judge" in err
+    assert f"reference {label}: warm up (compiles once)" in err
     assert set(pd.read_csv("r/results.csv").profile) == {label}
     assert left("r/recordings") == ["fall-reference-balanced+friction=always+event_rows=100.npz"]
     told = json.loads(Path("r/manifest.json").read_text())["engines"][f"fall/reference/{label}"]

@@ -1,0 +1,140 @@
+"""Runs that nobody watches: signals, streams, locales, collisions, faults of the program itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import typer
+
+from touchstone.reports.cli import main as cli
+from touchstone.reports.cli.options import folder_of_now, version
+from touchstone.reports.output_folder import OutputError, output_folder
+from touchstone.reports.run import study
+
+RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
+CALL = "import sys; sys.argv[0] = 'touchstone'; from touchstone.reports.cli.main import main; main()"
+
+
+def program(*arguments, **options):
+    """Start the program in a session of its own."""
+    command = [sys.executable, "-c", CALL, *map(str, arguments)]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, **options)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_signal_ends_a_run_as_ctrl_c_does(tmp_path, left, number, code):
+    """SIGTERM and SIGHUP end a run with one line, the signal's exit code, and no folder left."""
+    running = program(*RUN, "--out", tmp_path / "r")
+    assert "scene 1 of 1: ball_snip" in running.stderr.readline()
+    os.kill(running.pid, number)
+    _, err = running.communicate(timeout=60)
+    assert running.returncode == code
+    assert err.splitlines()[-1] == "touchstone: interrupted; nothing was written"
+    assert left(tmp_path) == []
+
+
+def test_a_killed_run_leaves_nothing_to_its_successor(tmp_path, left, touchstone, quick):
+    """Kill -9 leaves a hidden folder; the next run in the same place removes it and finishes."""
+    running = program(*RUN, "--out", tmp_path / "r")
+    running.stderr.readline()
+    running.kill()
+    running.communicate()
+    assert left(tmp_path) == [".r.touchstone-part"]
+    assert touchstone(*RUN, "--out", tmp_path / "s", "--quiet")[0] == 0
+    assert left(tmp_path) == ["s"]
+
+
+def test_two_runs_do_not_collide(tmp_path, touchstone, left):
+    """A second run into a folder that is being written is refused at once; default names differ."""
+    with output_folder(tmp_path / "r") as part:
+        (part / "kept.txt").write_text("kept")
+        with (
+            pytest.raises(OutputError, match="another run that is still alive writes it"),
+            output_folder(tmp_path / "r"),
+        ):
+            pass
+        code, _, err = touchstone(*RUN, "--out", tmp_path / "r")
+        assert (code, err.count("\n")) == (2, 1)
+    assert left(tmp_path / "r") == ["kept.txt"]
+    other = subprocess.run(
+        [sys.executable, "-c", "from touchstone.reports.cli.options import folder_of_now as f; print(f())"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert other.stdout.strip().rpartition("-")[2] != folder_of_now().name.rpartition("-")[2]
+
+
+@pytest.mark.parametrize("locale", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}])
+def test_output_is_utf8_in_any_locale(locale):
+    """Print UTF-8 whatever the locale says, without an error."""
+    code = "from touchstone.reports.cli.guard import guarded; guarded(lambda: print('\\u2717 \\u03bc'))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=os.environ | locale)
+    assert (done.returncode, done.stdout.decode(), done.stderr) == (0, "\u2717 \u03bc\n", b"")
+
+
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-", "2>/dev/full"])
+def test_closed_or_full_streams_are_no_traceback(closed, tmp_path):
+    """A closed standard output or error, or a full one, changes neither the files nor the exit code."""
+    line = f'"{sys.executable}" -c "{CALL}" list engines > "{tmp_path}/out" {closed}'
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    line = f'"{sys.executable}" -c "{CALL}" run nothing {closed}'
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+
+
+def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_path):
+    """A fault of the program is exit 70 and one line that names the file of its traceback."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    def fails(request, progress):
+        raise ZeroDivisionError("a fault\nof two lines")
+
+    monkeypatch.setattr(study, "run", fails)
+    code, out, err = touchstone(*RUN, "--out", "r")
+    assert (code, out, err.count("\n")) == (70, "", 1)
+    start, _, path = err.partition(" (traceback: ")
+    assert start == "touchstone: internal error: ZeroDivisionError: a fault"
+    text = Path(path.strip().removesuffix(")")).read_text()
+    assert text.startswith("touchstone run ball_snip")
+    assert "in fails" in text
+
+
+def test_measurements_survive_a_page_that_fails(touchstone, quick, monkeypatch):
+    """Where the report cannot be written, the table and the recordings are kept, and the exit code is 70."""
+
+    def fails(request, results):
+        raise KeyError("cell")
+
+    monkeypatch.setattr(study, "report", fails)
+    code, _, err = touchstone(*RUN, "--out", "r", "--quiet")
+    assert code == 70
+    assert err == "report.md could not be written; results are stored: KeyError: 'cell'\n"
+    assert len(pd.read_parquet("r/results.parquet")) > 20
+    assert Path("r/recordings/ball_snip-reference-balanced.npz").exists()
+
+
+def test_one_line_per_scene_off_a_terminal(touchstone, quick):
+    """Progress in a file: a line per scene and not one per engine and command."""
+    _, _, err = touchstone(*RUN, "fall", "--out", "r")
+    assert err.splitlines()[:2] == ["scene 1 of 2: ball_snip", "scene 2 of 2: fall"]
+
+
+def test_version_help_and_completion(touchstone, monkeypatch):
+    """`--version` prints one line, `-h` is `--help` in every command, and shells can complete names."""
+    assert touchstone("--version") == (0, f"touchstone {version()}\n", "")
+    for command in ([], ["run"], ["study"], ["study", "agreement"]):
+        assert touchstone(*command, "-h") == touchstone(*command, "--help")
+    monkeypatch.setenv("_TOUCHSTONE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "touchstone do")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    assert "doctor" in touchstone()[1]
+    assert isinstance(cli.app, typer.Typer)
