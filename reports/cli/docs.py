@@ -62,4 +62,4 @@ def docs(
 
 
 def _write(text: str, path: Path) -> None:
-    path.write_text(text)
+    path.write_text(text, "utf-8")
