@@ -171,7 +171,9 @@ def exit_for(verdicts: Iterable[str], by_name: bool, faults: bool = False) -> No
 
 def tell_failures(frame: pd.DataFrame) -> None:
     """Print broken limits and failed runs on standard error, one line each."""
-    for row in frame[frame.verdict.isin(["fail", "error"])].itertuples():
+    from touchstone.reports.results import rows_of
+
+    for row in rows_of(frame[frame.verdict.isin(["fail", "error"])]):
         what = f" {row.metric} {row.subject}".rstrip() + f" {row.value:.4g}, limit {row.limit:.4g}:"
         told = row.reason if row.metric == "run" else f"{what.strip()} {row.reason}"
         line = f"{row.verdict}: {row.scenario} {row.engine} {row.profile}: {told}"
