@@ -11,14 +11,16 @@ from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, available, registered
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.names import checked
+from touchstone.reports.own_limits import check_limits
 from touchstone.reports.run.request import DEFAULT_PROFILES, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.named import NoScene, scenes_named
 from touchstone.scenarios.scenario import Scenario
 
 
 def run(
-    scenes: str | Scenario | Iterable[str | Scenario],
+    scenes: str | Path | Scenario | Iterable[str | Path | Scenario],
     engines: str | Iterable[str] | None = None,
     profiles: str | Iterable[str] | None = None,
     dt: float | None = None,
@@ -27,7 +29,8 @@ def run(
     """Play scenes on engines, each engine in a process of its own, and judge what they did.
 
     Args:
-        scenes: names of the catalogue or scenarios of your own; one, or several.
+        scenes: names of the catalogue, files of scenes (.toml, .json, .py) or scenarios of your own; one, or
+            several.
         engines: one name or several, also "module:Class" of an engine of your own; None: all of ours. One
             that is not installed gives a row that says so.
         profiles: one name or several; None: `balanced`, `recommended` and `equal-step`, each on the engines
@@ -39,11 +42,11 @@ def run(
     Raises:
         ValueError: an unknown name, or a step that does not divide the frame; the message names valid ones.
     """
-    chosen = [scenes] if isinstance(scenes, (str, Scenario)) else list(scenes)
+    chosen = [scenes] if isinstance(scenes, (str, Path, Scenario)) else list(scenes)
     scenarios = tuple(
-        one if isinstance(one, Scenario) else catalogue()[checked("scene", one, catalogue())]
-        for one in chosen
+        scenario for one in chosen for scenario in ([one] if isinstance(one, Scenario) else _named(str(one)))
     )
+    check_limits(scenarios)
     if not scenarios or len({scenario.name for scenario in scenarios}) < len(scenarios):
         raise ValueError("scenes: expected one or more, each with a name of its own")
     names = [_registered(name) for name in _several(engines) or ENGINES]
@@ -70,6 +73,13 @@ def _registered(name: str) -> str:
         return registered(name)
     except AdapterError as error:
         raise ValueError(str(error)) from error
+
+
+def _named(name: str) -> list[Scenario]:
+    try:
+        return scenes_named([name])
+    except NoScene:
+        return [catalogue()[checked("scene", name, catalogue())]]
 
 
 def _several(names: str | Iterable[str] | None) -> list[str]:

@@ -3,6 +3,7 @@ exceptions."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isnan
 
@@ -362,9 +363,10 @@ def _excused(row: Row, known: Known) -> tuple[str, str]:
     return "known", known.reason
 
 
-def limit_of(row: Row, tags: tuple[str, ...]) -> Limit | None:
-    """The most specific limit of a row, the last among equals; None where it has none."""
-    candidates = [limit for limit in LIMITS if limit.metric == row.metric and _covers(limit, row, tags)]
+def limit_of(row: Row, tags: tuple[str, ...], among: Iterable[Limit] | None = None) -> Limit | None:
+    """The most specific limit of a row among LIMITS or others, the last of equals; None if there is none."""
+    among = LIMITS if among is None else among
+    candidates = [limit for limit in among if limit.metric == row.metric and _covers(limit, row, tags)]
     return max(reversed(candidates), key=_specificity, default=None)
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import traceback
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
+from pathlib import Path
+from types import ModuleType
 
-from touchstone.scenarios.scenario import HOLD_LAST, Scenario
+from touchstone.scenarios.scenario import HOLD_LAST, Scenario, ScenarioError
 
 Scene = Callable[[], Scenario | tuple[Scenario, ...]]
 _MARK = "is_touchstone_scene"
@@ -21,34 +24,87 @@ def scene(function: Scene) -> Scene:
 
 def catalogue(hold_last: bool = False) -> dict[str, Scenario]:
     """All scenarios by name, in alphabetical order. With `hold_last`, trackers repeat their last good sample
-    where one is not finite; otherwise such a tracker is refused."""
-    return built(hold_last)
+    where one is not finite; otherwise such a tracker is refused. Broken scenes are left out: see `faults`."""
+    return built(hold_last)[0]
+
+
+def faults(hold_last: bool = False) -> tuple[str, ...]:
+    """One line per file or function of `families/` that gives no scene, and why."""
+    return built(hold_last)[1]
 
 
 @cache
-def built(hold_last: bool) -> dict[str, Scenario]:
-    """Cached result of `catalogue`."""
+def built(hold_last: bool) -> tuple[dict[str, Scenario], tuple[str, ...]]:
+    """Cached result of `catalogue` and `faults`."""
     token = HOLD_LAST.set(hold_last)
     try:
-        return dict(sorted(_collected().items()))
+        found, broken = _collected()
+        return dict(sorted(found.items())), tuple(broken)
     finally:
         HOLD_LAST.reset(token)
 
 
-def _collected() -> dict[str, Scenario]:
+def _collected() -> tuple[dict[str, Scenario], list[str]]:
     import touchstone.scenarios.families as families
 
     found: dict[str, Scenario] = {}
+    broken: list[str] = []
     for module_info in pkgutil.iter_modules(families.__path__):
-        module = importlib.import_module(f"touchstone.scenarios.families.{module_info.name}")
-        for value in vars(module).values():
-            if callable(value) and getattr(value, _MARK, False):
-                built = value()
-                for scenario in (built,) if isinstance(built, Scenario) else built:
-                    if scenario.name in found:
-                        raise ValueError(f"two scenes are called {scenario.name!r}")
-                    found[scenario.name] = scenario
-    return found
+        name = f"touchstone.scenarios.families.{module_info.name}"
+        own, lines = scenes_of(partial(importlib.import_module, name), f"families/{module_info.name}.py")
+        broken += lines
+        for scenario in own.values():
+            if scenario.name in found:
+                broken.append(f"families/{module_info.name}.py: two scenes are called {scenario.name!r}")
+            else:
+                found[scenario.name] = scenario
+    return found, broken
+
+
+def scenes_of(load: Callable[[], ModuleType], file: str) -> tuple[dict[str, Scenario], list[str]]:
+    """Scenes by name of a module's functions marked `@scene`, and a line for each that gives none; `load`
+    imports it, `file` is its name in these lines."""
+    try:
+        values = list(vars(load()).values())
+    except (Exception, SystemExit) as error:
+        return {}, [f"{file}{_place(error, file)}: {_one_line(error)}"]
+    found: dict[str, Scenario] = {}
+    broken: list[str] = []
+    for function in values:
+        if not (callable(function) and getattr(function, _MARK, False)):
+            continue
+        name = f"{file}: scene {getattr(function, '__name__', '?')}"
+        try:
+            result = function()
+            several = tuple(result) if isinstance(result, tuple | list) else (result,)
+        except ScenarioError as error:
+            broken += [f"{name}: scenario {error.name!r}: {path}: {text}" for path, text in error.faults]
+            continue
+        except (Exception, SystemExit) as error:
+            broken.append(f"{name}{_place(error, file)}: {_one_line(error)}")
+            continue
+        for scenario in several:
+            if not isinstance(scenario, Scenario):
+                broken.append(f"{name} returns {type(scenario).__name__}, expected Scenario or several")
+            elif scenario.name in found:
+                broken.append(f"{name}: two scenes are called {scenario.name!r}")
+            else:
+                found[scenario.name] = scenario
+    return found, broken
+
+
+def _place(error: BaseException, file: str) -> str:
+    """Line of the file at which an exception left it."""
+    if isinstance(error, SyntaxError):
+        return f":{error.lineno}"
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename).name == Path(file).name]
+    return f":{lines[-1]}" if lines else ""
+
+
+def _one_line(error: BaseException) -> str:
+    text = str(error).partition("\n")[0]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def tags(hold_last: bool = False) -> tuple[str, ...]:

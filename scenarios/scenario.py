@@ -44,7 +44,7 @@ class ScenarioError(ValueError):
     """Invalid scenario; `faults` lists (path of the field, what is wrong)."""
 
     def __init__(self, name: str, faults: list[tuple[str, str]]) -> None:
-        self.faults = faults
+        self.name, self.faults = name, faults
         lines = "\n".join(f"  {path}: {message}" for path, message in faults)
         super().__init__(f"scenario {name!r} has {len(faults)} fault(s):\n{lines}")
 
@@ -230,6 +230,19 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
+class MetricLimit:
+    """A scene's own limit: the largest allowed absolute value [SI unit] of a metric, for an engine, profile
+    and subject ("" = every one). The most specific limit wins; among equals the last."""
+
+    metric: str
+    largest: float
+    reason: str = ""
+    engine: str = ""
+    profile: str = ""
+    subject: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Arc:
     """Motion from `start` [s] to the next arc; world frame.
 
@@ -282,6 +295,7 @@ class Scenario:
     effects: tuple[str, ...] = ("gravity", "restitution", "friction")
     expectations: tuple[Expectation, ...] = ()
     truths: tuple[Truth, ...] = ()
+    limits: tuple[MetricLimit, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:

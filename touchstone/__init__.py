@@ -25,6 +25,7 @@ _PARTS = (
     "Expectation",
     "Hull",
     "Joint",
+    "MetricLimit",
     "PairCoefficients",
     "Piece",
     "ReachCone",

@@ -31,6 +31,14 @@ from touchstone.reports.cli.options import (
     tell_failures,
     version,
 )
+from touchstone.reports.cli.scenes.chosen import (
+    AllowPathsOption,
+    LimitsOption,
+    limits_for,
+    metrics_for,
+    scenarios_for,
+)
+from touchstone.reports.cli.scenes.schema import schema
 from touchstone.reports.cli.studies import bench, study
 
 if TYPE_CHECKING:
@@ -47,6 +55,7 @@ app = typer.Typer(
 app.add_typer(study, name="study")
 app.command()(bench)
 app.command()(docs)
+app.command()(schema)
 
 
 class Listing(StrEnum):
@@ -81,13 +90,17 @@ def options(
 
 @app.command()
 def run(
-    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes to play (default: --tag).")] = None,
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes or files of scenes (default: --tag).")
+    ] = None,
     tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "gallery",
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all installed).")] = None,
     profile: Annotated[
         list[str] | None, typer.Option(help="Profiles (default: balanced, recommended, equal-step).")
     ] = None,
-    metric: Annotated[list[str] | None, typer.Option(help="Report these metrics alone.")] = None,
+    metric: Annotated[
+        list[str] | None, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
+    ] = None,
     dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240, in s.")] = None,
     change: Annotated[
         list[str] | None,
@@ -105,17 +118,19 @@ def run(
     hold_last: Annotated[
         bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")
     ] = False,
+    limits: LimitsOption = None,
+    allow_paths: AllowPathsOption = False,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
 ) -> None:
-    """Play scenes on engines and show where they differ."""
+    """Play scenes, of the catalogue or of files (.toml, .json, .py), and show where engines differ."""
     from touchstone.adapters.contract import DRIVES
     from touchstone.reports.judge import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import run as run_study
 
-    scenarios = _tracked(_scenarios(scenario or [], tag, hold_last), tracker, drive)
+    scenarios = _tracked(scenarios_for(scenario or [], tag, hold_last, allow_paths), tracker, drive)
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
     request = replace(
         request,
@@ -123,6 +138,7 @@ def run(
         effects=effects_for(effects),
         drive=known("drive", drive, DRIVES),
         tracker=tracker,
+        limits=limits_for(limits, scenarios),
     )
     for line in [] if quiet else _held(scenarios):
         print(line, file=sys.stderr)
@@ -158,29 +174,12 @@ def _request(
     out: Path | None,
 ) -> Request:
     """The request for the arguments; a wrong argument exits with one line."""
-    from touchstone.reports.metrics import METRICS
     from touchstone.reports.run.request import DEFAULT_PROFILES, Request
 
     columns = columns_for(engines, profiles, DEFAULT_PROFILES)
-    spreads = [f"{name}.spread" for name in METRICS if name.startswith("events.")]
-    for name in metrics:
-        known("metric", name, [*METRICS, *spreads, "ratio.time"])
     step = _step(dt, scenarios) if dt is not None else None
     command = " ".join(["touchstone", *sys.argv[1:]])
-    return Request(tuple(scenarios), columns, out or folder_of_now(), step, tuple(metrics), command)
-
-
-def _scenarios(names: list[str], tag: str, hold_last: bool = False) -> list[Scenario]:
-    from touchstone.scenarios.catalogue import catalogue, tagged, tags
-    from touchstone.scenarios.scenario import ScenarioError
-
-    try:
-        if names:
-            valid = catalogue(hold_last)
-            return [valid[known("scenario", name, valid)] for name in dict.fromkeys(names)]
-        return list(tagged(known("tag", tag, tags(hold_last)), hold_last))
-    except ScenarioError as error:
-        stop(str(error), BAD_INPUT)
+    return Request(tuple(scenarios), columns, out or folder_of_now(), step, metrics_for(metrics), command)
 
 
 def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenario]:
@@ -237,13 +236,15 @@ def show(
     model_card: Annotated[
         bool, typer.Option("--model-card", help="The driven bodies as every engine holds them.")
     ] = False,
+    allow_paths: AllowPathsOption = False,
     output: FormatOption = Format.table,
 ) -> None:
     """Show what a scenario is made of."""
-    from touchstone.adapters.recorder import scenario_json
     from touchstone.reports.cli.listing import effect_rows, show_rows, truth_lines
 
-    chosen = _scenarios([scenario], "")[0]
+    chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
+    if others:
+        stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
     if effects:
         show_rows(effect_rows(chosen), output)
         return
@@ -256,7 +257,9 @@ def show(
             stop(str(error), BAD_INPUT)
         return
     if output is Format.json:
-        print(scenario_json(chosen))
+        from touchstone.scenarios.files.write import scene_json
+
+        print(scene_json(chosen), end="")
         return
     rows: list[dict[str, object]] = [
         {

@@ -10,6 +10,7 @@ import numpy as np
 from touchstone.adapters.recording import Recording
 from touchstone.reports.bootstrap import time_ratio
 from touchstone.reports.metrics.context import ROUNDING
+from touchstone.reports.own_limits import is_foreign
 from touchstone.reports.results import UNJUDGED, Row
 from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, STUDY
 from touchstone.scenarios.scenario import Scenario
@@ -36,7 +37,8 @@ def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows
         # Per class of steps, over the frames that both engines played.
         largest_last = sorted(ratios, key=lambda column: ratios[column].value)
         fastest = {column[1]: column for column in largest_last}
-        limits = ratio_limits(scenario, mine) if profile == "balanced" else {}
+        limited = profile == "balanced" and not is_foreign(scenario)
+        limits = ratio_limits(scenario, mine) if limited else {}
         for column, ratio in ratios.items():
             said, no_deeper = _compared(overlap.get((REFERENCE, profile)), overlap.get(column))
             row = Row(

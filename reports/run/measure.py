@@ -7,11 +7,12 @@ from dataclasses import replace
 from math import inf, isfinite, isnan
 
 from touchstone.adapters.recording import Recording
+from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
 from touchstone.reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
 from touchstone.reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
 from touchstone.reports.metrics.motion.events import subjects
-from touchstone.reports.noisy_limits import judged
+from touchstone.reports.own_limits import judged
 from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
 from touchstone.scenarios.scenario import Scenario
 
@@ -19,12 +20,12 @@ NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.dri
 """Metrics that the judgement of others needs."""
 
 
-def excused(row: Row, recording: Recording, tags: tuple[str, ...]) -> Row:
-    """The row; its verdict is `known` where it breaks a limit because a needed effect was disabled on
+def excused(row: Row, recording: Recording, scenario: Scenario, limits: Sequence[Limit] = ()) -> Row:
+    """The row, judged; its verdict is `known` where it breaks a limit because a needed effect was disabled on
     request."""
     told: dict[str, str] = recording.facts.get("effects", {})
     removed = [effect for effect, state in told.items() if state.startswith("forced off")]
-    found = judged(row, tags)
+    found = judged(row, scenario, limits)
     if not removed or found.verdict != "fail":
         return row
     reason = f"played without {', '.join(removed)}, as asked for; limit: {found.reason}"

@@ -14,6 +14,7 @@ from touchstone.adapters.contract import DRIVES, Settings
 from touchstone.adapters.engines.reference.settings import changes
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES
+from touchstone.reports.limits import Limit
 from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.results import Row
@@ -43,6 +44,7 @@ class Request:
     effects: tuple[str, ...] | None = None  # to run in every scene; None: what each scene needs
     drive: str = "native"  # drive of hinges in DART, Bullet and MuJoCo
     tracker: str = "ideal"  # the variant of the trackers that the scenes have
+    limits: tuple[Limit, ...] = ()  # of a file; they come before the scenes' own and ours
     budget: float = inf  # seconds of native steps after which a column skips the rest of a scene
 
     def settings(self, engine: str, profile: str) -> Settings:

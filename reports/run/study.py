@@ -12,8 +12,8 @@ from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.metrics.motion.time_series import course
-from touchstone.reports.noisy_limits import judged
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.own_limits import judged
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.run.comparisons import ratios_of, spreads_of
 from touchstone.reports.run.measure import excused, measured_of
@@ -109,7 +109,7 @@ def _judge(
         found = measured_of(base, evidence, request.metrics)
         if several:
             results.courses[scenario.name, job.engine, label] = course(evidence)
-        rows += [excused(row, recording, scenario.tags) for row in found]
+        rows += [excused(row, recording, scenario, request.limits) for row in found]
         results.warn(base, evidence)
     rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
-    return [judged(row, scenario.tags) for row in rows]
+    return [judged(row, scenario, request.limits) for row in rows]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from touchstone.reports.limits import judged
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Evidence, NotMeasured, Value
 from touchstone.reports.metrics.solver import CAPS, RESIDUAL, cap_counters, worst_place
+from touchstone.reports.own_limits import judged
 from touchstone.reports.results import Row
 
 KINDS = {
@@ -33,7 +33,7 @@ def warning(base: Row, evidence: Evidence) -> str | None:
             value = _value(evidence, metric)
         except NotMeasured:
             return None
-        row = judged(replace(base, metric=metric, value=value), evidence.scenario.tags)
+        row = judged(replace(base, metric=metric, value=value), evidence.scenario)
         if row.verdict in ("fail", "known"):
             counters = cap_counters(evidence) if counters is CAPS else counters
             told.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))

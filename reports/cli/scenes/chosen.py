@@ -1,0 +1,79 @@
+"""The scenes that a command's arguments name: of the catalogue, or of files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from touchstone.reports.cli.options import BAD_INPUT, known, stop
+
+if TYPE_CHECKING:
+    from touchstone.reports.limits import Limit
+    from touchstone.scenarios.scenario import Scenario
+
+AllowPathsOption = Annotated[
+    bool, typer.Option("--allow-paths", help="Let scene files name files outside their own folder.")
+]
+LimitsOption = Annotated[
+    Path | None, typer.Option("--limits", help="TOML or JSON file whose limits add to ours or replace them.")
+]
+
+
+def scenarios_for(
+    names: Iterable[str], tag: str = "", hold_last: bool = False, allow_paths: bool = False
+) -> list[Scenario]:
+    """Scenes of names and files (none: those with the tag); what is invalid exits with one line per fault.
+
+    A name that is not in the catalogue may be that of a file NAME.toml or NAME.json in this folder.
+    """
+    from touchstone.scenarios import catalogue as scenes
+    from touchstone.scenarios.files.named import NoScene, scenes_named
+    from touchstone.scenarios.files.read import SceneFileError
+
+    wanted = list(dict.fromkeys(names))
+    try:
+        found = scenes_named(wanted, hold_last, allow_paths)
+    except SceneFileError as error:
+        stop(str(error), BAD_INPUT)
+    except NoScene as error:
+        _tell(scenes.faults(hold_last))
+        known("scenario", error.name, scenes.catalogue(hold_last))
+    if not wanted:
+        found = list(scenes.tagged(known("tag", tag, scenes.tags(hold_last)), hold_last))
+        _tell(scenes.faults(hold_last))
+    return found
+
+
+def _tell(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(f"touchstone: {line}", file=sys.stderr)
+
+
+def limits_for(path: Path | None, scenarios: Iterable[Scenario]) -> tuple[Limit, ...]:
+    """Limits of a file; an invalid one, or a scene's limit on an unknown metric, exits with its line."""
+    from touchstone.reports.own_limits import check_limits, limits_of_file
+    from touchstone.scenarios.files.read import SceneFileError
+
+    try:
+        check_limits(scenarios)
+        return limits_of_file(path) if path else ()
+    except SceneFileError as error:
+        stop(str(error), BAD_INPUT)
+
+
+def metrics_for(patterns: Iterable[str]) -> tuple[str, ...]:
+    """Metrics of names and patterns such as `friction.*`; one that fits none exits with one line."""
+    from fnmatch import fnmatchcase
+
+    from touchstone.reports.own_limits import valid_metrics
+
+    valid = valid_metrics()
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        fitting = [name for name in valid if fnmatchcase(name, pattern)]
+        found |= dict.fromkeys(fitting or [known("metric", pattern, valid)])
+    return tuple(found)

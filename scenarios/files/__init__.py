@@ -1,0 +1,1 @@
+"""Scenes in files: TOML, JSON, or Python functions marked `@scene`."""

@@ -1,0 +1,87 @@
+"""Centre of mass and inertia of a body in a file that states a mass only: a uniform solid of its pieces."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.scenarios.scenario import (
+    ORIGIN,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Matrix,
+    Piece,
+    Shape,
+    Sphere,
+    Vector,
+    vector,
+)
+from touchstone.scenarios.solids import (
+    box_inertia,
+    capsule_inertia,
+    ellipsoid_inertia,
+    hull_mass_properties,
+    sphere_inertia,
+)
+
+
+def uniform(pieces: tuple[Piece, ...], mass: float) -> tuple[Vector, Matrix]:
+    """Centre of mass [m, body frame] and inertia about it [kg m^2, body axes] of pieces of one density that
+    together have a mass [kg]. Pieces must not overlap: each counts with its whole volume.
+
+    Raises:
+        ValueError: a hull spans no volume, or a size is not positive.
+    """
+    volumes = np.array([_volume(piece.shape) for piece in pieces])
+    if not (volumes > 0).all():
+        raise ValueError("a piece has no volume")
+    masses = mass * volumes / volumes.sum()
+    centers, inertias = [], []
+    for piece, own in zip(pieces, masses.tolist()):
+        turn = Rotation.from_quat(piece.orientation, scalar_first=True)
+        center, inertia = _solid(piece.shape, own)
+        centers.append(np.array(piece.position) + turn.apply(center))
+        axes = turn.as_matrix()
+        inertias.append(axes @ np.array(inertia) @ axes.T)
+    if len(pieces) == 1 and pieces[0].orientation == (1.0, 0.0, 0.0, 0.0):  # without rounding
+        return vector(centers[0]), _solid(pieces[0].shape, mass)[1]
+    center = masses @ np.array(centers) / mass
+    total = np.zeros((3, 3))
+    for own, place, inertia in zip(masses, centers, inertias):
+        arm = place - center
+        total += inertia + own * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    one, two, three = (vector(row) for row in (total + total.T) / 2)
+    return vector(center), (one, two, three)
+
+
+def _volume(shape: Shape) -> float:
+    match shape:
+        case Sphere(r):
+            return 4 / 3 * pi * r**3
+        case Box(half):
+            return 8 * half[0] * half[1] * half[2]
+        case Capsule(r, half_length):
+            return pi * r * r * (2 * half_length + 4 / 3 * r)
+        case Ellipsoid(half):
+            return 4 / 3 * pi * half[0] * half[1] * half[2]
+        case Hull(vertices):
+            return hull_mass_properties(vertices, density=1.0)[0]
+
+
+def _solid(shape: Shape, mass: float) -> tuple[Vector, Matrix]:
+    """Centre and inertia of a solid in its own frame."""
+    match shape:
+        case Sphere(r):
+            return ORIGIN, sphere_inertia(mass, r)
+        case Box(half):
+            return ORIGIN, box_inertia(mass, half)
+        case Capsule(r, half_length):
+            return ORIGIN, capsule_inertia(mass, r, half_length)
+        case Ellipsoid(half):
+            return ORIGIN, ellipsoid_inertia(mass, half)
+        case Hull(vertices):
+            return hull_mass_properties(vertices, mass=mass)[1:]

@@ -1,0 +1,72 @@
+"""Scenes by name: of the catalogue, of a file, or of a file NAME.toml or NAME.json in the working folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.python_file import scenes_of_python
+from touchstone.scenarios.files.read import SceneFileError, read_scene
+from touchstone.scenarios.scenario import HOLD_LAST, Scenario
+
+SUFFIXES = (".toml", ".json", ".py")
+"""Endings of scene files."""
+
+
+class NoScene(ValueError):
+    """There is no scene of this name."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        super().__init__(f"unknown scenario {name!r}")
+
+
+def scenes_named(names: Iterable[str], hold_last: bool = False, allow_paths: bool = False) -> list[Scenario]:
+    """Scenes of names and paths, in order; those of a file all together.
+
+    Raises:
+        NoScene: a name is neither in the catalogue nor a file's.
+        SceneFileError: a file is not valid, or two scenes have the same name.
+    """
+    found: dict[str, Scenario] = {}
+    for name in names:
+        path = path_of(name)
+        if path is not None:
+            several = scenes_of_file(path, hold_last, allow_paths)
+        elif name in catalogue(hold_last):
+            several = [catalogue(hold_last)[name]]
+        else:
+            raise NoScene(name)
+        for scenario in several:
+            if scenario.name in found:
+                raise SceneFileError(f"{name}: two scenes of this run are called {scenario.name!r}")
+            found[scenario.name] = scenario
+    return list(found.values())
+
+
+def path_of(name: str) -> Path | None:
+    """The file that a name stands for; None for a scene of the catalogue."""
+    path = Path(name)
+    if path.suffix.lower() in SUFFIXES:
+        return path
+    if name in catalogue():
+        return None
+    near = (path.with_name(f"{path.name}{suffix}") for suffix in SUFFIXES[:2]) if path.name else ()
+    return next((file for file in near if file.is_file()), None)
+
+
+def scenes_of_file(path: Path, hold_last: bool = False, allow_paths: bool = False) -> list[Scenario]:
+    """Scenes of a file; raises SceneFileError."""
+    token = HOLD_LAST.set(hold_last)
+    try:
+        if path.suffix.lower() != ".py":
+            return [read_scene(path, allow_paths)]
+        if not path.is_file():
+            raise SceneFileError(f"{path}: no such file")
+        found, broken = scenes_of_python(path)
+        if broken or not found:
+            raise SceneFileError("\n".join(broken) or f"{path}: no function marked @scene")
+        return list(found.values())
+    finally:
+        HOLD_LAST.reset(token)

@@ -1,0 +1,182 @@
+"""Scenes read from a file: TOML, JSON, or Python with functions marked `@scene`."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterable
+from dataclasses import is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel
+
+from touchstone.scenarios.files.mass_properties import uniform
+from touchstone.scenarios.files.safe_paths import PathRefused, allowed
+from touchstone.scenarios.files.schema import KEYFRAMES, SHAPE_TYPES, Fault, checked, model_of, shape_type
+from touchstone.scenarios.files.text_lines import Path as Place
+from touchstone.scenarios.files.text_lines import json_lines, line_of, toml_lines
+from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
+from touchstone.scenarios.scenario import Piece, Scenario, ScenarioError, Shape
+
+UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
+"""An index or a name in the path of a fault."""
+
+
+class SceneFileError(ValueError):
+    """A file holds no valid scene; the message has one line per fault: file, line, field, what is wrong."""
+
+
+def document(path: Path) -> tuple[dict[str, Any], Callable[[], dict[Place, int]]]:
+    """Data of a TOML or JSON file, and a function that finds the line of each value.
+
+    Raises:
+        SceneFileError: the file cannot be read or is not of its format.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SceneFileError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise SceneFileError(f"{path}: not a text in UTF-8") from error
+    try:
+        if path.suffix.lower() == ".json":
+            data, lines = json.loads(text, object_pairs_hook=_once), lambda: json_lines(text)
+        else:
+            data, lines = tomllib.loads(text), lambda: toml_lines(text)
+    except json.JSONDecodeError as error:
+        raise SceneFileError(f"{path}:{error.lineno}: not JSON: {error.msg}") from error
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r" \(at line (\d+), column \d+\)| \(at end of document\)", str(error))
+        line = found[1] if found and found[1] else text.count("\n") + 1
+        raise SceneFileError(f"{path}:{line}: not TOML: {str(error).partition(' (at')[0]}") from error
+    except (ValueError, RecursionError) as error:
+        raise SceneFileError(f"{path}: {error}") from error
+    if not isinstance(data, dict):
+        raise SceneFileError(f"{path}:1: expected a table of fields")
+    return data, lines
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"not JSON: the field {twice!r} is named twice")
+    return found
+
+
+def data_of_file(path: Path, model: type[BaseModel]) -> tuple[dict[str, Any], list[Fault], Callable]:
+    """Checked data of a TOML or JSON file, its faults, and a function for messages about them."""
+    data, lines = document(path)
+    found, faults = checked(data, model)
+
+    def told(all_faults: Iterable[Fault]) -> str:
+        found_lines = lines()
+        rows = sorted((line_of(found_lines, place), named(place), text) for place, text in all_faults)
+        return "\n".join(f"{path}:{line}: {where}: {text}" for line, where, text in rows)
+
+    return found, faults, told
+
+
+def named(place: Place) -> str:
+    """A path as in messages: bodies[0].mass."""
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place).removeprefix(".")
+
+
+def placed(name: str) -> Place:
+    """The path of a message."""
+    return tuple(int(index) if index else key for index, key in STEP.findall(name))
+
+
+def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
+    """Scene of a TOML or JSON file; a scene without a name is called like its file.
+
+    Args:
+        allow_paths: whether trackers may name files outside the scene's folder.
+    Raises:
+        SceneFileError: the file is not valid; names all faults at once, each with its line.
+    """
+    data, faults, told = data_of_file(path, model_of(Scenario))
+    if data:
+        data = {"name": path.stem, "summary": "", "tags": (), **data}
+        own: list[Fault] = []
+        for i, body in enumerate(data["bodies"]):
+            own += _weighed(body, ("bodies", i))
+        for i, tracker in enumerate(data.get("trackers", ())):
+            own += _tracked(tracker, ("trackers", i), path.parent, allow_paths)
+        faults += own
+        try:
+            scenario = scenario_of(data)
+        except ScenarioError as error:
+            # A check of what took the place of a body's inertia or a tracker's file says nothing.
+            doubtful = {place[:2] for place, _ in own}
+            more = [(placed(where), text) for where, text in error.faults]
+            faults += [one for one in more if one[0][:2] not in doubtful]
+    if faults:
+        raise SceneFileError(told(faults))
+    return scenario
+
+
+def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:
+    """Add the inertia of a body that states a mass only; returns the faults."""
+    if body["kind"] == "fixed" or "mass" not in body or "inertia" in body or not body["pieces"]:
+        return []
+    faults: list[Fault] = []
+    if "center_of_mass" in body:
+        faults.append(((*place, "inertia"), "missing: a body with a centre of mass needs it"))
+    try:
+        pieces = tuple(_built(Piece, piece) for piece in body["pieces"])
+        body["center_of_mass"], body["inertia"] = uniform(pieces, body["mass"])
+    except (ValueError, ZeroDivisionError, IndexError):  # the checks of the scenario name the shape
+        body["inertia"] = UNIT_INERTIA
+    return faults
+
+
+def _tracked(tracker: dict[str, Any], place: Place, folder: Path, allow_paths: bool) -> list[Fault]:
+    """Add the keyframes of a tracker's file; returns the faults."""
+    faults: list[Fault] = []
+    name, inline = tracker.pop("file", ""), [field for field in KEYFRAMES if field in tracker]
+    joints = tracker.setdefault("joints", ())
+    if name and inline:
+        faults.append(((*place, "file"), f"found with {', '.join(inline)}: expected one or the other"))
+    elif name:
+        try:
+            tracker |= keyframes(allowed(folder, name, allow_paths), joints)
+        except (TrackerFileError, PathRefused) as error:
+            faults.append(((*place, "file"), str(error)))
+    elif not joints:
+        tracker.setdefault("angles", ((),) * len(tracker.get("times", ())))
+    missing = [field for field in KEYFRAMES if field not in tracker]
+    if missing and not name:
+        faults.append((place, f"no {', '.join(missing)}: expected these or a file"))
+    tracker |= dict.fromkeys(missing, ())
+    return faults
+
+
+def scenario_of(data: dict[str, Any]) -> Scenario:
+    """The scenario of checked data, such as the JSON text in a recording; raises ScenarioError."""
+    scenario: Scenario = _built(Scenario, data)
+    return scenario
+
+
+_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
+
+
+def _built(kind: Any, data: Any) -> Any:
+    """A value of a dataclass's field from plain data: dataclasses from tables, tuples from arrays."""
+    if kind == Shape:
+        name = shape_type(data)
+        return _built(SHAPE_TYPES[str(name)], {key: value for key, value in data.items() if key != "type"})
+    if is_dataclass(kind):
+        hints = _hints(kind)
+        return kind(**{name: _built(hints[name], value) for name, value in data.items()})
+    if get_origin(kind) is tuple:
+        inner = get_args(kind)
+        if len(inner) == 2 and inner[1] is Ellipsis:
+            return tuple(_built(inner[0], one) for one in data)
+        return tuple(_built(one, value) for one, value in zip(inner, data))
+    return float(data) if kind is float else data

@@ -1,0 +1,176 @@
+"""Schema of a scene file: pydantic models made from the dataclasses of a scenario, and their JSON Schema.
+
+A file has the fields of `Scenario`. Beyond those, a shape has a `type`, a body with a mass needs no inertia
+(`mass_properties.py`), and a tracker may name a `file` (`tracker_file.py`).
+"""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Strict, Tag, ValidationError, create_model
+from pydantic import Field as ModelField
+
+from touchstone.scenarios.files.text_lines import Path
+from touchstone.scenarios.scenario import Scenario, Shape, Tracker
+
+SHAPE_TYPES: dict[str, type] = {kind.__name__.lower(): kind for kind in get_args(Shape)}
+"""Names of the shapes in files."""
+KEYFRAMES = ("times", "positions", "orientations", "angles")
+"""Fields of a tracker that its `file` may hold."""
+OPTIONAL: dict[type, dict[str, Any]] = {
+    Scenario: {"name": "", "summary": "", "tags": ()},
+    Tracker: {"joints": (), **dict.fromkeys(KEYFRAMES, ())},
+}
+"""Fields that a file may omit although the dataclass requires them."""
+ADDED: dict[type, dict[str, tuple[Any, Any]]] = {
+    Tracker: {"file": (str, ModelField("", description="CSV or NPZ file with the keyframes"))},
+}
+"""Fields of files that the dataclass does not have."""
+Fault = tuple[Path, str]
+"""Path of a field, and what is wrong."""
+
+
+@cache
+def model_of(kind: type) -> type[BaseModel]:
+    """Pydantic model of a dataclass: the same fields and defaults, unknown ones refused, numbers strict."""
+    hints = get_type_hints(kind)
+    given: dict[str, Any] = {
+        field.name: (_translated(hints[field.name]), _default(kind, field)) for field in fields(kind)
+    }
+    name = next((name for name, shape in SHAPE_TYPES.items() if shape is kind), "")
+    if name:
+        given["type"] = (Literal[name], name)
+    given |= ADDED.get(kind, {})
+    config = ConfigDict(extra="forbid", allow_inf_nan=True)
+    model: type[BaseModel] = create_model(kind.__name__, __config__=config, __doc__=kind.__doc__, **given)
+    return model
+
+
+def _default(kind: type, field: Field[Any]) -> Any:
+    if field.name in OPTIONAL.get(kind, {}):
+        return OPTIONAL[kind][field.name]
+    return ... if field.default is MISSING else field.default
+
+
+def _translated(hint: Any) -> Any:
+    """The type of a model's field for that of a dataclass's field."""
+    if hint == Shape:
+        tagged = tuple(Annotated[model_of(kind), Tag(name)] for name, kind in SHAPE_TYPES.items())
+        return Annotated[Union[tagged], Discriminator(shape_type)]  # noqa: UP007
+    if is_dataclass(hint):
+        return model_of(hint)  # type: ignore[arg-type]
+    if get_origin(hint) is tuple:
+        return tuple[tuple(_translated(one) if one is not Ellipsis else one for one in get_args(hint))]  # type: ignore[misc]
+    if isinstance(hint, UnionType):
+        raise TypeError(f"no schema for the union {hint}")
+    return Annotated[hint, Strict()] if hint in (int, float, str) else hint
+
+
+def shape_type(shape: Any) -> str | None:
+    """Name of a shape's type: its `type`, or else the type that has its fields; None if there is none."""
+    if isinstance(shape, BaseModel):
+        return type(shape).__name__.lower()
+    if not isinstance(shape, dict):
+        return None
+    if "type" in shape:
+        return str(shape["type"])
+    shared = {name: len(shape.keys() & _names(kind)) for name, kind in SHAPE_TYPES.items()}
+    missed = {name: len(_names(kind) - shape.keys()) for name, kind in SHAPE_TYPES.items()}
+    best = max(shared, key=lambda name: (shared[name], -missed[name]))
+    return best if shared[best] else None
+
+
+def _names(kind: type) -> set[str]:
+    return {field.name for field in fields(kind)}
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of a scene file."""
+    found = model_of(Scenario).model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": "touchstone scene"}
+
+
+def checked(data: Any, model: type[BaseModel]) -> tuple[dict[str, Any], list[Fault]]:
+    """Plain data of a file, and the faults of its fields, types and choices.
+
+    Unknown fields are reported and left out of the data; with other faults the data are empty.
+    """
+    found: list[Fault] = []
+    try:
+        return model.model_validate(data).model_dump(exclude_unset=True), found
+    except ValidationError as error:
+        all_unknown = all(one["type"] == "extra_forbidden" for one in error.errors())
+        for one in error.errors():
+            path = _in_file(one["loc"], data)
+            found.append((path, _message(one, path, model)))
+            if all_unknown:
+                _without(data, path)
+    return (checked(data, model)[0] if all_unknown else {}), found
+
+
+def _in_file(place: tuple[Any, ...], data: Any) -> Path:
+    """The path in the file: without the names of shape types, which pydantic adds."""
+    path: list[str | int] = []
+    for key in place:
+        if isinstance(key, str) and isinstance(data, dict) and key not in data and key in SHAPE_TYPES:
+            continue
+        path.append(key)
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            data = None
+    return tuple(path)
+
+
+def _without(data: Any, path: Path) -> None:
+    for key in path[:-1]:
+        data = data[key]
+    del data[path[-1]]
+
+
+def _message(one: Any, path: Path, model: type[BaseModel]) -> str:
+    """What was found and what is expected, from an error of pydantic."""
+    match one["type"]:
+        case "extra_forbidden":
+            valid = _valid_fields(one["loc"], model)
+            near = difflib.get_close_matches(str(path[-1]), valid, n=3, cutoff=0.5)
+            hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+            return f"unknown field {path[-1]!r}{hint} (valid: {', '.join(valid)})"
+        case "missing":
+            return "missing"
+        case "union_tag_invalid" | "union_tag_not_found":
+            shapes = (f"{name} ({', '.join(sorted(_names(kind)))})" for name, kind in SHAPE_TYPES.items())
+            asked = one["input"].get("type") if isinstance(one["input"], dict) else None
+            found = f"unknown type {asked!r}" if asked is not None else "found no shape"
+            return f"{found}; valid: {', '.join(shapes)}"
+    expected = one["msg"].removeprefix("Input should be ")
+    return f"found {_short(one['input'])}, expected {expected[:1].lower()}{expected[1:]}"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _valid_fields(place: tuple[Any, ...], model: Any) -> list[str]:
+    """Fields of the model in which an unknown field was found."""
+    for key in place[:-1]:
+        if isinstance(key, int) or model is None:
+            continue
+        if key in SHAPE_TYPES:
+            model = model_of(SHAPE_TYPES[key])
+        elif key in model.model_fields:
+            model = _inner_model(model.model_fields[key].annotation)
+    return list(model.model_fields) if model is not None else []
+
+
+def _inner_model(hint: Any) -> Any:
+    """The model inside a field's type."""
+    if isinstance(hint, type) and issubclass(hint, BaseModel):
+        return hint
+    return next((found for one in get_args(hint) if (found := _inner_model(one)) is not None), None)

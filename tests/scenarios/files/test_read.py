@@ -1,0 +1,235 @@
+"""Scene files that are wrong: every fault at once, with file, line and field."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.named import scenes_of_file
+from touchstone.scenarios.files.read import SceneFileError, read_scene
+from touchstone.scenarios.files.schema import json_schema
+from touchstone.scenarios.files.text_lines import json_lines, toml_lines
+from touchstone.scenarios.files.write import scene_toml
+from touchstone.scenarios.scenario import Capsule, Piece
+from touchstone.scenarios.solids import capsule_inertia
+
+SOUND = """\
+summary = "a ball drops"
+duration = 1.0
+coefficients = [{ material_a = "wood", material_b = "wood", restitution = 0.5, friction = 0.3 }]
+
+[[bodies]]
+name = "ball"
+kind = "simulated"
+material = "wood"
+mass = 0.2
+pieces = [{ name = "ball", shape = { radius = 0.05 } }]
+"""
+HAND = """
+[[bodies]]
+name = "glove"
+kind = "driven"
+material = "wood"
+mass = 0.4
+pieces = [{ name = "glove", shape = { type = "sphere", radius = 0.05 } }]
+
+[[trackers]]
+root = "glove"
+file = "glove.csv"
+"""
+CSV = "time,x,y,z,qw,qx,qy,qz\n0,0,0,1,1,0,0,0\n1,0.5,0,1,1,0,0,0\n"
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Write a file and read it; returns the scenario, or the lines of its faults."""
+
+    def read(text: str, name: str = "drop.toml", **options):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        try:
+            return read_scene(path, **options)
+        except SceneFileError as error:
+            return str(error).replace(f"{tmp_path}/", "").splitlines()
+
+    return read
+
+
+def test_a_short_file_is_a_whole_scene(scene):
+    """Name, tags and inertia follow from the file's name and the pieces; a shape is known by its fields."""
+    found = scene(SOUND)
+    assert (found.name, found.tags, found.limits) == ("drop", (), ())
+    assert found.bodies[0].inertia[0][0] == pytest.approx(0.4 * 0.2 * 0.05**2, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("mass =", "mas =", "drop.toml:9: bodies[0].mas: unknown field 'mas'; did you mean 'mass'"),
+        (
+            '"simulated"',
+            '"simulatd"',
+            "drop.toml:7: bodies[0].kind: found 'simulatd', expected 'fixed', 'sim",
+        ),
+        ("duration = 1.0", 'duration = "1"', "drop.toml:2: duration: found '1', expected a valid number"),
+        ("duration = 1.0\n", "", "drop.toml:1: duration: missing"),
+        ("radius = 0.05", "radius = -1.0", "drop.toml:10: bodies[0].pieces[0].shape.radius: found -1.0"),
+        ("radius = 0.05", "radus = 0.05", "drop.toml:10: bodies[0].pieces[0].shape: found no shape; valid"),
+        ("radius", 'type = "ball", radius', "drop.toml:10: bodies[0].pieces[0].shape: unknown type 'ball'"),
+        ("0.2\n", "0.2\ncenter_of_mass = [0, 0, 1]\n", "drop.toml:5: bodies[0].inertia: missing: a body"),
+        ("friction = 0.3", "friction = nan", "drop.toml:3: coefficients[0].friction: found nan"),
+        ("0.05 } }]", "0.05 } }", "drop.toml:11: not TOML: Unclosed array"),
+        ("[[bodies]]", "[bodies", "drop.toml:5: not TOML: "),
+    ],
+)
+def test_a_fault_has_its_line(scene, old, new, expected):
+    """Name file, line, field, what was found and what is expected."""
+    assert old in SOUND
+    assert any(line.startswith(expected) for line in scene(SOUND.replace(old, new, 1)))
+
+
+def test_all_faults_are_told_at_once(scene):
+    """Unknown fields do not hide what the scene itself refuses."""
+    text = SOUND.replace("mass =", "weight = 1.0\nmass =").replace("0.05", "-1.0")
+    text = text.replace("restitution = 0.5", "restitution = 2.0")
+    found = scene(text)
+    assert [line.split(": ")[1] for line in found] == [
+        "coefficients[0].restitution",
+        "bodies[0].weight",
+        "bodies[0].pieces[0].shape.radius",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('{"name": "a",\n "name": "b"}', "x.json: not JSON: the field 'name' is named twice"),
+        ('{"duration": 1,\n}', "x.json:2: not JSON: "),
+        ("[1, 2]", "x.json:1: expected a table of fields"),
+        ("[" * 100_000, "x.json: "),
+        (
+            '{"duration": 1.0,\n "bodies": [],\n\n "coefficients": 3}',
+            "x.json:4: coefficients: found 3, expected",
+        ),
+    ],
+)
+def test_json_is_refused_by_line(scene, text, expected):
+    """JSON has the same faults as TOML, and its own."""
+    assert scene(text, "x.json")[0].startswith(expected)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    """A missing file, a folder and a file that is no text: one line each."""
+    (tmp_path / "bin.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "dir.toml").mkdir()
+    for name, reason in (
+        ("none.toml", "No such file"),
+        ("dir.toml", "Is a directory"),
+        ("bin.toml", "not a text"),
+    ):
+        with pytest.raises(SceneFileError, match=rf"{name}: {reason}"):
+            read_scene(tmp_path / name)
+
+
+def test_a_tracker_reads_its_file(scene, tmp_path):
+    """CSV and NPZ give the keyframes; a file with other columns, shapes or texts is named with its line."""
+    text = SOUND + HAND
+    (tmp_path / "glove.csv").write_text(CSV)
+    tracker = scene(text).trackers[0]
+    assert (tracker.times, tracker.positions[1], tracker.angles) == ((0.0, 1.0), (0.5, 0.0, 1.0), ((), ()))
+    place, turn = np.array([[0, 0, 1], [0.5, 0, 1]]), np.tile([1.0, 0, 0, 0], (2, 1))
+    np.savez(tmp_path / "glove.npz", time=[0.0, 1.0], position=place, orientation=turn)
+    assert scene(text.replace(".csv", ".npz")).trackers[0] == tracker
+    (tmp_path / "glove.csv").write_text(CSV.replace("0.5", "half"))
+    assert scene(text) == ["drop.toml:21: trackers[0].file: glove.csv:3: expected 8 numbers"]
+    (tmp_path / "glove.csv").write_text(CSV.replace("time,x", "t,x"))
+    assert scene(text)[0].endswith("glove.csv:1: columns: missing time; unknown t")
+    np.savez(tmp_path / "glove.npz", time=[0.0, 1.0], position=place[:1], orientation=turn)
+    assert scene(text.replace(".csv", ".npz"))[0].endswith("position has shape (1, 3), expected (2, 3)")
+    (tmp_path / "glove.npz").write_bytes(b"nothing")
+    assert "glove.npz: no NPZ file of plain numbers" in scene(text.replace(".csv", ".npz"))[0]
+    assert scene(text.replace("glove.csv", "none.csv"))[0].endswith("none.csv: No such file or directory")
+    assert scene(text.replace('file = "glove.csv"', ""))[0].startswith("drop.toml:19: trackers[0]: no times")
+
+
+def test_no_file_outside_the_folder_is_read(scene, tmp_path):
+    """A path that leads out, directly or by a link, needs leave."""
+    outside = tmp_path.parent / f"{tmp_path.name}-outside.csv"
+    outside.write_text(CSV)
+    (tmp_path / "link.csv").symlink_to(outside)
+    for name in (str(outside), f"../{outside.name}", "link.csv"):
+        text = SOUND + HAND.replace("glove.csv", name)
+        assert "lies outside the folder" in scene(text)[0]
+        assert "allow it by --allow-paths" in scene(text)[0]
+        assert scene(text, allow_paths=True).trackers[0].times == (0.0, 1.0)
+
+
+def test_a_body_of_several_pieces_is_uniform(scene):
+    """Two halves of a capsule's mirror image weigh as one: the inertia is that of the sum of solids."""
+    two = SOUND.replace(
+        "{ radius = 0.05 } }",
+        "{ radius = 0.1, half_length = 0.2 }, position = [0.0, 0.0, 1.0] }, "
+        '{ name = "b", shape = { radius = 0.1, half_length = 0.2 }, position = [0.0, 0.0, -1.0] }',
+    )
+    body = scene(two).bodies[0]
+    assert isinstance(body.pieces[0], Piece)
+    assert isinstance(body.pieces[0].shape, Capsule)
+    own = np.array(capsule_inertia(0.1, 0.1, 0.2)) * 2
+    assert body.center_of_mass == (0.0, 0.0, 0.0)
+    assert np.allclose(body.inertia, own + 0.2 * np.diag([1.0, 1.0, 0.0]), rtol=1e-14)
+
+
+def test_python_files_give_marked_scenes(tmp_path):
+    """Functions marked @scene give scenes; what fails is named with its line, without a traceback."""
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from dataclasses import replace\n"
+        "from touchstone.scenarios.catalogue import catalogue, scene\n"
+        "@scene\ndef two():\n    fall = catalogue()['fall']\n"
+        "    return replace(fall, name='one', tags=()), replace(fall, name='two', tags=())\n"
+    )
+    assert [one.name for one in scenes_of_file(path)] == ["one", "two"]
+    for code, reason in (
+        ("import nothing_like_it\n", r"mine.py:1: ModuleNotFoundError: No module named"),
+        ("x = (\n", r"mine.py:1: SyntaxError: '\(' was never closed"),
+        ("x = 1\n", r"mine.py: no function marked @scene"),
+        (
+            "from touchstone.scenarios.catalogue import scene\n@scene\ndef a():\n    return 3\n",
+            "mine.py: scene a returns int, expected Scenario",
+        ),
+        (
+            "from touchstone.scenarios.catalogue import scene\n@scene\ndef a():\n    1 / 0\n",
+            "mine.py: scene a:4: ZeroDivisionError",
+        ),
+    ):
+        path.write_text(code)
+        with pytest.raises(SceneFileError, match=reason):
+            scenes_of_file(path)
+
+
+def test_every_value_has_its_line():
+    """The lines of a written scene are those of its text, for tables, arrays and shapes."""
+    text = scene_toml(catalogue()["ball_snip"])
+    rows, lines = text.splitlines(), toml_lines(text)
+    for place, line in lines.items():
+        if isinstance(place[-1:], tuple) and place and isinstance(place[-1], str):
+            assert place[-1] in rows[line - 1]
+    assert json_lines('{"a": [1,\n {"b.c": "x\\n"}],\n "d": -1.5e3}') == {
+        (): 1,
+        ("a",): 1,
+        ("a", 0): 1,
+        ("a", 1): 2,
+        ("a", 1, "b.c"): 2,
+        ("d",): 3,
+    }
+
+
+def test_the_schema_names_every_field():
+    """The JSON Schema has all parts of a scene, with their descriptions, and refuses unknown fields."""
+    schema = json_schema()
+    assert {"bodies", "duration", "trackers", "limits"} <= schema["properties"].keys()
+    assert schema["required"] == ["bodies", "duration", "coefficients"]
+    assert all(part["additionalProperties"] is False for part in schema["$defs"].values())
+    assert "kg" not in schema["$defs"]["Sphere"]["description"]
+    assert "file" in schema["$defs"]["Tracker"]["properties"]
