@@ -173,7 +173,7 @@ def _built(kind: Any, data: Any) -> Any:
         return _built(SHAPE_TYPES[str(name)], {key: value for key, value in data.items() if key != "type"})
     if is_dataclass(kind):
         hints = _hints(kind)
-        return kind(**{name: _built(hints[name], value) for name, value in data.items()})
+        return kind(**{name: _built(hints[name], value) for name, value in data.items()})  # type: ignore[operator]
     if get_origin(kind) is tuple:
         inner = get_args(kind)
         if len(inner) == 2 and inner[1] is Ellipsis:
