@@ -1,4 +1,4 @@
-"""Print a digest of every scene's recording in every profile of the reference.
+"""Print a digest of every scene's recording in every profile of an engine.
 
 Before and after a change that must not change results, in each checkout:
 
@@ -6,13 +6,14 @@ Before and after a change that must not change results, in each checkout:
 
 and compare the two files with `diff`. Times are no part of a digest.
 
-Arguments: names of scenes (default: those with at most MOST_BODIES bodies, and SEEDS random ones).
+Arguments: `--engine NAME` (default: reference), names of scenes (default: those of at most MOST_BODIES bodies
+and SEEDS random ones).
 """
 
 from __future__ import annotations
 
+import argparse
 import hashlib
-import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -39,12 +40,12 @@ FIELDS = (
 """What is compared: the state of each frame, the contacts, and what the engine counted."""
 
 
-def digest(scenario: Scenario, profile: str) -> str:
-    """Hash of what the reference does with a scene, or why it stops (hex)."""
-    settings = Settings(profile, ENGINES["reference"].profiles[profile])
+def digest(scenario: Scenario, profile: str, engine: str = "reference") -> str:
+    """Hash of what an engine does with a scene, or why it stops (hex)."""
+    settings = Settings(profile, ENGINES[engine].profiles[profile])
     found = hashlib.sha256()
     try:
-        recording = record(load("reference"), scenario, settings)
+        recording = record(load(engine), scenario, settings)
     except AdapterError as error:
         return f"error: {error}"
     for name in FIELDS:
@@ -63,6 +64,11 @@ def chosen(names: list[str]) -> Iterator[Scenario]:
 
 
 if __name__ == "__main__":
-    for scenario in chosen(sys.argv[1:]):
-        for profile in ENGINES["reference"].profiles:
-            print(f"{scenario.name:28} {profile:10} {digest(scenario, profile)}", flush=True)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--engine", default="reference", choices=list(ENGINES))
+    parser.add_argument("scene", nargs="*")
+    asked = parser.parse_args()
+    for scenario in chosen(asked.scene):
+        for profile in ENGINES[asked.engine].profiles:
+            found = digest(scenario, profile, asked.engine)
+            print(f"{scenario.name:28} {profile:11} {found}", flush=True)

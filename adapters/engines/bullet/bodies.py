@@ -1,0 +1,257 @@
+"""The bodies of a scenario in a Bullet client: multibodies of convex pieces, and which of them collide."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations, product
+
+import numpy as np
+import pybullet
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.bullet import tables
+from touchstone.adapters.engines.bullet.tables import BASE, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
+from touchstone.adapters.registry import ACCURATE, MAXIMAL
+from touchstone.adapters.servo import Drive
+from touchstone.scenarios.scenario import (
+    IDENTITY,
+    ORIGIN,
+    Body,
+    Box,
+    Capsule,
+    Hull,
+    Joint,
+    Piece,
+    Scenario,
+    Sphere,
+)
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
+
+Joints = tuple[Joint, ...]
+INERTIA_TOLERANCE = 1e-12
+"""Relative tolerance between a body's inertia and that of its shape: rounding."""
+PRIMITIVES = {Sphere: pybullet.GEOM_SPHERE, Box: pybullet.GEOM_BOX, Capsule: pybullet.GEOM_CAPSULE}
+
+
+class Bodies:
+    """The bodies of a scenario in the client `on`.
+
+    Attributes:
+        told: settings of the profile; `sleep`: those of a base that may sleep.
+        moments, axes: principal moments, and principal axes in the body frame (xyzw), per body.
+        arm: centres of mass in the body frames (n, 3) [m].
+        colliders: per body its (id, link) pairs; `body_of` is the inverse.
+        rigid: bodies in maximal coordinates.
+        free, driven: multibodies; kinematic: id per posed link.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        settings: Settings,
+        factors: list[tuple[float, float]],
+        drives: Sequence[Drive],
+        on: dict[str, int],
+    ) -> None:
+        """`factors`: restitution and friction of each body; `drives`: of trackers that are not posed."""
+        self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
+        self._posed = settings.drive == "posed"
+        self.told = tables.ACCURATE if settings.profile == ACCURATE else tables.DEFAULT
+        self.sleep = tables.SLEEPING if settings.sleeping else {}
+        self.moments, axes = zip(*(_principal_axes(body) for body in scenario.bodies))
+        self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in scenario.bodies])
+        self.colliders: dict[int, list[tuple[int, int]]] = {}
+        maximal = settings.profile == MAXIMAL
+        self.rigid = {k for k, body in enumerate(scenario.bodies) if maximal and _is_plain(body)}
+
+    def add(self) -> None:
+        """Create all bodies in their initial state."""
+        groups = self._scenario.groups()
+        self.free = [self._add_free(k) for k, group in enumerate(groups) if group < 0]
+        self.driven = [self._add_driven(k) for k in range(len(self._drives))]
+        shown = [link for tracker in self._scenario.trackers for link in self._scenario.links(tracker)]
+        self.kinematic = {
+            link: self._create((link,), (), ORIGIN, IDENTITY) for link in (shown if self._posed else ())
+        }
+        self.body_of = {link: body for body, links in self.colliders.items() for link in links}
+
+    def _add_free(self, body: int) -> Multibody:
+        """Add a fixed or simulated body."""
+        given = self._scenario.bodies[body]
+        create = self._create_rigid if body in self.rigid else self._create
+        number = create((body,), (), given.position, given.orientation)
+        pybullet.resetBaseVelocity(number, given.linear_velocity, given.angular_velocity, **self._on)
+        return Multibody(number, (body,), slice(0))
+
+    def _add_driven(self, tracker: int) -> Multibody:
+        """Add a driven body in its initial state, with hinge limits and without Bullet's default motors."""
+        scenario, drive = self._scenario, self._drives[tracker]
+        by_name = {joint.name: joint for joint in scenario.joints}
+        joints = tuple(by_name[name] for name in scenario.trackers[tracker].joints)
+        first = sum(len(other.joints) for other in scenario.trackers[:tracker])
+        orientation, start, links = drive.start_orientation[0], drive.start, range(len(joints))
+        number = self._create(drive.links, joints, drive.start_position[0], orientation)
+        for k, joint in enumerate(joints):
+            pybullet.resetJointState(number, k, start.angle[0, k], start.rate[0, k], **self._on)
+            limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
+            pybullet.changeDynamics(number, k, **limits, **self._on)
+        if joints:
+            no_force = [0.0] * len(joints)
+            pybullet.setJointMotorControlArray(
+                number, links, pybullet.VELOCITY_CONTROL, forces=no_force, **self._on
+            )
+        arm = Rotation.from_quat(orientation, scalar_first=True).apply(self.arm[drive.links[0]])
+        omega = start.angular_velocity[0]
+        velocity = start.linear_velocity[0] + np.cross(omega, arm)
+        pybullet.resetBaseVelocity(number, velocity.tolist(), omega.tolist(), **self._on)
+        return Multibody(number, drive.links, slice(first, first + len(joints)))
+
+    def _create(self, bodies: Links, joints: Joints, position: Sequence[float], wxyz: Sequence[float]) -> int:
+        """Create a multibody: base = first body, link k = child of joint k, then links for further hulls."""
+        scenario = self._scenario
+        shapes = [self._add_shapes(scenario.bodies[body]) for body in bodies]
+        base, *parts = (self._part(body, shape[0]) for body, shape in zip(bodies, shapes))
+        for k, joint in enumerate(joints):
+            rest = Rotation.from_quat(joint.orientation, scalar_first=True)
+            parts[k] = parts[k]._replace(
+                linkPositions=joint.position,
+                linkOrientations=xyzw(joint.orientation),
+                linkParentIndices=bodies.index(scenario.body_index(joint.parent)),
+                linkJointTypes=pybullet.JOINT_REVOLUTE,
+                linkJointAxis=tuple(rest.inv().apply(joint.axis).tolist()),
+            )
+        further = [(k, shape) for k, own in enumerate(shapes) for shape in own[1:]]
+        parts += [Part(0.0, shape, linkParentIndices=k) for k, shape in further]
+        meeting = any(a in bodies and b in bodies for a, b in scenario.touching_pairs())
+        number = pybullet.createMultiBody(
+            baseMass=base.linkMasses,
+            baseCollisionShapeIndex=base.linkCollisionShapeIndices,
+            basePosition=position,
+            baseOrientation=xyzw(wxyz),
+            baseInertialFramePosition=base.linkInertialFramePositions,
+            baseInertialFrameOrientation=base.linkInertialFrameOrientations,
+            flags=pybullet.URDF_MAINTAIN_LINK_ORDER | (pybullet.URDF_USE_SELF_COLLISION if meeting else 0),
+            **dict(zip(Part._fields, zip(*parts))),
+            **self._on,
+        )
+        self._tell(number, (*bodies, *(bodies[k] for k, _ in further)), len(joints))
+        return int(number)
+
+    def _create_rigid(
+        self, bodies: Links, _: Joints, position: Sequence[float], wxyz: Sequence[float]
+    ) -> int:
+        """Create a body of one shape in maximal coordinates; Bullet computes its inertia from the shape."""
+        (body,) = bodies
+        given = self._scenario.bodies[body]
+        (shape,) = self._add_shapes(given)
+        number = pybullet.createMultiBody(
+            baseMass=self._part(body, shape).linkMasses,
+            baseCollisionShapeIndex=shape,
+            basePosition=position,
+            baseOrientation=xyzw(wxyz),
+            useMaximalCoordinates=True,
+            **self._on,
+        )
+        self._tell(number, bodies, NO_SHAPE)
+        return int(number)
+
+    def _tell(self, number: int, bodies: Links, turned: int) -> None:
+        """Set coefficients, damping and activation of a new base and its links (link k: bodies[k + 1]), and
+        moments of inertia of the base and of the first `turned` links."""
+        root = self._scenario.bodies[bodies[0]]
+        has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
+        told = self.told.base | (self.told.hull if has_hull else {})
+        told |= {} if root.kind == "driven" else self.sleep
+        pybullet.changeDynamics(number, BASE, **told, **self._on)
+        for link, body in enumerate(bodies, start=BASE):
+            restitution, friction = self._factors[body]
+            own = {"restitution": restitution, "lateralFriction": friction, **LINK}
+            if link < turned:
+                own["localInertiaDiagonal"] = self.moments[body]
+            pybullet.changeDynamics(number, link, **own, **self._on)
+            self.colliders.setdefault(body, []).append((number, link))
+
+    def _part(self, body: int, shape: int) -> Part:
+        """Mass and inertial frame of a body."""
+        given = self._scenario.bodies[body]
+        weightless = given.kind == "fixed" or (given.kind == "driven" and self._posed)
+        mass = 0.0 if weightless else given.mass
+        return Part(mass, shape, given.center_of_mass, tuple(self.axes[body]))
+
+    def _add_shapes(self, body: Body) -> list[int]:
+        """Create Bullet's shapes of a body: one compound of its primitives, and one shape per hull."""
+        plain = [piece for piece in body.pieces if not isinstance(piece.shape, Hull)]
+        shapes = [self._add_primitives(plain)] if plain else []
+        shapes += [self._add_hull(p, p.shape) for p in body.pieces if isinstance(p.shape, Hull)]
+        return shapes or [NO_SHAPE]
+
+    def _add_primitives(self, pieces: list[Piece]) -> int:
+        shapes = [piece.shape for piece in pieces]
+        return pybullet.createCollisionShapeArray(
+            shapeTypes=[PRIMITIVES[type(shape)] for shape in shapes],
+            radii=[shape.radius if isinstance(shape, Sphere | Capsule) else 0.0 for shape in shapes],
+            lengths=[2 * shape.half_length if isinstance(shape, Capsule) else 0.0 for shape in shapes],
+            halfExtents=[shape.half_extents if isinstance(shape, Box) else ORIGIN for shape in shapes],
+            collisionFramePositions=[piece.position for piece in pieces],
+            collisionFrameOrientations=[xyzw(piece.orientation) for piece in pieces],
+            **self._on,
+        )
+
+    def _add_hull(self, piece: Piece, hull: Hull) -> int:
+        return pybullet.createCollisionShape(
+            pybullet.GEOM_MESH,
+            vertices=hull.vertices,
+            collisionFramePosition=piece.position,
+            collisionFrameOrientation=xyzw(piece.orientation),
+            **self._on,
+        )
+
+    def filter_pairs(self) -> None:
+        """Restrict collisions to the scenario's touching pairs."""
+        touching = set(self._scenario.touching_pairs())
+        for pair in combinations(range(len(self._scenario.bodies)), 2):
+            if pair not in touching:
+                for (a, link_a), (b, link_b) in product(*(self.colliders[body] for body in pair)):
+                    pybullet.setCollisionFilterPair(a, b, link_a, link_b, 0, **self._on)
+
+
+def xyzw(quaternion: Sequence[float]) -> tuple[float, ...]:
+    """Reorder a quaternion wxyz to Bullet's xyzw."""
+    w, x, y, z = (float(value) for value in quaternion)
+    return x, y, z, w
+
+
+def _principal_axes(body: Body) -> tuple[list[float], Sequence[float]]:
+    """Principal moments of a body, and the quaternion xyzw of its principal axes in the body frame."""
+    inertia = np.array(body.inertia)
+    if not np.any(inertia - np.diag(np.diagonal(inertia))):
+        return np.diagonal(inertia).tolist(), UNTURNED
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.linalg.det(axes)  # makes the axes right-handed
+    return moments.tolist(), Rotation.from_matrix(axes).as_quat().tolist()
+
+
+def _is_plain(body: Body) -> bool:
+    """Whether maximal coordinates can represent a body.
+
+    It must be a fixed body of one shape, or a simulated ball or box whose inertia is that of its shape:
+    Bullet accepts no other (`changeDynamics` of a rigid body's inertia gives NaN).
+    """
+    if body.kind == "driven" or not body.pieces:
+        return False
+    hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
+    if body.kind == "fixed":
+        return hulls == 0 or len(body.pieces) == 1
+    piece = body.pieces[0]
+    centred = (piece.position, piece.orientation, body.center_of_mass) == (ORIGIN, IDENTITY, ORIGIN)
+    if len(body.pieces) > 1 or not centred:
+        return False
+    match piece.shape:
+        case Sphere(radius):
+            inertia = sphere_inertia(body.mass, radius)
+        case Box(half_extents):
+            inertia = box_inertia(body.mass, half_extents)
+        case _:
+            return False
+    return bool(np.allclose(inertia, body.inertia, rtol=INERTIA_TOLERANCE, atol=0.0))

@@ -1,0 +1,124 @@
+"""What Bullet reports of a world: mass properties, coefficients, limits and settings, read back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pybullet
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import BodyFacts, PairFacts, Scalar, Settings
+from touchstone.adapters.engines.bullet.bodies import Bodies
+from touchstone.adapters.engines.bullet.tables import BASE, LINK, RIGID_BODY
+from touchstone.scenarios.scenario import Hull, Scenario
+
+HINGE_DRIVES = {
+    "native": "position control",
+    "torque": "off (force 0)",
+    "posed": "none: links are bodies without mass",
+}
+
+
+class ReadBack:
+    """Facts of a world in the client `on`."""
+
+    def __init__(self, scenario: Scenario, settings: Settings, bodies: Bodies, on: dict[str, int]) -> None:
+        self._scenario, self._settings, self._bodies, self._on = scenario, settings, bodies, on
+        # mass, mu, moments, centre, axes, e, rolling and spinning friction, damping, stiffness, kind, margin
+        self._facts = [
+            pybullet.getDynamicsInfo(*bodies.colliders[k][0], **on) for k in range(len(scenario.bodies))
+        ]
+
+    def bodies(self) -> dict[str, BodyFacts]:
+        """Mass properties by body."""
+        return {body.name: _body_facts(fact) for body, fact in zip(self._scenario.bodies, self._facts)}
+
+    def pairs(self) -> tuple[PairFacts, ...]:
+        """Coefficients of the pairs that may touch."""
+        return tuple(self._pair_facts(a, b) for a, b in self._scenario.touching_pairs())
+
+    def pieces(self) -> dict[str, int]:
+        """Shapes by body."""
+        return {body.name: self._piece_count(k) for k, body in enumerate(self._scenario.bodies)}
+
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Limits by hinge [rad]."""
+        pybullet.syncBodyInfo(**self._on)  # getJointInfo reads a copy made before the limits were set
+        found = {}
+        for multibody, tracker in zip(self._bodies.driven, self._scenario.trackers):
+            for k, name in enumerate(tracker.joints):
+                found[name] = pybullet.getJointInfo(multibody.id, k, **self._on)[8:10]
+        return found
+
+    def freedom(self) -> int:
+        """Degrees of freedom: six per base with mass, one per hinge."""
+        free = 0
+        for multibody in (*self._bodies.free, *self._bodies.driven):
+            free += 6 * (pybullet.getDynamicsInfo(multibody.id, BASE, **self._on)[0] > 0)
+            kinds = [
+                pybullet.getJointInfo(multibody.id, k, **self._on)[2]
+                for k in range(pybullet.getNumJoints(multibody.id, **self._on))
+            ]
+            free += kinds.count(pybullet.JOINT_REVOLUTE)
+        return free
+
+    def settings(self, told: dict[str, Scalar]) -> dict[str, Scalar]:
+        """Settings: those of the solver (`told`) and others as read back, the rest as set."""
+        pybullet.syncBodyInfo(**self._on)  # getJointInfo reads a copy made before the limits were set
+        links = [(m.id, k) for m in self._bodies.driven for k in range(len(m.bodies) - 1)]
+        joints = [pybullet.getJointInfo(*link, **self._on) for link in links]
+        facts = self._facts
+        rows = zip(facts, self._scenario.bodies)
+        hulls = [fact for fact, body in rows if any(isinstance(p.shape, Hull) for p in body.pieces)]
+        as_set = (
+            self._bodies.told.solver
+            | self._bodies.told.base
+            | self._bodies.told.hull
+            | LINK
+            | self._bodies.sleep
+        )
+        return {
+            **{f"{name} (read back)": value for name, value in told.items()},
+            **{f"{name} (as set)": value for name, value in as_set.items() if name not in told},
+            "rolling friction, largest (read back)": _largest(facts, 6),
+            "spinning friction, largest (read back)": _largest(facts, 7),
+            "contact damping, largest; -1 = rigid (read back)": _largest(facts, 8),
+            "contact stiffness, largest; -1 = rigid (read back)": _largest(facts, 9),
+            "margin outside hulls, largest [m] (read back)": _largest(hulls, 11),
+            "joint damping, largest (read back)": _largest(joints, 6),
+            "joint friction, largest (read back)": _largest(joints, 7),
+            "hinges with limits (read back)": sum(joint[8] <= joint[9] for joint in joints),
+            "hull corners": "rounded by Bullet to about 1e-4 of the hull's size",
+            "integrator": "semi-implicit Euler on reduced coordinates, gyroscopic term on",
+            "sleep of driven bodies": "off: no force wakes a multibody",
+            "default joint motors": HINGE_DRIVES[self._settings.drive],
+            "gravity of driven links": "cancelled by an opposite force at each centre of mass",
+            "contact breaking": "the threshold is one for the whole process",
+            "threads": 1,
+            "bodies in maximal coordinates": sum(fact[10] == RIGID_BODY for fact in facts),
+            "collision_shapes": sum(self._piece_count(k) for k in range(len(self._scenario.bodies))),
+        }
+
+    def _piece_count(self, body: int) -> int:
+        """Shape count of a body, read back; Bullet reports none for rigid bodies."""
+        if body in self._bodies.rigid:
+            return len(self._scenario.bodies[body].pieces)
+        return sum(
+            len(pybullet.getCollisionShapeData(*link, **self._on)) for link in self._bodies.colliders[body]
+        )
+
+    def _pair_facts(self, a: int, b: int) -> PairFacts:
+        facts = self._facts
+        first, second = self._scenario.bodies[a].name, self._scenario.bodies[b].name
+        return PairFacts(first, second, facts[a][5] * facts[b][5], facts[a][1] * facts[b][1])
+
+
+def _largest(rows: list[tuple], field: int) -> float:
+    return max((row[field] for row in rows), default=0.0)
+
+
+def _body_facts(fact: tuple) -> BodyFacts:
+    """Mass properties from Bullet's record of a link, rotated to the body axes."""
+    # Bullet reports no axes for a rigid body: its inertia is along those of its shape.
+    axes = np.eye(3) if fact[10] == RIGID_BODY else Rotation.from_quat(fact[4]).as_matrix()
+    inertia = axes @ np.diag(fact[2]) @ axes.T
+    return BodyFacts(fact[0], fact[3], tuple(tuple(row) for row in inertia.tolist()))
