@@ -8,7 +8,7 @@ from touchstone.adapters.contract import Array, State
 from touchstone.adapters.motion_bounds import extent
 from touchstone.adapters.vector_products import turned, turned_back
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.effects import Plan
+from touchstone.scenarios.plan import Plan
 from touchstone.scenarios.scenario import Scenario, Tracker
 
 SPEED_MAX = 1e6

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from touchstone.adapters.contract import AdapterError, Array
 from touchstone.scenarios.avatar.kinematics import hinges, link_poses, matrix, piece_box
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.effects import Bounds, Plan, box_gap, centred_ball, least_gap, plan
+from touchstone.scenarios.effects import centred_ball
+from touchstone.scenarios.plan import Bounds, Plan, box_gap, least_gap, plan
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Tracker
 
 Indices = NDArray[np.intp]

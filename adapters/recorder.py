@@ -26,8 +26,9 @@ from touchstone.adapters.divergence import Watch
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.vector_products import cross, turned
-from touchstone.scenarios.effects import STAGES_OF_OURS, Decision, Plan
+from touchstone.scenarios.effects import EFFECT_TABLE
 from touchstone.scenarios.places import coinciding
+from touchstone.scenarios.plan import Decision, Plan
 from touchstone.scenarios.scenario import Scenario
 
 WARM_UP_FRAMES = 3
@@ -308,9 +309,8 @@ class Player:
 
 def _beyond(engine: str, decision: Decision) -> str:
     """Note on an effect that an engine cannot represent."""
-    if engine == "reference":
-        return "; no such stage" if decision.effect == "sleeping" else ""
-    if decision.effect in STAGES_OF_OURS:
+    only = EFFECT_TABLE[decision.effect].only
+    if only and (only == "reference") != (engine == "reference"):
         return f"; {engine} has no such stage"
     if decision.effect == "rotation" and decision.state == "not needed":
         return f"; {engine} integrates it all the same"

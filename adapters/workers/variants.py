@@ -23,7 +23,7 @@ from touchstone.adapters.recorder import frame_seconds, ready, undisturbed, warm
 from touchstone.adapters.registry import load
 from touchstone.adapters.workers.process import PATIENCE, ChildProcess
 from touchstone.adapters.workers.stepping import Loader
-from touchstone.scenarios.effects import plan
+from touchstone.scenarios.plan import plan
 from touchstone.scenarios.scenario import Scenario
 
 PLANS = 3

@@ -100,7 +100,7 @@ LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {
 def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
     """Whether each effect runs in a scene, and the reason."""
     from touchstone.adapters.motion_bounds import bounds
-    from touchstone.scenarios.effects import plan
+    from touchstone.scenarios.plan import plan
 
     decisions = plan(scenario, bounds(scenario)).decisions
     return [{"effect": one.effect, "plan": one.state, "because": one.reason} for one in decisions]

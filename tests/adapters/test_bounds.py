@@ -18,7 +18,7 @@ from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
 from touchstone.scenarios.avatar.kinematics import link_poses
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.effects import plan
+from touchstone.scenarios.plan import plan
 
 
 def left(positions, scenario) -> list[str]:

@@ -14,7 +14,8 @@ from touchstone.adapters.recorder import ready, record
 from touchstone.adapters.recording import Recording
 from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.effects import PLANNED, STIFF
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.plan import STIFF
 from touchstone.scenarios.scenario import Chain, Joint, Scenario
 
 FRAME = 1 / 60

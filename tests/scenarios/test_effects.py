@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.motion_bounds import bounds
-from touchstone.scenarios.effects import PLANNED, Plan, plan
+from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.plan import Plan, plan
 from touchstone.scenarios.scenario import Scenario
 
 

@@ -7,9 +7,9 @@ from math import cos, radians, sin
 
 import numpy as np
 import pytest
+from equilibrium import Support, can_stand
 
 from touchstone.scenarios.catalogue import catalogue, tagged
-from touchstone.scenarios.equilibrium import Support, can_stand
 from touchstone.scenarios.families.masonry import ARCHES, DEPTH, RADIUS, STONES, Arch, _arch
 from touchstone.scenarios.families.tip import CASES, Case, _tip
 from touchstone.scenarios.scenario import PairCoefficients, Scenario, vector

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.effects import EFFECT_TABLE
 
 GROUPS = ("gallery", "probe")
 """Tags of the default scenes; means are computed per tag."""
 REFERENCE, ALL = "reference", "all"
 IDENTICAL, WITHIN, MATTERS = "identical", "within tolerance", "matters"
-TOGGLED = tuple(effect for effect in PLANNED if effect != "sleeping")
-"""Effects that are toggled one at a time; the reference has no sleeping."""
+TOGGLED = tuple(name for name, effect in EFFECT_TABLE.items() if effect.only != "engines")
+"""Effects that are toggled one at a time: those that the reference has."""

@@ -18,26 +18,13 @@ from touchstone.reports.studies.effects.definitions import (
 )
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import table_of
+from touchstone.scenarios.effects import EFFECT_TABLE
 
 HEADS = (
     *("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "outcome"),
     "plan [ms]",
 )
 MEANS = ("scenes", "engine", "left [%]", "95 % interval", "limit", "of")
-SHORT = {
-    "gravity": "grav",
-    "rotation": "rot",
-    "restitution": "rest",
-    "friction": "fric",
-    "contact": "cont",
-    "self_collision": "self",
-    "overlap_removal": "rem",
-    "inverse_kinematics": "ik",
-    "reach_cones": "cone",
-    "attraction": "attr",
-    "virtual_coupling": "coup",
-    "sweep": "swp",
-}
 NOTES = (
     "saved: of the mean frame with all effects, by the plan; the reference net of the call from Python",
     "outcome: largest difference over frames and bodies; identical: to the bit",
@@ -83,7 +70,7 @@ def _show_toggles(rows: dict[tuple[str, str, str, str], Row], out: Console) -> N
     scenes = [key[0] for key in rows if key[1:3] == (REFERENCE, "time.frame")]
     if not scenes:
         return
-    heads = ("scene", *(SHORT[effect] for effect in TOGGLED))
+    heads = ("scene", *(EFFECT_TABLE[effect].short for effect in TOGGLED))
     table = table_of("effects: one by one, on the reference", heads, left=1)
     for scenario in scenes:
         table.add_row(scenario, *(mark(rows, scenario, effect) for effect in TOGGLED))
