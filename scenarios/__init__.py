@@ -11,10 +11,10 @@ class _Scenarios(ModuleType):
     """Callable package: the public API uses one name for the package and for the function."""
 
     def __call__(self, tag: str = ""):  # type: ignore[no-untyped-def]
-        """All scenes by name, or those with a tag: dict of `Scenario`."""
-        from touchstone.scenarios.catalogue import catalogue
+        """All scenes by name except hard ones, or those with a tag: dict of `Scenario`."""
+        from touchstone.scenarios.catalogue import catalogue, tagged
 
-        return {name: scene for name, scene in catalogue().items() if not tag or tag in scene.tags}
+        return {scene.name: scene for scene in tagged(tag)} if tag else dict(catalogue())
 
 
 sys.modules[__name__].__class__ = _Scenarios

@@ -1,4 +1,8 @@
-"""Catalogue of scenarios by name, with tags; collects every function of `families/` marked `@scene`."""
+"""Catalogue of scenarios by name, with tags; collects every function of `families/` marked `@scene`.
+
+Hard scenes (`difficulty/`, tag `hard`) are built only where one is asked for by name or by their tag: `find`
+and `tagged` know them, `catalogue` does not hold them.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
 
+from touchstone.scenarios.difficulty.family import TAG, hard_names, hard_scene
 from touchstone.scenarios.scenario import HOLD_LAST, Scenario, ScenarioError
 
 Scene = Callable[[], Scenario | tuple[Scenario, ...]]
@@ -107,11 +112,25 @@ def _one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
+def all_names(hold_last: bool = False) -> tuple[str, ...]:
+    """Names of all scenarios, hard ones included; builds none of these."""
+    return (*catalogue(hold_last), *hard_names())
+
+
+def find(name: str, hold_last: bool = False) -> Scenario:
+    """Scenario by name, hard ones included; raises KeyError if there is none."""
+    found = catalogue(hold_last).get(name)
+    return found if found is not None else hard_scene(name)[0]
+
+
 def tags(hold_last: bool = False) -> tuple[str, ...]:
     """All tags in use."""
-    return tuple(sorted({tag for scenario in catalogue(hold_last).values() for tag in scenario.tags}))
+    plain = {tag for scenario in catalogue(hold_last).values() for tag in scenario.tags}
+    return tuple(sorted(plain | {TAG}))
 
 
 def tagged(tag: str, hold_last: bool = False) -> Iterable[Scenario]:
-    """Scenarios with the tag `tag`."""
+    """Scenarios with the tag `tag`; hard ones only by the tag `hard`."""
+    if tag == TAG:
+        return [hard_scene(name)[0] for name in hard_names()]
     return [scenario for scenario in catalogue(hold_last).values() if tag in scenario.tags]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.catalogue import all_names, find
 from touchstone.scenarios.files.python_file import scenes_of_python
 from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.scenario import HOLD_LAST, Scenario
@@ -34,8 +34,8 @@ def scenes_named(names: Iterable[str], hold_last: bool = False, allow_paths: boo
         path = path_of(name)
         if path is not None:
             several = scenes_of_file(path, hold_last, allow_paths)
-        elif name in catalogue(hold_last):
-            several = [catalogue(hold_last)[name]]
+        elif name in all_names(hold_last):
+            several = [find(name, hold_last)]
         else:
             raise NoScene(name)
         for scenario in several:
@@ -50,7 +50,7 @@ def path_of(name: str) -> Path | None:
     path = Path(name)
     if path.suffix.lower() in SUFFIXES:
         return path
-    if name in catalogue():
+    if name in all_names():
         return None
     near = (path.with_name(f"{path.name}{suffix}") for suffix in SUFFIXES[:2]) if path.name else ()
     return next((file for file in near if file.is_file()), None)

@@ -41,11 +41,20 @@ def scenarios_for(
         stop(str(error), BAD_INPUT)
     except NoScene as error:
         _tell(scenes.faults(hold_last))
-        known("scenario", error.name, scenes.catalogue(hold_last))
+        known("scenario", error.name, _nearest(error.name) or scenes.catalogue(hold_last))
     if not wanted:
         found = list(scenes.tagged(known("tag", tag, scenes.tags(hold_last)), hold_last))
         _tell(scenes.faults(hold_last))
     return found
+
+
+def _nearest(name: str) -> list[str]:
+    """Hard scenes whose names are nearest to the name of one; they are too many to list."""
+    from difflib import get_close_matches
+
+    from touchstone.scenarios.difficulty.family import TAG, hard_names
+
+    return get_close_matches(name, list(hard_names()), n=8, cutoff=0.0) if name.startswith(f"{TAG}_") else []
 
 
 def _tell(lines: Iterable[str]) -> None:

@@ -1,0 +1,172 @@
+"""Outcome of a run: the first class of CLASSES that applies, from its recording and the scene's checks.
+
+An engine's own word counts once only: a run that failed is `gave up` instead of a silent failure where the
+engine reported, up to then, that it left something unsolved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf, isnan
+
+import numpy as np
+
+from touchstone.adapters.recording import Recording
+from touchstone.reports.metrics.contacts.passages import passages
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.outcome import measures
+from touchstone.reports.outcome.classes import CLASSES, SILENT, Outcome
+from touchstone.scenarios.difficulty.checks import Checks
+from touchstone.scenarios.scenario import Scenario
+
+EXPLODED = 1.0
+"""Gain over the available energy from which a run has exploded [1]: it has doubled."""
+SUNK = 0.5
+"""Depth over the smaller inner radius of two bodies from which one sinks into the other [1]."""
+QUICK = 0.1
+"""Longest time of a passage that counts as tunnelling [s]; slower ones sink through."""
+CREEPING = 0.05
+"""Largest mean speed of a creep [m/s]; a faster body has fallen or slid away."""
+SHAKING = 2.0
+"""Factor by which the speed of a jittering body exceeds that of its displacement [1]."""
+ANNOUNCED = {"gave_up": 0.0, "dropped_time": 0.0, "residual": 1e-7}
+"""Counters by which an engine says that it left something unsolved, and the values that do not count."""
+Finding = tuple[str, str]
+
+
+def judge(recording: Recording, scenario: Scenario, checks: Checks, ended: str = "") -> Outcome:
+    """Outcome of a run.
+
+    Args:
+        recording: all complete frames, up to a failure.
+        ended: why the run ended before its scene; empty if it did not.
+    """
+    evidence = Evidence(recording, scenario)
+    figures: dict[str, float] = {}
+    with np.errstate(all="ignore"):
+        found = list(_findings(evidence, checks, ended, figures))
+    order = list(CLASSES)
+    name, reason = min(found, key=lambda one: order.index(one[0]), default=("ok", ""))
+    said = announcement(recording)
+    if name in SILENT and said:
+        return Outcome("gave up", f"{said}; {reason}", name, figures)
+    if name == "ok" and len(recording.time) <= scenario.frame_count:
+        name, reason = "timed out", f"cut off after {recording.time[-1]:g} s of the scene"
+    return Outcome(name, reason, "", figures)
+
+
+def announcement(recording: Recording) -> str:
+    """What the engine said of its unsolved frames; empty if nothing."""
+    told = []
+    for name, allowed in ANNOUNCED.items():
+        columns = np.flatnonzero(recording.work_names == name)
+        if len(columns):
+            values = recording.work[:, columns[0]]
+            beyond = np.flatnonzero(~(values <= allowed))
+            if len(beyond):
+                told.append(f"{name} {values[beyond].max():.2g} in {len(beyond)} frames from {beyond[0] + 1}")
+    return ", ".join(told)
+
+
+def _findings(evidence: Evidence, checks: Checks, ended: str, figures: dict[str, float]) -> Iterator[Finding]:
+    """All classes that apply, each with its reason; fills `figures`."""
+    if ended:
+        if "not finite" in ended:
+            yield "non-finite", ended
+        elif "diverged" in ended:
+            yield "exploded", ended
+        else:
+            yield "gave up", ended
+    if not measures.finite(evidence):
+        yield "non-finite", "a value of the state is not finite"
+        return
+    frame = measures.reset_frame(evidence)
+    if frame is not None:
+        yield "auto-reset", f"all bodies are back at their start in frame {frame}"
+    yield from _energy(evidence, checks, figures)
+    yield from _crossings(evidence, checks)
+    yield from _overlap(evidence, checks, figures)
+    if len(evidence.recording.time) > evidence.scenario.frame_count:
+        yield from _rest(evidence, checks, figures)
+        yield from _ends(evidence, checks)
+    error, body = measures.truth_error(evidence)
+    figures["position error [m]"] = error
+    if error > checks.position:
+        yield "inaccurate", f"{body!r} is {error:.2g} m off its closed form (tolerance {checks.position:g} m)"
+
+
+def _energy(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
+    gain, loss = measures.energy_change(evidence)
+    change, speed = measures.momentum_change(evidence), measures.top_speed(evidence)
+    figures |= {"energy gain [1]": gain, "energy loss [1]": loss, "speed [m/s]": speed}
+    figures["momentum change [1]"] = change
+    if checks.energy < inf and not isnan(gain) and not gain <= EXPLODED:
+        yield "exploded", f"gains {gain:.2g} of the energy there is"
+    if not speed <= checks.speed:
+        yield "exploded", f"a body moves at {speed:.2g} m/s (at most {checks.speed:g} m/s)"
+    if not isnan(gain) and not gain <= checks.energy:
+        yield "inaccurate", f"gains {gain:.2g} of the energy there is (tolerance {checks.energy:g})"
+    if loss > checks.energy_loss:
+        yield "inaccurate", f"loses {loss:.2g} of the energy there is (tolerance {checks.energy_loss:g})"
+    if change > checks.momentum:
+        yield "inaccurate", f"momentum changes by {change:.2g} of its sum (tolerance {checks.momentum:g})"
+
+
+def _crossings(evidence: Evidence, checks: Checks) -> Iterator[Finding]:
+    bodies = evidence.scenario.bodies
+    for wall in checks.walls:
+        crossing = measures.wall_crossing(evidence, wall)
+        if crossing:
+            k, before, behind = crossing
+            quick = (behind - before) * evidence.frame <= QUICK
+            name = "tunnelled" if quick else "sink-through"
+            yield name, f"{bodies[k].name!r} crosses a wall between frames {before} and {behind}"
+    for passage in passages(evidence)[:1]:
+        names = " through ".join(repr(bodies[k].name) for k in (passage.a, passage.b))
+        yield "tunnelled", f"{names} at {passage.time:.3f} s"
+
+
+def _overlap(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
+    found = measures.depths(evidence)
+    figures["overlap [m]"] = max((float(depth.max()) for depth in found.values()), default=0.0)
+    inner, names = measures.inner_radii(evidence), [body.name for body in evidence.scenario.bodies]
+    late = evidence.recording.time >= checks.parted_by - 1e-9
+    for (a, b), depth in found.items():
+        allowed = np.where(late, 0.0, depth[0]) if checks.parted_by > 0 else np.full(len(depth), 0.0)
+        allowed = np.full(len(depth), depth[0]) if checks.parted_by == inf else allowed
+        sunk = depth > allowed + SUNK * min(inner[a], inner[b])
+        deep = depth > allowed + checks.overlap
+        pair = f"{names[a]!r} and {names[b]!r}"
+        if sunk.any():
+            frame = int(np.argmax(sunk))
+            yield "sink-through", f"{pair} overlap by {depth[frame]:.2g} m in frame {frame}"
+        elif deep.any():
+            yield "inaccurate", f"{pair} overlap by {depth.max():.2g} m (tolerance {checks.overlap:g} m)"
+
+
+def _rest(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
+    found = measures.rest(evidence, checks)
+    if not found:
+        return
+    seconds = float(evidence.recording.time[-1]) - checks.rest_from
+    figures["creep [m]"] = max(way for way, _ in found.values())
+    figures["jitter [m/s]"] = max(speed for _, speed in found.values())
+    for name, (way, speed) in found.items():
+        if speed > checks.jitter and speed > SHAKING * way / seconds:
+            yield "jitter", f"{name!r} shakes at {speed:.2g} m/s (tolerance {checks.jitter:g} m/s)"
+        elif way > checks.creep:
+            what = "creep" if way / seconds <= CREEPING else "inaccurate"
+            yield what, f"{name!r} moves {way:.2g} m in {seconds:g} s of rest (tolerance {checks.creep:g} m)"
+
+
+def _ends(evidence: Evidence, checks: Checks) -> Iterator[Finding]:
+    if checks.tracked < inf:
+        error, link = measures.tracking_error(evidence)
+        if not error <= checks.tracked:
+            yield "inaccurate", f"{link!r} ends {error:.2g} m off its tracked place"
+    for region in checks.regions:
+        k = evidence.scenario.body_index(region.body)
+        end = evidence.recording.position[-1, k]
+        if not ((np.array(region.low) <= end) & (end <= np.array(region.high))).all():
+            place = ", ".join(f"{value:.3g}" for value in end)
+            yield "inaccurate", f"{region.body!r} ends at ({place}) m, outside of its region"

@@ -1,0 +1,185 @@
+"""Figures of a run that decide its outcome, each from poses and velocities and no engine's word."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from math import inf, nan
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED, Motions, extent
+from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.motion.energy import mechanical_energy
+from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
+from touchstone.scenarios.avatar.kinematics import tracked_poses
+from touchstone.scenarios.difficulty.checks import Checks, Wall
+
+STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
+LEAST_HEIGHT = 1e-3
+"""Least height of a centre over the ground in the available energy [m]: contact tolerances of engines lift a
+thin plate by as much."""
+LEAST_WAY = 1e-6
+"""Displacement below which a body has not moved, for resets [m]."""
+RETURNED = 10.0
+"""Factor over the first frame's displacement at which a body was away before a reset [1]."""
+JUMP = 3.0
+"""Factor over the displacement that velocities and gravity explain, from which a body jumped [1]."""
+
+
+def finite(evidence: Evidence) -> bool:
+    """Whether all values of all frames are finite."""
+    return all(bool(np.isfinite(getattr(evidence.recording, name)).all()) for name in STATES)
+
+
+def reset_frame(evidence: Evidence) -> int | None:
+    """First frame at which all simulated bodies jump back to where, and as fast as, they started."""
+    r, bodies = evidence.recording, evidence.simulated
+    if len(r.time) < 3 or not bodies:
+        return None
+    x, v = r.position[:, bodies], r.linear_velocity[:, bodies]
+    away = np.linalg.norm(x - x[0], axis=2)
+    slower = np.linalg.norm(v - v[0], axis=2)
+    first, first_change = away[1] + LEAST_WAY, slower[1] + LEAST_WAY
+    back = ((away <= first) & (slower <= first_change)).all(axis=1)
+    was_away = (away > RETURNED * first).any(axis=1)
+    speed = np.linalg.norm(v, axis=2)
+    step = np.linalg.norm(np.diff(x, axis=0), axis=2)
+    fall = float(np.linalg.norm(evidence.gravity)) * evidence.frame
+    explained = (np.minimum(speed[1:], speed[:-1]) + fall) * evidence.frame + LEAST_WAY
+    jumped = (step > JUMP * explained).any(axis=1)
+    found = np.flatnonzero(back[1:] & was_away[:-1] & jumped)
+    return int(found[0]) + 1 if len(found) else None
+
+
+def available_energy(evidence: Evidence) -> float:
+    """Kinetic energy at the start plus sum(m g h), with h the height of a centre over the lowest of them plus
+    the inner radius of that body [J]."""
+    bodies = evidence.simulated
+    first = evidence.mass_centers[0]
+    size = float(np.linalg.norm(evidence.gravity))
+    kinetic = float(mechanical_energy(evidence, bodies)[0])
+    kinetic += sum(float(evidence.mass[k] * first[k] @ evidence.gravity) for k in bodies)
+    if size == 0 or not bodies:
+        return kinetic
+    up = -evidence.gravity / size
+    inner = inner_radii(evidence)
+    heights = {k: float(first[k] @ up) for k in bodies}
+    bottom = min(height - max(inner[k], LEAST_HEIGHT) for k, height in heights.items())
+    return kinetic + sum(float(evidence.mass[k]) * size * (heights[k] - bottom) for k in bodies)
+
+
+def energy_change(evidence: Evidence) -> tuple[float, float]:
+    """Largest gain and largest loss of the energy of simulated bodies since the start over the available
+    energy [1]; NaN where a driver does work."""
+    if evidence.scenario.trackers or not evidence.simulated:
+        return nan, nan
+    energy = mechanical_energy(evidence, evidence.simulated)
+    there = available_energy(evidence)
+    if not there > 0:
+        return nan, nan
+    change = (energy - energy[0]) / there
+    return float(change.max()), float(-change.min())
+
+
+def momentum_change(evidence: Evidence) -> float:
+    """Largest change of linear or angular momentum of an isolated scene over its sum [1]; NaN for others."""
+    found = []
+    for measure in (momentum_linear, momentum_angular):
+        with suppress(NotMeasured):
+            found += [float(value) for value in measure(evidence).values()]  # type: ignore[arg-type]
+    return max(found, default=nan)
+
+
+def top_speed(evidence: Evidence) -> float:
+    """Largest speed of a body [m/s]."""
+    return float(np.linalg.norm(evidence.recording.linear_velocity, axis=2).max())
+
+
+def tracking_error(evidence: Evidence) -> tuple[float, str]:
+    """Largest distance of a link's origin from its tracked place in the last frame [m], and its name."""
+    scenario, r, found = evidence.scenario, evidence.recording, [(nan, "")]
+    for tracker in scenario.trackers:
+        places, _ = tracked_poses(scenario, tracker, r.time[-1:])
+        for k, link in enumerate(scenario.links(tracker)):
+            error = float(np.linalg.norm(r.position[-1, link] - places[0, k]))
+            found.append((error, scenario.bodies[link].name))
+    return max(found[1:], default=found[0])
+
+
+def inner_radii(evidence: Evidence) -> dict[int, float]:
+    """Radius of the largest inscribed ball of each body's pieces, by body index [m]; inf without pieces."""
+    motions = Motions(evidence)
+    return {
+        k: max((extent(motions, k, piece).inner for piece in body.pieces), default=inf)
+        for k, body in enumerate(evidence.scenario.bodies)
+    }
+
+
+def outer_radii(evidence: Evidence) -> dict[int, float]:
+    """Distance of each body's farthest point from its centre of mass, by body index [m]."""
+    motions = Motions(evidence)
+    return {
+        k: max((extent(motions, k, piece).reach for piece in body.pieces), default=0.0)
+        for k, body in enumerate(evidence.scenario.bodies)
+    }
+
+
+def depths(evidence: Evidence) -> dict[tuple[int, int], Array]:
+    """Depth of every body pair per frame (f,) [m]; infinite where the oracle knows only that one is inside
+    the other."""
+    found = {}
+    for pair, distance in evidence.distances.distance.items():
+        depth = np.maximum(0.0, -distance)
+        found[pair] = np.where(depth < UNBOUNDED, depth, inf)
+    return found
+
+
+def truth_error(evidence: Evidence) -> tuple[float, str]:
+    """Largest distance of a centre of mass from its closed form [m], and the body's name; NaN without."""
+    found = [
+        (
+            float(np.linalg.norm(evidence.mass_centers[:, k] - truth.position, axis=1).max()),
+            evidence.scenario.bodies[k].name,
+        )
+        for k, truth in evidence.truths.items()
+    ]
+    return max(found, default=(nan, ""))
+
+
+def wall_crossing(evidence: Evidence, wall: Wall) -> tuple[int, int, int] | None:
+    """First body whose centre crosses a wall: its index, the last frame in which it was its inner radius in
+    front of it, and the first frame behind; None if there is none."""
+    bodies = [evidence.scenario.body_index(name) for name in wall.bodies] or evidence.simulated
+    inner, best = inner_radii(evidence), None
+    for k in bodies:
+        side = (evidence.mass_centers[:, k] - np.array(wall.point)) @ np.array(wall.normal)
+        behind = np.flatnonzero(side < 0)
+        if len(behind):
+            before = np.flatnonzero(side[: behind[0]] >= 0.9 * inner[k])
+            found = (k, int(before[-1]) if len(before) else 0, int(behind[0]))
+            best = found if best is None or found[2] < best[2] else best
+    return best
+
+
+def rest(evidence: Evidence, checks: Checks) -> dict[str, tuple[float, float]]:
+    """Displacement [m] and root mean square surface speed [m/s] of each simulated body at rest, by name.
+
+    Both count the rotation at the body's farthest point.
+    """
+    r = evidence.recording
+    late = r.time >= checks.rest_from - 1e-9
+    if late.sum() < 2:
+        return {}
+    outer = outer_radii(evidence)
+    found = {}
+    for k in evidence.simulated:
+        centers = evidence.mass_centers[late, k]
+        turns = Rotation.from_quat(r.orientation[late, k], scalar_first=True)
+        turned = float((turns[-1] * turns[0].inv()).magnitude())
+        way = float(np.linalg.norm(centers[-1] - centers[0])) + outer[k] * turned
+        speed = np.linalg.norm(r.linear_velocity[late, k], axis=1)
+        speed = speed + outer[k] * np.linalg.norm(r.angular_velocity[late, k], axis=1)
+        found[evidence.scenario.bodies[k].name] = (way, float(np.sqrt(np.mean(speed**2))))
+    return found
