@@ -33,8 +33,8 @@ HAND: Vector = (0.06, 0.04, 0.02)
 MASS = 0.4
 """Its mass [kg]: critically damped by the default coupling."""
 ARM, FREQUENCY = 20.0, 15.0
-"""Mass of an arm's root [kg], and frequency of its critically damped coupling [rad/s]: the root is heavier than
-what it moves, so that an explicit coupling force is stable at every native step."""
+"""Mass of an arm's root [kg], and frequency of its critically damped coupling [rad/s]: heavier than what it
+moves, so that an explicit coupling force is stable at every native step."""
 LIMB: Vector = (0.15, 0.03, 0.03)
 """Half extents of a link of an arm [m]."""
 RATE = 60
@@ -49,7 +49,13 @@ def _driven(name: str, half: Vector, mass: float, center: Vector = (0.0, 0.0, 0.
 
 
 def _tracker(
-    root: str, path: Array, joints: tuple[str, ...] = (), angles: Array | None = None, **gains: float
+    root: str,
+    path: Array,
+    joints: tuple[str, ...] = (),
+    angles: Array | None = None,
+    stiffness: float = 1000.0,
+    damping: float = 40.0,
+    hinge_frequency: float = 70.0,
 ) -> Tracker:
     count = len(path)
     bent = np.zeros((count, len(joints))) if angles is None else angles
@@ -60,7 +66,9 @@ def _tracker(
         tuple(map(vector, path)),
         (IDENTITY,) * count,
         tuple(map(tuple, bent.tolist())),
-        **gains,
+        stiffness=stiffness,
+        damping=damping,
+        hinge_frequency=hinge_frequency,
     )
 
 
@@ -199,8 +207,8 @@ def _arm_case(
     times = _times(1.2)
     path = np.outer(ease(times, 0.1, 0.8), (0.3, 0.0, 0.0))
     names = tuple(joint.name for joint in joints)
-    gains = {"stiffness": ARM * FREQUENCY**2, "damping": 2 * ARM * FREQUENCY, "hinge_frequency": 30.0}
-    tracker = _tracker("root", path, names, np.tile(angles, (len(times), 1)), **gains)
+    bent = np.tile(angles, (len(times), 1))
+    tracker = _tracker("root", path, names, bent, ARM * FREQUENCY**2, 2 * ARM * FREQUENCY, 30.0)
     # The arm's tip when it starts, and 5 cm to spare.
     heading = np.cumsum(angles) if axis[1] or axis[2] else np.zeros(3)
     reach = 0.05 + float((2 * LIMB[0] * np.cos(heading)).sum())

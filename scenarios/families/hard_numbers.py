@@ -1,4 +1,4 @@
-"""Numbers of any magnitude: masses from subnormal to 1e300 kg, gravity, speeds and small steps of the scale."""
+"""Numbers of any magnitude: masses from subnormal to 1e300 kg, gravity, and speeds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plays one cell of the study `stability`, a hard scene on an engine at a step, and classifies its outcome."""
+"""Plays one cell of the study `stability`, a hard scene on an engine at a step, and judges its outcome."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Loader = Callable[[str], Engine]
 PATIENCE = 300.0
 """Time without an answer after which the process is terminated [s]: longer than a cold compilation."""
 LEFT_BOUNDS = "the plan does not hold"
-"""Part of the reason of a run whose bodies left the bounds of its plan; it is played again with all effects."""
+"""Part of the reason of a run that left the bounds of its plan; it is played again with all effects."""
 
 
 @dataclass(frozen=True, slots=True)
