@@ -12,7 +12,7 @@ from touchstone.reference_impl.core.conventions import (
     CHAIN_TOLERANCE,
     STRETCHED_SHARE,
 )
-from touchstone.reference_impl.core.counters import COUNT_IK_ITERATIONS, COUNT_IK_JOINTS
+from touchstone.reference_impl.core.counters import CAP_CCD, COUNT_CCD_PASSES, COUNT_IK_JOINTS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of
 from touchstone.reference_impl.driven.skeleton import hang, measure_angle
@@ -120,11 +120,13 @@ def _reach(bodies, joints, first, last, rounds, state):
     point, goal, counters = state["point"], state["goal"], state["counters"]
     wanted = distance(point, goal)
     for attempt in range(2):
-        passes, left, _ = ccd_ik(
+        passes, left, converged = ccd_ik(
             *(bodies, joints, first, last, point, goal, state["angle"], state["passes"]),
             *(CHAIN_TOLERANCE, CHAIN_PASSES),
         )
-        counters[COUNT_IK_ITERATIONS] += passes
+        counters[COUNT_CCD_PASSES] += passes
+        if passes == CHAIN_PASSES and not converged:
+            counters[CAP_CCD] += 1
         counters[COUNT_IK_JOINTS] += last + 1 - first
         if attempt == 1 or left <= STRETCHED_SHARE * wanted or rounds >= BEND_ROUNDS:
             break

@@ -1,7 +1,6 @@
 """Overlap removal for chains, by inverse kinematics or by the posture QP (method, section 4)."""
 
 from touchstone.reference_impl.broad_phase.detection import detect_for
-from touchstone.reference_impl.chains.accurate_ik import next_random
 from touchstone.reference_impl.chains.chain_overlap_depth import chain_depth
 from touchstone.reference_impl.chains.chain_overlap_ik import aim, bend, bring_out
 from touchstone.reference_impl.chains.posture_constraints import chains_depth, gather_constraints
@@ -13,11 +12,19 @@ from touchstone.reference_impl.core.conventions import (
     POSTURE_LEAST_TURN,
     QP_TOLERANCE,
     QP_TURN_MAX,
+    RANDOM_PRIME,
     STRETCHED_SHARE,
 )
-from touchstone.reference_impl.core.counters import COUNT_IK_ROUNDS
+from touchstone.reference_impl.core.counters import CAP_CHAIN_ROUNDS, COUNT_IK_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.driven.skeleton import pose_chain_links, pose_moved
+
+
+@kernel
+def next_random(state):
+    """Random number in (0, 1) by the generator of Park and Miller (1988), which fits 64-bit integers."""
+    state["random"] = 16807 * state["random"] % RANDOM_PRIME
+    return state["random"] / RANDOM_PRIME
 
 
 @kernel
@@ -49,9 +56,12 @@ def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, late
         return _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
     for i in range(driver["chain_count"]):
         chain = driver["order"][i]
-        for rounds in range(CHAIN_ROUNDS):
+        for rounds in range(CHAIN_ROUNDS + 1):
             link = _innermost(bodies, pairs, end, driver, d, chain, rounds)
             if link < 0:
+                break
+            if rounds == CHAIN_ROUNDS:
+                state["counters"][CAP_CHAIN_ROUNDS] += 1
                 break
             state["counters"][COUNT_IK_ROUNDS] += 1
             first = aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
@@ -66,7 +76,7 @@ def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later,
     """Remove overlap of all chains by successive posture QPs; bend stretched chains."""
     driver = drivers[d]
     for rounds in range(CHAIN_ROUNDS):
-        gather_constraints(bodies, pairs, end, driver, d)
+        gather_constraints(bodies, pairs, end, driver, d, state)
         # a tighter tolerance than OVERLAP_TOLERANCE: the QP converges fast, unlike passes of IK
         if chains_depth(bodies, pairs, end, d) <= QP_TOLERANCE:
             break
@@ -81,6 +91,8 @@ def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later,
         apply_turns(joints, driver, 1.0, QP_TURN_MAX)
         pose_moved(bodies, joints, driver)
         end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+        if rounds == CHAIN_ROUNDS - 1 and chains_depth(bodies, pairs, end, d) > QP_TOLERANCE:
+            state["counters"][CAP_CHAIN_ROUNDS] += 1
     return end
 
 

@@ -7,13 +7,14 @@ on the ground would rock about the ankle from toe to heel and back.
 """
 
 from touchstone.reference_impl.core.conventions import CONSTRAINT_ALIKE, POSTURE_CONSTRAINTS, QP_CLEARANCE
+from touchstone.reference_impl.core.counters import CAP_CONSTRAINTS
 from touchstone.reference_impl.core.kernel import kernel
 
 
 @kernel
-def gather_constraints(bodies, pairs, end, driver, d):
+def gather_constraints(bodies, pairs, end, driver, d, state):
     """Add a constraint for each pair of a driver's chains; it replaces a cached one at nearly the same point.
-    Where the pairs could overflow the cache, clear it first."""
+    Where the pairs could overflow the cache, clear it first; pairs that do not fit then are counted."""
     added = 0
     for k in range(end):
         mine, _ = _sides(bodies, pairs[k], d)
@@ -32,6 +33,8 @@ def gather_constraints(bodies, pairs, end, driver, d):
                 if place == driver["constraint_count"]:
                     driver["constraints"][place]["warm_multiplier"] = 0.0
                     driver["constraint_count"] += 1
+            else:
+                state["counters"][CAP_CONSTRAINTS] += 1
 
 
 @kernel

@@ -20,7 +20,7 @@ from touchstone.reference_impl.core.conventions import (
     QP_SWEEPS,
     QP_TOLERANCE,
 )
-from touchstone.reference_impl.core.counters import COUNT_IK_ITERATIONS, COUNT_IK_JOINTS
+from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_IK_JOINTS, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotate
 
@@ -34,7 +34,7 @@ def solve_posture_qp(bodies, joints, driver, pulled, state):
         pulled: whether the pull is that of the tracker; its multipliers are stored and warm start the next.
     """
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
-    state["counters"][COUNT_IK_ITERATIONS] += 1
+    state["counters"][COUNT_QP_SOLVES] += 1
     state["counters"][COUNT_IK_JOINTS] += _hinges_of_rows(driver)
     for k in range(first, end):
         rotate(bodies[joints[k]["parent"]]["rotation"], joints[k]["axis"], joints[k]["world_axis"])
@@ -45,9 +45,13 @@ def solve_posture_qp(bodies, joints, driver, pulled, state):
         if pulled and row["warm_multiplier"] > 0:
             _push(joints, row, row["warm_multiplier"])
     enough = QP_ROUGH_TOLERANCE if pulled else QP_TOLERANCE
+    converged = False
     for k in range(QP_SWEEPS):
         if _sweep(joints, driver, 1.0 if k < QP_PLAIN_SWEEPS else QP_RELAXATION) <= enough:
+            converged = True
             break
+    if not converged:
+        state["counters"][CAP_POSTURE_QP] += 1
     if pulled:
         for r in range(driver["constraint_count"]):
             driver["constraints"][r]["warm_multiplier"] = driver["constraints"][r]["multiplier"]

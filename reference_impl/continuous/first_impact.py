@@ -15,7 +15,7 @@ from touchstone.reference_impl.core.conventions import (
     SINKING_SLACK,
     TOUCH_DISTANCE,
 )
-from touchstone.reference_impl.core.counters import COUNT_EVENTS, COUNT_UNCONVERGED
+from touchstone.reference_impl.core.counters import CAP_CLOSING, COUNT_EVENTS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 
@@ -112,7 +112,8 @@ def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
 @kernel
 def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
     """Fraction at which a pair's distance is `target` within `slack`, by the Illinois method (a bracketed
-    secant); `late` if the distance is not below `target` there."""
+    secant); `late` if the distance is not below `target` there. The last fraction found above the target,
+    counted, if IMPACT_STEPS did not suffice."""
     gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
     if gap_late >= 0:
         return late
@@ -135,4 +136,5 @@ def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
             if side == -1:
                 gap_early /= 2
             side = -1
+    state["counters"][CAP_CLOSING] += 1
     return early

@@ -334,15 +334,6 @@ IK_RATIO_MAX = 0.98
 """Largest accepted ratio of a pass to the one before [1]: 49 passes more at most."""
 IK_CAP = 256
 """Passes over a chain; about 6 are usual."""
-IK_RESTARTS = 8
-"""Random postures from which `accurate_ik` restarts after the present one."""
-IK_FINISH_CAP = 64
-"""Iterations of its damped least squares; about 5 are usual."""
-IK_DAMPING_START, IK_DAMPING_MIN, IK_DAMPING_MAX = 0.03, 1e-5, 10.0
-"""Initial, least and largest damping of damped least squares [m]: a tenth of a limb's length, the accuracy of
-a stretched arm's columns, and many lengths."""
-IK_DAMPING_FALL = 4.0
-"""Factor by which the damping falls after a step that reduced the distance, and rises after any other [1]."""
 RANDOM_PRIME = 2147483647
 """Modulus of the generator of Park and Miller; its states are 1 to 2^31 - 2."""
 

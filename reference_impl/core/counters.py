@@ -19,15 +19,30 @@ COUNTERS = (
     "dense_substeps",
     "guarded",
     "ik.rounds",
-    "ik.iterations",
+    "posture_qp.solves",
+    "ccd.passes",
     "ik.joints",
     "pairs.contacting",
     "sweeps",
     "factorisations",
+    "cap.closing",
+    "cap.hold_rounds",
+    "cap.separation_sweeps",
+    "cap.translation_rounds",
+    "cap.chain_rounds",
+    "cap.posture_qp",
+    "cap.constraints",
+    "cap.ccd",
 )
-"""Counters of a step. Depths without a certificate (`walked`), with one, or from scratch (`exact`). Inverse
-kinematics (`ik`): links freed of overlap, passes over their joints, and joints in these passes.
-`pairs.contacting`: most pairs that touched or overlapped in one detection of the driven loop."""
+"""Counters of a step. Depths without a certificate (`walked`), with one, or from scratch (`exact`).
+
+Chains: `ik.rounds` counts rounds of overlap removal, of one link by CCD or of all chains by a posture QP;
+`posture_qp.solves` and `ccd.passes` the work of either; `ik.joints` the joints in these solves and passes.
+`pairs.contacting`: most pairs that touched or overlapped in one detection of the driven loop.
+
+Caps reached (`cap`), by the loop that ended early: bracketing of an impact (`_closing`), attempts at a
+substep in which sliding stops, sweeps of separation, rounds of translation and of chain overlap removal,
+sweeps of the posture QP, its constraints, and passes of CCD."""
 (
     COUNT_PAIRS,
     COUNT_CONTACTS,
@@ -44,9 +59,18 @@ kinematics (`ik`): links freed of overlap, passes over their joints, and joints 
     COUNT_DENSE,
     COUNT_GUARDED,
     COUNT_IK_ROUNDS,
-    COUNT_IK_ITERATIONS,
+    COUNT_QP_SOLVES,
+    COUNT_CCD_PASSES,
     COUNT_IK_JOINTS,
     COUNT_CONTACTING,
     COUNT_SWEEPS,
     COUNT_FACTORS,
+    CAP_CLOSING,
+    CAP_HOLD_ROUNDS,
+    CAP_SEPARATION_SWEEPS,
+    CAP_TRANSLATION_ROUNDS,
+    CAP_CHAIN_ROUNDS,
+    CAP_POSTURE_QP,
+    CAP_CONSTRAINTS,
+    CAP_CCD,
 ) = range(len(COUNTERS))

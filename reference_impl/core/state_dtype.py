@@ -108,13 +108,9 @@ STATE = record(
     tangent=VECTOR,
     impulse=VECTOR,
     mobility=MATRIX,
-    # inverse kinematics: end effector, goal, and scratch of damped least squares
+    # inverse kinematics: end effector and goal
     point=VECTOR,
     goal=VECTOR,
-    square=MATRIX,
-    inverse=MATRIX,
-    away=VECTOR,
-    pull=VECTOR,
     # scratch of convex depth: A's pose in B's frame, vertices of the Minkowski difference, the support points
     # of A, and the corners of A and B
     turn=MATRIX,

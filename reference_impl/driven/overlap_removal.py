@@ -20,7 +20,12 @@ from touchstone.reference_impl.core.conventions import (
     VANISHING_SHIFT,
     WAY_BACK_STEPS,
 )
-from touchstone.reference_impl.core.counters import COUNT_GAVE_UP, COUNT_ROUNDS, COUNT_WAY_BACK
+from touchstone.reference_impl.core.counters import (
+    CAP_TRANSLATION_ROUNDS,
+    COUNT_GAVE_UP,
+    COUNT_ROUNDS,
+    COUNT_WAY_BACK,
+)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
 from touchstone.reference_impl.driven.global_depth import global_depth, largest_depth, side_of
@@ -150,6 +155,8 @@ def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover
         # stop if opposing normals cancel or give a huge translation, or if the depth falls too slowly
         stalled = rounds - marked == STALL_ROUNDS and deepest > STALL_FALL * previous
         opposing = size < VANISHING_SHIFT * deepest or size > LONGEST_SHIFT * deepest
+        if rounds == REMOVAL_ROUNDS:
+            state["counters"][CAP_TRANSLATION_ROUNDS] += 1
         if opposing or stalled or rounds == REMOVAL_ROUNDS:
             break
         if rounds == 0 or rounds - marked == STALL_ROUNDS:

@@ -11,7 +11,7 @@ from touchstone.reference_impl.core.conventions import (
     STOP_SHARE,
     STOP_SHORT,
 )
-from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED
+from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.simulated.contact import approach_speed
 from touchstone.reference_impl.simulated.contact_events import first_stop, note_free_slip
@@ -40,10 +40,11 @@ def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, stat
         else:
             converged = _solve_in_turn(bodies, joints, drivers, pairs, count, state)
         # a stop time is meaningful only if the impulses converged
-        share = (
-            first_stop(bodies, pairs, count, state) if converged and k < RESTING_CONTACT_ROUNDS - 1 else 1.0
-        )
+        share = first_stop(bodies, pairs, count, state) if converged else 1.0
         if share >= STOP_SHARE:
+            break
+        if k == RESTING_CONTACT_ROUNDS - 1:
+            state["counters"][CAP_HOLD_ROUNDS] += 1
             break
         begin_again(bodies, joints, drivers)
         h *= STOP_SHORT * share

@@ -10,7 +10,7 @@ from touchstone.reference_impl.core.conventions import (
     SEPARATION_SWEEPS,
     SIMULATED,
 )
-from touchstone.reference_impl.core.counters import COUNT_GAVE_UP, COUNT_ROUNDS
+from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT_GAVE_UP, COUNT_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.driven.skeleton import place
 
@@ -32,6 +32,8 @@ def separate_simulated(bodies, pieces, vertices, pairs, first, state):
             return True
         state["counters"][COUNT_ROUNDS] += 1
         converged = _push_apart(bodies, pairs, first, end, left, not converged)
+        if not converged:
+            state["counters"][CAP_SEPARATION_SWEEPS] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return False

@@ -24,9 +24,17 @@ LAGS = (
     "a chain follows its tracker with a lag of 0.1 s and comes free link by link: for much of the time in "
     "which the tracker is in the wall, the hand is not at it yet, or no longer"
 )
+PRESSED = (
+    "a limb is pressed between contacts that nearly oppose each other: the posture QP ends at its 96 sweeps; "
+    "the next round detects and solves again, and overlap ends at 1e-6 m; with 960 sweeps none ends early"
+)
 SLIDING = (
     "several contacts slide at once between bodies that lean on each other: some solves end at 1e-9 "
     "to 1e-8 m/s, over what counts as converged; a row of dominoes multiplies that, or rounding, to its sides"
+)
+STOPS = (
+    "sliding contacts stop one shortly after the other: after six attempts at a substep it goes on with one "
+    "more stop inside"
 )
 TOP = (
     "semi-implicit Euler in steps of 1/60 s keeps a top's momentum, but its energy falls by an "
@@ -141,6 +149,15 @@ CAUSES: tuple[Cause, ...] = (
     ),
     Cause(
         "reference",
+        PRESSED,
+        {
+            "balanced accurate": {
+                "solver.caps": "arms_cross corner_slide push_box volley wall_push",
+            },
+        },
+    ),
+    Cause(
+        "reference",
         SLIDING,
         {
             "balanced accurate": {
@@ -149,6 +166,18 @@ CAUSES: tuple[Cause, ...] = (
             },
             "accurate": {
                 "solver.caps": "arch_slides tip_falls",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        STOPS,
+        {
+            "balanced": {
+                "solver.caps": "arch_slides",
+            },
+            "accurate": {
+                "solver.caps": "coin_spins",
             },
         },
     ),

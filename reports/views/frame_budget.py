@@ -1,6 +1,6 @@
 """Cost of the reference's frames per scene and stage, as in the results section of the paper.
 
-Counts are per displayed frame; iterations, joints and pairs are over the frames that have any.
+Counts are per displayed frame; posture QPs, joints and pairs are over the frames that have any.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from touchstone.reports.views.tables import number
 
 ENGINE, PROFILE = "reference", "balanced"
 HEADS = (
-    *("scene", "frame\nus", "p99\nus", "colli-\nsion", "removal\nand IK"),
-    *("IK iter-\nations", "peak", "joints", "peak", "pairs", "peak"),
+    *("scene", "frame\nus", "p99\nus", "colli-\nsion", "removal"),
+    *("posture\nQPs", "peak", "joints", "peak", "pairs", "peak"),
 )
 """Split into lines so that whole names of scenes fit a table of 80 columns."""
 NOTE = (
     f"{ENGINE} {PROFILE}, scenes by cost. Median and 99th percentile of the frame time; shares of all "
-    "stages; means and peaks of a frame's IK iterations, joints turned and contacting pairs, over frames "
+    "stages; means and peaks of a frame's posture QPs, joints in them and contacting pairs, over frames "
     "that have any."
 )
 BUDGET_PICTURE = "frame_budget.png"
-IK_ITERATIONS, IK_JOINTS, PAIRS = "ik.iterations", "ik.joints", "pairs.contacting"
+QP_SOLVES, IK_JOINTS, PAIRS = "posture_qp.solves", "ik.joints", "pairs.contacting"
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Series over the frames of one scene: time [s], seconds of each stage, counts of IK and pairs."""
+    """Series over the frames of one scene: time [s], seconds of each stage, counts of QPs and pairs."""
 
     scene: str
     time: Array  # ends of the frames [s]
@@ -65,7 +65,7 @@ def _budget(scene: str, recording: Recording) -> Budget:
         recording.time[1:],
         recording.time_frame,
         stages,
-        {name: counts.get(name, none) for name in (IK_ITERATIONS, IK_JOINTS, PAIRS)},
+        {name: counts.get(name, none) for name in (QP_SOLVES, IK_JOINTS, PAIRS)},
     )
 
 
@@ -75,7 +75,7 @@ def budget_rows(found: list[Budget]) -> list[list[str]]:
     for budget in found:
         times = [number(1e6 * budget.cost), number(1e6 * float(np.percentile(budget.frame, 99)))]
         shares = [f"{100 * budget.share(stage):.0f} %" for stage in ("collision", "removal")]
-        counts = [cell for name in (IK_ITERATIONS, IK_JOINTS, PAIRS) for cell in _told(budget.counts[name])]
+        counts = [cell for name in (QP_SOLVES, IK_JOINTS, PAIRS) for cell in _told(budget.counts[name])]
         rows.append([budget.scene, *times, *shares, *counts])
     return rows
 

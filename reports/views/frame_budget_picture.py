@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.views.frame_budget import BUDGET_PICTURE, IK_ITERATIONS, PAIRS, Budget, budgets
+from touchstone.reports.views.frame_budget import BUDGET_PICTURE, PAIRS, QP_SOLVES, Budget, budgets
 from touchstone.reports.views.pictures import INK, PALE
 
 COLUMNS = 2
 STAGES = (("collision", "#0072B2"), ("removal", "#D55E00"), ("impulses", "#009E73"), ("other", "#c9c9c9"))
 """Colours of Okabe and Ito, safe for colour-blind readers; `removal` includes inverse kinematics."""
-NAMES = {"removal": "overlap removal and IK", "other": "all else"}
-ITERATIONS, CONTACTS = "#e3b489", "#0072B2"
+NAMES = {"removal": "overlap removal", "other": "all else"}
+SOLVES, CONTACTS = "#e3b489", "#0072B2"
 HEADROOM, CUT = 1.5, 97.0
 """A panel ends at this factor times this percentile of its frames: single frames that the operating system
 interrupted would hide all others."""
@@ -95,11 +95,11 @@ def _draw_stages(axes: Axes, budget: Budget) -> None:
 
 def _draw_work(axes: Axes, budget: Budget) -> None:
     time = budget.time
-    iterations, pairs = budget.counts[IK_ITERATIONS], budget.counts[PAIRS]
-    axes.vlines(time, 0, iterations, color=ITERATIONS, linewidth=1.0, label="IK iterations")
+    solves, pairs = budget.counts[QP_SOLVES], budget.counts[PAIRS]
+    axes.vlines(time, 0, solves, color=SOLVES, linewidth=1.0, label="posture QPs")
     axes.step(time, pairs, where="mid", color=CONTACTS, linewidth=1.4, label="contacting pairs")
     _plain(axes, time)
-    axes.set_ylim(0, max(4.0, 1.15 * float(max(iterations.max(), pairs.max()))))
+    axes.set_ylim(0, max(4.0, 1.15 * float(max(solves.max(), pairs.max()))))
     axes.set_ylabel("count")
 
 

@@ -39,7 +39,7 @@ def runs(flags: np.ndarray) -> list[tuple[int, int]]:
 @pytest.mark.parametrize(("scene", "pushes"), [("wall_push", 1), ("two_arms", 3)])
 def test_iterations_spike_at_first_contact(counts: Counts, scene: str, pushes: int) -> None:
     """Take most iterations within a tenth of a second of each first contact, and at most half after it."""
-    iterations, touching = counts(scene, "ik.iterations"), runs(counts(scene, "pairs.contacting") > 0)
+    iterations, touching = counts(scene, "ccd.passes"), runs(counts(scene, "pairs.contacting") > 0)
     assert len(touching) == pushes
     for first, _ in touching:
         peak = iterations[first : first + TENTH].max()
@@ -53,7 +53,7 @@ def test_iterations_spike_at_first_contact(counts: Counts, scene: str, pushes: i
 
 def test_two_arms_spikes_three_times_in_the_second_half(counts: Counts) -> None:
     """Turn joints in three stretches, all in the second half, each with a spike as high as the others'."""
-    iterations = counts("two_arms", "ik.iterations")
+    iterations = counts("two_arms", "ccd.passes")
     pushes = runs(iterations > 0)
     assert len(pushes) == 3
     assert pushes[0][0] >= len(iterations) // 2
@@ -97,13 +97,12 @@ def test_inverse_kinematics_grows_with_joints(counts: Counts) -> None:
     """Order the scenes alike by joints turned and by iterations, and frames within a scene in trend."""
     order = {
         name: sorted(WITH_CHAINS, key=lambda scene: counts(scene, name).sum())
-        for name in ("ik.joints", "ik.iterations")
+        for name in ("ik.joints", "ccd.passes")
     }
-    assert order["ik.joints"] == order["ik.iterations"]
+    assert order["ik.joints"] == order["ccd.passes"]
     assert order["ik.joints"][-1] == "corner_slide"
     joints, iterations = (
-        np.concatenate([counts(scene, name) for scene in WITH_CHAINS])
-        for name in ("ik.joints", "ik.iterations")
+        np.concatenate([counts(scene, name) for scene in WITH_CHAINS]) for name in ("ik.joints", "ccd.passes")
     )
     some = joints > 0
     assert (iterations[some] > 0).all()

@@ -24,7 +24,7 @@ def played(lab, recordings):
         time_frame=np.array([30e-6, 10e-6, 20e-6, 20e-6]),
         stage_names=np.array(["collision", "removal", "drive"]),
         stage_seconds=np.tile([6e-6, 3e-6, 1e-6], (4, 1)),
-        work_names=np.array(["ik.iterations", "ik.joints", "pairs.contacting"]),
+        work_names=np.array(["posture_qp.solves", "ik.joints", "pairs.contacting"]),
         work=np.array([[0.0, 0.0, 0.0], [8.0, 48.0, 2.0], [3.0, 18.0, 1.0], [1.0, 6.0, 1.0]]),
     )
     bare = replace(
@@ -78,7 +78,7 @@ def test_names_are_whole_on_a_terminal_of_80_columns(recordings, lab):
         time_frame=np.full(4, 1.23e-3),
         stage_names=np.array(["collision", "removal"]),
         stage_seconds=np.tile([1.0, 99.0], (4, 1)),
-        work_names=np.array(["ik.iterations", "ik.joints", "pairs.contacting"]),
+        work_names=np.array(["posture_qp.solves", "ik.joints", "pairs.contacting"]),
         work=np.tile([123.0, 27.0, 12.0], (4, 1)),
     )
     out = Console(width=80, record=True, file=io.StringIO())

@@ -14,6 +14,8 @@ from rich.console import Console
 from touchstone.reports.cli import main as cli
 from touchstone.reports.results import table
 from touchstone.reports.studies.inverse_kinematics.study import (
+    CCD,
+    EXTRAPOLATED,
     NEAR,
     SOLVERS,
     STARTS,
@@ -64,13 +66,12 @@ def test_rows_repeat_by_seed(measured) -> None:
 
 
 def test_limits_are_judged(measured) -> None:
-    """Judge misses of the reference from near starts and with restarts, and what it costs beside the loop."""
+    """Judge misses of the reference from near starts, and what it costs beside the loop."""
     frame = measured[0]
     judged = frame[frame.verdict != ""]
     assert set(zip(judged.metric, judged.profile, judged.scenario)) == {
-        *(("ik.missed", profile, "arm, near") for profile in ("balanced", "accurate")),
-        ("ik.missed", "accurate", "arm, rest"),
-        *(("ratio.time", "balanced", start) for start in STARTS),
+        *(("ik.missed", algorithm, "arm, near") for algorithm in (CCD, EXTRAPOLATED)),
+        *(("ratio.time", EXTRAPOLATED, start) for start in STARTS),
     }
     missed = judged[judged.metric == "ik.missed"]
     assert (missed.verdict == "pass").all()

@@ -1,5 +1,6 @@
-"""The study `ik`: `ccd_ik` and a damped least-squares loop on pinocchio, on random reachable goals of the
-avatar's left arm.
+"""The study `ik`: cyclic coordinate descent and a damped least-squares loop on pinocchio, on random reachable
+goals of the avatar's left arm. `paper` uses CCD as printed; `ccd extrapolated` adds atan2 and Aitken's
+extrapolation; `balanced` and `accurate` use neither (`posture=least_turn`).
 
 A goal is the position of the middle of the hand in a random posture within limits and reach cones. Starts:
 `near`, each angle within 0.1 rad of that posture, and `rest`, the hanging arm. Solvers alternate goal by
@@ -22,9 +23,15 @@ import pandas as pd
 from touchstone.adapters.contract import Array
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.oracles.articulated import DampedLeastSquares
-from touchstone.reference_impl.chains.accurate_ik import accurate_ik
 from touchstone.reference_impl.chains.ccd_ik import ccd_ik
-from touchstone.reference_impl.core.conventions import ANGLE_ATAN2, IK_CAP, IK_TOLERANCE, PASSES_EXTRAPOLATED
+from touchstone.reference_impl.core.conventions import (
+    ANGLE_ACOS,
+    ANGLE_ATAN2,
+    IK_CAP,
+    IK_TOLERANCE,
+    PASSES_EXTRAPOLATED,
+    PASSES_PLAIN,
+)
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.driven.reach_cone import keep_in_cone
 from touchstone.reference_impl.driven.skeleton import pose_links
@@ -45,8 +52,9 @@ NEAR = 0.1
 STARTS = ("arm, near", "arm, rest")
 DAMPING, STEPS = 0.01, 200
 """Damping of pinocchio's loop [m], the fastest of 0.01, 0.03 and 0.1, and its iteration limit."""
-SOLVERS = (("reference", "balanced"), ("reference", "accurate"), ("pinocchio", "damped least squares"))
-"""Engine and profile; `balanced` uses `ccd_ik`."""
+CCD, EXTRAPOLATED, LOOP = "ccd as printed", "ccd extrapolated", "damped least squares"
+SOLVERS = (("reference", CCD), ("reference", EXTRAPOLATED), ("pinocchio", LOOP))
+"""Engine and algorithm."""
 MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
 CROSSINGS = 1000
 Answer = Sequence[Any]
@@ -90,7 +98,7 @@ class Arm:
         balls = [k for k in range(self.first, self.last + 1) if self.world.joints[k]["cone_count"]]
         return not any(keep_in_cone(self.world.joints, k) for k in balls)
 
-    def solve(self, engine: str, profile: str, start: Array, goal: Array) -> tuple[Answer, float]:
+    def solve(self, engine: str, algorithm: str, start: Array, goal: Array) -> tuple[Answer, float]:
         """A solver's result (passes or steps, remaining distance [m], whether it converged), and its
         seconds."""
         self.place(start)
@@ -98,7 +106,7 @@ class Arm:
             begin = perf_counter()
             steps, left, _ = self.loop.solve(start, goal, IK_TOLERANCE)
             return (steps, left, left <= IK_TOLERANCE), perf_counter() - begin
-        answer, seconds = solve_chain(*self._arguments(goal), profile == "accurate")
+        answer, seconds = solve_chain(*self._arguments(goal), algorithm == EXTRAPOLATED)
         return answer, seconds
 
     def _arguments(self, goal: Array) -> tuple[Any, ...]:
@@ -116,28 +124,21 @@ class Arm:
 
 
 @kernel
-def solve_chain(bodies, joints, first, last, point, goal, state, accurate):  # type: ignore[no-untyped-def]
-    """Solve for a goal by `ccd_ik` or `accurate_ik`: (passes, remaining distance, whether it converged),
-    seconds."""
+def solve_chain(bodies, joints, first, last, point, goal, state, extrapolated):  # type: ignore[no-untyped-def]
+    """Solve for a goal by `ccd_ik`, as printed or extrapolated: (passes, remaining distance, whether it
+    converged), seconds."""
     s = state[0]
     for i in range(3):
         s["point"][i], s["goal"][i] = point[i], goal[i]
+    angle = ANGLE_ATAN2 if extrapolated else ANGLE_ACOS
+    passes = PASSES_EXTRAPOLATED if extrapolated else PASSES_PLAIN
     start = clock(s["clock"])
-    if accurate:
-        answer = accurate_ik(
-            *(bodies, joints, first, last, s["point"], s["goal"]),
-            *(ANGLE_ATAN2, PASSES_EXTRAPOLATED, IK_TOLERANCE, IK_CAP, s),
-        )
-    else:
-        answer = ccd_ik(
-            *(bodies, joints, first, last, s["point"], s["goal"]),
-            *(ANGLE_ATAN2, PASSES_EXTRAPOLATED, IK_TOLERANCE, IK_CAP),
-        )
+    answer = ccd_ik(bodies, joints, first, last, s["point"], s["goal"], angle, passes, IK_TOLERANCE, IK_CAP)
     return answer, clock(s["clock"]) - start
 
 
 @kernel
-def _nothing(bodies, joints, first, last, point, goal, state, accurate):  # type: ignore[no-untyped-def]
+def _nothing(bodies, joints, first, last, point, goal, state, extrapolated):  # type: ignore[no-untyped-def]
     """An empty compiled call."""
 
 
@@ -195,7 +196,7 @@ def rows(count: int, seed: int, progress: Progress) -> list[Row]:
             progress(name, 1)
         for (engine, profile), mine in answers.items():
             base = Row(STUDY, name, engine, profile, nan, "", seed=seed)
-            found += _rows_of(base, mine, answers["pinocchio", "damped least squares"][:, 3])
+            found += _rows_of(base, mine, answers["pinocchio", LOOP][:, 3])
     crossings = {engine: np.array([arm.cross(engine) for _ in range(CROSSINGS)]) for engine, _ in SOLVERS}
     for engine, sample in crossings.items():
         base = Row(STUDY, "arm", engine, "", nan, "time.crossing", unit="s", seed=seed)

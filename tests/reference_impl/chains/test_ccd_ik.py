@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.chains.accurate_ik import accurate_ik, next_random
 from touchstone.reference_impl.chains.ccd_ik import ccd_ik, fix_end_effector, pose_angles, turn_toward
+from touchstone.reference_impl.chains.chain_overlap_removal import next_random
 from touchstone.reference_impl.core.conventions import (
     ANGLE_ACOS,
     ANGLE_ATAN2,
@@ -16,7 +16,7 @@ from touchstone.reference_impl.core.conventions import (
     PASSES_PLAIN,
 )
 from touchstone.reference_impl.driven.skeleton import pose_links
-from touchstone.reports.studies.inverse_kinematics.study import POINT, Arm, draw
+from touchstone.reports.studies.inverse_kinematics.study import Arm, draw
 
 SETTINGS = [(angle, passes) for angle in (ANGLE_ACOS, ANGLE_ATAN2) for passes in (0, 1)]
 
@@ -183,49 +183,6 @@ def test_a_part_of_a_chain_can_be_turned_alone(arm: Arm) -> None:
     np.testing.assert_array_equal(arm.joints["angle"][4:], start[4:])
     pose_links(arm.world.bodies, arm.world.joints, arm.world.drivers[0])
     np.testing.assert_allclose(forearm["position"] + forearm["rotation"] @ (0, 0, -0.2), point, atol=1e-14)
-
-
-def accurate(arm: Arm, start, goal):
-    """`accurate_ik` from a posture."""
-    point = arm.place(start)
-    return *accurate_ik(
-        *(arm.world.bodies, arm.world.joints, arm.first, arm.last, point, goal),
-        *(ANGLE_ATAN2, PASSES_EXTRAPOLATED, IK_TOLERANCE, IK_CAP, arm.world.state[0]),
-    ), point
-
-
-def test_restarts_and_least_squares_reach_nearly_all(arm: Arm, goals) -> None:
-    """Arrive at 99.5 % of the goals from the hanging arm, within limits and cones."""
-    arrived = 0
-    for goal in goals[0]:
-        _, left, done, point = accurate(arm, np.zeros(6), goal)
-        assert np.linalg.norm(point - goal) == pytest.approx(left, abs=1e-14)
-        assert arm.allows(arm.joints["angle"].copy())
-        arrived += done
-    assert arrived >= 0.995 * len(goals[0])
-
-
-def test_restarts_repeat_by_seed(arm: Arm, goals) -> None:
-    """Give the same posture for the same state of the generator."""
-    ends = []
-    for _ in range(2):
-        arm.world.state["random"] = 5
-        for goal in goals[0][:50]:
-            accurate(arm, np.zeros(6), goal)
-        ends.append((arm.joints["angle"].copy(), int(arm.world.state["random"][0])))
-    np.testing.assert_array_equal(ends[0][0], ends[1][0])
-    assert ends[0][1] == ends[1][1] != 5
-
-
-def test_an_unreachable_goal_ends_at_the_nearest_posture_found(arm: Arm) -> None:
-    """Stretch the arm towards a goal out of reach: what is left is the distance less the arm's length."""
-    shoulder = np.array(arm.joints[0]["position"])
-    goal = shoulder + np.array((2.0, 1.0, 0.0))
-    _, left, arrived, _ = accurate(arm, np.full(6, 0.3), goal)
-    length = 0.2817 + 0.2689 - POINT[2]
-    assert not arrived
-    # the nearest posture is stretched: it is approached as the square root of the residual
-    assert left == pytest.approx(np.sqrt(5) - length, abs=1e-4)
 
 
 def test_the_generator_is_that_of_park_and_miller(arm: Arm) -> None:

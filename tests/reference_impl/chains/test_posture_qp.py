@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 from touchstone.reference_impl.chains.posture_constraints import drop_constraints, gather_constraints
 from touchstone.reference_impl.chains.posture_qp import apply_turns, missed_share, solve_posture_qp
 from touchstone.reference_impl.core.conventions import QP_CLEARANCE, QP_LEVER, QP_TOLERANCE, QP_TURN_MAX
+from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.world import PAIR
 from touchstone.reference_impl.driven.skeleton import pose_links
 
@@ -50,7 +51,7 @@ def solve(world, pairs, pull=None) -> tuple[float, np.ndarray]:
     driver, joints = world.drivers[0], world.joints
     before = joints["angle"].copy()
     driver["constraint_count"] = 0
-    gather_constraints(world.bodies, pairs, len(pairs), driver, 0)
+    gather_constraints(world.bodies, pairs, len(pairs), driver, 0, world.state[0])
     joints["pass_turn"] = 0.0 if pull is None else pull
     solve_posture_qp(world.bodies, joints, driver, pull is not None, world.state[0])
     missed = missed_share(joints, *driver["chains"][CHAIN], driver)
@@ -101,6 +102,21 @@ def slopes(world, pairs, hinges=None) -> np.ndarray:
 HAND = (0, (0.01, 0.02, -0.12), (0.3, -0.5, 0.8), 1e-4)
 FOREARM = (2, (0.03, 0.0, -0.15), (-0.7, 0.1, 0.4), 5e-5)
 UPPER_ARM = (3, (0.0, 0.04, -0.1), (0.0, -1.0, 0.2), 8e-5)
+
+
+def test_sweeps_that_end_at_their_cap_are_counted(world) -> None:
+    """Count no cap for one contact, and one for six at a hand pushed deep from almost opposing sides."""
+    counters = world.state[0]["counters"]
+    solve(world, contacts(world, [HAND]))
+    assert (counters[COUNT_QP_SOLVES], counters[CAP_POSTURE_QP]) == (1, 0)
+    wedge = [
+        (k, (0.0, y, -0.1), (sign, 0.05 * y, 0.01 * k), 0.02)
+        for k in (0, 2)
+        for y in (-0.03, 0.0, 0.03)
+        for sign in (-1.0, 1.0)
+    ]
+    solve(world, contacts(world, wedge))
+    assert (counters[COUNT_QP_SOLVES], counters[CAP_POSTURE_QP]) == (2, 1)
 
 
 def test_one_contact_turns_along_its_slope(world) -> None:
@@ -199,10 +215,10 @@ def test_points_are_kept_while_their_pair_touches(world) -> None:
     pairs["piece_a"] = 0
     driver["constraint_count"] = 0
     for pair in pairs:
-        gather_constraints(world.bodies, np.array([pair]), 1, driver, 0)
-    gather_constraints(world.bodies, pairs, 2, driver, 0)
+        gather_constraints(world.bodies, np.array([pair]), 1, driver, 0, world.state[0])
+    gather_constraints(world.bodies, pairs, 2, driver, 0, world.state[0])
     assert driver["constraint_count"] == 2
-    gather_constraints(world.bodies, pairs, 0, driver, 0)
+    gather_constraints(world.bodies, pairs, 0, driver, 0, world.state[0])
     driver["constraints"]["warm_multiplier"][0] = 1.0
     drop_constraints(driver, 0)
     assert driver["constraint_count"] == 1

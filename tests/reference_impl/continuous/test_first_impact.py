@@ -6,8 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from moving_pair import Scene
 
+from touchstone.reference_impl.continuous.first_impact import _closing
 from touchstone.reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET
+from touchstone.reference_impl.core.counters import CAP_CLOSING
+from touchstone.scenarios.scenario import Sphere
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 10.0])
@@ -37,3 +41,14 @@ def test_the_earliest_of_several_impacts_comes_first(lab: SimpleNamespace) -> No
     assert rows["body_a"].tolist() == [1, 2, 0]
     assert (np.diff(rows["time"]) > 0).all()
     np.testing.assert_allclose(rows["time"], np.array([0.01, 0.02, 0.03]) / 3, rtol=0.05)
+
+
+@pytest.mark.parametrize(("slack", "capped"), [(IMPACT_SLACK, 0), (0.0, 1)])
+def test_bracketing_that_runs_out_of_steps_is_counted(slack: float, capped: int) -> None:
+    """Count the cap where a slack below rounding cannot be met, and return a fraction above the target."""
+    scene = Scene(Sphere(0.1), Sphere(0.1)).move(0).move(1, (0.313, 0.0, 0.0), (-0.2, 0.07, 0.0))
+    counters = scene.state[0]["counters"]
+    pair, target = scene.pairs[0], 1 / 30000
+    fraction = _closing(scene.bodies, scene.pieces, scene.vertices, pair, scene.state[0], 1.0, target, slack)
+    assert counters[CAP_CLOSING] == capped
+    assert abs(scene.distance(fraction) - target) <= max(slack, 1e-15)
