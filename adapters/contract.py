@@ -80,7 +80,7 @@ class Settings:
     Attributes:
         profile: name of the profile.
         dt: native step [s].
-        changes: "key=value" that differ from the profile (reference only).
+        changes: "key=value" that differ from the profile (`registry.settings_of`).
         effects: effects requested; None: those that the scene requires.
         skipped: stages that the reference skips, from the plan.
         fat_bounds: whether the reference skips collision checks of pieces that stay inside their fat bounds.

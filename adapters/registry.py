@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Settings, Unsupported
 from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, ENGINES, MAXIMAL, RECOMMENDED, Entry
 from touchstone.adapters.engines.plugin import declared, distribution_of, entry_declared, entry_of
+from touchstone.adapters.knobs import SettingError, Table
 
 __all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "Entry"]
 
@@ -97,13 +98,46 @@ def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
     return valid
 
 
+def settings_of(name: str) -> Table:
+    """Table of an engine's settings; imports no engine. An engine of others has an empty one."""
+    module, _, attribute = _entry(name).settings.partition(":")
+    if not module:
+        return Table(profiles_of(name), ())
+    found: Table = getattr(importlib.import_module(module), attribute)
+    return found
+
+
+def changes_of(name: str, profile: str, texts: Iterable[str]) -> tuple[str, ...]:
+    """Those of "key=value" and "engine.key=value" texts that concern an engine and differ from its profile.
+
+    Raises:
+        SettingError: the engine has no such setting or value, or gets two values of one; the message names
+            the valid ones.
+    """
+    mine = []
+    for text in texts:
+        key, equals, value = text.partition("=")
+        engine, dot, own = key.partition(".")
+        if dot and engine.strip() not in available():
+            raise SettingError(f"unknown engine {engine.strip()!r} (valid: {', '.join(available())})")
+        if not dot or engine.strip() == name:
+            mine.append((own if dot else key) + equals + value)
+    try:
+        return settings_of(name).changes(profile, mine)
+    except SettingError as error:
+        raise SettingError(f"{name}: {error}") from error
+
+
 def require_profile(name: str, settings: Settings) -> None:
-    """Raise Unsupported if an engine lacks the profile or has no settings to change; names what it has."""
+    """Raise Unsupported if an engine lacks the profile, and SettingError if it lacks a changed setting."""
     valid = _entry(name).profiles
     if settings.profile not in valid:
         raise Unsupported(f"{name}: no profile {settings.profile!r}; valid: {', '.join(valid)}")
-    if settings.changes:
-        raise Unsupported(f"{name}: no settings to change, found {', '.join(settings.changes)}")
+    for text in settings.changes:
+        try:
+            settings_of(name).parse(text)
+        except SettingError as error:
+            raise SettingError(f"{name}: {error}") from error
 
 
 def distribution(name: str) -> str:

@@ -1,4 +1,4 @@
-"""`touchstone.run`: the study `run` as a function."""
+"""`touchstone.run` and `touchstone.sweep`: the commands of these names as functions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
 
+import pandas as pd
+
 from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.knobs import SettingError
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, available, registered
 from touchstone.adapters.workers.scratch import scratch_folder
@@ -49,20 +52,81 @@ def run(
     check_limits(scenarios)
     if not scenarios or len({scenario.name for scenario in scenarios}) < len(scenarios):
         raise ValueError("scenes: expected one or more, each with a name of its own")
+    columns = _columns(engines, profiles)
+    if dt is not None:
+        _check_step(dt, scenarios)
+    with scratch_folder() as folder:
+        request = Request(scenarios, columns, Path(out) if out else Path(folder) / "run", dt)
+        return run_study(request, lambda label, frames: None)
+
+
+def sweep(
+    scenes: str | Iterable[str],
+    engines: str | Iterable[str] | None = None,
+    profiles: str | Iterable[str] | None = None,
+    steps: float | Iterable[float] | None = None,
+    changes: str | Iterable[str] = (),
+    *,
+    repeats: int = 1,
+    jobs: int | None = None,
+    out: str | Path | None = None,
+) -> pd.DataFrame:
+    """Measure every combination of scene, engine, profile, step and settings, in parallel.
+
+    Args:
+        scenes: names of the catalogue.
+        engines, profiles: as in `run`.
+        steps: native steps [s]; None: that of each profile.
+        changes: "key=value,value" or "engine.key=value,value" (touchstone list settings); each engine plays
+            every combination of those that it has.
+        repeats: how often each cell is measured.
+        jobs: processes; None: one per core.
+        out: folder of the store. What it holds already is not measured again; None: nothing is kept.
+    Returns:
+        A row per metric of each cell; column `outcome` says how a cell ended, a cell that failed has one row.
+    Raises:
+        ValueError: an unknown name or setting, or a step that does not divide the frame; the message names
+            valid ones.
+        touchstone.reports.sweep.store.StoreError: the store is damaged, or it cannot be written.
+    """
+    from touchstone.reports.sweep.cells import grid
+    from touchstone.reports.sweep.sweep import sweep as run_sweep
+
+    names = [checked("scene", name, catalogue()) for name in _several(scenes)]
+    if not names:
+        raise ValueError("scenes: expected one or more")
+    asked = [] if steps is None else [steps] if isinstance(steps, float | int) else list(steps)
+    for dt in asked:
+        _check_step(dt, [catalogue()[name] for name in names])
+    try:
+        cells = grid(
+            names, _columns(engines, profiles), steps=asked, changes=_several(changes), repeats=repeats
+        )
+    except SettingError as error:
+        raise ValueError(str(error)) from error
+    with scratch_folder() as folder:
+        return run_sweep(cells, Path(out) if out else folder / "sweep", jobs=jobs)
+
+
+def _columns(
+    engines: str | Iterable[str] | None, profiles: str | Iterable[str] | None
+) -> tuple[tuple[str, str], ...]:
+    """(engine, profile) columns for names; raises ValueError with the valid ones."""
     names = [_registered(name) for name in _several(engines) or ENGINES]
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
     wanted = [checked("profile", name, every) for name in _several(profiles) or DEFAULT_PROFILES]
     columns = columns_of(names, wanted)
     if not columns:
         raise ValueError(f"no engine of {', '.join(names)} has a profile of {', '.join(wanted)}")
-    if dt is not None:
-        if not isfinite(dt) or dt <= 0:
-            raise ValueError(f"dt: {dt} is no step; give seconds, such as 1/240")
-        for scenario in scenarios:
-            substeps(scenario, dt)
-    with scratch_folder() as folder:
-        request = Request(scenarios, columns, Path(out) if out else Path(folder) / "run", dt)
-        return run_study(request, lambda label, frames: None)
+    return columns
+
+
+def _check_step(dt: float, scenarios: Iterable[Scenario]) -> None:
+    """Raise ValueError if a step [s] does not divide the frame of every scene."""
+    if not isfinite(dt) or dt <= 0:
+        raise ValueError(f"dt: {dt} is no step; give seconds, such as 1/240")
+    for scenario in scenarios:
+        substeps(scenario, dt)
 
 
 def _registered(name: str) -> str:

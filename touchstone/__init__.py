@@ -6,9 +6,9 @@
     results.frame  # every metric of every run, a row each
     results.recordings["fall", "mujoco", "recommended"].position  # (f, n, 3) [m]
 
-`run` plays scenes and judges them, `scenarios` lists them, `load` reads a recording from a file. `Scenario`
-and its parts describe a scene of your own; `SimpleWorld` is the base of an engine of your own. Names are
-imported when they are used.
+`run` plays scenes and judges them, `sweep` measures a grid of settings, `scenarios` lists them, `load` reads
+a recording from a file. `Scenario` and its parts describe a scene of your own; `SimpleWorld` is the base of
+an engine of your own. Names are imported when they are used.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ _PARTS = (
 _ADAPTER = ("BodyFacts", "Manifest", "PairFacts", "Settings", "State", "Unsupported")
 _HOME = {
     "run": "touchstone.reports.api",
+    "sweep": "touchstone.reports.api",
     "Results": "touchstone.reports.run.request",
     "Recording": "touchstone.adapters.recording",
     "load": "touchstone.adapters.recording",

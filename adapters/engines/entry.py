@@ -28,6 +28,7 @@ class Entry:
         rounding: what the engine stores in lower precision; "" if nothing.
         extra: what pip installs to get the engine; "" for an engine that is not of this project.
         compiles: whether its first scene may wait for a compiler.
+        settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one
@@ -46,6 +47,7 @@ class Entry:
     rounding: str = ""
     extra: str = ""
     compiles: bool = False
+    settings: str = ""
 
 
 ENGINES: dict[str, Entry] = {}

@@ -78,13 +78,30 @@ def profile_rows() -> list[dict[str, object]]:
 
 
 def setting_rows() -> list[dict[str, object]]:
-    """Settings of the reference with their values in every profile."""
-    from touchstone.adapters.engines.reference.settings import PROFILES, SETTINGS
+    """The settings of every engine, with their values in its profiles."""
+    from touchstone.adapters.registry import ENGINES, settings_of
 
-    return [
-        {"setting": s.name, "values": s.valid, **dict(zip(PROFILES, s.profiles)), "meaning": s.summary}
-        for s in SETTINGS.values()
-    ]
+    rows: list[dict[str, object]] = []
+    for engine in ENGINES:
+        table = settings_of(engine)
+        for setting in table.values():
+            values: dict[str, list[str]] = {}
+            for profile, value in zip(table.profiles, setting.profiles):
+                values.setdefault(value or "by scene", []).append(profile)
+            told = (
+                f"{value} ({', '.join(profiles)})" if len(values) > 1 else value
+                for value, profiles in values.items()
+            )
+            rows.append(
+                {
+                    "engine": engine,
+                    "setting": setting.name,
+                    "values": setting.valid,
+                    "in the profiles": "; ".join(told),
+                    "meaning": setting.summary,
+                }
+            )
+    return rows
 
 
 LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {

@@ -40,6 +40,7 @@ from touchstone.reports.cli.scenes.chosen import (
 )
 from touchstone.reports.cli.scenes.schema import schema
 from touchstone.reports.cli.studies import bench, study
+from touchstone.reports.cli.sweep import sweep
 
 if TYPE_CHECKING:
     from touchstone.reports.run.request import Request
@@ -54,6 +55,7 @@ app = typer.Typer(
 )
 app.add_typer(study, name="study")
 app.command()(bench)
+app.command()(sweep)
 app.command()(docs)
 app.command()(schema)
 
@@ -104,7 +106,7 @@ def run(
     dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240, in s.")] = None,
     change: Annotated[
         list[str] | None,
-        typer.Option("--set", help="KEY=VALUE in the reference's profiles (touchstone list settings)."),
+        typer.Option("--set", help="KEY=VALUE or ENGINE.KEY=VALUE (touchstone list settings)."),
     ] = None,
     effects: Annotated[
         str, typer.Option(help="auto: those that a scene calls for; all (without sleeping); or names.")
@@ -223,7 +225,7 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
 
 @app.command("list")
 def list_things(what: Listing, output: FormatOption = Format.table) -> None:
-    """List scenarios, engines, metrics, profiles, or the settings of the reference."""
+    """List scenarios, engines, metrics, profiles, or the settings of every engine."""
     from touchstone.reports.cli.listing import LISTS, show_rows
 
     show_rows(LISTS[what](), output)

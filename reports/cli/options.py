@@ -88,22 +88,17 @@ def engines_named(names: Iterable[str]) -> list[str]:
 
 
 def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tuple[str, ...]:
-    """Changed settings ("key=value") for columns of the reference; invalid ones exit with one line."""
-    from touchstone.adapters.engines.reference.settings import SETTINGS, Choice, SettingError, changes, split
+    """Changed settings ("key=value" or "engine.key=value") for all columns; invalid ones exit with one
+    line."""
+    from touchstone.adapters.knobs import SettingError
+    from touchstone.adapters.registry import changes_of
 
     texts = tuple(wanted)
-    for text in texts:
-        key, value = split(text)
-        setting = SETTINGS[known("setting", key, SETTINGS)]
-        if isinstance(setting, Choice):
-            known(f"value of {key}", value, setting.values)
     try:
         for engine, profile in columns if texts else ():
-            if engine != "reference":
-                stop(f"--set: {engine} has none of these settings; choose --engine reference", BAD_INPUT)
-            changes(profile, texts)
+            changes_of(engine, profile, texts)
     except SettingError as error:
-        stop(f"--set {error}", BAD_INPUT)
+        stop(f"--set {error}; ENGINE.KEY=VALUE sets that of one engine", BAD_INPUT)
     return texts
 
 
@@ -195,6 +190,15 @@ def require_judge() -> None:
 
     if faults := judge_faults():
         stop("; ".join(faults), NOT_JUDGED)
+
+
+@contextmanager
+def resumable(store: Path) -> Iterator[None]:
+    """Ctrl-C ends a sweep with one line that says what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        stop(f"interrupted; what was measured is kept in {store}, the same command goes on", INTERRUPTED)
 
 
 @contextmanager

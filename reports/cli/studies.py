@@ -18,6 +18,7 @@ from touchstone.reports.cli.options import (
     known,
     measuring,
     require_judge,
+    resumable,
 )
 
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
@@ -184,3 +185,35 @@ def bench(
     with measuring(chosen.steps(), quiet) as progress:
         frame = chosen.run(folder, progress)
     ended(frame, chosen.show, folder, output, quiet)
+
+
+@study.command("work-precision")
+def work_precision(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes (default: the gallery and six probes).")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Five scenes, three steps, two rounds.")] = False,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
+    store: Annotated[Path, typer.Option(help="Folder of all cells; what it holds is skipped.")] = Path(
+        "runs/sweep"
+    ),
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/work-precision-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure error over wall time of every engine and setting: what accuracy costs."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.studies.work_precision.definitions import scenes
+    from touchstone.reports.studies.work_precision.study import Plan, run
+    from touchstone.reports.studies.work_precision.table import show
+    from touchstone.reports.sweep.store import StoreError
+    from touchstone.scenarios.catalogue import catalogue
+
+    names = [known("scenario", name, catalogue()) for name in dict.fromkeys(scenario or scenes(quick))]
+    engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
+    plan, folder = Plan(names, engines, quick), out or folder_of_now("work-precision-")
+    require_judge()
+    with resumable(store), measuring(plan.size, quiet, StoreError) as progress:
+        frame = run(plan, store, folder, jobs, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))

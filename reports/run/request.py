@@ -11,9 +11,8 @@ from pathlib import Path
 import pandas as pd
 
 from touchstone.adapters.contract import DRIVES, Settings
-from touchstone.adapters.engines.reference.settings import changes
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.registry import ENGINES, changes_of
 from touchstone.reports.limits import Limit
 from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.metrics.motion.time_series import Course
@@ -31,7 +30,7 @@ DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
 class Request:
     """What to run: scenes, (engine, profile) columns, an optional native step [s], and the output folder.
 
-    Changed settings require columns of the reference only.
+    Changed settings apply to the engines that they name ("mujoco.cone=elliptic"), or to all.
     """
 
     scenarios: tuple[Scenario, ...]
@@ -50,7 +49,7 @@ class Request:
     def settings(self, engine: str, profile: str) -> Settings:
         """The settings of a column."""
         dt = self.dt or ENGINES[engine].profiles[profile]
-        changed = changes(profile, self.changes) if self.changes else ()
+        changed = changes_of(engine, profile, self.changes)
         # The reference poses hinges itself, whatever drives those of the engines.
         drive = DRIVES[0] if engine == REFERENCE else self.drive
         return Settings(profile, dt, changed, self.effects, drive=drive, tracker=self.tracker)

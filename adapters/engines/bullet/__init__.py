@@ -16,4 +16,5 @@ ENTRY = Entry(
     marker="s",
     rounding="corners of hulls rounded to about 1e-4 of their size",
     extra="touchstone[bullet]",
+    settings="touchstone.adapters.engines.bullet.settings:SETTINGS",
 )

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.bullet import tables
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
-from touchstone.adapters.registry import ACCURATE, MAXIMAL
+from touchstone.adapters.registry import MAXIMAL
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import (
     IDENTITY,
@@ -57,7 +57,7 @@ class Bodies:
         """`factors`: restitution and friction of each body; `drives`: of trackers that are not posed."""
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
         self._posed = settings.drive == "posed"
-        self.told = tables.ACCURATE if settings.profile == ACCURATE else tables.DEFAULT
+        self.told = tables.told_of(settings.profile, settings.changes)
         self.sleep = tables.SLEEPING if settings.sleeping else {}
         self.moments, axes = zip(*(_principal_axes(body) for body in scenario.bodies))
         self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in scenario.bodies])

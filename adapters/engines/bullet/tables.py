@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import pybullet
 
+from touchstone.adapters.engines import entry
+from touchstone.adapters.engines.bullet.settings import SETTINGS
 from touchstone.scenarios.scenario import ORIGIN
 
 Links = tuple[int, ...]
@@ -93,6 +96,12 @@ ACCURATE = Told(
     # links.
     hull={"collisionMargin": 0.0},
 )
+
+
+def told_of(profile: str, changes: Iterable[str]) -> Told:
+    """Settings of a profile with its changes ("key=value")."""
+    told = ACCURATE if profile == entry.ACCURATE else DEFAULT
+    return told._replace(solver=told.solver | SETTINGS.numbers(changes))
 
 
 class Part(NamedTuple):

@@ -10,4 +10,5 @@ ENTRY = Entry(
     marker="^",
     rounding="vertices of hulls in single precision",
     extra="touchstone[dart]",
+    settings="touchstone.adapters.engines.dart.settings:SETTINGS",
 )

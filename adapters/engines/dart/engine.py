@@ -28,10 +28,14 @@ from touchstone.adapters.engines.dart.model import (
     add_piece,
     add_servos,
     detector_of,
+    friction_solver,
     isometry,
     reason_for_bullet,
     set_mass,
+    solver_options,
 )
+from touchstone.adapters.engines.dart.settings import SETTINGS
+from touchstone.adapters.knobs import split
 from touchstone.adapters.material_combine import (
     check_range,
     frictions,
@@ -48,7 +52,9 @@ COEFFICIENT_MIN = 1e-3
 """Restitution and friction up to this value count as zero in DART (ContactSurface.hpp) [1]."""
 FRICTION_CONES = {
     "DantzigBoxedLcpSolver": "two directions, each within mu times the normal force",
+    "PgsBoxedLcpSolver": "two directions, each within mu times the normal force",
     "NsgsFrictionSolver": "circular",
+    "FbfFrictionSolver": "circular",
 }
 """Friction cone of a contact under each solver."""
 HINGE_DRIVES = {
@@ -93,13 +99,17 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     deactivation = world.getDeactivationOptions()
     deactivation.mEnabled = settings.sleeping
     world.setDeactivationOptions(deactivation)
-    world.setCollisionDetector(detector_of(scenario, settings.profile))
+    changed = SETTINGS.numbers(settings.changes)
+    chosen = dict(map(split, settings.changes))
+    world.setCollisionDetector(detector_of(scenario, settings.profile, chosen.get("detector", "")))
     solver = world.getConstraintSolver()
-    solver.setSplitImpulseEnabled(False)
-    if settings.profile == ACCURATE:
-        # One of two opt-in friction solvers (DART 6.20 release notes): Coulomb's circular cone by nonsmooth
-        # Gauss-Seidel instead of two boxed directions.
-        solver.setBoxedLcpSolver(dartpy.constraint.NsgsFrictionSolver())
+    solver.setSplitImpulseEnabled(bool(changed.get("split_impulse", False)))
+    # accurate: one of two opt-in friction solvers (DART 6.20 release notes), Coulomb's circular cone by
+    # nonsmooth Gauss-Seidel instead of two boxed directions.
+    name = chosen.get("solver", "nsgs" if settings.profile == ACCURATE else "dantzig")
+    options = changed.get("iterations"), changed.get("tolerance")
+    if name != "dantzig" or any(option is not None for option in options):
+        solver.setBoxedLcpSolver(friction_solver(solver, name, *options))
 
 
 def _filter(world: Any, scenario: Scenario, nodes: list[Any]) -> None:
@@ -309,10 +319,11 @@ class World:
         ]
         facts: dict[str, Scalar] = {
             "detector": detector.getType(),
-            "detector_reason": reason_for_bullet(self._scenario, self._settings.profile) or "DART's default",
+            "detector_reason": self._detector_reason(),
             "solver": type(solver).__name__,
             "lcp_solver": solver.getBoxedLcpSolver().getType(),
             "friction_cone": FRICTION_CONES[solver.getBoxedLcpSolver().getType()],
+            **solver_options(solver.getBoxedLcpSolver()),
             "lcp_solver_fallback": solver.getSecondaryBoxedLcpSolver().getType(),
             "matrix_free_solver": solver.getMatrixFreeContactSolverOptions().mEnabled,
             "split_impulse": solver.isSplitImpulseEnabled(),
@@ -347,6 +358,11 @@ class World:
             facts["fcl_primitives"] = detector.getPrimitiveShapeType().name
             facts["fcl_contact_points"] = detector.getContactPointComputationMethod().name
         return facts | UNREADABLE
+
+    def _detector_reason(self) -> str:
+        if "detector" in SETTINGS.numbers(self._settings.changes):
+            return "chosen"
+        return reason_for_bullet(self._scenario, self._settings.profile) or "DART's default"
 
     def cross(self) -> None:
         """Call a getter of one number."""

@@ -24,18 +24,40 @@ import dartpy
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.contract import Scalar, Unsupported
 from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
+DETECTORS = {
+    "fcl": dartpy.collision.FCLCollisionDetector,
+    "bullet": dartpy.collision.BulletCollisionDetector,
+    "dart": dartpy.collision.DARTCollisionDetector,
+    "ode": dartpy.collision.OdeCollisionDetector,
+}
+SOLVERS = {
+    "dantzig": lambda world_solver: world_solver.getBoxedLcpSolver(),
+    "pgs": lambda world_solver: world_solver.getSecondaryBoxedLcpSolver(),
+    "nsgs": lambda world_solver: dartpy.constraint.NsgsFrictionSolver(),
+    "fbf": lambda world_solver: dartpy.constraint.FbfFrictionSolver(),
+}
+"""Solvers of a new world's constraint solver; dartpy has no constructors of Dantzig's and PGS."""
+OPTION_FIELDS = {
+    "pgs": ("mMaxIteration", "mDeltaXThreshold"),
+    "nsgs": ("maxSweeps", "tolerance"),
+    "fbf": ("maxOuterIterations", "tolerance"),
+}
+"""Fields of the iterative solvers' options: largest number of sweeps, tolerance."""
 ROOT_DOFS = 6
 """Number of coordinates of a free joint; those of the hinges follow in the tracker's order."""
 
 
-def detector_of(scenario: Scenario, profile: str) -> Any:
-    """FCL; or Bullet if a sphere can meet a hull or a capsule anything, or if only primitives meet."""
+def detector_of(scenario: Scenario, profile: str, chosen: str = "") -> Any:
+    """The chosen detector; by default FCL, or Bullet if a sphere can meet a hull or a capsule anything, or if
+    only primitives meet."""
+    if chosen:
+        return DETECTORS[chosen]()
     reason = reason_for_bullet(scenario, profile)
     if not reason:
         return dartpy.collision.FCLCollisionDetector()
@@ -43,6 +65,35 @@ def detector_of(scenario: Scenario, profile: str) -> Any:
     if any(Ellipsoid in a | b for a, b in shapes):
         raise Unsupported(f"dart: {reason}, and no detector has both that and true ellipsoids")
     return dartpy.collision.BulletCollisionDetector()
+
+
+def friction_solver(world_solver: Any, name: str, iterations: int | None, tolerance: float | None) -> Any:
+    """A solver of contacts of a new world, with its options; those that are None keep DART's defaults.
+
+    Raises:
+        Unsupported: Dantzig's solver is direct and takes neither.
+    """
+    solver = SOLVERS[name](world_solver)
+    if name == "dantzig":
+        if iterations is not None or tolerance is not None:
+            raise Unsupported("dart: iterations and tolerance need an iterative solver: pgs, nsgs or fbf")
+        return solver
+    option = dartpy.constraint.PgsBoxedLcpSolverOption() if name == "pgs" else solver.getOptions()
+    count, size = OPTION_FIELDS[name]
+    if iterations is not None:
+        setattr(option, count, iterations)
+    if tolerance is not None:
+        setattr(option, size, tolerance)
+    solver.setOption(option) if name == "pgs" else solver.setOptions(option)
+    return solver
+
+
+def solver_options(solver: Any) -> dict[str, Scalar]:
+    """Options of a solver, read back; none of Dantzig's, and dartpy has no getter of those of PGS."""
+    if not hasattr(solver, "getOptions"):
+        return {}
+    found, fields = solver.getOptions(), OPTION_FIELDS["fbf" if "Fbf" in solver.getType() else "nsgs"]
+    return {f"lcp_{name}": getattr(found, field) for name, field in zip(("iterations", "tolerance"), fields)}
 
 
 def _meeting_shapes(scenario: Scenario) -> list[tuple[set[type], set[type]]]:

@@ -10,4 +10,5 @@ ENTRY = Entry(
     marker="D",
     rounding="vertices of hulls in single precision",
     extra="touchstone[mujoco]",
+    settings="touchstone.adapters.engines.mujoco.settings:SETTINGS",
 )

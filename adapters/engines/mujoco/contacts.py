@@ -30,6 +30,7 @@ from scipy.optimize import brentq
 
 from touchstone.adapters.contract import Array, Settings
 from touchstone.adapters.engines.mujoco.masks import GeomFilter, contact_filter
+from touchstone.adapters.engines.mujoco.settings import SETTINGS
 from touchstone.adapters.material_combine import check_range, frictions, restitutions
 from touchstone.adapters.registry import ACCURATE
 from touchstone.scenarios.scenario import Scenario
@@ -55,11 +56,13 @@ FRICTION_REFERENCE = (-1.0, -2 / TIME_CONSTANT)
 
 def solref_of(restitution: float, settings: Settings) -> tuple[float, float]:
     """(-stiffness, -damping) per unit mass of a contact with restitution e."""
+    changed = SETTINGS.numbers(settings.changes).get("solref")
     if settings.profile == ACCURATE:
         zeta = releasing_ratio(max(restitution, ACCURATE_RESTITUTION_MIN))
-        return _sampled(zeta, ACCURATE_STIFFNESS / settings.dt, settings.dt)
+        stiffest = ACCURATE_STIFFNESS / settings.dt
+        return _sampled(zeta, min(1 / (zeta * changed), stiffest) if changed else stiffest, settings.dt)
     zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
-    w = 1 / max(TIME_CONSTANT * zeta, FLOOR_STEPS * settings.dt)
+    w = 1 / max((changed or TIME_CONSTANT) * zeta, FLOOR_STEPS * settings.dt)
     return -w * w, -2 * zeta * w
 
 
@@ -135,13 +138,15 @@ def _set_geom(geom: Any, told: GeomFilter, settings: Settings) -> None:
     e, mu = told.coefficients
     geom.contype, geom.conaffinity, geom.priority = told.contype, told.conaffinity, told.priority
     geom.condim, geom.friction, geom.solref = 3 if mu > 0 else 1, (mu, 0.0, 0.0), solref_of(e, settings)
+    geom.solimp = SETTINGS.numbers(settings.changes).get("solimp", geom.solimp)
 
 
 def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable[tuple[int, int]]) -> None:
     """Add an explicit pair for every two geoms of pairs of bodies; MuJoCo uses it instead of masks."""
-    told: dict[str, tuple[float, ...]] = {}
+    told: dict[str, Any] = {}
     if settings.profile == ACCURATE:
         told = {"solimp": ACCURATE_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
+    told |= {k: v for k, v in SETTINGS.numbers(settings.changes).items() if k == "solimp"}
     for a, b in pairs:
         e, mu = scenario.pair_coefficients(a, b)
         for first in range(len(scenario.bodies[a].pieces)):

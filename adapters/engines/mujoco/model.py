@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from touchstone.adapters.contract import Array, Settings, Unsupported
+from touchstone.adapters.engines.mujoco.settings import OF_CONTACTS, SETTINGS
 from touchstone.adapters.registry import ACCURATE, DEFAULT
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import (
@@ -43,8 +44,15 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
     spec.option.density = spec.option.viscosity = 0.0
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.option.enableflags = int(mujoco.mjtEnableBit.mjENBL_SLEEP) if settings.sleeping else 0
-    if settings.profile == DEFAULT:
-        return
+    if settings.profile != DEFAULT:
+        _set_recommended(spec, scenario, settings)
+    for name, number in SETTINGS.numbers(settings.changes).items():
+        if name not in OF_CONTACTS:
+            setattr(spec.option, name, number)
+
+
+def _set_recommended(spec: Any, scenario: Scenario, settings: Settings) -> None:
+    """Set the options that MuJoCo's documentation recommends, and those of `accurate`."""
     # "the recommended integrator" (MuJoCo's documentation, "Numerical integration" and "Performance tuning")
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     if "friction" in scenario.effects:

@@ -11,4 +11,5 @@ ENTRY = Entry(
     marker="o",
     extra="touchstone",  # numba is no extra: the project itself requires it
     compiles=True,
+    settings="touchstone.adapters.engines.reference.settings:SETTINGS",
 )

@@ -7,87 +7,17 @@ quickly.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from math import inf
+from collections.abc import Sequence
 from typing import Any
 
-from touchstone.adapters.contract import AdapterError, Scalar
+from touchstone.adapters.contract import Scalar
+from touchstone.adapters.knobs import Choice, Range, Setting, Table
 from touchstone.reference_impl.core import conventions
 
 PROFILES = ("paper", "balanced", "accurate")
 """Columns of the table."""
 
 
-class SettingError(AdapterError):
-    """Unknown setting or invalid value; the message names the valid ones."""
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """Setting with named values, and its value in each of PROFILES.
-
-    `field` names the field of the state if it differs from the setting's name.
-    """
-
-    name: str
-    values: Mapping[str, int]
-    profiles: tuple[str, str, str]
-    summary: str
-    field: str = ""
-
-    @property
-    def valid(self) -> str:
-        """Description of the valid values."""
-        return "|".join(self.values)
-
-    def number(self, text: str) -> int:
-        """Value in the state for a named value."""
-        if text not in self.values:
-            raise SettingError(f"found {text!r}")
-        return self.values[text]
-
-    def word(self, number: float) -> str:
-        """Named value for a value in the state."""
-        return {value: name for name, value in self.values.items()}[int(number)]
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """Numeric setting [unit] between `least` and `most`, integer if `whole`, and its value in each of
-    PROFILES."""
-
-    name: str
-    least: float
-    most: float
-    unit: str
-    profiles: tuple[str, str, str]
-    summary: str
-    whole: bool = True
-    field: str = ""
-
-    @property
-    def valid(self) -> str:
-        """Description of the valid values."""
-        kind = "whole, " if self.whole else ""
-        return f"{kind}{self.least:g} to {self.most:g} {self.unit}".rstrip()
-
-    def number(self, text: str) -> float:
-        """Value in the state for a number given as text."""
-        try:
-            number = float(text)
-        except ValueError:
-            number = inf
-        if not self.least <= number <= self.most or (self.whole and number % 1):
-            raise SettingError(f"found {text!r}")
-        return int(number) if self.whole else number
-
-    def word(self, number: float) -> float:
-        """Number for a value in the state."""
-        return int(number) if self.whole else float(number)
-
-
-Setting = Choice | Range
 _TABLE: tuple[Setting, ...] = (
     Choice(
         "friction",
@@ -202,53 +132,18 @@ _TABLE: tuple[Setting, ...] = (
         "contacts that the substeps of a frame hold in total before it goes on in a few crowded ones",
     ),
 )
-SETTINGS: Mapping[str, Setting] = {setting.name: setting for setting in _TABLE}
-
-
-def split(text: str) -> tuple[str, str]:
-    """Key and value of "key=value"; the value is empty if "=" is missing."""
-    key, _, value = text.partition("=")
-    return key.strip(), value.strip()
-
-
-def parse(text: str) -> tuple[Setting, str]:
-    """Parse "key=value" into its setting and the same text in normal form; raises SettingError."""
-    key, value = split(text)
-    if key not in SETTINGS:
-        raise SettingError(f"unknown setting {key!r} (valid: {', '.join(SETTINGS)})")
-    setting = SETTINGS[key]
-    try:
-        return setting, f"{key}={setting.word(setting.number(value))}"
-    except SettingError as error:
-        raise SettingError(f"{key}: {error} (valid: {setting.valid})") from None
-
-
-def changes(profile: str, wanted: Iterable[str]) -> tuple[str, ...]:
-    """Requested "key=value" that differ from a profile, in the order of the table; raises SettingError."""
-    found: dict[str, str] = {}
-    for setting, text in map(parse, wanted):
-        if found.setdefault(setting.name, text) != text:
-            raise SettingError(f"{setting.name}: given as {found[setting.name]} and {text}")
-    column = _column(profile)
-    plain = {name: parse(f"{name}={setting.profiles[column]}")[1] for name, setting in SETTINGS.items()}
-    return tuple(found[name] for name in SETTINGS if name in found and found[name] != plain[name])
+SETTINGS = Table(PROFILES, _TABLE)
 
 
 def configure(state: Any, profile: str, changed: Sequence[str] = ()) -> None:
     """Write a profile and its changes ("key=value") into the state record."""
-    column = _column(profile)
+    column = SETTINGS.column(profile)
     for setting in SETTINGS.values():
         state[setting.field or setting.name] = setting.number(setting.profiles[column])
-    for setting, text in map(parse, changed):
-        state[setting.field or setting.name] = setting.number(split(text)[1])
+    for name, number in SETTINGS.numbers(changed).items():
+        state[SETTINGS[name].field or name] = number
 
 
 def describe(state: Any) -> dict[str, Scalar]:
     """Value of every setting in the state record."""
     return {name: setting.word(state[setting.field or name]) for name, setting in SETTINGS.items()}
-
-
-def _column(profile: str) -> int:
-    if profile not in PROFILES:
-        raise SettingError(f"reference: no profile {profile!r}; valid: {', '.join(PROFILES)}")
-    return PROFILES.index(profile)

@@ -1,0 +1,177 @@
+"""Tables of engines' settings: named choices and numbers, their values in every profile, and their checks.
+
+A table imports no engine, so the command line can check `--set KEY=VALUE` quickly.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+from touchstone.adapters.contract import AdapterError
+
+
+class SettingError(AdapterError):
+    """Unknown setting or invalid value; the message names the valid ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Setting with named values, and its value in each profile of its engine ("": depends on the scene).
+
+    `field` names the field of the engine's record if it differs from the setting's name.
+    """
+
+    name: str
+    values: Mapping[str, int]
+    profiles: tuple[str, ...]
+    summary: str
+    field: str = ""
+
+    @property
+    def valid(self) -> str:
+        """Description of the valid values."""
+        return "|".join(self.values)
+
+    def number(self, text: str) -> int:
+        """Value in the engine for a named value."""
+        if text not in self.values:
+            near = difflib.get_close_matches(text, self.values, n=1, cutoff=0.5)
+            raise SettingError(f"found {text!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+        return self.values[text]
+
+    def word(self, number: float) -> str:
+        """Named value for a value in the engine."""
+        return {value: name for name, value in self.values.items()}[int(number)]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Numeric setting [unit] between `least` and `most`, integer if `whole`, and its value in each profile of
+    its engine ("": depends on the scene or the step)."""
+
+    name: str
+    least: float
+    most: float
+    unit: str
+    profiles: tuple[str, ...]
+    summary: str
+    whole: bool = True
+    field: str = ""
+
+    @property
+    def valid(self) -> str:
+        """Description of the valid values."""
+        kind = "whole, " if self.whole else ""
+        return f"{kind}{self.least:g} to {self.most:g} {self.unit}".rstrip()
+
+    def number(self, text: str) -> float:
+        """Value in the engine for a number given as text."""
+        try:
+            number = float(text)
+        except ValueError:
+            number = inf
+        if not self.least <= number <= self.most or (self.whole and number % 1):
+            raise SettingError(f"found {text!r}")
+        return int(number) if self.whole else number
+
+    def word(self, number: float) -> float:
+        """Number for a value in the engine."""
+        return int(number) if self.whole else float(number)
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """Setting of several numbers, written with colons between them, and its value in each profile."""
+
+    name: str
+    bounds: tuple[tuple[float, float], ...]
+    profiles: tuple[str, ...]
+    summary: str
+    field: str = ""
+
+    @property
+    def valid(self) -> str:
+        """Description of the valid values."""
+        return ":".join(f"[{least:g} to {most:g}]" for least, most in self.bounds)
+
+    def number(self, text: str) -> tuple[float, ...]:
+        """Values in the engine for numbers given as text."""
+        try:
+            found = tuple(map(float, text.split(":")))
+        except ValueError:
+            found = ()
+        if len(found) != len(self.bounds) or not all(
+            least <= x <= most for x, (least, most) in zip(found, self.bounds)
+        ):
+            raise SettingError(f"found {text!r}")
+        return found
+
+    def word(self, number: Sequence[float]) -> str:
+        """Text for values in the engine."""
+        return ":".join(f"{float(x):g}" for x in number)
+
+
+Setting = Choice | Range | Numbers
+
+
+class Table(Mapping[str, Setting]):
+    """Settings of an engine by name, in the order of the table; `profiles` are its columns."""
+
+    def __init__(self, profiles: Iterable[str], rows: Iterable[Setting]) -> None:
+        self.profiles = tuple(profiles)
+        self._rows = {row.name: row for row in rows}
+
+    def __getitem__(self, name: str) -> Setting:
+        return self._rows[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def column(self, profile: str) -> int:
+        """Index of a profile; raises SettingError with the valid ones."""
+        if profile not in self.profiles:
+            raise SettingError(f"no profile {profile!r}; valid: {', '.join(self.profiles)}")
+        return self.profiles.index(profile)
+
+    def parse(self, text: str) -> tuple[Setting, str]:
+        """Parse "key=value" into its setting and the same text in normal form; raises SettingError."""
+        key, value = split(text)
+        if key not in self:
+            near = difflib.get_close_matches(key, self, n=1, cutoff=0.5)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise SettingError(f"unknown setting {key!r}{hint} (valid: {', '.join(self)})")
+        setting = self[key]
+        try:
+            return setting, f"{key}={setting.word(setting.number(value))}"  # type: ignore[arg-type]
+        except SettingError as error:
+            raise SettingError(f"{key}: {error} (valid: {setting.valid})") from None
+
+    def changes(self, profile: str, wanted: Iterable[str]) -> tuple[str, ...]:
+        """Requested "key=value" that differ from a profile, in the table's order; raises SettingError."""
+        found: dict[str, str] = {}
+        for setting, text in map(self.parse, wanted):
+            if found.setdefault(setting.name, text) != text:
+                raise SettingError(f"{setting.name}: given as {found[setting.name]} and {text}")
+        column = self.column(profile)
+        plain = {
+            name: self.parse(f"{name}={setting.profiles[column]}")[1] if setting.profiles[column] else ""
+            for name, setting in self.items()
+        }
+        return tuple(found[name] for name in self if name in found and found[name] != plain[name])
+
+    def numbers(self, changed: Iterable[str]) -> dict[str, Any]:
+        """Values in the engine of "key=value" texts, by the setting's name."""
+        return {setting.name: setting.number(split(text)[1]) for setting, text in map(self.parse, changed)}
+
+
+def split(text: str) -> tuple[str, str]:
+    """Key and value of "key=value"; the value is empty if "=" is missing."""
+    key, _, value = text.partition("=")
+    return key.strip(), value.strip()

@@ -1,0 +1,124 @@
+"""Scenes, steps, settings and quantities of the study `work-precision`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.sweep.cells import Cell, grid
+from touchstone.scenarios.catalogue import tagged
+
+STUDY = "work-precision"
+REFERENCE = "reference"
+PROBES = ("fall", "bounce_e05", "collide_oblique", "slide", "slip", "stack")
+"""Probes of the default study: flight, impact, oblique impact, sliding, rolling, resting."""
+QUICK = ("ball_snip", "fall", "bounce_e05", "slide", "stack")
+STEPS = tuple(1 / (60 * 2**k) for k in range(6))
+"""Native steps of every engine [s]."""
+QUICK_STEPS = (1 / 60, 1 / 240, 1 / 960)
+REPEATS, QUICK_REPEATS = 3, 2
+"""Rounds of timing, each with new processes."""
+PROFILES = {REFERENCE: ("paper", "balanced", "accurate")}
+"""Profiles that are played at all steps; of an engine that is not named, its first."""
+KNOBS: dict[str, tuple[str, ...]] = {
+    "mujoco": ("solref=0.04", "solref=0.01", "solref=0.005"),
+    "bullet": ("numSolverIterations=10", "numSolverIterations=250"),
+    "dart": ("solver=pgs", "solver=nsgs"),
+}
+"""Values of each engine's main knob, played at its profile's own step."""
+FINE, FINER = 1 / 1920, 1 / 3840
+"""Steps of the converged solution and of its check [s]."""
+TRUTH_ENGINE, TRUTH_PROFILE = REFERENCE, "accurate"
+"""Who plays the converged solution of scenes, or quantities, without a closed form."""
+PERTURBED_SEEDS = (0, 1)
+"""Perturbed runs that measure the horizon."""
+PERTURBED = "touchstone.reports.sweep.scenes:perturbed_scene"
+HORIZON_DISTANCE = 1e-4
+"""Distance from the unperturbed run beyond which a scene is no longer compared [m]: a perturbation of 1e-6 m
+has grown by a hundred; a tenth of the tolerance of positions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity whose error is measured.
+
+    Attributes:
+        unit: SI.
+        tolerance: error that most users accept; a converged solution changes by less than a tenth of it.
+        floor: error below which two settings count as equal: what rounding or the judge leaves open.
+        meaning: definition of the error.
+    """
+
+    name: str
+    unit: str
+    tolerance: float
+    floor: float
+    meaning: str
+
+
+QUANTITIES = {
+    one.name: one
+    for one in (
+        Quantity(
+            "position",
+            "m",
+            1e-3,
+            1e-9,
+            "largest distance of a centre of mass from the truth, up to the horizon",
+        ),
+        Quantity("overlap", "m", 1e-3, 1e-8, "deepest overlap of two bodies in a displayed frame"),
+        Quantity(
+            "energy",
+            "1",
+            1e-2,
+            1e-9,
+            "energy gained or lost without a cause, over the largest kinetic energy of the true motion",
+        ),
+        Quantity(
+            "friction",
+            "1",
+            2e-2,
+            1e-6,
+            "largest relative error of stopping distance, rolling time, sliding force or friction cone",
+        ),
+        Quantity("events", "s", 1 / 120, 1e-6, "largest error of the time of an expected event"),
+    )
+}
+
+
+def scenes(quick: bool = False) -> tuple[str, ...]:
+    """Default scenes: the gallery and six probes."""
+    if quick:
+        return QUICK
+    return (*(scenario.name for scenario in tagged("gallery")), *PROBES)
+
+
+def profiles_of(engine: str) -> tuple[str, ...]:
+    """Profiles of an engine that are played at all steps."""
+    return PROFILES.get(engine, (next(iter(ENGINES[engine].profiles)),))
+
+
+def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = False) -> list[Cell]:
+    """Cells whose errors are measured: profiles at all steps, and knobs at the profile's own step."""
+    steps = QUICK_STEPS if quick else STEPS
+    cells: list[Cell] = []
+    for scene in names:
+        for engine in engines:
+            first = profiles_of(engine)[0]
+            cells += grid([scene], [(engine, p) for p in profiles_of(engine)], steps=steps)
+            if engine != REFERENCE:
+                cells += grid([scene], [(engine, first)])
+                for knob in KNOBS.get(engine, ()):
+                    cells += grid([scene], [(engine, first)], changes=[f"{engine}.{knob}"])
+    return list(dict.fromkeys(cells))
+
+
+def truth_cells(names: Sequence[str]) -> list[Cell]:
+    """Converged solutions, their checks at half the step, and perturbed runs."""
+    column = [(TRUTH_ENGINE, TRUTH_PROFILE)]
+    return [
+        *grid(names, column, steps=(FINE, FINER)),
+        *grid(names, column, steps=(1 / 240,)),
+        *grid(names, column, steps=(1 / 240,), seeds=PERTURBED_SEEDS, source=PERTURBED),
+    ]

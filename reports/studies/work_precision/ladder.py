@@ -1,0 +1,35 @@
+"""The reference's own ladder: what each setting in which its profiles differ buys and costs alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from touchstone.reports.studies.work_precision.definitions import QUANTITIES, REFERENCE
+from touchstone.reports.studies.work_precision.ladder_cells import rungs
+from touchstone.reports.studies.work_precision.points import points
+from touchstone.reports.sweep.cells import Cell, grid
+
+COLUMNS = ("scenario", "change", "towards", "quantity", "unit", "before", "after", "time_ratio")
+"""`before` and `after`: errors of `balanced` and of `balanced` with the change; `time_ratio`: its time over
+that of `balanced`."""
+BASE = "balanced"
+
+
+def ladder(frame: pd.DataFrame, cells: Sequence[Cell], rounds: int) -> pd.DataFrame:
+    """Table of the ladder from the rows of the sweep: a row per scene, change and quantity."""
+    if not cells:
+        return pd.DataFrame(columns=list(COLUMNS))
+    names = list(dict.fromkeys(cell.scenario for cell in cells))
+    towards = {change: upper for _, upper, change in rungs()}
+    plain = points(frame, grid(names, [(REFERENCE, BASE)]), rounds)
+    changed = points(frame, cells, rounds)
+    keys = ["scenario", "quantity", "unit"]
+    both = changed.merge(plain, on=keys, suffixes=("", "_plain"))
+    both = both[both.quantity.isin(QUANTITIES)]
+    table = both[keys].copy()
+    table["change"], table["before"], table["after"] = both.settings, both.error_plain, both.error
+    table["towards"] = both.settings.map(towards)
+    table["time_ratio"] = both.time / both.time_plain
+    return table[list(COLUMNS)].reset_index(drop=True)

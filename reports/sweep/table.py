@@ -1,0 +1,56 @@
+"""Table of a sweep on the terminal: a line per scene, engine and setting."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.table import Table
+
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.run.request import step_text
+
+SHOWN = ("truth.position", "overlap.max", "energy.injected", "friction.stop", "friction.cone")
+"""Metrics of the table, where any cell has them."""
+TEXTS = ("scene", "engine", "settings")
+KEYS = ("scenario", "engine", "profile", "settings", "dt", "seed")
+
+
+def show(frame: pd.DataFrame, console: Console) -> None:
+    """Print the median over repeats of SHOWN; a cell that failed shows its reason."""
+    metrics = [name for name in SHOWN if frame[frame.metric == name].value.notna().any()]
+    table = Table(title=f"{frame.cell.nunique()} cells", title_justify="left", box=None, pad_edge=False)
+    for head in TEXTS:
+        table.add_column(head)
+    for head in ("step [s]", *map(_head, metrics)):
+        table.add_column(head, justify="right")
+    table.add_column("outcome")
+    for _, part in frame.groupby(list(KEYS), sort=False):
+        first = part.iloc[0]
+        values = [_value(part, name) for name in metrics]
+        label = f"{first.profile} {first.settings}".strip()
+        table.add_row(first.scenario, first.engine, label, step_text(first.dt), *values, _outcome(part))
+    console.print(table)
+
+
+def _head(metric: str) -> str:
+    return f"{metric} [{_scale(metric)[0]}]"
+
+
+def _scale(metric: str) -> tuple[str, float]:
+    """Unit of the table and how many of it make one of the metric's."""
+    return METRICS[metric].shown or (METRICS[metric].unit, 1.0)
+
+
+def _value(part: pd.DataFrame, metric: str) -> str:
+    values = part[part.metric == metric].value.dropna()
+    if values.empty:
+        return "-"
+    return f"{np.median(values) * _scale(metric)[1]:.3g}"
+
+
+def _outcome(part: pd.DataFrame) -> str:
+    ended = part[part.metric == "run"]
+    return "; ".join(
+        dict.fromkeys(f"{o}: {r}" if o != "done" else r for o, r in zip(ended.outcome, ended.reason))
+    )

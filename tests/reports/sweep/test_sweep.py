@@ -1,0 +1,167 @@
+"""Sweeps: every cell is measured once, whatever happens to the processes, the store or the disk."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from touchstone.reports.sweep.pool import Pool
+from touchstone.reports.sweep.store import Store, StoreError
+from touchstone.reports.sweep.sweep import sweep
+
+PATIENCE = 4.0
+
+
+def pool(jobs=1, patience=PATIENCE):
+    """Executor of fake engines."""
+    from fake_measures import load
+
+    return lambda output: Pool(jobs, output, load, patience)
+
+
+def squares(frame):
+    """Value of each seed."""
+    return dict(frame[frame.metric == "square"][["seed", "value"]].itertuples(index=False))
+
+
+def test_cells_are_played_once(fakes, tmp_path):
+    """A second sweep measures only what the first did not, and returns all rows in the cells' order."""
+    sweep(fakes("square", 5), tmp_path / "s", executor=pool())
+    files = set((tmp_path / "s" / "cells").iterdir())
+    frame = sweep(fakes("square", 8), tmp_path / "s", executor=pool())
+    assert squares(frame) == {k: k**2 for k in range(8)}
+    assert list(dict.fromkeys(frame.seed)) == list(range(8))
+    assert files < set((tmp_path / "s" / "cells").iterdir())
+
+
+def test_what_ends_a_cell_is_a_row(fakes, tmp_path):
+    """A crash, a hang, a divergence and an exception cost their own cell only."""
+    frame = sweep(fakes("faulty", 12), tmp_path / "s", executor=pool(2))
+    runs = frame[frame.metric == "run"].set_index("seed")
+    assert runs.outcome[runs.outcome != "done"].to_dict() == {
+        3: "crash",
+        5: "hang",
+        7: "diverged",
+        9: "error",
+    }
+    assert runs.reason[3] == "died during 'play': exit code 7"
+    assert "no answer" in runs.reason[5]
+    assert runs.reason[9] == "ZeroDivisionError: one"
+    assert set(squares(frame)) == set(range(12)) - {3, 5, 7, 9}
+    assert set(runs.verdict) == {"", "error"}
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from fake_measures import cells, load
+from touchstone.reports.sweep.pool import Pool
+from touchstone.reports.sweep.sweep import sweep
+if __name__ == "__main__":
+    sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: Pool(1, out, load))
+"""
+
+
+@pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
+def test_a_kill_loses_cells_in_flight_only(fakes, tmp_path, kills):
+    """After kill -9 at random moments the store is sound, and the next sweep plays only what is missing."""
+    script, store = tmp_path / "script.py", tmp_path / "s"
+    script.write_text(SCRIPT)
+    here = str(Path(__file__).parent)
+    before = None
+    for moment in np.random.default_rng(15).uniform(0.0, 0.4, kills):
+        files = set(store.glob("cells/*"))
+        process = subprocess.Popen([sys.executable, str(script), here, str(store)], start_new_session=True)
+        while set(store.glob("cells/*.parquet")) <= files and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(moment)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        found = Store(store).table()
+        assert (found.groupby("cell").size() == 3).all()
+        assert before is None or found[found.cell.isin(before.cell)].equals(before)
+        before = found
+    after = sweep(fakes("slow", 60, ("ms=20",)), store, executor=pool())
+    assert squares(after) == {k: k**2 for k in range(60)}
+    old = after[after.cell.isin(before.cell)].sort_values(["seed", "metric"], ignore_index=True)
+    assert old.equals(before.sort_values(["seed", "metric"], ignore_index=True))
+
+
+def test_files_are_merged_without_loss(fakes, tmp_path, monkeypatch):
+    """Many small files become one; a merge that is cut off leaves every cell once."""
+    store = Store(tmp_path / "s")
+    sweep(fakes("square", 30), store.folder, executor=pool())
+    rows = store.table()
+    files = sorted(store.folder.glob("cells/*.parquet"))
+    monkeypatch.setattr(Path, "unlink", lambda path, missing_ok=False: None)
+    store.merge()
+    monkeypatch.undo()
+    assert len(list(store.folder.glob("cells/*.parquet"))) == len(files) + 1
+    assert store.table().equals(rows)
+    store.merge()
+    assert len(list(store.folder.glob("cells/*.parquet"))) == 1
+    assert store.table().equals(rows)
+
+
+def test_a_damaged_store_is_refused_in_one_line(fakes, tmp_path):
+    """A half-written file, another version and a folder that is no store are named; nothing is removed."""
+    store = tmp_path / "s"
+    sweep(fakes("square", 2), store, executor=pool())
+    file = next(store.glob("cells/*.parquet"))
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(StoreError, match=f"{file.name}: not a complete Parquet file"):
+        sweep(fakes("square", 2), store, executor=pool())
+    file.write_bytes(whole)
+    (store / "store.json").write_text('{"format": 0}')
+    with pytest.raises(StoreError, match="store of version 0, this program writes 1"):
+        sweep(fakes("square", 2), store, executor=pool())
+    (store / "store.json").write_text("{")
+    with pytest.raises(StoreError, match="not the description of a store"):
+        sweep(fakes("square", 2), store, executor=pool())
+    with pytest.raises(StoreError, match=f"is no store of a sweep .it holds {store.name}"):
+        sweep(fakes("square", 2), tmp_path, executor=pool())
+    assert [path.name for path in tmp_path.iterdir()] == [store.name]
+
+
+def test_a_full_disk_keeps_what_was_measured(fakes, tmp_path, monkeypatch):
+    """A batch that cannot be written ends the sweep with one line; earlier batches stay."""
+    store = Store(tmp_path / "s")
+    sweep(fakes("square", 3), store.folder, executor=pool())
+    rows = store.table()
+
+    def full(table, path, **options):
+        Path(path).write_bytes(b"PAR1")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pyarrow.parquet.write_table", full)
+    with pytest.raises(StoreError, match="No space left on device; what is there is kept"):
+        sweep(fakes("square", 6), store.folder, executor=pool())
+    monkeypatch.undo()
+    assert store.table().equals(rows)
+    assert not list(store.folder.rglob("*.part"))
+
+
+def test_ten_thousand_cells_are_resumed_at_once(fakes, tmp_path):
+    """10,000 finished cells are hashed, found and read in under 5 s."""
+    from touchstone.reports.sweep.worker import play
+
+    store = Store(tmp_path / "s")
+    cells = fakes("square", 10_000)
+    from fake_measures import load
+
+    with store.opened():
+        for first in range(0, 10_000, 100):
+            store.append(play(cells[first : first + 100], load))
+    start = time.perf_counter()
+    frame = sweep(cells, store.folder, executor=pool())
+    assert time.perf_counter() - start < 5
+    assert frame.cell.nunique() == 10_000
