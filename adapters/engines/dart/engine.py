@@ -21,6 +21,7 @@ import numpy as np
 
 from touchstone.adapters.contract import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
 from touchstone.adapters.engines.dart.model import (
+    DETECTORS,
     ROOT_DOFS,
     add_body,
     add_driven,
@@ -101,7 +102,8 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     world.setDeactivationOptions(deactivation)
     changed = SETTINGS.numbers(settings.changes)
     chosen = dict(map(split, settings.changes))
-    world.setCollisionDetector(detector_of(scenario, settings.profile, chosen.get("detector", "")))
+    detector = DETECTORS[chosen["detector"]]() if "detector" in chosen else None
+    world.setCollisionDetector(detector or detector_of(scenario, settings.profile))
     solver = world.getConstraintSolver()
     solver.setSplitImpulseEnabled(bool(changed.get("split_impulse", False)))
     # accurate: one of two opt-in friction solvers (DART 6.20 release notes), Coulomb's circular cone by

@@ -53,11 +53,8 @@ ROOT_DOFS = 6
 """Number of coordinates of a free joint; those of the hinges follow in the tracker's order."""
 
 
-def detector_of(scenario: Scenario, profile: str, chosen: str = "") -> Any:
-    """The chosen detector; by default FCL, or Bullet if a sphere can meet a hull or a capsule anything, or if
-    only primitives meet."""
-    if chosen:
-        return DETECTORS[chosen]()
+def detector_of(scenario: Scenario, profile: str) -> Any:
+    """FCL; or Bullet if a sphere can meet a hull or a capsule anything, or if only primitives meet."""
     reason = reason_for_bullet(scenario, profile)
     if not reason:
         return dartpy.collision.FCLCollisionDetector()
