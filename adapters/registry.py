@@ -148,5 +148,13 @@ def distribution(name: str) -> str:
     return entry.distribution or entry.package
 
 
+def asked_as(name: str) -> str:
+    """What to give as an engine's name in another process: itself, or "module:Class" of a plug-in that is not
+    installed."""
+    if name in OURS or name in declared() or name not in ENGINES:
+        return name
+    return ENGINES[name].implementation
+
+
 def _entry(name: str) -> Entry:
     return ENGINES[registered(name)]

@@ -20,6 +20,8 @@ class ToyEngine:
 
 
 class ToyWorld(ts.SimpleWorld):
+    engine, version = "toy", "1.0"
+
     def step(self):
         v, w = self.linear_velocity, self.angular_velocity
         v[self.free] += self.gravity * self.dt

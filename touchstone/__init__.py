@@ -7,8 +7,9 @@
     results.recordings["fall", "mujoco", "recommended"].position  # (f, n, 3) [m]
 
 `run` plays scenes and judges them, `sweep` measures a grid of settings, `scenarios` lists them, `load` reads
-a recording from a file. `Scenario` and its parts describe a scene of your own; `SimpleWorld` is the base of
-an engine of your own. Names are imported when they are used.
+a recording from a file. `assert_...` raises InvariantError where a run breaks a law; `recording` makes one of
+plain arrays. `Scenario` and its parts describe a scene of your own; `SimpleWorld` is the base of an engine of
+your own. Names are imported when they are used.
 """
 
 from __future__ import annotations
@@ -35,6 +36,16 @@ _PARTS = (
     "Tracker",
     "Truth",
 )
+_ASSERTIONS = (
+    "assert_energy_not_created",
+    "assert_friction_cone",
+    "assert_heading_independent",
+    "assert_momentum_kept",
+    "assert_no_overlap",
+    "assert_no_tunnelling",
+    "assert_restitution",
+)
+_REPEATS = ("assert_deterministic", "assert_order_independent", "reordered")
 _ADAPTER = ("BodyFacts", "Manifest", "PairFacts", "Settings", "State", "Unsupported")
 _HOME = {
     "run": "touchstone.reports.api",
@@ -43,6 +54,10 @@ _HOME = {
     "Recording": "touchstone.adapters.recording",
     "load": "touchstone.adapters.recording",
     "scenarios": "touchstone.scenarios",
+    "recording": "touchstone.reports.assertions.arrays",
+    **dict.fromkeys(_ASSERTIONS, "touchstone.reports.assertions.invariants"),
+    **dict.fromkeys(_REPEATS, "touchstone.reports.assertions.repeats"),
+    "InvariantError": "touchstone.reports.assertions.outcome",
     **dict.fromkeys(_ADAPTER, "touchstone.adapters.contract"),
     "SimpleWorld": "touchstone.adapters.engines.simple_world",
     **dict.fromkeys(_PARTS, "touchstone.scenarios.scenario"),

@@ -61,9 +61,13 @@ class SimpleWorld:
         self._touched.append((a, b, point, normal, distance, impulse))
 
     def advance(self) -> None:
-        """Move free bodies by their velocities over a step."""
-        centers = self._centers() + self.free[:, None] * self.linear_velocity * self.dt
-        turned = Rotation.from_rotvec(self.free[:, None] * self.angular_velocity * self.dt) * self._turns()
+        """Move free bodies by their velocities over a step; their angular momentum is kept."""
+        centers, before = self._centers() + self.free[:, None] * self.linear_velocity * self.dt, self._turns()
+        turned = Rotation.from_rotvec(self.free[:, None] * self.angular_velocity * self.dt) * before
+        for body in np.flatnonzero(self.free):
+            one, two, inertia = before[body].as_matrix(), turned[body].as_matrix(), self.inertia[body]
+            momentum = one @ inertia @ one.T @ self.angular_velocity[body]
+            self.angular_velocity[body] = two @ np.linalg.solve(inertia, two.T @ momentum)
         self.orientation = turned.as_quat(scalar_first=True)
         self.position = centers - turned.apply(self._center)
 

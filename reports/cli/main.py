@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.options import (
@@ -282,6 +283,9 @@ def show(
         for line in truth_lines(chosen):
             print(line)
     show_rows(rows, output)
+
+
+app.command("check-engine")(check_engine)
 
 
 @app.command()

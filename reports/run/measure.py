@@ -38,11 +38,13 @@ def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence
     return measured_of(base, Evidence(recording, scenario), only)
 
 
-def measured_of(base: Row, evidence: Evidence, only: Sequence[str] = ()) -> list[Row]:
-    """`measured`, from a shared context."""
+def measured_of(
+    base: Row, evidence: Evidence, only: Sequence[str] = (), needed: Sequence[str] = NEEDED
+) -> list[Row]:
+    """`measured`, from a shared context; `needed` are the metrics that judge the named ones."""
     scenario = evidence.scenario
     rows: list[Row] = []
-    asked = {name.removesuffix(".spread") for name in only} | set(NEEDED if only else METRICS)
+    asked = {name.removesuffix(".spread") for name in only} | set(needed if only else METRICS)
     for metric in METRICS.values():
         if metric.name not in asked:
             continue

@@ -57,7 +57,7 @@ def test_an_engine_that_is_not_installed_plays(package, lab):
     runs = play(scenario, ["toy_plugin:ToyEngine"])
     run = runs["toy", "default"]
     assert (run.status, run.reason) == ("done", "")
-    assert run.recording.facts["engine"] == "simple"
+    assert run.recording.facts["engine"] == "toy"
     assert run.recording.position[-1, 1, 2] < 0.3
     assert len(run.recording.contacts)
 

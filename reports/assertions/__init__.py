@@ -1,0 +1,1 @@
+"""Assertions on physical invariants, for recordings and for plain arrays of any simulator."""

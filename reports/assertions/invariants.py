@@ -1,0 +1,246 @@
+"""Assertions on single runs: each measures metrics of `reports/metrics`, judges them by `reports/limits.py`,
+and raises InvariantError where a limit is broken or nothing could be judged.
+
+    recording = touchstone.recording(scenario, position, orientation, velocity, omega, contacts)
+    assert_no_overlap(recording)
+
+A run is a recording of this project or of `touchstone.recording`. The scenario may be left out where the
+recording was made by a fixture, by `touchstone.recording`, or from a scene of the catalogue. Without `limit`
+that of the scene, tag and engine holds, or else that of the probes. All return the measured value.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from math import isfinite, isnan
+
+import numpy as np
+
+from touchstone.adapters.recorder import scenario_json
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import asked_as
+from touchstone.reports.assertions.arrays import ARRAYS, KNOWN_SCENARIOS
+from touchstone.reports.assertions.outcome import Finding, InvariantError, Place, settled
+from touchstone.reports.assertions.places import (
+    Locate,
+    deepest,
+    first_passage,
+    largest_jump,
+    largest_rise,
+    unequal_paths,
+    worst_bounce,
+    worst_contact,
+)
+from touchstone.reports.limits import limit_of
+from touchstone.reports.metrics.context import Evidence, Value, Values
+from touchstone.reports.results import Row
+from touchstone.reports.run.measure import measured_of
+from touchstone.reports.run.request import step_text
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Scenario
+
+ENERGY_SHARE = 0.05
+"""Energy that may appear, over the largest kinetic energy of the run [1], where no limit is stated: an
+integrator of first order at a fitting step is off by less."""
+KEPT = 8
+"""Recordings whose distances are kept, so that several assertions on one run measure them once."""
+VELOCITIES = ("linear_velocity", "angular_velocity")
+AUDITS = ("contact.impulse_balance", "contact.impulse_balance.driven")
+
+_recent: OrderedDict[int, tuple[Recording, Evidence]] = OrderedDict()
+
+
+@dataclass(frozen=True, slots=True)
+class Invariant:
+    """An assertion's metrics (the first must be measured), what it needs, and where its worst value is."""
+
+    metrics: tuple[str, ...]
+    locate: Locate
+    needs: tuple[str, ...] = ()
+
+
+INVARIANTS = {
+    "no_overlap": Invariant(("overlap.max",), deepest),
+    "no_tunnelling": Invariant(("overlap.tunnelled",), first_passage, VELOCITIES),
+    "energy_not_created": Invariant(("energy.injected",), largest_rise, VELOCITIES),
+    "momentum_kept": Invariant(("momentum.linear", "momentum.angular"), largest_jump, VELOCITIES),
+    "friction_cone": Invariant(("friction.cone",), worst_contact, (*VELOCITIES, "contacts")),
+    "restitution": Invariant(("restitution.error",), worst_bounce, (*VELOCITIES, "contacts")),
+    "heading_independent": Invariant(("friction.heading",), unequal_paths),
+}
+
+
+def assert_no_overlap(run: Recording, scenario: Scenario | None = None, limit: float | None = None) -> float:
+    """No two bodies overlap deeper than the limit [m] in any frame, by the overlap oracle."""
+    return check("no_overlap", run, scenario, limit)
+
+
+def assert_no_tunnelling(
+    run: Recording, scenario: Scenario | None = None, limit: float | None = None
+) -> float:
+    """No body passes through another (number of passages)."""
+    return check("no_tunnelling", run, scenario, limit)
+
+
+def assert_energy_not_created(
+    run: Recording, scenario: Scenario | None = None, limit: float | None = None
+) -> float:
+    """K + U less the work of drives never rises by more than the limit [J] (`energy.injected`)."""
+    return check("energy_not_created", run, scenario, limit)
+
+
+def assert_momentum_kept(
+    run: Recording, scenario: Scenario | None = None, limit: float | None = None
+) -> float:
+    """Linear and angular momentum change by no more than the limit [1], in scenes tagged `isolated`."""
+    return check("momentum_kept", run, scenario, limit)
+
+
+def assert_friction_cone(
+    run: Recording, scenario: Scenario | None = None, limit: float | None = None
+) -> float:
+    """Tangential impulses exceed mu times the normal ones by no more than the limit [1], per pair and step.
+    The impulses must balance the motion; otherwise they are not judged."""
+    return check("friction_cone", run, scenario, limit)
+
+
+def assert_restitution(run: Recording, scenario: Scenario | None = None, limit: float | None = None) -> float:
+    """Central impacts faster than 1 m/s achieve the scenario's restitution to within the limit [1]."""
+    return check("restitution", run, scenario, limit)
+
+
+def assert_heading_independent(
+    run: Recording, scenario: Scenario | None = None, limit: float | None = None
+) -> float:
+    """Paths that differ in heading only are equal to within the limit [1], in scenes tagged `headings`."""
+    return check("heading_independent", run, scenario, limit)
+
+
+def check(
+    invariant: str, run: Recording, scenario: Scenario | None = None, limit: float | None = None
+) -> float:
+    """Measure and judge an invariant of INVARIANTS; returns the value or raises InvariantError."""
+    asked = INVARIANTS[invariant]
+    evidence = evidence_of(run, scenario)
+    _require(invariant, asked, evidence)
+    findings = []
+    for metric in asked.metrics:
+        rows = [
+            row for row in _rows(evidence, metric) if isfinite(row.value) or row.value in (np.inf, -np.inf)
+        ]
+        if not rows and metric == asked.metrics[0]:
+            reasons = [row.reason for row in _rows(evidence, metric) if row.reason]
+            raise unjudged(invariant, evidence, reasons[0] if reasons else "nothing was measured")
+        if rows:
+            findings.append(_finding(evidence, asked, rows, limit))
+    return settled(tuple(findings))
+
+
+def evidence_of(run: Recording, scenario: Scenario | None = None) -> Evidence:
+    """Context of a run's metrics, kept for the last KEPT runs."""
+    kept = _recent.get(id(run))
+    if kept is not None and kept[0] is run and (scenario is None or kept[1].scenario is scenario):
+        _recent.move_to_end(id(run))
+        return kept[1]
+    evidence = Evidence(run, scenario or scenario_of(run))
+    _recent[id(run)] = (run, evidence)
+    while len(_recent) > KEPT:
+        _recent.popitem(last=False)
+    return evidence
+
+
+def scenario_of(run: Recording) -> Scenario:
+    """The scenario of a recording, if it is known; raises ValueError otherwise."""
+    if not isinstance(run, Recording):
+        raise TypeError(
+            f"expected a recording (touchstone.recording makes one of arrays), found {type(run).__name__}"
+        )
+    if run.scenario not in KNOWN_SCENARIOS:
+        KNOWN_SCENARIOS.update({scenario_json(one): one for one in catalogue().values()})
+    if run.scenario not in KNOWN_SCENARIOS:
+        raise ValueError("the scenario of this recording is not in the catalogue: pass scenario=")
+    return KNOWN_SCENARIOS[run.scenario]
+
+
+def unjudged(invariant: str, evidence: Evidence, reason: str) -> InvariantError:
+    """The error of an assertion that could not be judged."""
+    return InvariantError(f"{source_of(evidence)}: {invariant} could not be judged: {reason}")
+
+
+def source_of(evidence: Evidence) -> str:
+    """Scene, engine, profile and step of a run, in one phrase."""
+    facts = evidence.recording.facts
+    told = [facts["engine"], facts.get("profile", ""), f"step {step_text(float(facts['dt']))} s"]
+    return f"{evidence.scenario.name} ({', '.join(part for part in told if part)})"
+
+
+def _require(invariant: str, asked: Invariant, evidence: Evidence) -> None:
+    """Raise where the run ended before its scene, or lacks what the invariant needs."""
+    run = evidence.recording
+    if run.ended:
+        raise unjudged(invariant, evidence, f"the run ended before its scene: {run.ended}")
+    for name in asked.needs:
+        if name == "contacts":
+            absent = run.facts.get("contacts") is False
+        else:
+            absent = bool(np.isnan(getattr(run, name)).any())
+        if absent:
+            raise unjudged(invariant, evidence, f"{name} was not given")
+
+
+def _rows(evidence: Evidence, metric: str) -> list[Row]:
+    """Rows of a metric; those that use impulses only after the audit of these."""
+    facts = evidence.recording.facts
+    engine = "" if facts["engine"] == ARRAYS else facts["engine"]
+    base = Row("assert", evidence.scenario.name, engine, facts.get("profile", ""), float(facts["dt"]), "run")
+    found = measured_of(base, evidence, (metric,), AUDITS if metric == "friction.cone" else ())
+    return [row for row in found if row.metric == metric]
+
+
+def _finding(evidence: Evidence, asked: Invariant, rows: list[Row], limit: float | None) -> Finding:
+    worst = max(rows, key=lambda row: abs(row.value))
+    largest, reason = (limit, "as given") if limit is not None else _limit(evidence, worst)
+    values: Values = {row.subject: Value(row.value, row.reason) for row in rows}
+    broken = not abs(worst.value) <= largest
+    place = asked.locate(evidence, values) if broken else Place()
+    time = None if place.frame is None else float(evidence.recording.time[place.frame])
+    return Finding(
+        worst.metric,
+        worst.value,
+        worst.unit,
+        largest,
+        reason,
+        source_of(evidence),
+        place,
+        time,
+        _shown_by(evidence, worst, place),
+    )
+
+
+def _limit(evidence: Evidence, row: Row) -> tuple[float, str]:
+    """The limit of a row and its reason: of its scene, tags and engine, or else that of the probes."""
+    found = limit_of(row, evidence.scenario.tags)
+    if found is None and row.metric == "energy.injected":
+        r, bodies = evidence.recording, [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
+        moving = np.einsum(
+            "fni,fni,n->f", r.linear_velocity[:, bodies], r.linear_velocity[:, bodies], evidence.mass[bodies]
+        )
+        largest = ENERGY_SHARE * float(moving.max()) / 2
+        return largest, f"{ENERGY_SHARE:.0%} of the largest kinetic energy"
+    found = found or limit_of(row, (*evidence.scenario.tags, "probe"))
+    if found is None or isnan(found.largest):
+        raise unjudged(row.metric, evidence, "the scene has no limit for it: pass limit=")
+    return found.largest, found.reason
+
+
+def _shown_by(evidence: Evidence, row: Row, place: Place) -> str:
+    """The command or the expression that shows a value."""
+    facts, scene = evidence.recording.facts, evidence.scenario.name
+    if facts["engine"] != ARRAYS and scene in catalogue():
+        column = f"--engine {asked_as(facts['engine'])} --profile {facts['profile']}"
+        return f"touchstone run {scene} {column} --metric {row.metric}"
+    if place.frame is None or not place.bodies:
+        return ""
+    indices = [evidence.scenario.body_index(name) for name in place.bodies]
+    return f"position[{place.frame}, {indices}]"

@@ -1,0 +1,48 @@
+"""`touchstone check-engine`: whether an adapter meets the contract, fault by fault in words."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    ENGINE_MISSING,
+    LIMIT_BROKEN,
+    Format,
+    FormatOption,
+    engines_named,
+    stop,
+)
+
+
+def check_engine(
+    name: Annotated[str, typer.Argument(help="An engine, or module:Class of one that is not installed.")],
+    profile: Annotated[str, typer.Option(help="Profile (default: the first of the engine).")] = "",
+    output: FormatOption = Format.table,
+) -> None:
+    """Play small scenes with known outcomes on an engine; say what its adapter does wrong."""
+    from touchstone.adapters.conformance.check import check
+    from touchstone.adapters.contract import AdapterError
+    from touchstone.adapters.registry import installed, missing_reason
+    from touchstone.reports.cli.listing import show_rows
+
+    engine = engines_named([name])[0]
+    if not installed(engine):
+        stop(f"{engine}: {missing_reason(engine)}", ENGINE_MISSING)
+    rows: list[dict[str, object]] = []
+    try:
+        for report in check(engine, profile):
+            lines = [("fault", fault) for fault in report.faults]
+            lines += [("not checked", report.skipped)] if report.skipped else []
+            for verdict, text in lines or [("ok", "")]:
+                rows.append({"check": report.check, "verdict": verdict, "finding": text})
+                if output is Format.table:
+                    print(f"{verdict:12}{report.check:16}{text}".rstrip(), flush=True)
+    except AdapterError as error:
+        stop(str(error), BAD_INPUT)
+    if output is not Format.table:
+        show_rows(rows, output)
+    if any(row["verdict"] == "fault" for row in rows):
+        raise typer.Exit(LIMIT_BROKEN)

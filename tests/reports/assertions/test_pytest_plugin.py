@@ -1,0 +1,140 @@
+"""The pytest plug-in: fixtures, markers, options, readable failures and properties, in a session of its
+own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+TESTS = """
+import pytest
+import touchstone as ts
+
+
+@pytest.mark.engine("toy_engine:ToyEngine")
+@pytest.mark.scenario("bounce_e05", "slide")
+def test_sound(play, scenario, engine):
+    ts.assert_no_overlap(play(scenario, engine), limit=0.02)
+
+
+@pytest.mark.engine("toy_engine:ToyEngine")
+@pytest.mark.scenario("bounce_e05")
+def test_broken(play, scenario, engine):
+    ts.assert_no_overlap(play(scenario, engine), limit=1e-3)
+
+
+@pytest.mark.engine("faulty_engine:Faulty")
+def test_faulty(play, engine):
+    play("bounce_e05", engine)
+
+
+def test_default(play, engine):
+    assert engine == "reference"
+    assert play("fall") is play("fall", engine)
+
+
+@pytest.mark.parametrize("engine", [1])
+def test_own_argument(engine):
+    assert engine == 1
+
+
+def test_unknown(play):
+    play("bounce_e5", "toy_engine:ToyEngine")
+"""
+FAULTY = """
+from toy_engine import ToyEngine, ToyWorld
+
+class Faulty(ToyEngine):
+    name = "faulty"
+    def build(self, scenario, settings):
+        raise RuntimeError("no licence")
+"""
+
+
+@pytest.fixture
+def session(tmp_path):
+    """Run pytest with the plug-in in an empty folder with the toy engine: (exit code, output)."""
+    shutil.copy(ROOT / "docs" / "toy_engine.py", tmp_path)
+    (tmp_path / "faulty_engine.py").write_text(FAULTY)
+
+    def run(*arguments: str) -> tuple[int, str]:
+        path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+        # The plug-in may be installed or not; it is loaded once either way.
+        environment = os.environ | {"PYTHONPATH": path, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+        command = [sys.executable, "-m", "pytest", "-p", "touchstone.reports.pytest_plugin", "-rA", "-p"]
+        done = subprocess.run(
+            [*command, "no:cacheprovider", *arguments],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        return done.returncode, done.stdout + done.stderr
+
+    return run
+
+
+def test_fixtures_markers_and_failures(session, tmp_path: Path):
+    """Tests play each scene on each engine, skip what an engine refuses, and fail in readable words."""
+    (tmp_path / "test_mine.py").write_text(TESTS)
+    code, told = session("--strict-markers", "--junit-xml=out.xml", "test_mine.py")
+    assert code == 1
+    assert "3 failed, 3 passed, 1 skipped" in told, told
+    assert "SKIPPED [1]" in told
+    assert "toy: 'box_0' is neither a ball nor a fixed box" in told
+    assert "bounce_e05 (toy, default, step 1/240 s): overlap.max is 0.00" in told
+    assert "where: floor and ball, in frame" in told
+    assert "test_mine.py:15: ts.assert_no_overlap(play(scenario, engine), limit=1e-3)" in told
+    assert "faulty default on bounce_e05: RuntimeError: no licence" in told
+    assert "unknown scene 'bounce_e5'; did you mean 'bounce_e05'" in told
+    assert "Traceback" not in told
+    cases = {case.get("name"): case for case in ElementTree.parse(tmp_path / "out.xml").iter("testcase")}
+    case = next(case for name, case in cases.items() if name.startswith("test_broken"))
+    kept = {one.get("name"): float(one.get("value")) for one in case.iter("property")}
+    assert kept["overlap.max limit [m]"] == 1e-3
+    assert kept["overlap.max [m]"] > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--touchstone-tag", "prob"], "--touchstone-tag prob: unknown (valid: "),
+        (["--touchstone-engine", "mujco"], "unknown engine 'mujco'; valid: "),
+        (["--touchstone-engine", "toy_engine:ToyEngin"], "has no 'ToyEngin'; did you mean 'ToyEngine'?"),
+    ],
+)
+def test_wrong_options_are_one_line(session, arguments, said):
+    """An unknown tag or engine ends the session with a usage error that names the valid ones."""
+    code, told = session(*arguments)
+    assert code == 4
+    assert said in told
+    assert "Traceback" not in told
+
+
+@pytest.mark.slow
+def test_our_invariants_over_ones_engine(session):
+    """`--touchstone-engine` and `--touchstone-tag` run our invariants, without any test file."""
+    suite = ("--touchstone-engine", "toy_engine:ToyEngine", "--touchstone-tag", "isolated")
+    code, told = session(*suite, "-k", "collide_central or tumble_stable")
+    assert code == 0, told
+    assert "toy_engine:ToyEngine" in told
+    assert "PASSED" in told
+    assert "momentum_kept" in told
+
+
+def test_the_plugin_imports_nothing_heavy():
+    """A session that uses no fixture pays for no import."""
+    text = (
+        "import sys, touchstone.reports.pytest_plugin;"
+        "print([m for m in ('numpy', 'numba', 'pandas', 'coal', 'scipy') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
