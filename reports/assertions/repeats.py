@@ -59,7 +59,7 @@ def assert_order_independent(
     reordered: Scenario | None = None,
     limit: float = ORDER_TOLERANCE,
 ) -> float:
-    """Bodies of the same name move alike, to within the limit [m], in two runs whose scenes differ in the
+    """Bodies of the same name move equally, to within the limit [m], in two runs whose scenes differ in the
     order of their bodies only."""
     evidence, other = evidence_of(first, scenario), evidence_of(second, reordered)
     source = source_of(evidence)
