@@ -65,6 +65,7 @@ class Results:
     recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
     ended: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
     courses: dict[tuple[str, str, str], Course] = field(default_factory=dict)
+    playback: dict[str, str] = field(default_factory=dict)  # per scene, recordings packed for the page
     warnings: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)  # pages that could not be written, and why
 

@@ -14,6 +14,7 @@ from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.own_limits import judged
+from touchstone.reports.page.run_page import packed_scene, write_page
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.run.comparisons import ratios_of, spreads_of
 from touchstone.reports.run.measure import excused, measured_of
@@ -53,6 +54,7 @@ def run(request: Request, progress: Progress) -> Results:
         }
         save_manifest(folder, manifest)
 
+        results.write("report.html", lambda: write_page(request, results, manifest, folder))
         results.write("pictures", lambda: write_picture(results.recordings, folder))
         results.write("pictures", lambda: draw(request, results, folder))
         page = folder / "report.md"
@@ -91,6 +93,7 @@ def _judge(
     rows: list[Row] = []
     several = len({outcome.job.engine for outcome in outcomes}) > 1
     played: dict[tuple[str, str], Recording] = {}
+    seen: dict[tuple[str, str], Evidence] = {}
     for outcome in outcomes:
         job = outcome.job
         label = job.settings.label
@@ -99,17 +102,19 @@ def _judge(
             rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
             if outcome.recorded:
                 recording = results.ended[scenario.name, job.engine, label] = load(job.recording)
-                results.warn(base, Evidence(recording, scenario))
+                seen[job.engine, label] = Evidence(recording, scenario)
+                results.warn(base, seen[job.engine, label])
             continue
         progress(f"{job.engine} {label}: judge", 0)
         recording = load(job.recording)
         played[job.engine, label] = recording
         results.recordings[scenario.name, job.engine, label] = recording
-        evidence = Evidence(recording, scenario)
+        evidence = seen[job.engine, label] = Evidence(recording, scenario)
         found = measured_of(base, evidence, request.metrics)
         if several:
             results.courses[scenario.name, job.engine, label] = course(evidence)
         rows += [excused(row, recording, scenario, request.limits) for row in found]
         results.warn(base, evidence)
+    results.write("playback", lambda: results.playback.update(packed_scene(scenario, seen)))
     rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
     return [judged(row, scenario, request.limits) for row in rows]

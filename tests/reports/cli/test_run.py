@@ -26,7 +26,7 @@ def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path, left):
     assert code == 0
     assert left(tmp_path) == ["here"]
     assert left("here") == ["results"]
-    tables = ("report.md", "results.csv", "results.parquet")
+    tables = ("report.html", "report.md", "results.csv", "results.parquet")
     wanted = ["frame_budget.png", "manifest.json", "output", "recordings", *tables]
     assert left("here/results") == wanted
     assert left("here/results/recordings") == ["ball_snip-reference-balanced.npz"]

@@ -1,0 +1,123 @@
+// The page around the player: colour scheme, matrix by keyboard, details of a cell, deep links.
+"use strict";
+
+const pick = (selector, root = document) => root.querySelector(selector);
+const data = JSON.parse(pick("#cells").textContent);
+const scenes = JSON.parse(pick("#scenes").textContent);
+
+function paint(scheme) {
+  if (scheme === "auto") delete document.documentElement.dataset.scheme;
+  else document.documentElement.dataset.scheme = scheme;
+  window.touchstone.player?.theme();
+}
+
+// Fill the dialog with all that the run knows of one cell.
+function open(id) {
+  const cell = data.cells[id];
+  if (!cell) return;
+  const dialog = pick("#cell");
+  pick("h3", dialog).textContent = `${cell.scene} · ${cell.engine} ${cell.profile}`;
+  const list = pick("dl", dialog);
+  list.replaceChildren();
+  for (const [name, value] of cell.facts) {
+    const term = document.createElement("dt"), told = document.createElement("dd");
+    term.textContent = name;
+    told.textContent = value;
+    list.append(term, told);
+  }
+  pick("code", dialog).textContent = cell.command;
+  const watch = pick("[data-do=watch]", dialog);
+  watch.hidden = !(cell.scene in scenes);
+  watch.onclick = () => {
+    dialog.close();
+    show(cell.scene, null, cell.engine);
+  };
+  pick("[data-do=copy]", dialog).onclick = (event) => copy(cell.command, event.target);
+  if (!dialog.open) dialog.showModal();
+  history.replaceState(null, "", `#cell=${encodeURIComponent(id)}`);
+}
+
+function copy(text, button) {
+  const area = document.createElement("textarea");
+  area.value = text;
+  (pick("dialog[open]") ?? document.body).append(area);
+  area.select();
+  document.execCommand("copy");
+  area.remove();
+  button.textContent = "Copied";
+  setTimeout(() => (button.textContent = "Copy"), 1500);
+}
+
+async function show(scene, frame, engine) {
+  const { player } = window.touchstone;
+  if (!player || !(scene in scenes)) return;
+  pick("[name=scene]").value = scene;
+  await player.open(scene, frame ?? 0);
+  if (frame === null && engine) {
+    const worst = player.scene.engines.find((one) => one.engine === engine);
+    if (worst) player.seek(worst.worst);
+  }
+  pick("#playback").scrollIntoView({ block: "start" });
+}
+
+function follow() {
+  const link = new URLSearchParams(location.hash.slice(1));
+  if (link.has("cell")) open(link.get("cell"));
+  if (link.has("play")) show(link.get("play"), Number(link.get("frame") ?? 0));
+}
+
+function matrix(table) {
+  const cells = [...table.querySelectorAll("tbody button")];
+  cells.forEach((cell, k) => (cell.tabIndex = k ? -1 : 0));
+  table.addEventListener("click", (event) => {
+    const cell = event.target.closest("button[data-cell]");
+    if (cell) open(cell.dataset.cell);
+  });
+  table.addEventListener("keydown", (event) => {
+    const at = cells.indexOf(document.activeElement);
+    const row = document.activeElement.closest("tr");
+    if (at < 0 || !row) return;
+    const wide = row.querySelectorAll("button").length;
+    const to = { ArrowRight: at + 1, ArrowLeft: at - 1, ArrowDown: at + wide, ArrowUp: at - wide }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    const next = cells[Math.min(cells.length - 1, Math.max(0, to))];
+    cells[at].tabIndex = -1;
+    next.tabIndex = 0;
+    next.focus();
+  });
+}
+
+// Vega writes what a mark shows into its label; a hover shows it to everybody.
+function tips() {
+  const tip = pick("#tip");
+  document.addEventListener("pointermove", (event) => {
+    const mark = event.target.closest?.(".chart [aria-label][role='graphics-symbol']");
+    tip.hidden = !mark;
+    if (!mark) return;
+    tip.textContent = mark.getAttribute("aria-label").replaceAll("; ", "\n");
+    tip.style.left = `${Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8)}px`;
+    tip.style.top = `${event.clientY + 16}px`;
+  });
+}
+
+window.touchstone = {};
+window.addEventListener("hashchange", follow);
+document.querySelectorAll("table.matrix").forEach(matrix);
+pick("[name=scheme]").addEventListener("change", (event) => paint(event.target.value));
+document.querySelectorAll("[name=shown]").forEach((choice) =>
+  choice.addEventListener("change", () => (document.body.dataset.shown = choice.value)));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => window.touchstone.player?.theme());
+tips();
+for (const button of document.querySelectorAll("[data-play]")) button.addEventListener("click", () => show(button.dataset.play, 0));
+const first = Object.keys(scenes)[0];
+const ready = () => {
+  if (first) {
+    const player = new Player(pick("#playback"), scenes, data.colors);
+    window.touchstone.player = player;
+    pick("[name=scene]").addEventListener("change", (event) => player.open(event.target.value, 0));
+    if (!location.hash.includes("play=")) player.open(first, 0);
+  }
+  follow();
+};
+requestAnimationFrame(() => setTimeout(ready, 0));

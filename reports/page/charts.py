@@ -1,0 +1,173 @@
+"""Charts of a page: drawn by Vega as the page is written, inlined as SVG that takes the page's colours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.page.content import Column
+
+INK, FAINT = "#010203", "#040506"
+"""Stand-ins for the colours of text and of grid lines, which the page replaces."""
+SHAPES = {"o": "circle", "^": "triangle-up", "s": "square", "D": "diamond"}
+"""Vega's names of markers of the registry."""
+WIDTH, ROW = 620, 18
+"""Width of a chart and height of one of its rows [px]."""
+
+
+class ChartsMissing(ImportError):
+    """The libraries that draw charts are not installed; the message says how to install them."""
+
+
+def library() -> tuple[Any, Any]:
+    """altair and vl_convert; raises ChartsMissing."""
+    try:
+        import altair
+        import vl_convert
+    except ImportError as error:
+        raise ChartsMissing(
+            f"no charts: {error.name} is missing (pip install 'touchstone[nightly]')"
+        ) from error
+    return altair, vl_convert
+
+
+def svg_of(chart: Any) -> str:
+    """A chart as SVG whose colours of text and lines are those of the page."""
+    _, convert = library()
+    axis = {
+        "labelColor": INK,
+        "titleColor": INK,
+        "gridColor": FAINT,
+        "domainColor": FAINT,
+        "tickColor": FAINT,
+    }
+    plain = (
+        chart.configure(background="transparent", font="system-ui, sans-serif")
+        .configure_axis(**axis, titleFontWeight="normal", labelFontSize=11)
+        .configure_view(stroke=None)
+        .configure_legend(labelColor=INK, titleColor=INK, orient="top", title=None)
+        .configure_title(color=INK, anchor="start", fontSize=13)
+    )
+    text = str(convert.vegalite_to_svg(plain.to_dict()))
+    text = text.replace(f'"{INK}"', '"var(--ink)"').replace(f'"{FAINT}"', '"var(--line)"')
+    for engine, color in colors().items():
+        text = text.replace(f'"{color}"', f'"var(--engine-{engine})"')
+    return text.replace("<svg ", '<svg role="img" ', 1)
+
+
+def colors() -> dict[str, str]:
+    """Colour of every engine in pictures."""
+    return {name: entry.color for name, entry in ENGINES.items()}
+
+
+def _scales(altair: Any, engines: Sequence[str]) -> tuple[Any, Any]:
+    known = {name: ENGINES[name] for name in engines if name in ENGINES}
+    names = list(known)
+    color = altair.Scale(domain=names, range=[entry.color for entry in known.values()])
+    shape = altair.Scale(domain=names, range=[SHAPES.get(e.marker, "cross") for e in known.values()])
+    return (
+        altair.Color("engine:N", scale=color, title=None),
+        altair.Shape("engine:N", scale=shape, title=None),
+    )
+
+
+def _decades(altair: Any, values: pd.Series) -> Any:
+    """An axis with a line per decade."""
+    low, high = int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max())))
+    every = 1 + (high - low) // 8
+    return altair.Axis(format="~g", values=[10.0**k for k in range(low, high + 1, every)])
+
+
+def values_of(frame: pd.DataFrame, columns: Sequence[Column], metric: str, factor: float) -> pd.DataFrame:
+    """Largest absolute value of a metric per scene and engine, in the unit of the chart."""
+    mine = pd.MultiIndex.from_frame(frame[["engine", "profile"]]).isin(list(columns))
+    rows = frame[mine & (frame.metric == metric) & frame.value.notna()]
+    rows = rows.assign(value=rows.value.abs() * factor)
+    return rows.groupby(["scenario", "engine"], sort=False).value.max().reset_index()
+
+
+def dots(
+    frame: pd.DataFrame, columns: Sequence[Column], metric: str, factor: float, title: str, floor: float
+) -> str:
+    """One row per scene, one mark per engine, on a logarithmic axis; "" with fewer than two engines.
+
+    Values below `floor` [unit of the chart] are drawn at it.
+    """
+    altair, _ = library()
+    found = values_of(frame, columns, metric, factor)
+    if found.engine.nunique() < 2:
+        return ""
+    found["shown"] = found.value.clip(lower=floor)
+    engines = [engine for engine, _ in columns]
+    color, shape = _scales(altair, engines)
+    scenes = list(dict.fromkeys(found.scenario))
+    axis = _decades(altair, found.shown)
+    base = altair.Chart(found)
+    y = altair.Y("scenario:N", sort=scenes, title=None, axis=altair.Axis(grid=False))
+    lines = base.mark_rule(color=FAINT).encode(y=y, x="min(shown):Q", x2="max(shown):Q")
+    marks = base.mark_point(filled=True, size=70, opacity=0.9).encode(
+        x=altair.X("shown:Q", scale=altair.Scale(type="log"), title=title, axis=axis),
+        y=y,
+        color=color,
+        shape=shape,
+        tooltip=["scenario", "engine", altair.Tooltip("value:Q", format=".3g")],
+    )
+    return svg_of((lines + marks).properties(width=WIDTH, height=ROW * len(scenes)))
+
+
+def work_precision(frame: pd.DataFrame, columns: Sequence[Column]) -> str:
+    """Overlap over the time of a frame, a mark per scene and engine; "" with fewer than two engines."""
+    altair, _ = library()
+    time = values_of(frame, columns, "time.frame.median", 1e6).rename(columns={"value": "time"})
+    depth = values_of(frame, columns, "overlap.max", 1e3).rename(columns={"value": "overlap"})
+    found = time.merge(depth, on=["scenario", "engine"])
+    if found.engine.nunique() < 2:
+        return ""
+    found["shown"] = found.overlap.clip(lower=1e-7)
+    color, shape = _scales(altair, [engine for engine, _ in columns])
+    log = altair.Scale(type="log")
+    across, up = _decades(altair, found.time), _decades(altair, found.shown)
+    chart = altair.Chart(found).mark_point(filled=True, size=80, opacity=0.85)
+    chart = chart.encode(
+        x=altair.X("time:Q", scale=log, title="median time of a frame [µs]", axis=across),
+        y=altair.Y("shown:Q", scale=log, title="deepest overlap [mm]", axis=up),
+        color=color,
+        shape=shape,
+        tooltip=[
+            "scenario",
+            "engine",
+            altair.Tooltip("time:Q", format=".3g"),
+            altair.Tooltip("overlap:Q", format=".3g"),
+        ],
+    )
+    return svg_of(chart.properties(width=WIDTH, height=320))
+
+
+def nights(
+    history: pd.DataFrame, title: str, unit: str, steps: Mapping[str, pd.Timestamp] | None = None
+) -> str:
+    """A series per engine over nights: columns `night`, `engine`, `value` [unit].
+
+    Args:
+        steps: label -> night at which a confirmed step begins.
+    """
+    altair, _ = library()
+    color, shape = _scales(altair, list(dict.fromkeys(history.engine)))
+    base = altair.Chart(history).encode(
+        x=altair.X("night:T", title=None),
+        y=altair.Y("value:Q", title=unit, scale=altair.Scale(zero=False)),
+        color=color,
+    )
+    layers = base.mark_line(strokeWidth=1.4) + base.mark_point(filled=True, size=16).encode(
+        shape=shape, tooltip=["night:T", "engine", altair.Tooltip("value:Q", format=".4g")]
+    )
+    if steps:
+        found = pd.DataFrame({"night": list(steps.values()), "label": list(steps)})
+        marks = altair.Chart(found).encode(x="night:T")
+        layers += marks.mark_rule(strokeDash=[4, 3], color="#CC3311")
+        layers += marks.mark_text(align="left", dx=4, y=8, color="#CC3311").encode(text="label:N")
+    return svg_of(layers.properties(width=WIDTH, height=150, title=title))

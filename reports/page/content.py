@@ -1,0 +1,105 @@
+"""What a page shows, apart from its form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import pandas as pd
+
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
+from touchstone.reports.run.request import step_text
+
+BAD, WARN, GOOD = "bad", "warn", "good"
+Column = tuple[str, str]
+"""Engine and profile."""
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """Content of a page.
+
+    Attributes:
+        title: heading.
+        level: BAD, WARN or GOOD.
+        verdict: one sentence.
+        frame: the long table of results.
+        command: the command of the run.
+        changes: what changed since the last accepted run, one line each.
+        identity: (name, value) of the machine, the program and the libraries.
+        playback: scene -> packed recordings (`pack_text`).
+        settings: "scene/engine/profile" -> manifest of the engine.
+        summaries: scene -> its sentence.
+        history: heading -> chart of nights, as SVG.
+    """
+
+    title: str
+    level: str
+    verdict: str
+    frame: pd.DataFrame
+    command: str = ""
+    changes: Sequence[str] = ()
+    identity: Sequence[tuple[str, str]] = ()
+    playback: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    summaries: Mapping[str, str] = field(default_factory=dict)
+    history: Mapping[str, str] = field(default_factory=dict)
+
+    def columns(self) -> list[Column]:
+        """The first column of each engine that played: its own profile."""
+        found: dict[str, Column] = {}
+        for engine, profile in zip(self.frame.engine, self.frame.profile):
+            if engine != "all":
+                found.setdefault(engine, (engine, profile))
+        return list(found.values())
+
+
+def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
+    """Level and sentence of a run by itself."""
+    counts = frame.verdict.value_counts()
+    fails, errors = int(counts.get("fail", 0)), int(counts.get("error", 0))
+    known, unjudged = int(counts.get("known", 0)), int(counts.get(UNJUDGED, 0))
+    met = int(counts.get("pass", 0))
+    missing = sorted(set(frame.engine[(frame.metric == "run") & frame.verdict.isin(NOT_RUN[1:])]))
+    rest = [f"{known} known failings"] if known else []
+    rest += [f"{unjudged} not judged"] if unjudged else []
+    rest += [f"{', '.join(missing)} did not play"] if missing else []
+    tail = f" ({', '.join(rest)})" if rest else ""
+    if fails or errors:
+        broken = frame[frame.verdict.isin(["fail", "error"])]
+        who = ", ".join(f"{name} {count}" for name, count in broken.engine.value_counts().items())
+        what = [f"{fails} limits broken" if fails else "", f"{errors} runs failed" if errors else ""]
+        return BAD, f"{' and '.join(filter(None, what))}: {who}; {met} limits met{tail}."
+    if not met:
+        return WARN, f"Nothing was judged{tail}."
+    return (WARN if unjudged or missing else GOOD), f"All {met} limits met{tail}."
+
+
+def reproduce(row: Row) -> str:
+    """The command that measures a row again."""
+    profile, *changes = row.profile.split(", ")
+    words = ["touchstone run", row.scenario, f"--engine {row.engine}", f"--profile {profile}"]
+    for change in changes:
+        key, _, value = change.partition("=")
+        words.append(
+            f"--{key} {value.replace('+', ',')}"
+            if key in ("drive", "tracker", "effects")
+            else f"--set {change}"
+        )
+    entry = ENGINES.get(row.engine)
+    own = entry.profiles.get(profile) if entry else None
+    if own is not None and row.dt == row.dt and abs(own - row.dt) > 1e-9 * row.dt:
+        words.append(f"--dt {step_text(row.dt)}")
+    if row.metric in METRICS:
+        words.append(f"--metric {row.metric}")
+    return " ".join(words)
+
+
+def rows_by_scene(frame: pd.DataFrame) -> dict[str, list[Row]]:
+    """Rows of each scene, in the order of the run."""
+    found: dict[str, list[Row]] = {}
+    for row in rows_of(frame):
+        found.setdefault(row.scenario, []).append(row)
+    return found

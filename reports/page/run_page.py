@@ -1,0 +1,49 @@
+"""`report.html` of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from touchstone.reports.machine import machine, origin
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.page.content import Content, verdict_of
+from touchstone.reports.page.page import pack_text, page
+from touchstone.reports.page.playback import packed
+from touchstone.reports.results import write_beside
+from touchstone.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from touchstone.reports.run.request import Request, Results
+
+
+def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Evidence]) -> dict[str, str]:
+    """The recordings of a scene for the page, each engine in its first profile that played."""
+    own: dict[str, tuple[str, str]] = {}
+    for column in played:
+        own.setdefault(column[0], column)
+    if not own:
+        return {}
+    return {scenario.name: pack_text(packed(scenario, {column: played[column] for column in own.values()}))}
+
+
+def write_page(request: Request, results: Results, manifest: Mapping[str, Any], folder: Path) -> None:
+    """Write `report.html` into the folder of a run."""
+    level, verdict = verdict_of(results.frame)
+    content = Content(
+        title="touchstone run",
+        level=level,
+        verdict=verdict,
+        frame=results.frame,
+        command=request.command,
+        identity=[
+            *machine().items(),
+            *((name, value) for name, value in origin().items() if name != "command"),
+        ],
+        playback=results.playback,
+        settings=manifest["engines"],
+        summaries={scenario.name: scenario.summary for scenario in request.scenarios},
+    )
+    text = page(content)
+    write_beside(folder / "report.html", lambda part: part.write_text(text, "utf-8"))

@@ -1,0 +1,116 @@
+"""The page in a real browser, from disk, with the network off."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+pytestmark = pytest.mark.slow
+PLAYER = "window.touchstone.player"
+
+
+@pytest.fixture(scope="module")
+def opened(chromium, made, tmp_path_factory):
+    """The page in a tab, once it has drawn; what it asked for and complained about."""
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(made.text, "utf-8")
+    context = chromium.new_context(
+        viewport={"width": 1280, "height": 900}, offline=True, color_scheme="light"
+    )
+    tab = context.new_page()
+    tab.asked, tab.said = [], []
+    tab.on("request", lambda request: tab.asked.append(request.url))
+    tab.on("console", lambda message: tab.said.append(message.text))
+    tab.on("pageerror", lambda error: tab.said.append(str(error)))
+    tab.goto(f"file://{path}")
+    end = time.monotonic() + 30
+    while not tab.evaluate(f"Boolean({PLAYER}?.drawn)") and time.monotonic() < end:
+        time.sleep(0.05)
+    return tab
+
+
+def pixels(tab):
+    """Colours of the canvas, one number each."""
+    return tab.evaluate(
+        "() => { const c = document.querySelector('canvas'), g = c.getContext('webgl2'),"
+        " b = new Uint8Array(4 * c.width * c.height);"
+        " g.readPixels(0, 0, c.width, c.height, g.RGBA, g.UNSIGNED_BYTE, b);"
+        " return Array.from(new Uint32Array(b.buffer)).filter((_, k) => k % 97 === 0); }"
+    )
+
+
+def test_it_opens_without_a_request_or_a_complaint(opened):
+    """Nothing but the file is asked for, nothing is logged, and text appears within 2 s."""
+    assert len(opened.asked) == 1
+    assert opened.asked[0].startswith("file://")
+    assert opened.said == []
+    paint = opened.evaluate("performance.getEntriesByType('paint').map((entry) => entry.startTime)")
+    assert max(paint) < 2000
+    assert "onerror" in opened.inner_text("h1")
+    assert opened.evaluate("document.querySelectorAll('img').length") == 0
+
+
+def test_charts_and_canvas_are_drawn(opened):
+    """Marks are in the charts; the canvas shows more than a background, and moves with the clock."""
+    assert opened.evaluate("document.querySelectorAll('.chart [role=graphics-symbol]').length") >= 4
+    opened.evaluate(f"{PLAYER}.seek(0)")
+    first = pixels(opened)
+    assert len(set(first)) > 20
+    opened.evaluate(f"{PLAYER}.seek(12)")
+    assert sum(a != b for a, b in zip(first, pixels(opened))) > 20
+
+
+def test_the_scrubber_moves_the_bodies(opened):
+    """The range input sets the frame: clock, labels and the drawn pose follow."""
+    opened.evaluate(
+        "() => { const s = document.querySelector('[name=frame]'); s.value = 10;"
+        " s.dispatchEvent(new Event('input', { bubbles: true })); }"
+    )
+    assert opened.evaluate(f"{PLAYER}.time") == 10
+    assert "frame 10 of 60" in opened.inner_text(".clock")
+    place = opened.evaluate(f"{PLAYER}.pose({PLAYER}.scene.engines[0], 0, 10)[1]")
+    assert place[2] == pytest.approx(0.2 - 9.81 / 2 / 36, abs=1e-4)
+
+
+def test_jumps_land_on_their_frames(opened, made):
+    """The buttons go to the deepest overlap and to the largest disagreement."""
+    for text in ("Worst overlap dart", "Largest disagreement"):
+        opened.evaluate(f"{PLAYER}.seek(0)")
+        opened.get_by_role("button", name=text).click()
+        assert opened.evaluate(f"{PLAYER}.time") == made.deepest
+    assert "12.0 mm" in opened.inner_text(".labels")
+    assert opened.evaluate("location.hash") == f"#play=test&frame={made.deepest}"
+
+
+def test_keys_play_and_step(opened):
+    """Space plays and pauses, arrows step, on the canvas; arrows move in the matrix, Enter opens a cell."""
+    opened.evaluate(f"{PLAYER}.seek(5)")
+    opened.focus("canvas")
+    opened.keyboard.press("ArrowRight")
+    assert opened.evaluate(f"{PLAYER}.time") == 6
+    opened.keyboard.press("Space")
+    time.sleep(0.3)
+    opened.keyboard.press("Space")
+    assert opened.evaluate(f"[{PLAYER}.playing, {PLAYER}.time > 6]") == [False, True]
+    opened.focus(".matrix tbody button")
+    opened.keyboard.press("ArrowRight")
+    opened.keyboard.press("Enter")
+    assert opened.inner_text("dialog h3") == "test · dart recommended"
+    assert opened.inner_text("dialog code") == (
+        "touchstone run test --engine dart --profile recommended --dt 1/60 --metric overlap.max"
+    )
+    opened.keyboard.press("Escape")
+    assert not opened.evaluate("document.querySelector('dialog').open")
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_both_sizes_in_both_schemes(opened, width, scheme):
+    """No sideways scrolling, and the colours of the scheme that the system asks for."""
+    opened.set_viewport_size({"width": width, "height": 900})
+    opened.emulate_media(color_scheme=scheme)
+    assert opened.evaluate("document.documentElement.scrollWidth") <= width
+    paper = opened.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert paper == {"light": "rgb(255, 255, 255)", "dark": "rgb(18, 22, 28)"}[scheme]
+    assert opened.said == []
