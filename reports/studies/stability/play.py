@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
@@ -23,13 +23,16 @@ from touchstone.scenarios.scenario import Scenario
 Loader = Callable[[str], Engine]
 PATIENCE = 300.0
 """Time without an answer after which the process is terminated [s]: longer than a cold compilation."""
+AROUND = 4.0
+"""Processor time of a whole run, reading and recording included, over that of its steps, from which it is cut
+off as well [1]."""
 LEFT_BOUNDS = "the plan does not hold"
 """Part of the reason of a run that left the bounds of its plan; it is played again with all effects."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run: a hard scene on an engine, for at most `budget` seconds of its steps and as many around."""
+    """One run: a hard scene on an engine, for at most `budget` seconds of its steps."""
 
     scene: str
     engine: str
@@ -88,10 +91,10 @@ def _play(
     ended = ""
     try:
         player = ready(engine, scenario, settings)
-        end = perf_counter() + 2 * budget
+        end = process_time() + AROUND * budget
         for _ in range(scenario.frame_count):
             player.play(1)
-            if player.seconds_played > budget or perf_counter() > end:
+            if player.seconds_played > budget or process_time() > end:
                 break
     except Unsupported as error:
         return Outcome("skipped", str(error)), None, 0.0

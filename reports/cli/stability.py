@@ -1,0 +1,53 @@
+"""`touchstone study stability`: hard scenes on every engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from touchstone.reports.cli.options import (
+    Format,
+    FormatOption,
+    QuietOption,
+    columns_for,
+    ended,
+    folder_of_now,
+    known,
+    measuring,
+    require_judge,
+)
+from touchstone.reports.cli.studies import study
+
+
+@study.command("stability")
+def stability(
+    family: Annotated[
+        list[str] | None, typer.Argument(help="Families of hard scenes (default: all).", show_default=False)
+    ] = None,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three levels each, at the profiles' own steps.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/stability-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play hard scenes at growing difficulty and step: how far each engine goes, and how it fails."""
+    from touchstone.reports.studies.stability.cells import PROFILES, QUICK, Plan, chosen
+    from touchstone.reports.studies.stability.study import run
+    from touchstone.reports.studies.stability.table import show
+    from touchstone.scenarios.difficulty.family import families
+
+    names = [known("family", name, families()) for name in family or ()]
+    columns = columns_for(engine or [], profile or [], QUICK if quick else PROFILES)
+    if quick and not profile and ("reference", "balanced") in columns:
+        columns = (columns[0], ("reference", "accurate"), *columns[1:])
+    plan = Plan(columns, chosen(names), quick)
+    folder = out or folder_of_now("stability-")
+    require_judge()
+    with measuring(len(plan.cells()), quiet) as progress:
+        frame, _ = run(plan, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
