@@ -51,3 +51,35 @@ def stability(
     with measuring(len(plan.cells()), quiet) as progress:
         frame, _ = run(plan, folder, progress)
     ended(frame, show, folder, output, quiet, by_name=bool(engine))
+
+
+@study.command("relations")
+def relations(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes (default: the smaller probes).", show_default=False)
+    ] = None,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    profile: Annotated[
+        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended).")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Six scenes.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/relations-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Turn, mirror, move, scale and split scenes: does the motion change accordingly, and not otherwise?"""
+    from touchstone.reports.studies.relations.study import QUICK, default_scenes, run, tasks
+    from touchstone.reports.studies.relations.table import show
+    from touchstone.scenarios.catalogue import all_names, catalogue, find
+
+    valid = all_names()
+    names = list(dict.fromkeys(scenario or (QUICK if quick else ())))
+    for name in names:
+        if name not in valid:
+            known("scenario", name, catalogue())
+    scenes = [find(name) for name in names] or default_scenes()
+    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    folder = out or folder_of_now("relations-")
+    with measuring(len(tasks(columns, scenes)), quiet) as progress:
+        frame = run(columns, scenes, folder, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))

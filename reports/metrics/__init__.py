@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from touchstone.reports.metrics import posture, posture_optimum, solver, timing
+from touchstone.reports.metrics import posture, posture_optimum, solver, state, timing
 from touchstone.reports.metrics.contacts import contact, friction, overlap, rest, sliding
 from touchstone.reports.metrics.context import Metric
 from touchstone.reports.metrics.motion import energy, events, flight, momentum, symmetry, truth
@@ -74,6 +74,7 @@ _ALL = (
     Metric("time.crossing", "s", "lower", timing.time_crossing, _US),
     Metric("time.share", "1", "none", timing.time_share),
     Metric("work", "1", "none", timing.work),
+    Metric("state.hash", "1", "none", state.state_hashed),
 )
 
 PAIR_METRICS = (

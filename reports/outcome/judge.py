@@ -29,7 +29,7 @@ CREEPING = 0.05
 """Largest mean speed of a creep [m/s]; a faster body has fallen or slid away."""
 SHAKING = 2.0
 """Factor by which the speed of a jittering body exceeds that of its displacement [1]."""
-ANNOUNCED = {"gave_up": 0.0, "dropped_time": 0.0, "residual": 1e-7}
+ANNOUNCED = {"gave_up": 0.0, "lost": 0.0, "dropped_time": 0.0, "residual": 1e-7}
 """Counters by which an engine says that it left something unsolved, and the values that do not count."""
 Finding = tuple[str, str]
 

@@ -13,7 +13,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import CONSTRUCTION, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
 from touchstone.reports.run.request import step_text
 
-HIDDEN = ("work", "time.share")
+HIDDEN = ("work", "time.share", "state.hash")
 """Metrics that have a table of their own."""
 OUTLIER_FACTOR = 3.0
 """Least distance of an outlier from the median, in median deviations of the other values [1]."""

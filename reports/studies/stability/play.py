@@ -13,6 +13,7 @@ from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import load
 from touchstone.adapters.workers.process import ChildProcess
+from touchstone.reports.metrics.state import state_hash
 from touchstone.reports.outcome.classes import Outcome
 from touchstone.reports.outcome.judge import judge
 from touchstone.scenarios.difficulty.checks import Checks
@@ -53,12 +54,13 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """Outcome of a cell, the command that plays it, and the time of its steps and of all [s]."""
+    """Outcome of a cell, the command that plays it, time of its steps and of all [s], hash of its states."""
 
     outcome: Outcome
     line: str
     steps_seconds: float = 0.0
     seconds: float = 0.0
+    state_hash: str = ""
 
 
 def play_cell(engine: Engine, cell: Cell, failures: Path | None = None) -> Played:
@@ -73,7 +75,8 @@ def play_cell(engine: Engine, cell: Cell, failures: Path | None = None) -> Playe
         failures.mkdir(parents=True, exist_ok=True)
         step = f"{cell.settings.dt:.3g}"
         recording.save(failures / f"{cell.scene}-{cell.engine}-{cell.settings.profile}-{step}.npz")
-    return Played(outcome, cell.line, steps, perf_counter() - start)
+    digits = "" if recording is None else state_hash(recording)
+    return Played(outcome, cell.line, steps, perf_counter() - start, digits)
 
 
 def play_scenario(

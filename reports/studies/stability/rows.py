@@ -191,6 +191,7 @@ def table_of_cells(results: Results) -> pd.DataFrame:
                 "reason": found.outcome.reason,
                 **found.outcome.figures,
                 "seconds": found.seconds,
+                "state_hash": found.state_hash,
                 "command": found.line,
             }
         )

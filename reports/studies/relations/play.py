@@ -1,0 +1,173 @@
+"""Plays a scene on an engine, changed by every relation, and compares the motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.process import ChildProcess
+from touchstone.scenarios.relations.changes import bare
+from touchstone.scenarios.relations.table import RELATIONS
+from touchstone.scenarios.scenario import Scenario, vector
+from touchstone.scenarios.transforms import perturbed
+
+Loader = Callable[[str], Engine]
+PATIENCE = 600.0
+"""Time without an answer after which the process is terminated [s]."""
+SPLIT = "split"
+"""Relation of a run with one that starts from its state in the middle."""
+NAMES = (*RELATIONS, SPLIT)
+PERTURBATION = 1e-9
+"""Displacement of each body by which the amplification is measured [m]."""
+ARM = 0.05
+"""Distance of the body-fixed points that are compared from their body's origin [m]: orientations count."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A scene on an engine."""
+
+    scenario: Scenario
+    engine: str
+    settings: Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Deviation of every relation over the scene's size [1], NaN with a reason where it does not apply.
+
+    `amplification` is the distance of the motions after a perturbation, over that perturbation [1]; `size` is
+    the extent of the motion [m].
+    """
+
+    deviations: dict[str, float]
+    reasons: dict[str, str]
+    amplification: float = nan
+    size: float = nan
+    failure: str = ""
+
+
+def compare(engine: Engine, task: Task) -> Compared:
+    """Play the scene and all its changes in this process."""
+    plain = bare(task.scenario)
+    try:
+        first = record(engine, plain, task.settings)
+    except AdapterError as error:
+        return Compared({}, {}, failure=str(error))
+    points = _points(first, plain, np.eye(3), 1.0)
+    size = _size(points)
+    found: dict[str, float] = {}
+    reasons: dict[str, str] = {}
+    for name in NAMES:
+        try:
+            found[name] = _deviation(engine, task, plain, first, name) / size
+        except (AdapterError, _NotApplied) as error:
+            found[name], reasons[name] = nan, str(error)
+    return Compared(found, reasons, _amplification(engine, task, plain, points), size)
+
+
+class _NotApplied(Exception):
+    """The relation does not apply to the scene; the message says why."""
+
+
+def _deviation(engine: Engine, task: Task, plain: Scenario, first: Recording, name: str) -> float:
+    """Largest distance of a point from where the relation says that it is [m]."""
+    if name == SPLIT:
+        return _split(engine, task, plain, first)
+    relation = RELATIONS[name]
+    if not relation.applies(plain):
+        raise _NotApplied("does not apply to this scene")
+    changed = relation.change(plain)
+    settings = replace(task.settings, dt=task.settings.dt * relation.times)
+    other = record(engine, changed, settings)
+    names = [body.name for body in changed.bodies]
+    order = [names.index(body.name) for body in plain.bodies]
+    theirs = _points(other, changed, relation.own, relation.scale)[:, order]
+    back = (theirs - np.array(relation.offset)) @ relation.matrix / relation.scale
+    return _distance(back, _points(first, plain, np.eye(3), 1.0))
+
+
+def _split(engine: Engine, task: Task, plain: Scenario, first: Recording) -> float:
+    """Distance of the second half of a run from a run that starts from its middle [m]."""
+    if plain.trackers:
+        raise _NotApplied("trackers start at time 0")
+    half = plain.frame_count // 2
+    bodies = tuple(
+        replace(
+            body,
+            position=vector(first.position[half, k]),
+            orientation=_unit(first.orientation[half, k]),
+            linear_velocity=vector(first.linear_velocity[half, k]),
+            angular_velocity=vector(first.angular_velocity[half, k]),
+        )
+        if body.kind == "simulated"
+        else body
+        for k, body in enumerate(plain.bodies)
+    )
+    left = (plain.frame_count - half) / plain.frame_rate
+    second = record(engine, replace(plain, bodies=bodies, duration=left), task.settings)
+    ones = np.eye(3)
+    return _distance(_points(second, plain, ones, 1.0), _points(first, plain, ones, 1.0)[half:])
+
+
+def _unit(q: Array) -> tuple[float, float, float, float]:
+    w, x, y, z = (float(value) for value in q / np.linalg.norm(q))
+    return (w, x, y, z)
+
+
+def _amplification(engine: Engine, task: Task, plain: Scenario, points: Array) -> float:
+    """Distance of a perturbed motion over the perturbation, at least 1 [1]."""
+    try:
+        other = record(engine, perturbed(plain, PERTURBATION, 0), task.settings)
+    except AdapterError:
+        return nan
+    return max(1.0, _distance(_points(other, plain, np.eye(3), 1.0), points) / PERTURBATION)
+
+
+def _points(recording: Recording, scenario: Scenario, own: Array, scale: float) -> Array:
+    """World positions of three body-fixed points of every body (f, n, 3, 3) [m]; zero for fixed bodies."""
+    frames, count = recording.position.shape[:2]
+    turn = Rotation.from_quat(recording.orientation.reshape(-1, 4), scalar_first=True).as_matrix()
+    arms = scale * ARM * own  # columns: the images of the axes
+    found = recording.position[:, :, None] + (turn @ arms).reshape(frames, count, 3, 3).swapaxes(2, 3)
+    return np.asarray(found)
+
+
+def _distance(one: Array, two: Array) -> float:
+    frames = min(len(one), len(two))
+    return float(np.linalg.norm(one[:frames] - two[:frames], axis=-1).max())
+
+
+def _size(points: Array) -> float:
+    """Extent of the motion [m]: the largest path of a point, or ARM where nothing moves."""
+    return max(ARM, float(np.linalg.norm(points - points[0], axis=-1).max()))
+
+
+class Child(ChildProcess):
+    """The parent's end of a process that plays tasks."""
+
+    def __init__(self, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
+        super().__init__(_Server, (loader,), output, patience)
+
+
+class _Server:
+    """The child's end: engines, loaded once each."""
+
+    def __init__(self, loader: Loader) -> None:
+        self._loader = loader
+        self._engines: dict[str, Engine] = {}
+
+    def handle(self, command: str, task: Task) -> Compared:
+        """Handle `play`."""
+        if task.engine not in self._engines:
+            self._engines[task.engine] = self._loader(task.engine)
+        return compare(self._engines[task.engine], task)

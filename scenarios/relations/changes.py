@@ -1,0 +1,192 @@
+"""Changed scenes: rotated, scaled, with boxes as hulls, with permuted pieces, or with one more body.
+
+`transforms.py` has mirrored, translated and permuted scenes. All drop truths and expectations, which hold for
+the original only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from touchstone.scenarios.scenario import (
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Matrix,
+    Quaternion,
+    Scenario,
+    Shape,
+    Sphere,
+    Tracker,
+    Vector,
+    vector,
+)
+from touchstone.scenarios.solids import ball
+
+Array = NDArray[np.float64]
+FAR: Vector = (50.0, 50.0, 50.0)
+"""Place of a body that nothing meets [m]."""
+
+
+def bare(scenario: Scenario, **fields: object) -> Scenario:
+    """Scene without truths and expectations, and with other `fields`."""
+    return replace(scenario, truths=(), expectations=(), **fields)  # type: ignore[arg-type]
+
+
+def rotated(scenario: Scenario, turn: Rotation) -> Scenario:
+    """Scene turned about the origin as a whole, gravity and trackers included."""
+
+    def there(v: Vector) -> Vector:
+        return vector(turn.apply(v))
+
+    def turned(q: Quaternion) -> Quaternion:
+        w, x, y, z = (turn * Rotation.from_quat(q, scalar_first=True)).as_quat(scalar_first=True).tolist()
+        return (w, x, y, z)
+
+    def body(one: Body) -> Body:
+        if one.kind == "driven":
+            return one
+        return replace(
+            one,
+            position=there(one.position),
+            orientation=turned(one.orientation),
+            linear_velocity=there(one.linear_velocity),
+            angular_velocity=there(one.angular_velocity),
+        )
+
+    def tracker(one: Tracker) -> Tracker:
+        return replace(
+            one,
+            positions=tuple(map(there, one.positions)),
+            orientations=tuple(map(turned, one.orientations)),
+        )
+
+    return bare(
+        scenario,
+        bodies=tuple(map(body, scenario.bodies)),
+        trackers=tuple(map(tracker, scenario.trackers)),
+        gravity=there(scenario.gravity),
+    )
+
+
+def heavier(scenario: Scenario, factor: float) -> Scenario:
+    """Scene with all masses, inertias and couplings times `factor`: nothing else moves."""
+    bodies = tuple(
+        replace(one, mass=one.mass * factor, inertia=_times(one.inertia, factor)) for one in scenario.bodies
+    )
+    trackers = tuple(
+        replace(one, stiffness=one.stiffness * factor, damping=one.damping * factor)
+        for one in scenario.trackers
+    )
+    return bare(scenario, bodies=bodies, trackers=trackers)
+
+
+def larger(scenario: Scenario, times: int) -> Scenario:
+    """Scene whose lengths are `times`^2 as large and whose times are `times` as long, under the same gravity
+    (Froude's law): speeds are `times` as high. Its frame rate must be divisible by `times`.
+
+    Raises:
+        ValueError: the frame rate is not divisible.
+    """
+    if scenario.frame_rate % times:
+        raise ValueError(f"frame rate {scenario.frame_rate}: expected a multiple of {times}")
+    size = float(times * times)
+    bodies = tuple(_larger_body(one, size, float(times)) for one in scenario.bodies)
+    joints = tuple(replace(one, position=_scaled(one.position, size)) for one in scenario.joints)
+    trackers = tuple(
+        replace(
+            one,
+            times=tuple(times * t for t in one.times),
+            positions=tuple(_scaled(p, size) for p in one.positions),
+            stiffness=one.stiffness / times**2,
+            damping=one.damping / times,
+            hinge_frequency=one.hinge_frequency / times,
+        )
+        for one in scenario.trackers
+    )
+    return bare(
+        scenario,
+        bodies=bodies,
+        joints=joints,
+        trackers=trackers,
+        duration=scenario.duration * times,
+        frame_rate=scenario.frame_rate // times,
+    )
+
+
+def _larger_body(one: Body, size: float, times: float) -> Body:
+    pieces = tuple(
+        replace(p, shape=_larger_shape(p.shape, size), position=_scaled(p.position, size)) for p in one.pieces
+    )
+    return replace(
+        one,
+        pieces=pieces,
+        center_of_mass=_scaled(one.center_of_mass, size),
+        inertia=_times(one.inertia, size * size),
+        position=_scaled(one.position, size),
+        linear_velocity=_scaled(one.linear_velocity, times),
+        angular_velocity=_scaled(one.angular_velocity, 1 / times),
+    )
+
+
+def _larger_shape(shape: Shape, size: float) -> Shape:
+    match shape:
+        case Sphere(radius):
+            return Sphere(radius * size)
+        case Box(half):
+            return Box(_scaled(half, size))
+        case Capsule(radius, half_length):
+            return Capsule(radius * size, half_length * size)
+        case Ellipsoid(half):
+            return Ellipsoid(_scaled(half, size))
+        case Hull(vertices):
+            return Hull(tuple(_scaled(v, size) for v in vertices))
+    raise TypeError(f"no size of {type(shape).__name__}")
+
+
+def with_hulls(scenario: Scenario) -> Scenario:
+    """Scene with every box of simulated and driven bodies as the hull of its eight corners."""
+
+    def hull(shape: Shape) -> Shape:
+        if not isinstance(shape, Box):
+            return shape
+        x, y, z = shape.half_extents
+        return Hull(tuple((a * x, b * y, c * z) for a, b, c in product((-1, 1), repeat=3)))
+
+    return bare(
+        scenario,
+        bodies=tuple(
+            one
+            if one.kind == "fixed"
+            else replace(one, pieces=tuple(replace(p, shape=hull(p.shape)) for p in one.pieces))
+            for one in scenario.bodies
+        ),
+    )
+
+
+def with_stranger(scenario: Scenario) -> Scenario:
+    """Scene with one more ball, far from everything and at rest where there is no gravity."""
+    material = scenario.bodies[0].material
+    return bare(scenario, bodies=(*scenario.bodies, ball("stranger", material, 0.05, 1.0, FAR)))
+
+
+def pieces_reversed(scenario: Scenario) -> Scenario:
+    """Scene with the pieces of each body in reverse order."""
+    return bare(
+        scenario, bodies=tuple(replace(one, pieces=tuple(reversed(one.pieces))) for one in scenario.bodies)
+    )
+
+
+def _scaled(v: Vector, factor: float) -> Vector:
+    return (v[0] * factor, v[1] * factor, v[2] * factor)
+
+
+def _times(m: Matrix, factor: float) -> Matrix:
+    return (_scaled(m[0], factor), _scaled(m[1], factor), _scaled(m[2], factor))

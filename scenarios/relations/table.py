@@ -1,0 +1,111 @@
+"""Table of the relations: how a scene is changed, and how its motion must change with it.
+
+A point p of the original is at `scale` A p + `offset` in the changed scene, after `scale`^(1/2) as much time
+where `timed`. Body-fixed points change by `scale` L, L the mirror for the mirror image and 1 otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from touchstone.scenarios.relations import changes
+from touchstone.scenarios.scenario import Box, Scenario
+from touchstone.scenarios.transforms import mirrored, permuted, translated
+
+Array = NDArray[np.float64]
+YAW = Rotation.from_rotvec((0.0, 0.0, 0.7))
+TURN = Rotation.from_rotvec((0.4, -0.9, 1.3))
+"""A rotation about the vertical, and one about an axis of no symmetry [rad]."""
+OFFSET = (0.37, -1.21, 0.53)
+"""Translation [m]."""
+FACTOR, TIMES = 8.0, 2
+"""Factor of masses, and of times in Froude's law; powers of two scale floats exactly."""
+
+
+def _identity() -> Array:
+    return np.eye(3)
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """One change. `applies` tells whether it changes a scene at all."""
+
+    name: str
+    summary: str
+    change: Callable[[Scenario], Scenario]
+    matrix: Array = field(default_factory=_identity)
+    own: Array = field(default_factory=_identity)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scale: float = 1.0
+    times: int = 1
+    applies: Callable[[Scenario], bool] = lambda scenario: True
+
+
+MIRROR = np.diag((-1.0, 1.0, 1.0))
+
+
+def _translated(scenario: Scenario) -> Scenario:
+    return changes.bare(translated(scenario, OFFSET))
+
+
+def _reversed(scenario: Scenario) -> Scenario:
+    return changes.bare(permuted(scenario, range(len(scenario.bodies))[::-1]))
+
+
+def _loose(scenario: Scenario) -> bool:
+    """Whether links need no order: no driven body has any."""
+    return not scenario.joints
+
+
+RELATIONS: dict[str, Relation] = {
+    one.name: one
+    for one in (
+        Relation("yaw", "turned about z", lambda s: changes.rotated(s, YAW), YAW.as_matrix()),
+        Relation(
+            "rotation",
+            "turned about an axis of no symmetry, gravity too",
+            lambda s: changes.rotated(s, TURN),
+            TURN.as_matrix(),
+        ),
+        Relation(
+            "mirror",
+            "its mirror image",
+            lambda s: changes.bare(mirrored(changes.bare(s))),
+            MIRROR,
+            MIRROR,
+            applies=lambda s: not any(chain.cones for chain in s.chains),
+        ),
+        Relation("translation", "moved", _translated, offset=OFFSET),
+        Relation("bodies", "bodies in reverse order", _reversed, applies=_loose),
+        Relation(
+            "pieces",
+            "pieces in reverse order",
+            changes.pieces_reversed,
+            applies=lambda s: any(len(body.pieces) > 1 for body in s.bodies),
+        ),
+        Relation(
+            "hulls",
+            "boxes as hulls",
+            changes.with_hulls,
+            applies=lambda s: any(
+                isinstance(p.shape, Box) for body in s.bodies if body.kind != "fixed" for p in body.pieces
+            ),
+        ),
+        Relation("masses", "all masses times 8", lambda s: changes.heavier(s, FACTOR)),
+        Relation(
+            "froude",
+            "lengths times 4, times times 2",
+            lambda s: changes.larger(s, TIMES),
+            scale=float(TIMES**2),
+            times=TIMES,
+            applies=lambda s: s.frame_rate % TIMES == 0 and "gravity" in s.effects,
+        ),
+        Relation("stranger", "one more body that nothing meets", changes.with_stranger),
+    )
+}
+"""Relations by name; `split` (a run in two parts) is no change of a scene and has no row here."""

@@ -1,0 +1,63 @@
+"""The hash of states: equal in any process, and different by one bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import load
+from touchstone.reports.metrics.state import DIGITS, state_hash, state_hashed
+from touchstone.reports.studies.stability.play import Cell
+from touchstone.reports.studies.stability.study import play_all
+from touchstone.scenarios.difficulty.family import hard_scene
+
+SCENE = "hard_mass_stack_10"
+SETTINGS = Settings("balanced", 1 / 60)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """A stack of two cubes, by the reference."""
+    return record(load("reference"), hard_scene(SCENE)[0], SETTINGS)
+
+
+def test_two_runs_in_a_process_have_one_hash(recording):
+    """The reference repeats a run to the bit."""
+    again = record(load("reference"), hard_scene(SCENE)[0], SETTINGS)
+    assert state_hash(again) == state_hash(recording)
+
+
+def test_a_bit_changes_the_hash(recording):
+    """One unit in the last place of one number of one frame gives another hash, a clock does not."""
+    position = recording.position.copy()
+    position[-1, 1, 2] = np.nextafter(position[-1, 1, 2], np.inf)
+    assert state_hash(replace(recording, position=position)) != state_hash(recording)
+    assert state_hash(replace(recording, time_frame=recording.time_frame + 1)) == state_hash(recording)
+
+
+def test_fresh_processes_and_their_number_do_not_change_the_hash(recording, tmp_path):
+    """One process or two, whatever they played before: the same hash as in this process."""
+    others = [Cell(f"hard_{name}", "reference", SETTINGS) for name in ("mass_stack_1", "wedge_90")]
+    cell = Cell(SCENE, "reference", SETTINGS)
+    for number, cells in enumerate(([cell], [others[0], others[1], cell])):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        played = play_all(cells, folder, lambda label, count: None)
+        assert played[cell].state_hash == state_hash(recording)
+
+
+def test_the_metric_holds_the_digits(recording):
+    """A float holds the first digits exactly, and the remark all of them."""
+
+    class Evidence:
+        pass
+
+    evidence = Evidence()
+    evidence.recording = recording
+    found = state_hashed(evidence)[""]
+    assert found.reason == state_hash(recording)
+    assert f"{int(found.value):0{DIGITS}x}" == found.reason[:DIGITS]

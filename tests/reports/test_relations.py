@@ -1,0 +1,125 @@
+"""The study relations: changes are what they say, and an engine with a preferred place fails them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from touchstone.adapters.contract import Manifest, Settings
+from touchstone.adapters.registry import load
+from touchstone.reports.studies.relations.play import NAMES, SPLIT, Task, compare
+from touchstone.reports.studies.relations.study import HELD, rows_of_task
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.relations.changes import larger
+from touchstone.scenarios.relations.table import RELATIONS
+from touchstone.scenarios.validation import faults
+
+SETTINGS = Settings("balanced", 1 / 60)
+
+
+class Drifting:
+    """Engine that lets every body fall, with a fault of its own."""
+
+    def __init__(self, fault=""):
+        self.fault = fault
+
+    def build(self, scenario, settings):
+        return World(self.fault, scenario, settings)
+
+
+class World:
+    """Bodies fall freely, exactly; the fault bends that."""
+
+    def __init__(self, fault, scenario, settings):
+        self.fault, self.scenario, self.settings, self.steps = fault, scenario, settings, 0
+
+    def drive(self, step):
+        pass
+
+    def step(self):
+        self.steps += 1
+
+    def read(self, state):
+        t = self.steps * self.settings.dt
+        for k, body in enumerate(self.scenario.bodies):
+            fall = np.array(self.scenario.acting_gravity) if body.kind == "simulated" else np.zeros(3)
+            place = np.array(body.position) + np.array(body.linear_velocity) * t + fall * t * t / 2
+            match self.fault:
+                case "has a west":
+                    place[0] += 1e-3 * t
+                case "rounds places":
+                    place = np.round(place, 4)
+                case "prefers the first":
+                    place[2] += 1e-4 * k * t
+                case "weighs":
+                    place[2] += 1e-4 * body.mass * t
+            state.position[k] = place
+            state.orientation[k] = body.orientation
+            state.linear_velocity[k] = np.array(body.linear_velocity) + fall * t
+            state.angular_velocity[k] = body.angular_velocity
+
+    def work(self):
+        return {}
+
+    def describe(self):
+        return Manifest("fake", "1", self.settings.profile, self.settings.dt, {}, {}, ())
+
+    def stage_seconds(self):
+        return {}
+
+    def cross(self):
+        pass
+
+    def close(self):
+        pass
+
+
+BROKEN = {
+    "has a west": {"yaw", "rotation", "mirror", "froude"},
+    "rounds places": {"translation", "yaw"},
+    "prefers the first": {"bodies"},
+    "weighs": {"masses"},
+}
+"""Fault of a fake engine, and relations that it breaks."""
+
+
+@pytest.mark.parametrize("fault", ["", *BROKEN])
+def test_a_fault_breaks_its_relations(fault):
+    """A fault shows in the relations that it contradicts; a faultless engine holds all."""
+    scene = catalogue()["collide_oblique"].reduced(effects=("gravity",))
+    found = compare(Drifting(fault), Task(scene, "fake", SETTINGS))
+    broken = {name for name, value in found.deviations.items() if value > 1e-12}
+    assert broken >= BROKEN.get(fault, set())
+    assert bool(broken) == bool(fault)
+
+
+@pytest.mark.parametrize("name", ["stack", "bounce_e1", "arch_stands", "slap_3", "spring"])
+@pytest.mark.parametrize("relation", RELATIONS)
+def test_changed_scenes_are_valid(name, relation):
+    """Every change of a scene passes the checks of scenes."""
+    scene, one = catalogue()[name], RELATIONS[relation]
+    if one.applies(scene):
+        assert faults(one.change(scene)) == []
+
+
+def test_froude_keeps_numbers_without_a_dimension():
+    """g t^2 / l and v t / l stay."""
+    scene = catalogue()["slide"]
+    large = larger(scene, 2)
+    body, image = scene.bodies[1], large.bodies[1]
+    assert large.duration == 2 * scene.duration
+    assert image.pieces[0].shape.half_extents == tuple(4 * h for h in body.pieces[0].shape.half_extents)
+    assert image.linear_velocity == tuple(2 * v for v in body.linear_velocity)
+    with pytest.raises(ValueError, match="multiple of 7"):
+        larger(scene, 7)
+
+
+@pytest.mark.parametrize("name", ["fall", "stack", "collide_oblique"])
+def test_the_reference_holds_every_relation(name):
+    """Motions agree to rounding; one that does not apply has a reason."""
+    found = compare(load("reference"), Task(catalogue()[name], "reference", SETTINGS))
+    rows = rows_of_task(Task(catalogue()[name], "reference", SETTINGS), found)
+    assert {row.verdict for row in rows} <= {"", "pass", "skipped"}, rows
+    assert set(found.deviations) == set(NAMES)
+    assert found.deviations[SPLIT] <= HELD
+    assert found.deviations["masses"] == 0.0
