@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli import stability  # noqa: F401  adds its commands to `study`
+from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.options import (
