@@ -40,6 +40,7 @@ from touchstone.reports.cli.scenes.chosen import (
     metrics_for,
     scenarios_for,
 )
+from touchstone.reports.cli.scenes.importing import import_robot
 from touchstone.reports.cli.scenes.schema import schema
 from touchstone.reports.cli.studies import bench, study
 from touchstone.reports.cli.sweep import sweep
@@ -60,6 +61,7 @@ app.command()(bench)
 app.command()(sweep)
 app.command()(docs)
 app.command()(schema)
+app.command("import")(import_robot)
 
 
 class Listing(StrEnum):

@@ -1,0 +1,101 @@
+"""Pieces of a scene from the colliding geometry of a compiled robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Array
+from touchstone.adapters.robots.hulls import Approximation, cylinder_hull, mesh_hull
+from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Piece, Quaternion, Shape, Sphere, vector
+
+TYPE = {
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{name.upper()}")): name
+    for name in ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
+}
+SLAB = (10.0, 10.0, 0.5)
+"""Half extents of the box in place of a plane [m]."""
+
+
+def collides(model: Any, geom: int) -> bool:
+    """Whether a geom can touch anything; others are drawn only."""
+    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+
+
+def geoms_of(model: Any, body: int) -> list[int]:
+    """Colliding geoms of a body."""
+    first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+    return [geom for geom in range(first, first + count) if collides(model, geom)]
+
+
+class PieceMaker:
+    """Pieces from geoms; `notes` names each hull of a mesh with its error, `cylinders` has the errors of
+    prisms [m]."""
+
+    def __init__(self, model: Any, notes: list[str]) -> None:
+        self.model, self._notes = model, notes
+        self._hulls: dict[int, Approximation] = {}
+        self.cylinders: list[float] = []
+
+    def piece(self, geom: int, place: Array, turn: Array) -> Piece:
+        """Piece of a geom whose body is at `place` in the link's frame, its axes as the columns of `turn`."""
+        model = self.model
+        name = model.geom(geom).name or f"{model.body(model.geom_bodyid[geom]).name or 'geom'}_{geom}"
+        inner = Rotation.from_quat(model.geom_quat[geom], scalar_first=True)
+        turned = Rotation.from_matrix(turn) * inner
+        at, shape = place + turn @ model.geom_pos[geom], self._shape(geom, name)
+        if TYPE[int(model.geom_type[geom])] == "plane":  # the upper face of the slab is the plane
+            at = at - turned.apply((0.0, 0.0, SLAB[2]))
+        return Piece(name, shape, vector(at), quaternion(turned))
+
+    def _shape(self, geom: int, name: str) -> Shape:
+        model = self.model
+        x, y, z = model.geom_size[geom].tolist()
+        match TYPE.get(int(model.geom_type[geom]), ""):
+            case "sphere":
+                return Sphere(x)
+            case "capsule":
+                return Capsule(x, y)
+            case "ellipsoid":
+                return Ellipsoid((x, y, z))
+            case "box":
+                return Box((x, y, z))
+            case "plane":
+                return Box(SLAB)
+            case "cylinder":
+                found = cylinder_hull(x, y)
+                self.cylinders.append(found.cut)
+                return found.hull
+            case "mesh":
+                return self._mesh(int(model.geom_dataid[geom]), name).hull
+            case other:
+                raise RobotError(f"geom {name!r}: no shape for type {other or 'unknown'}")
+
+    def _mesh(self, mesh: int, name: str) -> Approximation:
+        if mesh not in self._hulls:
+            model = self.model
+            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+            vertices = model.mesh_vert[first : first + count].astype(float)
+            first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+            try:
+                self._hulls[mesh] = mesh_hull(vertices, model.mesh_face[first : first + count])
+            except ValueError as error:
+                raise RobotError(f"mesh {model.mesh(mesh).name!r}: {error}") from error
+            self._note(f"mesh {model.mesh(mesh).name!r}", self._hulls[mesh])
+        return self._hulls[mesh]
+
+    def _note(self, what: str, found: Approximation) -> None:
+        self._notes.append(
+            f"{what}: convex hull of {len(found.hull.vertices)} corners, cuts off {found.cut * 1e3:.2g} mm, "
+            f"fills hollows of {found.filled * 1e3:.2g} mm, at a size of {found.size * 1e3:.3g} mm"
+        )
+
+
+def quaternion(turned: Rotation) -> Quaternion:
+    """Unit quaternion wxyz."""
+    w, x, y, z = (turned.as_quat(scalar_first=True) / np.linalg.norm(turned.as_quat())).tolist()
+    return (w, x, y, z)

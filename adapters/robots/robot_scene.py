@@ -1,0 +1,160 @@
+"""Scene of a robot: driven bodies that trackers hold in their start posture, and the model's surroundings.
+
+A tree of bodies becomes a driven body; one without hinges that can move, a simulated body; what stands
+still, a fixed one. Joints of a root are replaced by the tracker's pose. A model without a floor gets one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.robots.driven import DURATION, Parts, add_hinges, free_name, named_once, place_floor
+from touchstone.adapters.robots.hulls import SIDES
+from touchstone.adapters.robots.left_out import friction_of, left_out
+from touchstone.adapters.robots.links import (
+    HINGE,
+    Link,
+    MassProperties,
+    TreeBuilder,
+    combined,
+    joints_of,
+    world_pose,
+)
+from touchstone.adapters.robots.pieces import PieceMaker, geoms_of, quaternion
+from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.adapters.robots.source import Source, compiled
+from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, ScenarioError, vector
+
+BASE = MassProperties(1.0, np.zeros(3), 0.4 * 0.1**2 * np.eye(3))
+"""Ball of 1 kg and 10 cm for a base that has no mass in the model."""
+LEAST = 1e-12
+"""Mass [kg] and moment [kg m^2] below which a link counts as massless: no engine divides by it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """A robot's scene, and a line for each thing that could not be kept as it was."""
+
+    scenario: Scenario
+    notes: tuple[str, ...]
+
+
+def imported(path: Path, name: str, allow_paths: bool = False) -> Imported:
+    """Scene called `name` of a URDF or MJCF file.
+
+    Args:
+        allow_paths: whether files outside the robot's folder may be read.
+    Raises:
+        RobotError: the file is not valid, or holds what no scene can represent; a line per fault.
+    """
+    source = compiled(path, allow_paths)
+    notes: list[str] = []
+    try:
+        scenario = _scene(source, name, path.name, notes)
+    except ScenarioError as error:
+        lines = "\n".join(f"{path}: {where}: {text}" for where, text in error.faults)
+        raise RobotError(lines) from error
+    except RobotError as error:
+        raise RobotError(f"{path}: {error}") from error
+    kept = {joint.name for joint in scenario.joints}
+    return Imported(scenario, (*notes, *left_out(source, kept)))
+
+
+def _scene(source: Source, name: str, file: str, notes: list[str]) -> Scenario:
+    model = source.model
+    parts = Parts()
+    maker = PieceMaker(model, notes)
+    _add_fixed(model, 0, "world", maker, parts)
+    for body in range(1, model.nbody):
+        if model.body_parentid[body] == 0:
+            _add_tree(source, body, maker, parts, notes)
+    if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
+        raise RobotError("nothing in it can move")
+    if maker.cylinders:
+        notes.append(
+            f"{len(maker.cylinders)} cylinders: prisms of {SIDES} sides, which cut off at most "
+            f"{max(maker.cylinders) * 1e3:.2g} mm"
+        )
+    friction = friction_of(model, notes)
+    pairs = (("robot", "robot"), ("robot", "floor"))
+    place_floor(parts, notes)
+    return Scenario(
+        name=name,
+        summary=f"{file}, imported",
+        tags=(),
+        bodies=tuple(parts.bodies),
+        duration=DURATION,
+        coefficients=tuple(PairCoefficients(a, b, 0.0, friction) for a, b in pairs),
+        joints=tuple(parts.joints),
+        trackers=tuple(parts.trackers),
+        chains=tuple(parts.chains),
+        gravity=vector(model.opt.gravity),
+    )
+
+
+def _add_fixed(model: Any, body: int, name: str, maker: PieceMaker, parts: Parts) -> None:
+    """Fixed body of a body that cannot move, in the world's frame."""
+    place, turn = world_pose(model, body)
+    pieces = [maker.piece(geom, place, turn) for geom in geoms_of(model, body)]
+    if pieces:
+        name = free_name(name, [other.name for other in parts.bodies])
+        parts.bodies.append(Body(name, "fixed", "floor", named_once(pieces)))
+
+
+def _add_tree(source: Source, body: int, maker: PieceMaker, parts: Parts, notes: list[str]) -> None:
+    """What hangs on the world by one body: a driven body, a simulated one, or fixed ones."""
+    model = source.model
+    below = [other for other in range(model.nbody) if model.body_rootid[other] == body]
+    own = [int(model.jnt_type[joint]) for joint in joints_of(model, body)]
+    if source.form == "mjcf" and not any(len(joints_of(model, other)) for other in below):
+        for other in below:
+            _add_fixed(model, other, model.body(other).name or f"body_{other}", maker, parts)
+        return
+    # A root that only turns hangs on a base; any other joint of it gives way to the tracker's pose.
+    base = f"{model.body(body).name or 'root'}_base" if own and set(own) == {HINGE} else ""
+    builder = TreeBuilder(model, source.form, notes)
+    builder.add_root(body, base)
+    if own and not base and any(kind != 0 for kind in own):
+        names = ", ".join(repr(model.joint(joint).name) for joint in joints_of(model, body))
+        notes.append(f"joints {names} of the root give way to the pose of its tracker")
+    links = builder.links
+    bodies: list[Body] = []
+    for k, link in enumerate(links):
+        link.name = free_name(link.name, [one.name for one in (*parts.bodies, *bodies)])
+        bodies.append(_body(link, maker, notes, is_root=k == 0))
+    if len(links) > 1:
+        parts.bodies += bodies
+        add_hinges(links, parts)
+        return
+    if not bodies[0].pieces:
+        notes.append(f"left out: body {bodies[0].name!r}, which has neither hinges nor a shape that collides")
+        return
+    pose = {
+        "position": vector(links[0].place),
+        "orientation": quaternion(Rotation.from_matrix(links[0].turn)),
+    }
+    parts.bodies.append(replace(bodies[0], kind="simulated", **pose))  # type: ignore[arg-type]
+
+
+def _body(link: Link, maker: PieceMaker, notes: list[str], is_root: bool) -> Body:
+    """Body of a link in the frame of its hinge."""
+    pieces = [
+        maker.piece(geom, member.place, member.turn)
+        for member in link.members
+        for geom in geoms_of(maker.model, member.body)
+    ]
+    whole = link.mass
+    if whole.mass <= LEAST or np.linalg.eigvalsh(whole.inertia)[0] <= LEAST**2:
+        if not is_root:
+            raise RobotError(f"body {link.name!r}: has no mass or no inertia, but a hinge")
+        notes.append(f"body {link.name!r}: has no mass; as the root it gets {BASE.mass:g} kg")
+        whole = link.mass = combined([whole, BASE])
+    one, two, three = (vector(row) for row in whole.inertia)
+    return Body(
+        link.name, "driven", "robot", named_once(pieces), whole.mass, vector(whole.center), (one, two, three)
+    )

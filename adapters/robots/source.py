@@ -1,0 +1,135 @@
+"""A robot's file as a compiled MuJoCo model: what a scene cannot represent is refused by name before."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.adapters.robots.xml_source import Element, found_file, parsed
+
+MESH_SUFFIXES = (".stl", ".obj", ".msh")
+"""Meshes that MuJoCo reads."""
+REFUSED_JOINTS = {
+    "floating": "six degrees of freedom cannot be kept; a tracker places the root of a robot",
+    "planar": "three degrees of freedom in a plane cannot be kept",
+}
+REFUSED_MJCF = {
+    "tendon": "tendons couple joints, which hinges alone cannot",
+    "flex": "deformable bodies cannot be kept",
+    "flexcomp": "deformable bodies cannot be kept",
+    "composite": "composite bodies cannot be kept",
+    "skin": "skins cannot be kept",
+    "plugin": "plug-ins are not loaded",
+    "replicate": "replicated bodies cannot be named",
+}
+LOOPS = ("connect", "weld", "flex", "distance")
+"""Equality constraints that close a loop of bodies."""
+FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": "", "include": ""}
+"""MJCF elements that name a file, and the compiler's attribute with its folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A compiled robot: `urdf` or `mjcf`, its root element, and MuJoCo's model."""
+
+    form: str
+    root: Element
+    model: Any
+
+
+def compiled(path: Path, allow_paths: bool = False) -> Source:
+    """Check and compile a robot's file.
+
+    Args:
+        allow_paths: whether files outside the robot's folder may be read.
+    Raises:
+        RobotError: one line per fault: file, line, element, reason.
+    """
+    root = parsed(path)
+    if root.tag == "robot":
+        return Source("urdf", root, _compiled(root, _urdf_spec(root, path, allow_paths), path))
+    if root.tag == "mujoco":
+        _check_mjcf(root, path, allow_paths)
+        return Source("mjcf", root, _compiled(root, lambda: mujoco.MjSpec.from_file(str(path)), path))
+    raise RobotError(f"{path}:{root.line}: found <{root.tag}>, expected <robot> (URDF) or <mujoco> (MJCF)")
+
+
+def _urdf_spec(root: Element, path: Path, allow_paths: bool) -> Any:
+    faults: list[str] = []
+    for joint in (one for one in root.children if one.tag == "joint"):
+        reason = REFUSED_JOINTS.get(joint.attributes.get("type", ""))
+        if reason:
+            faults.append(joint.named(f"type {joint.attributes['type']}: {reason}"))
+    root.children = [one for one in root.children if one.tag in ("link", "joint", "mujoco")]
+    for link in (one for one in root.children if one.tag == "link"):
+        link.children = [one for one in link.children if one.tag != "visual"]
+    for mesh in (one for one in root.walk() if one.tag == "mesh"):
+        try:
+            file = found_file(mesh, path.parent, mesh.attributes.get("filename", ""), allow_paths)
+            if file.suffix.lower() not in MESH_SUFFIXES:
+                raise RobotError(
+                    mesh.named(f"{file.name}: found {file.suffix}, expected {', '.join(MESH_SUFFIXES)}")
+                )
+            mesh.attributes["filename"] = str(file)
+        except RobotError as error:
+            faults.append(str(error))
+    if faults:
+        raise RobotError("\n".join(faults))
+    return lambda: mujoco.MjSpec.from_string(root.text())
+
+
+def _check_mjcf(root: Element, path: Path, allow_paths: bool, seen: tuple[Path, ...] = ()) -> None:
+    """Refuse elements that cannot be kept; included files become part of the tree."""
+    faults: list[str] = []
+    folders: dict[str, str] = {}
+    for compiler in (one for one in root.walk() if one.tag == "compiler"):
+        folders |= {key: value for key, value in compiler.attributes.items() if key.endswith("dir")}
+    for element in list(root.walk()):
+        inner = [one for one in element.children if one.tag not in ("default",)]
+        if element.tag in REFUSED_MJCF and (element.tag != "tendon" or inner):
+            target = inner[0] if element.tag == "tendon" else element
+            faults.append(target.named(REFUSED_MJCF[element.tag]))
+        elif element.tag == "equality":
+            loops = (one for one in inner if one.tag in LOOPS)
+            faults += [one.named("a closed loop cannot be kept") for one in loops]
+        name = element.attributes.get("file")
+        if element.tag in FILES and name:
+            try:
+                below = folders.get(FILES[element.tag]) or folders.get("assetdir", "")
+                below = "" if element.tag == "include" else below
+                file = found_file(element, path.parent, str(Path(below) / name), allow_paths)
+                if element.tag == "include" and file not in seen and len(seen) < 20:
+                    included = parsed(file)
+                    _check_mjcf(included, path, allow_paths, (*seen, file))
+                    element.children = [included]
+            except RobotError as error:
+                faults.append(str(error))
+    if faults:
+        raise RobotError("\n".join(faults))
+
+
+def _compiled(root: Element, load: Any, path: Path) -> Any:
+    """Compile; an error of MuJoCo is told with the line of the element that it names."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            spec = load()
+            spec.compiler.fusestatic = False
+            return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        text = " ".join(str(error).split()).removeprefix("XML Error: ").removeprefix("Error: ")
+        found = re.search(r"Element name '([^']*)'", text)
+        line = re.search(r"line (\d+)", text)
+        named = (one for one in root.walk() if found and one.attributes.get("name") == found[1])
+        element = next(named, None)
+        reason = re.sub(r",? ?(Element (name )?'[^']*'(, (id|line) -?\d+)?|line \d+)", "", text).strip()
+        if element is not None:
+            raise RobotError(element.named(reason)) from error
+        place = f"{path}:{line[1]}" if line and root.tag == "mujoco" else f"{path}"
+        raise RobotError(f"{place}: {reason}") from error

@@ -1,0 +1,68 @@
+"""Robots that others wrote, and where they are installed: `pip install -e '.[models]'` brings all of them."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+PYBULLET = (
+    "franka_panda/panda.urdf",
+    "kuka_iiwa/model.urdf",
+    "r2d2.urdf",
+    "a1/a1.urdf",
+    "quadruped/minitaur.urdf",
+    "racecar/racecar.urdf",
+    "pr2_gripper.urdf",
+    "pendulum5.urdf",
+    "mjcf/humanoid.xml",
+    "mini_cheetah/mini_cheetah.urdf",  # refused: an inertia that no body has
+    "mjcf/hopper.xml",  # refused: global coordinates
+)
+GYMNASIUM = ("ant.xml", "half_cheetah.xml", "walker2d.xml", "pusher.xml", "humanoid.xml")  # the last: tendons
+DM_CONTROL = (
+    "humanoid.xml",
+    "humanoid_CMU.xml",
+    "finger.xml",
+    "acrobot.xml",
+    "quadruped.xml",
+)  # last: tendons
+ROBOT_DATA = (
+    "panda_description/urdf/panda.urdf",
+    "ur_description/urdf/ur5_robot.urdf",
+    "ur_description/urdf/ur10_joint_limited_robot.urdf",
+    "talos_data/robots/talos_reduced.urdf",
+    "talos_data/robots/talos_left_arm.urdf",
+    "solo_description/robots/solo12.urdf",
+    "bolt_description/robots/bolt.urdf",
+    "go2_description/urdf/go2.urdf",
+    "simple_humanoid_description/urdf/simple_humanoid_classical.urdf",
+    "z1_description/urdf/z1.urdf",
+    "xarm_description/urdf/xarm7.urdf",
+    "double_pendulum_description/urdf/double_pendulum.urdf",
+    "allegro_hand_description/urdf/allegro_right_hand.urdf",  # refused: an inertia that no body has
+    "romeo_description/urdf/romeo.urdf",  # refused: Collada meshes
+)
+
+
+def folders() -> dict[str, Path | None]:
+    """Folder of each collection; None if it is not installed."""
+    prefix = Path("cmeel.prefix/share/example-robot-data/robots")
+    homes = [Path(entry) / prefix for entry in sys.path if (Path(entry) / prefix).is_dir()]
+    return {
+        "pybullet": _inside("pybullet_data", ""),
+        "gymnasium": _inside("gymnasium", "envs/mujoco/assets"),
+        "dm_control": _inside("dm_control", "suite"),
+        "robot_data": homes[0] if homes else None,
+    }
+
+
+def _inside(package: str, folder: str) -> Path | None:
+    spec = importlib.util.find_spec(package)
+    return Path(spec.origin).parent / folder if spec is not None and spec.origin else None
+
+
+def models() -> list[Path]:
+    """Paths of all models of the collections that are installed."""
+    names = {"pybullet": PYBULLET, "gymnasium": GYMNASIUM, "dm_control": DM_CONTROL, "robot_data": ROBOT_DATA}
+    return [home / name for key, home in folders().items() if home for name in names[key]]

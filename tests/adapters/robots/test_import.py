@@ -1,0 +1,259 @@
+"""Robots as scenes: mass, inertia, joints and limits are the model's; what cannot be kept is named."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from foreign_models import PYBULLET, folders, models
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.oracles.articulated import Articulated
+from touchstone.adapters.recorder import ready
+from touchstone.adapters.registry import ENGINES, installed, load
+from touchstone.adapters.robots.links import MassProperties, combined
+from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.adapters.robots.robot_scene import BASE, imported
+from touchstone.adapters.robots.source import compiled
+from touchstone.scenarios.files.read import read_scene
+from touchstone.scenarios.files.write import scene_toml
+from touchstone.scenarios.scenario import Box, Scenario
+
+ARM = """<robot name="arm"><link name="base">
+ <inertial><mass value="2"/><inertia ixx="1" ixy="0.1" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+  <collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
+ <link name="rod"><inertial><origin xyz="0 0 0.2" rpy="0.3 0 0"/><mass value="0.5"/>
+   <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.011" iyz="0" izz="0.002"/></inertial>
+  <collision><geometry><cylinder radius="0.02" length="0.4"/></geometry></collision></link>
+ <link name="tip"><inertial><mass value="0.1"/>
+  <inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial>
+  <collision><geometry><mesh filename="tip.obj"/></geometry></collision></link>
+ <joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/>
+  <origin xyz="0 0 0.1" rpy="0 0.2 0"/><axis xyz="0 1 1"/>
+  <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
+ <joint name="glue" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0 0 0.4"/></joint>
+</robot>
+"""
+TIP = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+BODY = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+<body name="torso" pos="0 0 1"><freejoint name="free"/><geom name="belly" type="capsule" size="0.1 0.2"/>
+ <body name="leg" pos="0 0 -0.3" euler="10 0 0">
+  <joint name="x" axis="1 0 0" range="-30 30"/><joint name="y" axis="0 1 0" range="-40 40"/>
+  <joint name="z" axis="0 0 1" range="-50 50"/>
+  <geom type="capsule" fromto="0 0 0 0 0.1 -0.4" size="0.05"/>
+  <body name="foot" pos="0 0.1 -0.4"><joint name="ankle" pos="0 0.02 0" axis="0 1 0"/>
+   <geom size="0.06"/></body></body></body></worldbody></mujoco>
+"""
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """Import a text as a file with the mesh of a tip beside it; returns the scene and its notes."""
+    (tmp_path / "tip.obj").write_text(TIP)
+
+    def make(text: str, name: str = "robot.xml", **options):
+        (tmp_path / name).write_text(text)
+        return imported(tmp_path / name, "robot", **options)
+
+    return make
+
+
+def whole_of_model(model, scenario: Scenario, angles: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre and inertia of MuJoCo's own model, its hinges at a scene's angles."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = model.qpos0
+    for joint, angle in zip(scenario.trackers[0].joints, angles):
+        data.qpos[model.jnt_qposadr[model.joint(joint).id]] += angle
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mass, centers = model.body_mass, data.xipos
+    center = mass @ centers / mass.sum()
+    inertia = np.zeros((3, 3))
+    for own, place, turn, moments in zip(mass, centers, data.ximat.reshape(-1, 3, 3), model.body_inertia):
+        arm = place - center
+        inertia += turn @ np.diag(moments) @ turn.T + own * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return mass.sum(), center, inertia
+
+
+def check_whole(path, found) -> None:
+    """Mass, centre and inertia of the scene are the model's in random postures, to rounding."""
+    scenario = found.scenario
+    model, tracker = compiled(path, allow_paths=True).model, scenario.trackers[0]
+    body = Articulated(scenario, tracker)
+    rng = np.random.default_rng(3)
+    for k in range(3):
+        angles = np.array(tracker.angles[0]) * 0 if k == 0 else rng.uniform(-1, 1, len(tracker.joints))
+        posture = body.posture(tracker.positions[0], tracker.orientations[0], angles)
+        wanted = MassProperties(*whole_of_model(model, scenario, angles))
+        if any("has no mass; as the root" in note for note in found.notes):
+            base = replace(BASE, center=np.array(tracker.positions[0]))
+            wanted = combined([wanted, base])
+        for own, theirs in zip(body.body(posture), (wanted.mass, wanted.center, wanted.inertia)):
+            assert np.allclose(own, theirs, rtol=1e-9, atol=1e-9 * np.max(np.abs(theirs)))
+
+
+def test_a_urdf_keeps_its_masses_and_joints(robot, tmp_path):
+    """Fixed joints merge links; the hinge has its axis, place and limits; a hull has the mesh's corners."""
+    found = robot(ARM, "arm.urdf")
+    scenario = found.scenario
+    assert [body.name for body in scenario.bodies] == ["floor", "base", "rod"]
+    (joint,) = scenario.joints
+    assert (joint.name, joint.lower, joint.upper) == ("hinge", -1.0, 2.0)
+    turn = Rotation.from_euler("xyz", (0, 0.2, 0))
+    assert np.allclose(joint.axis, turn.apply((0, 0.5**0.5, 0.5**0.5)), atol=1e-15)
+    assert scenario.bodies[2].mass == pytest.approx(0.6, rel=1e-15)
+    assert [len(piece.shape.vertices) for piece in scenario.bodies[2].pieces] == [48, 4]
+    check_whole(tmp_path / "arm.urdf", found)
+    assert [note.partition(":")[0] for note in found.notes] == ["mesh 'tip'", "1 cylinders", "floor"]
+    # what is written is read again, to the bit
+    (tmp_path / "again.toml").write_text(scene_toml(scenario, "\n".join(found.notes)))
+    assert read_scene(tmp_path / "again.toml") == scenario
+
+
+def test_several_hinges_share_a_body(robot, tmp_path):
+    """A body with three hinges becomes three links that weigh the same in every posture."""
+    found = robot(BODY)
+    scenario = found.scenario
+    assert [joint.name for joint in scenario.joints] == ["x", "y", "z", "ankle"]
+    assert [chain.joints for chain in scenario.chains] == [("x", "y", "z", "ankle")]
+    assert scenario.joints[3].upper == 1000.0
+    assert any("'ankle': without limits" in note for note in found.notes)
+    assert scenario.trackers[0].positions[0] == (0.0, 0.0, 1.0)
+    floor = scenario.bodies[0]
+    assert (floor.kind, floor.pieces[0].shape, floor.pieces[0].position[2]) == (
+        "fixed",
+        Box((10.0, 10.0, 0.5)),
+        -0.5,
+    )
+    check_whole(tmp_path / "robot.xml", found)
+
+
+@pytest.mark.parametrize("engine", [name for name in ENGINES if installed(name)])
+@pytest.mark.parametrize("text", [ARM, BODY], ids=["urdf", "mjcf"])
+def test_every_engine_has_its_masses(robot, engine, text):
+    """Masses and inertias that each engine reports are the scene's to 1e-9."""
+    scenario = robot(text, "robot.urdf" if text is ARM else "robot.xml").scenario
+    profile, dt = next(iter(ENGINES[engine].profiles.items()))
+    world = ready(load(engine), scenario, Settings(profile, dt)).world
+    facts = world.describe().bodies
+    world.close()
+    for body in scenario.bodies:
+        if body.kind != "fixed":
+            own = facts[body.name]
+            assert own.mass == pytest.approx(body.mass, rel=1e-9)
+            assert np.allclose(own.inertia, body.inertia, rtol=1e-9, atol=1e-9 * np.max(body.inertia))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "line"),
+    [
+        (
+            "r.urdf",
+            '"revolute"',
+            '"planar"',
+            "r.urdf:10: joint 'hinge': type planar: three degrees of freedom",
+        ),
+        ("r.urdf", '"revolute"', '"floating"', "r.urdf:10: joint 'hinge': type floating: six degrees"),
+        ("r.urdf", "tip.obj", "none.obj", "r.urdf:9: mesh: file 'none.obj' is missing"),
+        ("r.urdf", "tip.obj", "/etc/passwd", "r.urdf:9: mesh: file '/etc/passwd' lies outside the robot's"),
+        ("r.urdf", "tip.obj", "tip.dae", "r.urdf:9: mesh: tip.dae: found .dae, expected .stl, .obj, .msh"),
+        ("r.urdf", 'ixx="0.01"', 'ixx="0.1"', "r.urdf:4: link 'rod': inertia must satisfy A + B >= C"),
+        ("r.urdf", "</robot>", "", "r.urdf:15: not XML: no element found"),
+        ("r.urdf", "robot", "rebot", "r.urdf:1: found <rebot>, expected <robot> (URDF) or <mujoco> (MJCF)"),
+        (
+            "r.urdf",
+            '<robot name="arm">',
+            '<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;">',
+            "r.urdf:1: entity 'a'",
+        ),
+        (
+            "r.xml",
+            "</worldbody>",
+            '</worldbody>\n<tendon><fixed name="t"><joint joint="x" coef="1"/></fixed></tendon>',
+            "r.xml:9: fixed 't': tendons couple joints",
+        ),
+        (
+            "r.xml",
+            "</worldbody>",
+            '</worldbody>\n<equality><connect body1="foot" anchor="0 0 0"/></equality>',
+            "r.xml:9: connect: a closed loop cannot be kept",
+        ),
+        (
+            "r.xml",
+            "<worldbody>",
+            '<include file="../x.xml"/><worldbody>',
+            "r.xml:1: include: file '../x.xml' is",
+        ),
+        ("r.xml", 'type="capsule" size="0.1', 'type="blob" size="0.1', "r.xml:2: invalid keyword: 'blob'"),
+    ],
+)
+def test_what_no_scene_holds_is_refused_by_name(robot, tmp_path, name, old, new, line):
+    """One line per fault: file, line, element and reason; nothing outside the folder is read."""
+    text = ARM if name == "r.urdf" else BODY
+    assert old in text
+    (tmp_path / "tip.dae").write_text("<COLLADA/>")
+    with pytest.raises(RobotError, match=re.escape(line)):
+        robot(text.replace(old, new), name)
+
+
+def test_slides_are_held_and_named(robot):
+    """A sliding joint stays where it starts, and its body is part of its parent."""
+    found = robot(BODY.replace('<joint name="ankle"', '<joint name="ankle" type="slide"'))
+    assert [joint.name for joint in found.scenario.joints] == ["x", "y", "z"]
+    assert "joint 'ankle' slides: it stays where it starts, since scenes have hinges only" in found.notes
+
+
+def test_models_of_pybullet_import_or_say_why(tmp_path):
+    """Each model gives a valid scene of the model's mass, or one line with its element."""
+    home = folders()["pybullet"]
+    if home is None:
+        pytest.skip("pybullet is not installed")
+    refused = []
+    for name in PYBULLET:
+        try:
+            found = imported(home / name, "robot", allow_paths=True)
+        except RobotError as error:
+            refused.append(str(error))
+            continue
+        check_whole(home / name, found)
+    assert [line.partition(": ")[0].split("/")[-1] for line in refused] == [
+        "mini_cheetah.urdf:95",
+        "hopper.xml:2",
+    ]
+
+
+@pytest.mark.slow
+def test_foreign_models_import_and_weigh_the_same_in_every_engine(capsys):
+    """At least 25 of 30 models of others import; every engine agrees on mass, inertia and limits to 1e-9."""
+    from touchstone.reports.views.model_card import AGREED, _held, deviation
+
+    paths = models()
+    if len(paths) < 30:
+        pytest.skip("pip install -e '.[models]' for models of gymnasium, dm_control and example-robot-data")
+    played, refused, differ = [], [], []
+    for path in paths:
+        try:
+            found = imported(path, "robot", allow_paths=True)
+        except RobotError as error:
+            refused.append(str(error).splitlines()[0])
+            continue
+        played.append(path.name)
+        scenario = found.scenario
+        if len(scenario.trackers) == 1 and not any("different anchors" in note for note in found.notes):
+            check_whole(path, found)
+        held, reasons = _held(scenario)
+        differ += [f"{path.name} {engine}: {reason}" for engine, reason in reasons.items()]
+        for engine, recording in held.items():
+            for tracker in scenario.trackers:
+                off = deviation(scenario, tracker, recording)
+                if off > AGREED:
+                    differ.append(f"{path.name} {engine}: {off:.1e}")
+    with capsys.disabled():
+        print(f"\n{len(played)} of {len(paths)} import; refused:", *refused, "differ:", *differ, sep="\n  ")
+    assert len(played) >= 25
+    assert all(re.search(r":\d+: \w+", line) for line in refused)
+    assert differ == []
