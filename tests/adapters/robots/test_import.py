@@ -82,6 +82,8 @@ def whole_of_model(model, scenario: Scenario, angles: np.ndarray) -> tuple[float
 def check_whole(path, found) -> None:
     """Mass, centre and inertia of the scene are the model's in random postures, to rounding."""
     scenario = found.scenario
+    # Hinges with different anchors share LEAST_SHARE of the mass, which is moved by centimetres.
+    rounding = 1e-5 if any("different anchors" in note for note in found.notes) else 1e-9
     model, tracker = compiled(path, allow_paths=True).model, scenario.trackers[0]
     body = Articulated(scenario, tracker)
     rng = np.random.default_rng(3)
@@ -93,7 +95,7 @@ def check_whole(path, found) -> None:
             base = replace(BASE, center=np.array(tracker.positions[0]))
             wanted = combined([wanted, base])
         for own, theirs in zip(body.body(posture), (wanted.mass, wanted.center, wanted.inertia)):
-            assert np.allclose(own, theirs, rtol=1e-9, atol=1e-9 * np.max(np.abs(theirs)))
+            assert np.allclose(own, theirs, rtol=rounding, atol=rounding * np.max(np.abs(theirs)))
 
 
 def test_a_urdf_keeps_its_masses_and_joints(robot, tmp_path):
@@ -221,7 +223,7 @@ def test_models_of_pybullet_import_or_say_why(tmp_path):
             continue
         check_whole(home / name, found)
     assert [line.partition(": ")[0].split("/")[-1] for line in refused] == [
-        "mini_cheetah.urdf:95",
+        "mini_cheetah.urdf:57",
         "hopper.xml:2",
     ]
 
@@ -243,7 +245,7 @@ def test_foreign_models_import_and_weigh_the_same_in_every_engine(capsys):
             continue
         played.append(path.name)
         scenario = found.scenario
-        if len(scenario.trackers) == 1 and not any("different anchors" in note for note in found.notes):
+        if len(scenario.trackers) == 1:
             check_whole(path, found)
         held, reasons = _held(scenario)
         differ += [f"{path.name} {engine}: {reason}" for engine, reason in reasons.items()]
