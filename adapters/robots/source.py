@@ -115,7 +115,7 @@ def _check_mjcf(root: Element, path: Path, allow_paths: bool, seen: tuple[Path, 
 
 
 def _compiled(root: Element, load: Any, path: Path) -> Any:
-    """Compile; an error of MuJoCo is told with the line of the element that it names."""
+    """Compile; raises RobotError with the line of the element that MuJoCo names."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
