@@ -324,7 +324,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     failed run, is only looked up among the known failings; other errors and skipped rows stay."""
     if (row.metric, row.verdict) == ("run", "error"):
         known = known_of(row, tags)
-        return replace(row, verdict="known", reason=f"{row.reason}; {known.reason}") if known else row
+        return _known(row, f"{row.reason}; {known.reason}", known) if known else row
     if row.verdict not in ("", "pass", "fail"):
         return row
     reason, largest, met, basis = row.reason, row.limit, row.verdict == "pass", row.basis
@@ -341,7 +341,12 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     elif known is not None and met and at_own_step(row) and is_measured(row):
         verdict, reason = "fail", f"a known failing is gone: take it out of known_failures ({known.reason})"
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
-    return replace(row, limit=largest, verdict=verdict, basis=basis, reason=remark)
+    again = known.reproduce if known is not None and verdict == "known" else row.reproduce
+    return replace(row, limit=largest, verdict=verdict, basis=basis, reason=remark, reproduce=again)
+
+
+def _known(row: Row, reason: str, known: Known) -> Row:
+    return replace(row, verdict="known", reason=reason, reproduce=known.reproduce)
 
 
 def _excused(row: Row, known: Known) -> tuple[str, str]:

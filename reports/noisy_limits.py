@@ -40,7 +40,8 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
         verdict, reason = "known", f"{known.reason} (no bound with a noisy tracker)"
     basis = CONSTRUCTION if limit.by_construction else row.basis
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
-    return replace(row, limit=limit.largest, verdict=verdict, basis=basis, reason=remark)
+    again = known.reproduce if known is not None and verdict == "known" else row.reproduce
+    return replace(row, limit=limit.largest, verdict=verdict, basis=basis, reason=remark, reproduce=again)
 
 
 def _of_the_tracker(row: Row) -> bool:

@@ -31,7 +31,10 @@ missing verdict: the limit follows from the scene's ideal tracker."""
 @dataclass(frozen=True, slots=True)
 class Row:
     """One value [SI]. `subject` names a pair, body, stage or the other side of a ratio; `low`, `high` bound
-    an interval; `limit` is the limit behind `verdict`, `basis` the basis of the verdict; `dt` [s]."""
+    an interval; `limit` is the limit behind `verdict`, `basis` the basis of the verdict; `dt` [s].
+
+    `reason` is a sentence for readers; what another module needs of it is in `reason_code`, a word that the
+    module that writes the row defines, and in `reproduce`, a command that shows the row again."""
 
     study: str
     scenario: str
@@ -50,6 +53,8 @@ class Row:
     verdict: str = ""
     basis: str = ""
     reason: str = ""
+    reason_code: str = ""
+    reproduce: str = ""
 
 
 COLUMNS = (
@@ -70,6 +75,8 @@ COLUMNS = (
     "verdict",
     "basis",
     "reason",
+    "reason_code",
+    "reproduce",
 )
 assert set(COLUMNS) == {field.name for field in fields(Row)}
 

@@ -23,6 +23,7 @@ from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of, save, save_manifest, table
+from touchstone.reports.run.comparisons import DEEPER
 from touchstone.reports.run.request import REFERENCE, Request, Results, columns_of
 from touchstone.reports.run.study import run as play
 from touchstone.scenarios.catalogue import tagged, tags
@@ -123,9 +124,10 @@ def _ratios(
         row = replace(row, low=ratio.low, high=ratio.high)
         asked = judged.get((mine[0], row.subject))
         if asked is not None and asked.verdict:
-            larger = asked.reason.endswith("overlap larger")
-            verdict = "pass" if ratio.value <= asked.limit and not larger else "fail"
+            deeper = asked.reason_code == DEEPER
+            verdict = "pass" if ratio.value <= asked.limit and not deeper else "fail"
             row = replace(row, limit=asked.limit, verdict=verdict, reason=asked.reason)
+            row = replace(row, reason_code=asked.reason_code)
         rows.append(row)
     return rows
 

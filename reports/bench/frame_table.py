@@ -60,7 +60,7 @@ def _show_judged(frame: pd.DataFrame, out: Console) -> None:
             value_text(row),
             interval_text(row),
             limit_text(row),
-            row.reason.rpartition("overlap ")[2],
+            row.reason_code.replace("-", " "),
         )
     out.print(table)
 

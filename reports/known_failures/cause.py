@@ -26,6 +26,7 @@ class Known:
     profile: str = ""
     subject: str = ""
     never: bool = False  # the failing is that an event never happens
+    reproduce: str = ""  # the command that shows it
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,4 +57,4 @@ class Cause:
         if metric != "run":  # the failing is that the run ends before the scene does
             shows += f" --metric {metric}"
         label = plain + (NOISY if noise else "")
-        return Known(metric, self.engine, f"{self.reason}: {shows}", scene, label, subject, never)
+        return Known(metric, self.engine, self.reason, scene, label, subject, never, shows)

@@ -20,9 +20,10 @@ CALIBRATION = tuple(
     Known(
         "friction.bias.max",
         "reference",
-        f"{ASIDE}: touchstone study calibration --engine reference",
+        ASIDE,
         pair,
         "paper",
+        reproduce="touchstone study calibration --engine reference",
     )
     for pair in ("all", "box-box", "hull-box")
 )

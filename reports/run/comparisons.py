@@ -21,6 +21,8 @@ probes, whose frames hold almost no work and take an engine a few microseconds; 
 many contacts."""
 MANY_CONTACTS = 10
 """Contacts in the reference's median frame above which RATIO_LIMIT applies to a probe too."""
+DEEPER, NO_DEEPER, UNCOMPARED = "deeper", "no-deeper", "uncompared"
+"""Reason codes of a ratio of times: the reference overlaps more than the other, no more, or nobody knows."""
 SAME_DEPTH = 1e-8
 """Overlap below which two values are equal [m]: the oracle's tolerance."""
 
@@ -40,7 +42,7 @@ def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows
         limited = profile == "balanced" and not is_foreign(scenario)
         limits = ratio_limits(scenario, mine) if limited else {}
         for column, ratio in ratios.items():
-            said, no_deeper = _compared(overlap.get((REFERENCE, profile)), overlap.get(column))
+            code, said = _compared(overlap.get((REFERENCE, profile)), overlap.get(column))
             row = Row(
                 STUDY,
                 scenario.name,
@@ -54,27 +56,28 @@ def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows
                 low=ratio.low,
                 high=ratio.high,
                 reason=said,
+                reason_code=code,
             )
             if column == fastest[column[1]] and column[1] in limits:
                 largest = limits[column[1]]
-                verdict = "pass" if ratio.value <= largest and no_deeper is not False else "fail"
-                if no_deeper is None and verdict == "pass":
+                verdict = "pass" if ratio.value <= largest and code != DEEPER else "fail"
+                if code == UNCOMPARED and verdict == "pass":
                     verdict = UNJUDGED
                 row = replace(row, limit=largest, verdict=verdict, reason=f"against the fastest; {said}")
             found.append(row)
     return found
 
 
-def _compared(ours: Row | None, theirs: Row | None) -> tuple[str, bool | None]:
-    """Text on both overlaps, and whether ours is no larger: None where an expected number is missing. Where
-    no two bodies may touch there is nothing to compare."""
+def _compared(ours: Row | None, theirs: Row | None) -> tuple[str, str]:
+    """Code and text of the comparison of both overlaps. Where no two bodies may touch there is nothing to
+    compare; UNCOMPARED where an expected number is missing."""
     for row in (ours, theirs):
         if row is None:
-            return "overlap not measured", None
+            return UNCOMPARED, "overlap not measured"
         if not isfinite(row.value):
-            return f"no overlap: {row.reason}", True if row.verdict == "skipped" else None
+            return NO_DEEPER if row.verdict == "skipped" else UNCOMPARED, f"no overlap: {row.reason}"
     deeper = ours.value > max(theirs.value, SAME_DEPTH)  # type: ignore[union-attr]
-    return f"overlap {'larger' if deeper else 'no larger'}", not deeper
+    return (DEEPER, "overlap larger") if deeper else (NO_DEEPER, "overlap no larger")
 
 
 def ratio_limits(scenario: Scenario, ours: Recording) -> dict[str, float]:

@@ -133,8 +133,8 @@ def _total(
 
 
 def _cause(row: Row) -> str:
-    """A reason without the worst body and the command that reproduces it."""
-    return BODY.sub("", row.reason).partition(": touchstone run ")[0]
+    """A reason without the worst body."""
+    return BODY.sub("", row.reason)
 
 
 def _not_applicable(counts: Iterable[Mapping[Column, Count]]) -> list[str]:

@@ -115,9 +115,9 @@ def test_known_failings_say_how_to_see_them(known):
     assert known.engine in ENGINES
     studies = dict.fromkeys(effects.JUDGED, "effects") | dict.fromkeys(LARGEST.values(), "calibration")
     if known.metric in studies:
-        assert known.reason.endswith(f": touchstone study {studies[known.metric]} --engine {known.engine}")
+        assert known.reproduce == f"touchstone study {studies[known.metric]} --engine {known.engine}"
         return
-    command = known.reason.partition(": touchstone run ")[2].split()
+    command = known.reproduce.removeprefix("touchstone run ").split()
     assert command[0] in catalogue()
     options = dict(zip(command[1::2], command[2::2]))
     assert options["--engine"] == known.engine

@@ -74,7 +74,7 @@ def test_what_noise_alone_shows_may_be_known(monkeypatch):
     cause = Cause("mujoco", "jerked", {"recommended+noisy": {"friction.direction": "ball_snip:table-ball"}})
     (known,) = cause.known()
     assert (known.profile, known.subject) == (f"recommended{NOISY}", "table-ball")
-    assert "--profile recommended --tracker noisy --metric friction.direction" in known.reason
+    assert "--profile recommended --tracker noisy --metric friction.direction" in known.reproduce
     monkeypatch.setattr(limits, "KNOWN", (known,))
     row = replace(ROW, scenario="ball_snip", engine="mujoco", profile=known.profile, value=0.5)
     row = replace(row, metric="friction.direction", subject="table-ball")

@@ -18,7 +18,7 @@ ROW = Row(
 def test_columns_are_fixed():
     """The columns are those, in that order, whatever the rows, and with none at all."""
     names = "study scenario engine profile dt seed repeat metric subject value unit low high limit"
-    wanted = (*names.split(), "verdict", "basis", "reason")
+    wanted = (*names.split(), "verdict", "basis", "reason", "reason_code", "reproduce")
     assert wanted == COLUMNS
     for rows in ([], [ROW], [ROW, ROW]):
         frame = table(rows)

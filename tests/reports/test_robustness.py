@@ -128,7 +128,7 @@ def test_limits_hold_for_the_reference_alone(fakes):
         assert {row.verdict for row in rows if row.scenario == "tower"} == {""}
         worst = [row for row in rows if row.metric == "run"]
         assert [row.subject for row in worst] == ["exploded", "residual"]
-        assert worst[0].reason.startswith(f"{line(asked[0])}: diverged")
+        assert (worst[0].reproduce, worst[0].reason[:8]) == (line(asked[0]), "diverged")
 
 
 def test_a_line_names_all_that_a_run_was():

@@ -169,7 +169,7 @@ def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
             continue
         rows += _saved(row, other)
         word = IDENTICAL if other.same else WITHIN if max(other.moved, other.turned) <= TOLERANCE else MATTERS
-        row = replace(row, reason=word)
+        row = replace(row, reason=word, reason_code=word)
         rows.append(replace(row, metric="effects.moved", unit="m", value=other.moved))
         rows.append(replace(row, metric="effects.turned", unit="rad", value=other.turned))
         rows.append(replace(row, metric="effects.changed", unit="1", value=float(not other.same)))

@@ -53,8 +53,8 @@ def show(frame: pd.DataFrame, out: Console) -> None:
 
 
 def outcome(row: Row | None) -> str:
-    """Verdict on the outcome in a row: the first words of its reason."""
-    return "" if row is None else row.reason.partition(";")[0]
+    """Verdict on the outcome in a row: its code."""
+    return "" if row is None else row.reason_code
 
 
 def mark(rows: dict[tuple[str, str, str, str], Row], scenario: str, effect: str) -> str:

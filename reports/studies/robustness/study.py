@@ -111,8 +111,7 @@ def played(
         found = child.ask("play", task)
         if child.failure is not None:
             status, reason = child.failure
-            hung = reason.startswith("hung")
-            found = Assessment(status if status == "skipped" else "hang" if hung else "error", reason)
+            found = Assessment(status if status == "skipped" else "hang" if child.hung else "error", reason)
             child = Child(folder / "output-more.txt", loader, patience)
         idle.put(child)
         return task, found
@@ -176,7 +175,6 @@ def _worst(base: Row, runs: Sequence[Run]) -> list[Row]:
         size = outcome if outcome in ("rise", "momentum") else size
         these.sort(key=lambda one: -np.nan_to_num(getattr(one[1], size), nan=0.0))
         for task, found in these[:WORST]:
-            remark = f": {found.reason}" if found.reason else ""
             rows.append(
                 replace(
                     base,
@@ -185,7 +183,8 @@ def _worst(base: Row, runs: Sequence[Run]) -> list[Row]:
                     subject=outcome,
                     value=float(getattr(found, size)),
                     unit="m/s" if size == "residual" else "m" if size == "overlap" else "1",
-                    reason=f"{line(task)}{remark}",
+                    reason=found.reason,
+                    reproduce=line(task),
                 )
             )
     return rows

@@ -67,7 +67,8 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         )
     for row in rows_of(frame[frame.metric == "run"]):
         what = row.verdict or f"{row.subject} {short(row.value)} {row.scenario}"
-        out.print(f"{what}: {row.reason}", highlight=False, markup=False, soft_wrap=True)
+        text = ": ".join(part for part in (what, row.reproduce, row.reason) if part)
+        out.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def _cell(row: Row | None) -> str:
