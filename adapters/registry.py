@@ -17,10 +17,10 @@ from touchstone.adapters.knobs import SettingError, Table
 
 __all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "Entry"]
 
-OURS = {
-    name: f"touchstone.adapters.engines.{name}:ENTRY" for name in ("reference", "dart", "bullet", "mujoco")
-}
-"""Engines of this project: name -> entry point, as in `pyproject.toml`. They play by default."""
+DEFAULT_ENGINES = ("reference", "dart", "bullet", "mujoco")
+"""Engines that play where none is named."""
+OURS = {name: f"touchstone.adapters.engines.{name}:ENTRY" for name in (*DEFAULT_ENGINES, "drake")}
+"""Engines of this project: name -> entry point, as in `pyproject.toml`."""
 
 
 def _entry_of_ours(name: str) -> Entry:
@@ -29,7 +29,7 @@ def _entry_of_ours(name: str) -> Entry:
     return entry
 
 
-ENGINES.update({name: _entry_of_ours(name) for name in OURS if name not in ENGINES})
+ENGINES.update({name: _entry_of_ours(name) for name in DEFAULT_ENGINES if name not in ENGINES})
 
 
 def available() -> tuple[str, ...]:

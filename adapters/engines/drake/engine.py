@@ -1,0 +1,343 @@
+"""Drake through pydrake: one MultibodyPlant per scene, stepped by its discrete solver.
+
+Conventions: quaternions are wxyz and boxes have full sides. A body's velocity is that of its *origin*, along
+world axes. A contact's `nhat_BA` points from B to A and its force acts on B; depth is positive in overlap; A
+and B are ordered by Drake. Contact results are those of the last step, with the geometry of its start; force
+times dt is the impulse. Friction is combined harmonically (2 f g / (f + g)); there is no restitution.
+Contacts are points (`ContactModel.kPoint`): rigid hydroelastic geometry never touches other rigid geometry.
+
+Profiles: `recommended` is Drake as it comes (`lagged`: Hunt-Crossley dissipation and friction within the
+cone, solved by SAP), at its default step of 1 ms; `sap` is the convex approximation that gives the SAP solver
+its name; `tamsi` is the TAMSI solver. Stiffness and dissipation are Drake's defaults: near-rigid contact, or
+1 mm of penetration allowance where an approximation has a stiffness.
+https://drake.mit.edu/doxygen_cxx/group__multibody__simulation.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any, ClassVar
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialForce, SpatialVelocity
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    CalcContactFrictionFromSurfaceProperties,
+    ContactModel,
+    DiscreteContactApproximation,
+    ExternallyAppliedSpatialForce,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from touchstone.adapters.contract import (
+    Array,
+    BodyFacts,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+    Unsupported,
+)
+from touchstone.adapters.engines.drake import ENTRY, SAP, TAMSI
+from touchstone.adapters.engines.drake.model import (
+    Geometries,
+    add_hinge,
+    add_pieces,
+    add_servos,
+    check_restitution,
+    filter_pairs,
+    harmonic_factors,
+    inertia_of,
+    transform,
+)
+from touchstone.adapters.material_combine import frictions
+from touchstone.adapters.registry import require_profile
+from touchstone.adapters.servo import Drive
+from touchstone.scenarios.scenario import Scenario
+
+APPROXIMATION = {
+    SAP: DiscreteContactApproximation.kSap,
+    TAMSI: DiscreteContactApproximation.kTamsi,
+}
+"""Discrete approximation of a profile; `lagged`, Drake's default, for the others."""
+
+
+class DrakeEngine:
+    """Drake as it comes; `sap` with the convex approximation, `tamsi` with the TAMSI solver."""
+
+    name: ClassVar[str] = "drake"
+    profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported if Drake cannot represent it."""
+        require_profile(self.name, settings)
+        if settings.drive == "posed" and scenario.trackers:
+            raise Unsupported("drake: no kinematic links in a discrete plant; choose --drive native")
+        if settings.profile == TAMSI and scenario.trackers and settings.drive == "native":
+            raise Unsupported("drake: TAMSI has no position servos; choose the profile recommended")
+        check_restitution(scenario)
+        return World(scenario, settings)
+
+    def version(self) -> str:
+        """Version of the installed wheel."""
+        return version("drake")
+
+
+class World:
+    """A plant, its diagram and simulator. `bodies` has Drake's body per body of the scenario; None: fixed."""
+
+    def __init__(self, scenario: Scenario, settings: Settings) -> None:
+        self._scenario, self._settings = scenario, settings
+        builder = DiagramBuilder()
+        self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=settings.dt)
+        self._build(scene_graph)
+        self._diagram = builder.Build()
+        self._root_context = self._diagram.CreateDefaultContext()
+        self._context = self._plant.GetMyMutableContextFromRoot(self._root_context)
+        self._set_initial_state()
+        self._simulator = Simulator(self._diagram, self._root_context)
+        self._results = self._plant.get_contact_results_output_port()
+        self._force = np.zeros((len(self._drives), 3))
+        self._torque = np.zeros((len(self._drives), 3))
+        self._steps = 0
+        self.drive(0)
+        self._simulator.Initialize()
+
+    def _build(self, scene_graph: Any) -> None:
+        scenario, settings, plant = self._scenario, self._settings, self._plant
+        plant.set_contact_model(ContactModel.kPoint)
+        approximation = APPROXIMATION.get(settings.profile, DiscreteContactApproximation.kLagged)
+        plant.set_discrete_contact_approximation(approximation)
+        plant.mutable_gravity_field().set_gravity_vector(np.array(scenario.acting_gravity))
+        factors = harmonic_factors(scenario, frictions(scenario))
+        driven = [plant.AddModelInstance(f"driven {k}") for k in range(len(scenario.trackers))]
+        for instance in driven:
+            plant.set_gravity_enabled(instance, False)
+        free = plant.AddModelInstance("simulated")
+        groups, self._bodies, geometries = scenario.groups(), [], Geometries()
+        for k, body in enumerate(scenario.bodies):
+            if body.kind == "fixed":
+                self._bodies.append(None)
+                geometries[k] = add_pieces(plant, plant.world_body(), body, factors[k], True)
+                continue
+            instance = driven[groups[k]] if groups[k] >= 0 else free
+            self._bodies.append(plant.AddRigidBody(body.name, instance, inertia_of(body)))
+            geometries[k] = add_pieces(plant, self._bodies[k], body, factors[k], False)
+        self._index = {one: k for k, ids in geometries.items() for one in ids}
+        self._geometries = geometries
+        filter_pairs(plant, scene_graph, scenario, geometries)
+        self._add_drives()
+        plant.Finalize()
+        self._inspector = scene_graph.model_inspector()
+        self._driven = driven
+
+    def _add_drives(self) -> None:
+        scenario = self._scenario
+        by_name = {body.name: drake for body, drake in zip(scenario.bodies, self._bodies)}
+        joints = {joint.name: joint for joint in scenario.joints}
+        self._drives = [Drive(scenario, tracker, self._settings.dt) for tracker in scenario.trackers]
+        self._hinges = []
+        for drive, tracker in zip(self._drives, scenario.trackers):
+            hinges = [add_hinge(self._plant, by_name, joints[name]) for name in tracker.joints]
+            if self._settings.drive == "native":
+                add_servos(self._plant, hinges, drive)
+            self._hinges.append(hinges)
+
+    def _set_initial_state(self) -> None:
+        context, plant = self._context, self._plant
+        for body, drake in zip(self._scenario.bodies, self._bodies):
+            if body.kind != "simulated":
+                continue
+            pose = transform(np.array(body.position), np.array(body.orientation))
+            self._place(drake, pose)
+            omega = np.array(body.angular_velocity)
+            arm = pose.rotation() @ np.array(body.center_of_mass)
+            self._move(drake, omega, np.array(body.linear_velocity) - np.cross(omega, arm))
+        for drive, hinges in zip(self._drives, self._hinges):
+            root = self._bodies[drive.links[0]]
+            self._place(root, transform(drive.start_position[0], drive.start_orientation[0]))
+            self._move(root, drive.start.angular_velocity[0], drive.start.linear_velocity[0])
+            for hinge, angle, rate in zip(hinges, drive.start.angle[0], drive.start.rate[0]):
+                hinge.set_angle(context, angle)
+                hinge.set_angular_rate(context, rate)
+        plant.ValidateContext(context)
+
+    def _place(self, body: Any, pose: RigidTransform) -> None:
+        self._plant.SetFreeBodyPose(self._context, body, pose)
+
+    def _move(self, body: Any, omega: Array, velocity: Array) -> None:
+        self._plant.SetFreeBodySpatialVelocity(self._context, body, SpatialVelocity(omega, velocity))
+
+    def drive(self, step: int) -> None:
+        """Apply each root's wrench and set the target of its servos, or the torques of its hinges."""
+        plant, context, forces = self._plant, self._context, []
+        torques = np.zeros(plant.num_velocities())
+        for k, drive in enumerate(self._drives):
+            root = self._bodies[drive.links[0]]
+            pose, moved = self._pose(root), plant.EvalBodySpatialVelocityInWorld(context, root)
+            turn = pose.rotation().ToQuaternion().wxyz()
+            told = drive.wrench(step, pose.translation(), turn, moved.translational(), moved.rotational())
+            self._force[k], self._torque[k] = told
+            applied = ExternallyAppliedSpatialForce()
+            applied.body_index, applied.p_BoBq_B = root.index(), np.zeros(3)
+            applied.F_Bq_W = SpatialForce(tau=self._torque[k], f=self._force[k])
+            forces.append(applied)
+            if not self._hinges[k]:
+                continue
+            if self._settings.drive == "native":
+                target = np.concatenate([drive.target.angle[step], drive.target.rate[step]])
+                plant.get_desired_state_input_port(self._driven[k]).FixValue(context, target)
+            else:
+                angle, rate = self._hinge_state(k)
+                for hinge, torque in zip(self._hinges[k], drive.hinge_torques(step, angle, rate)):
+                    torques[hinge.velocity_start()] = torque
+        if self._drives:
+            plant.get_applied_spatial_force_input_port().FixValue(context, AbstractValue.Make(forces))
+            if self._settings.drive != "native":
+                plant.get_applied_generalized_force_input_port().FixValue(context, torques)
+                self._hinge_torque = torques
+
+    def step(self) -> None:
+        """Advance by one step of the plant."""
+        self._steps += 1
+        self._simulator.AdvanceTo(self._steps * self._settings.dt)
+
+    def read(self, state: State) -> None:
+        """Read poses and velocities of the step's end, and the contacts that acted in it."""
+        plant, context = self._plant, self._context
+        for k, (body, drake) in enumerate(zip(self._scenario.bodies, self._bodies)):
+            if drake is None:
+                state.position[k], state.orientation[k] = body.position, body.orientation
+                state.linear_velocity[k] = state.angular_velocity[k] = 0.0
+                continue
+            pose, moved = self._pose(drake), plant.EvalBodySpatialVelocityInWorld(context, drake)
+            arm, omega = pose.rotation() @ np.array(body.center_of_mass), moved.rotational()
+            state.position[k] = pose.translation()
+            state.orientation[k] = pose.rotation().ToQuaternion().wxyz()
+            state.linear_velocity[k] = moved.translational() + np.cross(omega, arm)
+            state.angular_velocity[k] = omega
+        self._read_contacts(state)
+        if self._drives:
+            found = [self._hinge_state(k) for k in range(len(self._drives))]
+            state.joint_angle[:] = np.concatenate([angle for angle, _ in found])
+            state.joint_rate[:] = np.concatenate([rate for _, rate in found])
+            state.force[:], state.torque[:] = self._force, self._torque
+            state.hinge_torque[:] = self._hinge_torques()
+
+    def _read_contacts(self, state: State) -> None:
+        state.clear_contacts()
+        if not self._steps:
+            return
+        results = self._results.Eval(self._context)
+        for k in range(results.num_point_pair_contacts()):
+            contact = results.point_pair_contact_info(k)
+            pair = contact.point_pair()
+            state.add_contact(
+                self._index[pair.id_A],
+                self._index[pair.id_B],
+                (pair.p_WCa + pair.p_WCb) / 2,
+                -pair.nhat_BA_W,
+                -pair.depth,
+                contact.contact_force() * self._settings.dt,
+            )
+
+    def _pose(self, body: Any) -> RigidTransform:
+        return self._plant.EvalBodyPoseInWorld(self._context, body)
+
+    def _hinge_state(self, tracker: int) -> tuple[Array, Array]:
+        """Angles [rad] and rates [rad/s] of a tracker's hinges."""
+        hinges, context = self._hinges[tracker], self._context
+        angles = np.array([hinge.get_angle(context) for hinge in hinges])
+        return angles, np.array([hinge.get_angular_rate(context) for hinge in hinges])
+
+    def _hinge_torques(self) -> Array:
+        """Torques of all hinges during the last step (j,) [N m]."""
+        hinges = [hinge for each in self._hinges for hinge in each]
+        if not hinges:
+            return np.zeros(0)
+        if self._settings.drive != "native":
+            return np.array([self._hinge_torque[hinge.velocity_start()] for hinge in hinges])
+        torque: Array = self._plant.get_net_actuation_output_port().Eval(self._context)
+        return torque
+
+    def describe(self) -> Manifest:
+        """Manifest as read from the finalized plant."""
+        scenario, plant = self._scenario, self._plant
+        facts = {
+            body.name: _body_facts(drake)
+            for body, drake in zip(scenario.bodies, self._bodies)
+            if drake is not None
+        }
+        return Manifest(
+            engine=DrakeEngine.name,
+            version=version("drake"),
+            profile=self._settings.profile,
+            dt=float(plant.time_step()),
+            settings=self._facts(),
+            bodies=facts,
+            pairs=self._pairs(),
+            drives={t.root: drive.gains() for t, drive in zip(scenario.trackers, self._drives)},
+            limits={
+                hinge.name(): (float(hinge.position_lower_limit()), float(hinge.position_upper_limit()))
+                for hinges in self._hinges
+                for hinge in hinges
+            },
+            pieces={body.name: len(self._geometries[k]) for k, body in enumerate(scenario.bodies)},
+            freedom=int(plant.num_velocities()),
+        )
+
+    def _facts(self) -> dict[str, Scalar]:
+        plant = self._plant
+        return {
+            "contact_model": str(plant.get_contact_model()),
+            "discrete_contact_approximation": str(plant.get_discrete_contact_approximation()),
+            "discrete_contact_solver": str(plant.get_discrete_contact_solver()),
+            "contact_penalty_time_scale": float(plant.get_contact_penalty_method_time_scale()),
+            "restitution": "none: Drake has no coefficient of restitution",
+            "gravity_vector": str(plant.gravity_field().gravity_vector().tolist()),
+            "actuators": int(plant.num_actuators()),
+            "collision_shapes": len(self._index),
+        }
+
+    def _pairs(self) -> tuple[PairFacts, ...]:
+        """Coefficients per touching pair as Drake combines them; it has no restitution."""
+        found = []
+        surface = {
+            k: self._inspector.GetProximityProperties(ids[0]).GetProperty("material", "coulomb_friction")
+            for k, ids in self._geometries.items()
+            if ids
+        }
+        for a, b in self._scenario.touching_pairs():
+            mu = CalcContactFrictionFromSurfaceProperties(surface[a], surface[b]).dynamic_friction()
+            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
+            found.append(PairFacts(*names, 0.0, float(mu)))
+        return tuple(found)
+
+    def cross(self) -> None:
+        """Make an empty call into pydrake."""
+        self._plant.time_step()
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """Drake reports none to Python."""
+        return {}
+
+    def work(self) -> Mapping[str, float]:
+        """Drake reports no counters to Python."""
+        return {}
+
+    def close(self) -> None:
+        """Release the plant and its simulator."""
+        del self._simulator, self._results, self._context, self._root_context, self._diagram
+
+
+def _body_facts(body: Any) -> BodyFacts:
+    """Mass, mass centre and central inertia of a Drake body."""
+    spatial = body.default_spatial_inertia()
+    central = spatial.Shift(spatial.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    rows = tuple(tuple(row) for row in central.tolist())
+    return BodyFacts(float(spatial.get_mass()), tuple(spatial.get_com().tolist()), rows)

@@ -1,0 +1,107 @@
+"""Drake: registered like an engine of others, friction by its combine rule, no restitution, its SAP
+artefact."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from touchstone.adapters.conformance.check import check
+from touchstone.adapters.contract import Settings, Unsupported
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import DEFAULT_ENGINES, ENGINES, load, registered
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import PairCoefficients
+
+pytest.importorskip("pydrake", reason="drake is not installed (pip install 'touchstone[drake]')")
+DT = 1 / 1020
+G = 9.81
+
+
+@pytest.fixture(autouse=True)
+def named():
+    """Drake is known as long as a test of this file runs."""
+    before = dict(ENGINES)
+    registered("drake")
+    yield
+    ENGINES.clear()
+    ENGINES.update(before)
+
+
+def settings(profile: str = "recommended") -> Settings:
+    return Settings(profile, ENGINES["drake"].profiles[profile])
+
+
+def test_it_plays_only_when_it_is_named():
+    """Drake is not among the engines that play by default."""
+    assert "drake" not in DEFAULT_ENGINES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", ["recommended", "tamsi"])
+def test_the_adapter_conforms(profile):
+    """The checks of conformance find no fault."""
+    assert [(report.check, report.faults) for report in check("drake", profile) if report.faults] == []
+
+
+def test_free_fall_is_of_first_order():
+    """Free fall is off by g h T / 2, as in the other engines: semi-implicit Euler."""
+    scenario = catalogue()["fall"]
+    run = record(load("drake"), scenario, settings())
+    error = run.position[-1, 0, 2] + G * scenario.duration**2 / 2
+    assert error == pytest.approx(-G * DT * scenario.duration / 2, rel=1e-6)
+
+
+def test_friction_is_combined_harmonically(lab):
+    """Factors per body are solved so that each pair has its own coefficient; the manifest reads it back."""
+    wood = lab.scene(lab.ground(), lab.ball("one"), lab.ball("two", (0.0, 1.0, 1.0)))
+    floor, one, two = wood.bodies
+    bodies = (floor, replace(one, material="metal"), two)
+    table = (
+        PairCoefficients("wood", "wood", 0.0, 0.5),
+        PairCoefficients("wood", "metal", 0.0, 0.2),
+        PairCoefficients("metal", "metal", 0.0, 0.9),
+    )
+    scenario = replace(wood, bodies=bodies, coefficients=table)
+    world = load("drake").build(scenario, settings())
+    found = {(pair.body_a, pair.body_b): pair.friction for pair in world.describe().pairs}
+    world.close()
+    assert found == pytest.approx({("ground", "one"): 0.2, ("ground", "two"): 0.5, ("one", "two"): 0.2})
+
+
+def test_restitution_is_refused_or_left_out(lab):
+    """Drake has none: scenes of bounces are refused with the pair; the paper's materials do not bounce."""
+    bouncing = lab.scene(lab.ground(), lab.ball(), e=0.8)
+    with pytest.raises(Unsupported, match=r"drake: has no restitution; found 0.8 for the pair ground-ball"):
+        load("drake").build(bouncing, settings())
+    assert max(pair.restitution for pair in TABLE_1) <= 0.3
+    falling = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 0.15)), e=0.3, duration=0.5)
+    run = record(load("drake"), falling, settings())
+    assert run.linear_velocity[:, 1, 2].max() < 0.05
+    assert run.facts["pairs"][0]["restitution"] == 0.0
+
+
+def test_sap_lifts_what_slides(lab):
+    """The convex approximation couples slip and normal: a ball that slides over a floor is thrown up."""
+    ball = lab.ball(position=(0.0, 0.0, 0.05), linear_velocity=(2.0, 0.0, 0.0))
+    scenario = lab.scene(lab.ground(), ball, mu=0.5, duration=0.1)
+    lifted = {
+        p: record(load("drake"), scenario, settings(p)).position[:, 1, 2].max()
+        for p in ("sap", "recommended")
+    }
+    assert lifted["sap"] > 0.055
+    assert lifted["recommended"] < 0.0502
+
+
+@pytest.mark.slow
+def test_it_plays_ball_snip():
+    """The hand of fifteen parts flicks the ball off the table."""
+    scenario = catalogue()["ball_snip"]
+    run = record(load("drake"), scenario, settings())
+    k = scenario.body_index("ball")
+    assert run.position[-1, k, 2] < 0.1 < run.position[0, k, 2]
+    angles = np.array(scenario.trackers[0].angles[-1])
+    assert np.abs(run.joint_angle[-1] - angles).max() < 0.05
