@@ -119,7 +119,8 @@ class World:
         for instance in driven:
             plant.set_gravity_enabled(instance, False)
         free = plant.AddModelInstance("simulated")
-        groups, self._bodies, geometries = scenario.groups(), [], Geometries()
+        groups, geometries = scenario.groups(), Geometries()
+        self._bodies: list[Any] = []
         for k, body in enumerate(scenario.bodies):
             if body.kind == "fixed":
                 self._bodies.append(None)
