@@ -1,8 +1,8 @@
 """Conservative bounds on the motion of a scenario's bodies, by kinematics and by energy.
 
-Fixed pieces do not move. Links of a driven body stay within REACH of their tracker's path; links of a chain
-stay in a ball about the chain's root. A simulated body without contacts flies in closed form. A body with
-contacts is bounded by energy: impacts and friction remove energy, and gravity adds speed at most at rate g to
+Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION of their tracker's path; links
+of a chain stay in a ball about the chain's root. A simulated body without contacts flies in closed form. A
+body with contacts is bounded by energy: impacts and friction remove energy, and gravity adds speed at most at rate g to
 each group of bodies that can exchange it. Two kinds of bodies are unbounded: those that a driven body can
 touch, and those that are not balls and touch others with both restitution and friction, because Eqs. 8 and 10
 as printed add energy at every impact. A run checks the bounds: `Plan.broken`.
@@ -25,18 +25,18 @@ from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, 
 
 Indices = NDArray[np.intp]
 
-REACH = 0.3
+LARGEST_DEVIATION = 0.3
 """Maximum deviation of a driven link from its tracker's path [m], through obstacles or inertia."""
 POSTURE = 0.1
 """Maximum by which the distance of two links of one driven body may fall below the tracked one [m]."""
 SLACK = 0.05
 """Maximum deviation of a simulated body from its closed form or its energy bound [m], in addition to the
 error g h T / 2 of a first-order integrator with a step of one displayed frame."""
-GAIN = 2.0
+ENERGY_GAIN_FACTOR = 2.0
 """Factor on the speed of balls for laws that gain energy (friction always mu j) [1]."""
 TOUCH = 1e-6
 """Margin about fixed pieces [m]: bodies touch up to this distance."""
-MANY = 3000
+LARGEST_PIECE_COUNT = 3000
 """Piece count beyond which all pieces are assumed to meet, because the test would take seconds."""
 
 
@@ -54,7 +54,7 @@ def bounds(scenario: Scenario) -> Bounds:
     reach = np.zeros(n)
     np.maximum.at(reach, body, [extent(piece) for b in scenario.bodies for piece in b.pieces])
     low, high = world.position.copy(), world.position.copy()
-    if p > MANY:
+    if p > LARGEST_PIECE_COUNT:
         return Bounds(body, reach, low - np.inf, high + np.inf, np.zeros((n, p)))
     own = _follow(scenario, reach, low, high)
     _fly(scenario, world, low, high)
@@ -100,7 +100,7 @@ def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
         own[np.ix_(links, links)] = (
             between[np.ix_(which, which)] - around[:, None] - around - POSTURE - stride
         )
-        spread = (REACH + stride + arm)[:, None]
+        spread = (LARGEST_DEVIATION + stride + arm)[:, None]
         low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
     return np.maximum(own, 0.0)
 
@@ -266,7 +266,7 @@ def _spread(
             spins.append(omega @ world.inertia[k] @ omega)
         mass, center = world.mass[members], world.center[members]
         total = np.sqrt(float((mass * (world.velocity[members] ** 2).sum(axis=1)).sum() + np.sum(spins)))
-        path = GAIN * (total * end + g * np.sqrt(mass.sum()) * end**2 / 2)
+        path = ENERGY_GAIN_FACTOR * (total * end + g * np.sqrt(mass.sum()) * end**2 / 2)
         around = path / np.sqrt(mass) + np.linalg.norm(world.arm[members], axis=1) + SLACK
         if state[one] == 2:
             around[:] = np.inf

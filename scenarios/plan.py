@@ -17,7 +17,7 @@ from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED, Array, Meetings,
 from touchstone.scenarios.scenario import Body, Scenario, Tracker
 
 State = Literal["needed", "not needed", "forced on", "forced off"]
-STIFF = 1e9
+INERTIA_FACTOR = 1e9
 """Factor on the inertia of bodies that must not turn [1]: impacts turn them by no more than rounding shows in
 a picture, and no engine divides by zero."""
 
@@ -210,7 +210,9 @@ def _held_from_turning(body: Body) -> Body:
     """A simulated body without rotation and with an inertia that prevents it."""
     if body.kind != "simulated":
         return body
-    one, two, three = ((STIFF * x, STIFF * y, STIFF * z) for x, y, z in body.inertia)
+    one, two, three = (
+        (INERTIA_FACTOR * x, INERTIA_FACTOR * y, INERTIA_FACTOR * z) for x, y, z in body.inertia
+    )
     return replace(body, angular_velocity=(0.0, 0.0, 0.0), inertia=(one, two, three))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypedDict, Unpack
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -23,6 +24,13 @@ from touchstone.scenarios.scenario import (
     Vector,
     vector,
 )
+
+
+class Motion(TypedDict, total=False):
+    """Initial velocity of the centre of mass [m/s] and angular velocity [rad/s], world; 0 if not given."""
+
+    velocity: Vector
+    spin: Vector
 
 
 def _diagonal(x: float, y: float, z: float) -> Matrix:
@@ -127,9 +135,8 @@ def block(
     mass: float = 0.0,
     position: Vector = ORIGIN,
     orientation: Quaternion = IDENTITY,
-    velocity: Vector = ORIGIN,
-    spin: Vector = ORIGIN,
     kind: Kind = "simulated",
+    **motion: Unpack[Motion],
 ) -> Body:
     """A solid box of one body; half extents in m, mass in kg, then its state."""
     return Body(
@@ -141,8 +148,8 @@ def block(
         inertia=box_inertia(mass, half_extents),
         position=position,
         orientation=orientation,
-        linear_velocity=velocity,
-        angular_velocity=spin,
+        linear_velocity=motion.get("velocity", ORIGIN),
+        angular_velocity=motion.get("spin", ORIGIN),
     )
 
 
@@ -154,9 +161,8 @@ def capsule(
     mass: float = 0.0,
     position: Vector = ORIGIN,
     orientation: Quaternion = IDENTITY,
-    velocity: Vector = ORIGIN,
-    spin: Vector = ORIGIN,
     kind: Kind = "simulated",
+    **motion: Unpack[Motion],
 ) -> Body:
     """A solid capsule along the body's z axis; radius and half length in m, mass in kg, then its state."""
     return Body(
@@ -168,8 +174,8 @@ def capsule(
         inertia=capsule_inertia(mass, radius, half_length),
         position=position,
         orientation=orientation,
-        linear_velocity=velocity,
-        angular_velocity=spin,
+        linear_velocity=motion.get("velocity", ORIGIN),
+        angular_velocity=motion.get("spin", ORIGIN),
     )
 
 
@@ -180,9 +186,8 @@ def ellipsoid(
     mass: float = 0.0,
     position: Vector = ORIGIN,
     orientation: Quaternion = IDENTITY,
-    velocity: Vector = ORIGIN,
-    spin: Vector = ORIGIN,
     kind: Kind = "simulated",
+    **motion: Unpack[Motion],
 ) -> Body:
     """A solid ellipsoid; half axes in m, mass in kg, then its state."""
     return Body(
@@ -194,8 +199,8 @@ def ellipsoid(
         inertia=ellipsoid_inertia(mass, half_axes),
         position=position,
         orientation=orientation,
-        linear_velocity=velocity,
-        angular_velocity=spin,
+        linear_velocity=motion.get("velocity", ORIGIN),
+        angular_velocity=motion.get("spin", ORIGIN),
     )
 
 
@@ -206,9 +211,8 @@ def hull(
     mass: float = 0.0,
     position: Vector = ORIGIN,
     orientation: Quaternion = IDENTITY,
-    velocity: Vector = ORIGIN,
-    spin: Vector = ORIGIN,
     kind: Kind = "simulated",
+    **motion: Unpack[Motion],
 ) -> Body:
     """A solid convex hull whose origin is its centre of mass.
 
@@ -228,8 +232,8 @@ def hull(
         inertia=inertia,
         position=position,
         orientation=orientation,
-        linear_velocity=velocity,
-        angular_velocity=spin,
+        linear_velocity=motion.get("velocity", ORIGIN),
+        angular_velocity=motion.get("spin", ORIGIN),
     )
 
 

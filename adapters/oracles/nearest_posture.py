@@ -27,7 +27,7 @@ FREE = 1e-6
 SETTLED = 1e-3
 """Rotation of every hinge below which the iteration has converged [rad]: near a minimum the change of
 |q - q_tracker|^2 is of second order, 1e-6 rad^2."""
-REACH = 0.1
+CONSTRAINT_DISTANCE = 0.1
 """Distance within which pairs give half-spaces [m]: as far as STRIDE moves an elbow."""
 STRIDE = 0.3
 """Maximum rotation of a hinge in one linearisation [rad]: the largest whose cosine is 1 within 5 %."""
@@ -138,7 +138,7 @@ class NearestPosture:
         now: dict[tuple[int, int], Array] = {}
         for p, q in self._candidates(poses):
             value, normal, point = signed_distance(self._shapes[p], poses[p], self._shapes[q], poses[q])
-            if value <= REACH:
+            if value <= CONSTRAINT_DISTANCE:
                 now[p, q], depth = normal, max(depth, -value)
                 own = (_seen(poses[p], point), _seen(poses[q], point))
                 planes.append(_Plane((p, q), normal, *own, value, value, point, point, 0))
@@ -151,13 +151,13 @@ class NearestPosture:
         return depth, planes
 
     def _candidates(self, poses: list[Pose]) -> list[tuple[int, int]]:
-        """Pairs within REACH, by the bounding ball of a link's piece and the box of the other."""
+        """Pairs within CONSTRAINT_DISTANCE, by the ball about a link's piece and the box of the other."""
         rotation, origin = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
         center = origin + np.einsum("kij,kj->ki", rotation, self._center)
         p, q = self._pairs.T
         seen = np.einsum("kji,kj->ki", rotation[q], center[p] - center[q])
         gap = np.linalg.norm(np.maximum(0.0, np.abs(seen) - self._half[q]), axis=1)
-        near: list[tuple[int, int]] = self._pairs[gap < self._radius[p] + REACH].tolist()
+        near: list[tuple[int, int]] = self._pairs[gap < self._radius[p] + CONSTRAINT_DISTANCE].tolist()
         return near
 
     def _slopes(self, planes: list[_Plane], hinges: int) -> Array:

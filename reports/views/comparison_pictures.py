@@ -26,7 +26,7 @@ from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import number, unit_of
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
-FEW = 6
+LARGEST_SCENE_COUNT = 6
 """Largest number of scenes that are all drawn over time; of more, only the gallery's."""
 ACROSS = 3
 """Largest number of panels side by side."""
@@ -101,7 +101,7 @@ def _over_time(figure: Figure, request: Request, results: Results, section: Sect
     time series and, if there are many scenes, for those outside the gallery."""
     metric = next(metric for metric in section.topic.same if any(x.metric == metric for x in section.lines))
     lines = [line for line in section.lines if line.metric == metric]
-    many = len(request.scenarios) > FEW
+    many = len(request.scenarios) > LARGEST_SCENE_COUNT
     gallery = {s.name for s in request.scenarios if "gallery" in s.tags or not many}
     panels = [line for line in lines if line.scenario in gallery and _courses(line, results)]
     dots = [line for line in lines if line not in panels]

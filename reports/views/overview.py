@@ -13,10 +13,10 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
 from touchstone.reports.views.tables import HIDDEN, MARKS, Cell, Column, cell_of, columns_of, number, unit_of
 
-BAD = ("known", "fail", "error")
+NOT_MET = ("known", "fail", "error")
 """Verdicts that stand out, the worst last."""
 RATIO = "ratio.time"
-NOTHING = 1e-12
+SHOWN_AS_ZERO = 1e-12
 """Value below which a figure counts as 0 [1] and is shown as 0."""
 BODY = re.compile(r"^of \S+; ")
 """The remark that names the worst body, which precedes a reason."""
@@ -80,8 +80,8 @@ def _section(name: str, rows: list[Row], columns: list[Column], counts: Mapping[
     ]
     # Figures that stand out, and the first that is not 0: the distance from the truth, where there is one.
     figures = [metric for metric in measured if not metric.startswith("time.")]
-    first = next((m for m in figures if any(abs(row.value) > NOTHING for row in found[m].values())), "")
-    told = [m for m in measured if m == first or any(row.verdict in BAD for row in found[m].values())]
+    first = next((m for m in figures if any(abs(row.value) > SHOWN_AS_ZERO for row in found[m].values())), "")
+    told = [m for m in measured if m == first or any(row.verdict in NOT_MET for row in found[m].values())]
     lines = [
         (metric, unit_of(metric), [_cell(found[metric].get(column)) for column in columns]) for metric in told
     ]
@@ -91,7 +91,7 @@ def _section(name: str, rows: list[Row], columns: list[Column], counts: Mapping[
 def _weight(row: Row) -> tuple[int, float]:
     """The worst verdict first, then the largest value."""
     return (
-        BAD.index(row.verdict) if row.verdict in BAD else -1,
+        NOT_MET.index(row.verdict) if row.verdict in NOT_MET else -1,
         abs(row.value) if row.value == row.value else 0,
     )
 
@@ -155,12 +155,16 @@ def _remarks(rows: list[Row]) -> list[str]:
     """Broken limits, skipped runs and known failings: each reason once per engine, with its figures."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        if row.verdict in BAD or row.verdict == UNJUDGED or (row.verdict in NOT_RUN and row.metric == "run"):
+        if (
+            row.verdict in NOT_MET
+            or row.verdict == UNJUDGED
+            or (row.verdict in NOT_RUN and row.metric == "run")
+        ):
             reason = _cause(row)
             figure = row.scenario if row.metric == "run" else f"{row.scenario} {_figure(row)}"
             figure += f" (limit {row.limit:.2g})" if row.verdict == "fail" else ""
             found.setdefault((f"{row.verdict}: {row.engine} {row.profile}", reason), []).append(figure)
-    order = (*reversed(BAD), UNJUDGED, *NOT_RUN)
+    order = (*reversed(NOT_MET), UNJUDGED, *NOT_RUN)
     lines = [f"{who}: {reason}: {', '.join(figures)}" for (who, reason), figures in found.items()]
     return sorted(lines, key=lambda line: order.index(line.partition(":")[0])) + _ratios(rows)
 

@@ -49,7 +49,7 @@ def _rod(name: str, case: Case) -> Scenario:
         tags=("probe", "impact"),
         bodies=(
             slab("floor", "wood"),
-            block("rod", "wood", HALF, 1.0, (0.0, 0.0, height), turn, case.velocity),
+            block("rod", "wood", HALF, 1.0, (0.0, 0.0, height), turn, velocity=case.velocity),
         ),
         coefficients=(PairCoefficients("wood", "wood", case.restitution, case.friction),),
         duration=0.5,

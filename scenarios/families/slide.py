@@ -69,7 +69,7 @@ def sliding(
             1.0,
             start,
             (cos(turn / 2), 0.0, 0.0, sin(turn / 2)),
-            (speed * cos(turn), speed * sin(turn), 0.0),
+            velocity=(speed * cos(turn), speed * sin(turn), 0.0),
         )
         for box, start, turn in zip(names, starts, turns)
     )

@@ -41,7 +41,7 @@ CASES: dict[str, Case] = {
     # w / h = 0.1 corresponds to 5.711 degrees.
     "tall_holds": Case("a tall box just holds on a slope", TALL, 5.5, 0.5, False),
 }
-REACH = 1.6
+STOP_DISTANCE = 1.6
 """Distance from the lower edge down to the stop, relative to the box' half height [1]: a fallen box hits
 it."""
 
@@ -63,7 +63,7 @@ def _tip(name: str, case: Case) -> Scenario:
     ]
     if case.tips:
         half: Vector = (0.01, 0.1, 0.02)
-        at = (case.half[0] + REACH * case.half[2] + half[0]) * downhill + half[2] * up
+        at = (case.half[0] + STOP_DISTANCE * case.half[2] + half[0]) * downhill + half[2] * up
         bodies.append(block("stop", "wood", half, 0.0, vector(at), turn, kind="fixed"))
     return Scenario(
         name=name,

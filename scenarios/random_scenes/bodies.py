@@ -25,7 +25,7 @@ from touchstone.scenarios.scenario import (
     Vector,
     vector,
 )
-from touchstone.scenarios.solids import ball, block, capsule, ellipsoid, hull, hull_mass_properties
+from touchstone.scenarios.solids import Motion, ball, block, capsule, ellipsoid, hull, hull_mass_properties
 
 Array = NDArray[np.float64]
 
@@ -95,18 +95,18 @@ def solid(
     spin: Vector = ORIGIN,
 ) -> Body:
     """A simulated uniform body of one shape; mass in kg, then its state."""
-    state = (mass, position, orientation, velocity, spin)
+    state, motion = (mass, position, orientation), Motion(velocity=velocity, spin=spin)
     match shape:
         case Sphere(radius):
             return ball(name, MATERIAL, radius, mass, position, velocity, spin)
         case Box(half_extents):
-            return block(name, MATERIAL, half_extents, *state)
+            return block(name, MATERIAL, half_extents, *state, **motion)
         case Capsule(radius, half_length):
-            return capsule(name, MATERIAL, radius, half_length, *state)
+            return capsule(name, MATERIAL, radius, half_length, *state, **motion)
         case Ellipsoid(half_axes):
-            return ellipsoid(name, MATERIAL, half_axes, *state)
+            return ellipsoid(name, MATERIAL, half_axes, *state, **motion)
         case Hull(vertices):
-            return hull(name, MATERIAL, vertices, *state)
+            return hull(name, MATERIAL, vertices, *state, **motion)
 
 
 def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:

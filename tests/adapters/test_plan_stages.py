@@ -15,7 +15,7 @@ from touchstone.adapters.recording import Recording
 from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
-from touchstone.scenarios.plan import STIFF
+from touchstone.scenarios.plan import INERTIA_FACTOR
 from touchstone.scenarios.scenario import Chain, Joint, Scenario
 
 FRAME = 1 / 60
@@ -177,4 +177,4 @@ def test_held_from_turning(lab: SimpleNamespace) -> None:
     scene = lab.scene(lab.ball(**SPIN))
     applied = planned(scene, ("gravity",)).applied(scene).bodies[0]
     assert applied.angular_velocity == (0.0, 0.0, 0.0)
-    assert applied.inertia[0][0] == STIFF * scene.bodies[0].inertia[0][0]
+    assert applied.inertia[0][0] == INERTIA_FACTOR * scene.bodies[0].inertia[0][0]

@@ -28,7 +28,7 @@ from touchstone.scenarios.solids import slab
 
 FRAME = 1 / 60
 PROFILES = ("balanced", "accurate")
-FEW, MANY, PART = 30, 5000, 500
+QUICK_SCENES, SLOW_SCENES, PART = 30, 5000, 500
 """Scenes per profile: in every run of the tests, and in the slow ones, which play them in parts."""
 FEW_BODIES = 12
 """Largest scene in every run of the tests [bodies]: a heap of twenty takes as long as all others together."""
@@ -77,7 +77,7 @@ def broken(runs: list[Run], laws: tuple[str, ...] = ()) -> list[str]:
 @cache
 def few(profile: str) -> list[Run]:
     """The scenes of every run of the tests."""
-    return played(profile, range(FEW), FEW_BODIES)
+    return played(profile, range(QUICK_SCENES), FEW_BODIES)
 
 
 @pytest.mark.parametrize("profile", PROFILES)
@@ -95,7 +95,7 @@ def test_random_scenes_break_no_limit(profile: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("first", range(0, MANY, PART))
+@pytest.mark.parametrize("first", range(0, SLOW_SCENES, PART))
 def test_5000_random_scenes_gain_no_energy(profile: str, first: int) -> None:
     """The same for five thousand scenes."""
     assert broken(played(profile, range(first, first + PART)), LAWS) == []

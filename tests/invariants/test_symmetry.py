@@ -51,8 +51,8 @@ def tumbling(count: int) -> Scenario:
             1.0,
             (0.11 * k, 0.02 * k, 0.2 + 0.05 * k),
             random_orientation(rng),
-            vector(rng.normal(size=3) * 0.5),
-            vector(rng.normal(size=3) * 5),
+            velocity=vector(rng.normal(size=3) * 0.5),
+            spin=vector(rng.normal(size=3) * 5),
         )
         for k in range(count)
     ]

@@ -23,9 +23,9 @@ Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Lists = NDArray[np.uint16]
 
-BRUTE = 16
+BRUTE_FORCE_VERTEX_COUNT = 16
 """Vertex count up to which brute force is as fast as the table."""
-FINEST = 64
+LARGEST_CELL_COUNT = 64
 """Maximum number of cells along a side. Entries have 16 bits; 8 * 64^2 cells leave half of the numbers for
 chained lists and vertices."""
 CROWDED = 1 / 16
@@ -34,7 +34,7 @@ MARGIN = 1e-12
 """Height, relative to the largest coordinate, by which another vertex must be farther [1]: thousands of
 rounding errors. The table therefore returns bitwise the result of brute force, including the lowest index of
 equally far vertices."""
-FEW = 16
+PAIRWISE_COUNT = 16
 """Candidate count of a cell up to which all are compared pairwise; longer lists are compared with the
 farthest vertices only."""
 NUMBERS = 2**16
@@ -47,7 +47,7 @@ def hull_rows(corners: tuple[Vector, ...]) -> tuple[np.ndarray, int, Array]:
     points = np.array(corners)
     extent, count, cells = np.ptp(points, axis=0) / 2, len(points), 0
     lists: Lists = np.zeros((0, 4), np.uint16)
-    if count > BRUTE:
+    if count > BRUTE_FORCE_VERTEX_COUNT:
         side, counts, vertices = _candidates(points / extent)
         chained = int(np.maximum(0, -(-(counts - 4) // 3)).sum())
         if count + len(counts) + chained <= NUMBERS:
@@ -92,7 +92,7 @@ def _candidates(points: Array) -> tuple[int, Indices, Indices]:
     vertices = np.tile(np.arange(len(points)), 8)
     while True:
         counts, vertices = _thinned(points, cells, counts, vertices)
-        if np.mean(counts > 4) <= CROWDED or cells == FINEST:
+        if np.mean(counts > 4) <= CROWDED or cells == LARGEST_CELL_COUNT:
             return cells, counts, vertices
         # The four quarters of a cell inherit its candidates.
         octant, i, j = np.indices((8, 2 * cells, 2 * cells)).reshape(3, -1)
@@ -139,11 +139,11 @@ def _beaten_by_champions(least: Array, heights: Array, cell: Indices, counts: In
 
 
 def _beaten_by_any(least: Array, heights: Array, cell: Indices, counts: Indices) -> Mask:
-    """Whether any candidate exceeds `least` at all corners, for cells with at most `FEW` candidates."""
+    """Whether any candidate exceeds `least` at all corners, for cells of at most PAIRWISE_COUNT."""
     first = np.cumsum(counts) - counts
-    few = np.flatnonzero(counts <= FEW)
-    listed = np.arange(FEW) < counts[few][:, None]
-    rows = np.where(listed, first[few][:, None] + np.arange(FEW), first[few][:, None])
+    few = np.flatnonzero(counts <= PAIRWISE_COUNT)
+    listed = np.arange(PAIRWISE_COUNT) < counts[few][:, None]
+    rows = np.where(listed, first[few][:, None] + np.arange(PAIRWISE_COUNT), first[few][:, None])
     beaten = np.zeros(len(heights), dtype=bool)
     farther = heights[rows][:, None] > least[rows][:, :, None]
     # Padding repeats the first entry of a list, so it adds no new rival.

@@ -18,10 +18,10 @@ TOUCH_GAP = 1e-4
 """Gap below which bodies touch [m]."""
 OPEN_GAP = 1e-3
 """Gap above which bodies have separated [m]: wider than any engine's contact margin."""
-KICK = 0.05
+IMPACT_SPEED_CHANGE = 0.05
 """Change of the closing speed beyond gravity's from which an impact took place [m/s]."""
 
-HASTE = 1.5
+CLOSING_FRAMES = 1.5
 """Frames within which an arc must close for a velocity jump at its end to count as this pair's impact [1]."""
 
 
@@ -110,7 +110,7 @@ def first_closing(evidence: Evidence, g: Gap, start: float) -> float:
         if closed:
             return float(time[k] + h * (g.gap[k] - TOUCH_GAP) / (g.gap[k] - g.gap[k + 1]))
         # A driven body that accelerates is hit although its arc ends just short of the other body.
-        if kicked and _closing(g, k, HASTE * h) is not None:
+        if kicked and _closing(g, k, CLOSING_FRAMES * h) is not None:
             return float(time[k + 1])
     return float("nan")
 
@@ -136,4 +136,4 @@ def _closing(g: Gap, k: int, h: float) -> float | None:
 
 def _kicked(g: Gap, k: int, h: float) -> bool:
     """Whether the gap opens faster at frame k + 1 than gravity explains."""
-    return bool(g.rate[k + 1] - (g.rate[k] + g.pull[k] * h) > KICK)
+    return bool(g.rate[k + 1] - (g.rate[k] + g.pull[k] * h) > IMPACT_SPEED_CHANGE)

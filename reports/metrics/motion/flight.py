@@ -11,7 +11,7 @@ from touchstone.reports.metrics.motion.ballistic_arcs import bounces
 from touchstone.scenarios.closed_form import flips
 from touchstone.scenarios.scenario import Arc
 
-SEEN = 2.0
+SHORTEST_ARC_FRAMES = 2.0
 """Least length of an arc that surely has a displayed frame near its middle [frames]."""
 
 
@@ -36,7 +36,7 @@ def bounce_height(evidence: Evidence) -> Values:
 def _heights(arcs: tuple[Arc, ...], g: float, frame: float) -> list[float]:
     """Heights of the arcs that start upwards, against gravity, and last long enough [m]."""
     speeds = [arc.velocity[2] for arc in arcs[1:] if arc.velocity[2] > 0 > arc.acceleration[2]]
-    return [speed**2 / (2 * g) for speed in speeds if 2 * speed / g >= SEEN * frame]
+    return [speed**2 / (2 * g) for speed in speeds if 2 * speed / g >= SHORTEST_ARC_FRAMES * frame]
 
 
 def rotation_flip(evidence: Evidence) -> Values:

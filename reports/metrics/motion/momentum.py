@@ -8,7 +8,7 @@ from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Evidence, NotMeasured, Values
 from touchstone.reports.metrics.motion.energy import spin
 
-NOTHING = 1e-12
+MOMENTUM_ROUNDING = 1e-12
 """Angular momentum over (sum m |v|) times the distance of the centres below which it is rounding [1]."""
 
 
@@ -31,7 +31,7 @@ def momentum_angular(evidence: Evidence) -> Values:
         r = evidence.recording
         turning[:, k] += spin(evidence, body, r.orientation[:, body], r.angular_velocity[:, body])
     scale = np.linalg.norm(turning, axis=2).sum(axis=1).max()
-    if scale <= NOTHING * _pace(momenta) * np.linalg.norm(arms, axis=2).max():
+    if scale <= MOMENTUM_ROUNDING * _pace(momenta) * np.linalg.norm(arms, axis=2).max():
         raise NotMeasured("nothing turns")
     change = np.linalg.norm(turning.sum(axis=1) - turning[0].sum(axis=0), axis=1)
     return {"": float(change.max() / scale)}

@@ -17,11 +17,11 @@ from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, 
 
 EXACT = 1e-11
 """Allowed error over max(depth, a thousandth of the size), as in the study."""
-FEW, MANY = 40, 1100
+QUICK_PAIRS, SLOW_PAIRS = 40, 1100
 """Pairs of a family in a usual and in a slow run; nine families make 10,000."""
 
 
-@pytest.mark.parametrize("pairs", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pairs", [QUICK_PAIRS, pytest.param(SLOW_PAIRS, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_adversarial_families(lab: SimpleNamespace, family: str, pairs: int) -> None:
     """Agree with the oracle, converged, on touching, coincident, coplanar, needle-thin and tiny pieces."""

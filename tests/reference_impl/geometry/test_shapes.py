@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.engines.reference.reference_world import piece_arrays, translate
-from touchstone.adapters.engines.reference.support_table import BRUTE, hull_rows
+from touchstone.adapters.engines.reference.support_table import BRUTE_FORCE_VERTEX_COUNT, hull_rows
 from touchstone.reference_impl.geometry.shapes import corner_of_hull, local_support, place_piece
 from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
@@ -118,7 +118,10 @@ def prism(sides: int) -> np.ndarray:
 
 
 CLOUDS = {
-    **{f"ball {count}": on_a_ball(count) for count in (4, BRUTE, BRUTE + 1, 42, 162, 1000, 5000)},
+    **{
+        f"ball {count}": on_a_ball(count)
+        for count in (4, BRUTE_FORCE_VERTEX_COUNT, BRUTE_FORCE_VERTEX_COUNT + 1, 42, 162, 1000, 5000)
+    },
     "icosphere": np.array(elliptic_hull((1.0, 1.0, 1.0))),
     "needle": on_a_ball(60) * (1.0, 1e-3, 1e-3),
     "flat": on_a_ball(60) * (1.0, 0.7, 1e-4),
@@ -145,7 +148,7 @@ def test_the_table_finds_the_farthest_of_all_vertices(name: str) -> None:
     """Give the vertex that trying all gives, to the bit: the first of those equally far."""
     points = CLOUDS[name]
     pieces, vertices = piece_arrays([(0, Piece("hull", Hull(tuple(map(tuple, points.tolist())))))])
-    assert (pieces[0]["cells"] > 0) == (len(points) > BRUTE)
+    assert (pieces[0]["cells"] > 0) == (len(points) > BRUTE_FORCE_VERTEX_COUNT)
     for u, v, w in directions(points, np.random.default_rng(3)):
         farthest = np.argmax(u * points[:, 0] + v * points[:, 1] + w * points[:, 2])
         assert corner_of_hull(pieces[0], vertices, u, v, w) == farthest
