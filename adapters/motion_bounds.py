@@ -2,10 +2,10 @@
 
 Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION of their tracker's path; links
 of a chain stay in a ball about the chain's root. A simulated body without contacts flies in closed form. A
-body with contacts is bounded by energy: impacts and friction remove energy, and gravity adds speed at most at rate g to
-each group of bodies that can exchange it. Two kinds of bodies are unbounded: those that a driven body can
-touch, and those that are not balls and touch others with both restitution and friction, because Eqs. 8 and 10
-as printed add energy at every impact. A run checks the bounds: `Plan.broken`.
+body with contacts is bounded by energy: impacts and friction remove energy, and gravity adds speed at most at
+rate g to each group of bodies that can exchange it. Two kinds of bodies are unbounded: those that a driven
+body can touch, and those that are not balls and touch others with both restitution and friction, because Eqs.
+8 and 10 as printed add energy at every impact. A run checks the bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
