@@ -40,6 +40,7 @@ from touchstone.reports.cli.scenes.chosen import (
     metrics_for,
     scenarios_for,
 )
+from touchstone.reports.cli.scenes.exporting import export
 from touchstone.reports.cli.scenes.importing import import_robot
 from touchstone.reports.cli.scenes.schema import schema
 from touchstone.reports.cli.studies import bench, study
@@ -62,6 +63,7 @@ app.command()(sweep)
 app.command()(docs)
 app.command()(schema)
 app.command("import")(import_robot)
+app.command()(export)
 
 
 class Listing(StrEnum):
