@@ -33,6 +33,8 @@ from touchstone.reports.cli.options import (
     tell_failures,
     version,
 )
+from touchstone.reports.cli.runs.compare import compare
+from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -64,6 +66,8 @@ app.command()(docs)
 app.command()(schema)
 app.command("import")(import_robot)
 app.command()(export)
+app.command()(compare)
+app.command()(judge)
 
 
 class Listing(StrEnum):

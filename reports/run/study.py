@@ -36,7 +36,7 @@ def run(request: Request, progress: Progress) -> Results:
             for number, scenario in enumerate(request.scenarios, start=1):
                 progress(f"{SCENE}{number} of {len(request.scenarios)}: {scenario.name}", 0)
                 outcomes, missing = _play(request, scenario, folder, children, progress)
-                rows += _judge(request, scenario, outcomes, results, progress) + missing
+                rows += judge_outcomes(request, scenario, outcomes, results, progress) + missing
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
         results.frame = table(wanted)
         save(results.frame, folder)
@@ -81,7 +81,7 @@ def _play(
     return children.play(jobs, progress), missing
 
 
-def _judge(
+def judge_outcomes(
     request: Request,
     scenario: Scenario,
     outcomes: list[Outcome],

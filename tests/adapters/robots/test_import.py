@@ -15,7 +15,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.oracles.articulated import Articulated
 from touchstone.adapters.recorder import ready
 from touchstone.adapters.registry import ENGINES, installed, load
-from touchstone.adapters.robots.links import MassProperties, combined
+from touchstone.adapters.robots.links import MassProperties, combined, world_pose
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.robot_scene import BASE, imported
 from touchstone.adapters.robots.source import compiled
@@ -62,18 +62,28 @@ def robot(tmp_path):
     return make
 
 
+def names_of(model) -> set[str]:
+    """Names of a model's bodies."""
+    return {model.body(k).name for k in range(model.nbody)}
+
+
 def whole_of_model(model, scenario: Scenario, angles: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre and inertia of MuJoCo's own model, its hinges at a scene's angles."""
+    """Mass, centre and inertia of the tree in MuJoCo's own model, at a scene's angles and start."""
     data = mujoco.MjData(model)
     data.qpos[:] = model.qpos0
     for joint, angle in zip(scenario.trackers[0].joints, angles):
         data.qpos[model.jnt_qposadr[model.joint(joint).id]] += angle
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    mass, centers = model.body_mass, data.xipos
+    root = scenario.trackers[0].root
+    body = model.body(root if root in names_of(model) else root.removesuffix("_base")).id
+    tree = model.body_rootid == model.body_rootid[body]
+    rise = np.array(scenario.trackers[0].positions[0]) - world_pose(model, body)[0]
+    mass, centers = model.body_mass[tree], data.xipos[tree] + rise
     center = mass @ centers / mass.sum()
     inertia = np.zeros((3, 3))
-    for own, place, turn, moments in zip(mass, centers, data.ximat.reshape(-1, 3, 3), model.body_inertia):
+    turns = data.ximat.reshape(-1, 3, 3)[tree]
+    for own, place, turn, moments in zip(mass, centers, turns, model.body_inertia[tree]):
         arm = place - center
         inertia += turn @ np.diag(moments) @ turn.T + own * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     return mass.sum(), center, inertia

@@ -1,0 +1,1 @@
+"""Runs that are stored: compared with each other, and judged again."""

@@ -1,0 +1,120 @@
+"""What changed from one run to another, beyond intervals, limits and tolerances.
+
+A row is worse if its verdict is, or if its value moved to the worse side by more than its tolerance while it
+has no limit or breaks it. Within a limit nothing is worse. Where both values have intervals, they must be
+apart. A value whose metric has no better side has changed.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+import pandas as pd
+
+from touchstone.adapters.contract import MISSING, UNIMPORTABLE
+from touchstone.reports.compare.tolerances import Tolerance, tolerance_of
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import UNJUDGED
+
+RUN = ["study", "scenario", "engine", "profile", "dt", "seed", "repeat"]
+KEY = [*RUN, "metric", "subject"]
+RANK = {
+    "": 0,
+    "pass": 0,
+    "known": 1,
+    "skipped": 1,
+    MISSING: 2,
+    UNIMPORTABLE: 2,
+    UNJUDGED: 2,
+    "fail": 3,
+    "error": 4,
+}
+"""How bad a verdict is."""
+KINDS = ("worse", "changed", "better", "new", "gone")
+SHOWN = ["kind", *KEY, "a", "b", "unit", "verdict_a", "verdict_b", "reason"]
+
+
+def changes(a: pd.DataFrame, b: pd.DataFrame, allowed: tuple[Tolerance, ...]) -> pd.DataFrame:
+    """Rows that changed from table `a` to table `b`, with columns SHOWN; the worst kind first.
+
+    Runs that only one of the tables has, such as other scenes, are one row each: new or gone.
+    """
+    a, b = _keyed(a), _keyed(b)
+    both = a.merge(b, how="outer", on=KEY, suffixes=("_a", "_b"), indicator=True)
+    runs_a, runs_b = (set(frame[RUN].itertuples(index=False, name=None)) for frame in (a, b))
+    found: list[dict[str, Any]] = []
+    for record in both.to_dict("records"):
+        row = {str(name): value for name, value in record.items()}
+        run = tuple(row[name] for name in RUN)
+        if run in runs_a and run in runs_b:
+            kind, reason = _kind(row, allowed)
+            if kind:
+                found.append(_shown(row, kind, reason))
+    for runs, kind in ((runs_b - runs_a, "new"), (runs_a - runs_b, "gone")):
+        found += [
+            dict(zip(RUN, run)) | {"kind": kind, "metric": "run", "reason": "in one run only"} for run in runs
+        ]
+    frame = pd.DataFrame(found, columns=SHOWN)
+    order = {kind: k for k, kind in enumerate(KINDS)}
+    frame["order"] = [order[kind] for kind in frame.kind]
+    frame["dt"] = frame.dt.astype(float)
+    return frame.sort_values(["order", *KEY], kind="stable").drop(columns="order").reset_index(drop=True)
+
+
+def _keyed(frame: pd.DataFrame) -> pd.DataFrame:
+    kept = frame[[*KEY, "value", "unit", "low", "high", "limit", "verdict", "reason"]].copy()
+    kept["dt"] = kept.dt.fillna(0.0).round(12)
+    return kept.drop_duplicates(KEY)
+
+
+def _shown(row: dict[str, Any], kind: str, reason: str) -> dict[str, Any]:
+    found = {name: row[name] for name in KEY} | {"kind": kind, "reason": reason}
+    found |= {"a": row["value_a"], "b": row["value_b"]}
+    unit = row["unit_b"] if isinstance(row["unit_b"], str) else row["unit_a"]
+    texts = {name: row[name] if isinstance(row[name], str) else "" for name in ("verdict_a", "verdict_b")}
+    return found | {"unit": unit} | texts
+
+
+def _kind(row: dict[str, Any], allowed: tuple[Tolerance, ...]) -> tuple[str, str]:
+    """One of KINDS and why; empty if nothing changed."""
+    if row["_merge"] != "both":
+        side = "new" if row["_merge"] == "right_only" else "gone"
+        verdict = row["verdict_b"] if side == "new" else ""
+        return (
+            ("worse", f"new: {row['reason_b']}") if RANK.get(verdict, 0) >= 3 else (side, "in one run only")
+        )
+    before, after = RANK.get(row["verdict_a"], 0), RANK.get(row["verdict_b"], 0)
+    if before != after:
+        told = row["reason_b"] if after > before else row["reason_a"]
+        words = [row[name] or "no verdict" for name in ("verdict_a", "verdict_b")]
+        return ("worse" if after > before else "better"), f"{' -> '.join(words)}: {told}"
+    a, b = row["value_a"], row["value_b"]
+    if not (isfinite(a) and isfinite(b)):
+        if isfinite(a) == isfinite(b):
+            return "", ""
+        return ("worse", f"not measured: {row['reason_b']}") if isfinite(a) else ("better", "measured again")
+    tolerance = tolerance_of(allowed, row["metric"], row["engine"], row["scenario"])
+    if tolerance.covers(a, b) or _overlap(row):
+        return "", ""
+    if row["verdict_b"] == "pass":
+        return "changed", "within its limit"
+    sign = _sign(row["metric"])
+    if not sign:
+        return "changed", f"by {b - a:.3g}"
+    return ("worse" if sign * (b - a) > 0 else "better"), f"by {b - a:.3g}"
+
+
+def _overlap(row: dict[str, Any]) -> bool:
+    """Whether both values have intervals that overlap; those of events are windows of expectation."""
+    ends = [row[name] for name in ("low_a", "high_a", "low_b", "high_b")]
+    if row["metric"].startswith("events.") or not all(isfinite(end) for end in ends):
+        return False
+    return bool(max(ends[0], ends[2]) <= min(ends[1], ends[3]))
+
+
+def _sign(metric: str) -> int:
+    """1 if lower is better, -1 if higher is, 0 if neither."""
+    if metric in METRICS:
+        return {"lower": 1, "higher": -1, "none": 0}[METRICS[metric].better]
+    return 1 if metric == "ratio.time" or metric.endswith(".spread") else 0

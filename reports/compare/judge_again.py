@@ -1,0 +1,71 @@
+"""Recordings of a stored run, measured and judged with today's metrics and limits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.workers.children import Job, Outcome
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.compare.stored import RunError, label_of, recordings_of
+from touchstone.reports.limits import Limit
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.run.request import Request, Results
+from touchstone.reports.run.study import judge_outcomes
+from touchstone.scenarios.files.read import scenario_of
+from touchstone.scenarios.scenario import Scenario, ScenarioError
+
+
+def outcomes_of(folder: Path) -> dict[str, list[Outcome]]:
+    """Outcomes per scene, from the recordings of a run; raises RunError."""
+    found: dict[str, list[Outcome]] = {}
+    scenes: dict[str, Scenario] = {}
+    for path, recording in recordings_of(folder):
+        try:
+            scenario = scenario_of(json.loads(recording.scenario))
+        except (ScenarioError, TypeError, ValueError, KeyError) as error:
+            reason = f"{error}".partition("\n")[0]
+            raise RunError(f"{path}: its scene is of another version: {reason}") from error
+        _, engine, label = label_of(path, recording)
+        settings = Settings(label, float(recording.facts["dt"]))
+        scenario = scenes.setdefault(scenario.name, scenario)
+        job = Job(engine, scenario, settings, path, path.with_suffix(".txt"))
+        status = "error" if recording.ended else "done"
+        found.setdefault(scenario.name, []).append(Outcome(job, status, recording.ended))
+    return found
+
+
+def judge(
+    folder: Path,
+    out: Path,
+    progress: Progress,
+    metrics: tuple[str, ...] = (),
+    limits: Iterable[Limit] = (),
+    command: str = "",
+) -> Results:
+    """Judge the recordings of a run again; writes table and manifest to a new folder.
+
+    Args:
+        metrics: report these alone; empty: all.
+        limits: those of a file, which come before the scenes' own and ours.
+    Raises:
+        RunError: the folder holds no recordings, or one that cannot be read.
+        OutputError: `out` cannot be written.
+    """
+    outcomes = outcomes_of(folder)
+    jobs = [outcome.job for each in outcomes.values() for outcome in each]
+    columns = dict.fromkeys((job.engine, job.settings.profile) for job in jobs)
+    scenarios = tuple(each[0].job.scenario for each in outcomes.values())
+    request = Request(scenarios, tuple(columns), out, metrics=metrics, command=command, limits=tuple(limits))
+    rows: list[Row] = []
+    results = Results(table(rows))
+    with output_folder(out) as part:
+        for scenario in scenarios:
+            rows += judge_outcomes(request, scenario, outcomes[scenario.name], results, progress)
+        results.frame = table([row for row in rows if not metrics or row.metric in (*metrics, "run")])
+        save(results.frame, part)
+        save_manifest(part, {"command": command, "judged": str(folder)})
+    return results

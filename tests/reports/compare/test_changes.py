@@ -1,0 +1,112 @@
+"""What `touchstone compare` calls worse, better, changed, new and gone."""
+
+from __future__ import annotations
+
+from math import nan
+
+import pandas as pd
+import pytest
+
+from touchstone.reports.compare.changes import KINDS, changes
+from touchstone.reports.compare.stored import RunError, label_of, table_of
+from touchstone.reports.compare.tolerances import DEFAULT, tolerances
+from touchstone.reports.results import Row, save, table
+from touchstone.scenarios.files.read import SceneFileError
+
+
+def row(metric: str = "overlap.max", value: float = 1.0, verdict: str = "", **fields) -> Row:
+    return Row("run", "fall", "mujoco", "recommended", 1 / 540, metric, value, verdict=verdict, **fields)
+
+
+def kinds(a: list[Row], b: list[Row]) -> list[str]:
+    return changes(table(a), table(b), DEFAULT).kind.tolist()
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "kind"),
+    [
+        (row(), row(), None),
+        (row(), row(value=1.0 + 1e-8), None),
+        (row(), row(value=1.1), "worse"),
+        (row(), row(value=0.9), "better"),
+        # within its limit nothing is worse
+        (row(verdict="pass"), row(value=1.1, verdict="pass"), "changed"),
+        (row(verdict="pass"), row(verdict="fail"), "worse"),
+        (row(verdict="fail"), row(verdict="pass"), "better"),
+        (row(verdict="known"), row(value=2.0, verdict="known"), "worse"),
+        (row(verdict="pass"), row(verdict="unjudged"), "worse"),
+        (row(), row(value=nan, verdict="skipped", reason="no contact"), "worse"),
+        (row(value=nan, verdict="skipped"), row(value=nan, verdict="skipped"), None),
+        # no better side
+        (row("restitution.achieved"), row("restitution.achieved", 1.1), "changed"),
+        # intervals that overlap; the windows of events are none
+        (row(low=0.5, high=1.2), row(value=1.3, low=1.1, high=1.5), None),
+        (row(low=0.5, high=1.05), row(value=1.3, low=1.1, high=1.5), "worse"),
+        (row("events.touch", low=0.0, high=9.0), row("events.touch", 2.0, low=0.0, high=9.0), "changed"),
+        # times double without reason
+        (row("time.frame.median", 1e-3), row("time.frame.median", 1.9e-3), None),
+        (row("time.frame.median", 1e-3), row("time.frame.median", 3e-3), "worse"),
+        (row("time.frame.max", 1e-3), row("time.frame.max", 9e-3), None),
+        (row("ratio.time", 0.1), row("ratio.time", 0.3), "worse"),
+    ],
+)
+def test_a_row_changes(a, b, kind):
+    """One kind per row, by verdict, limit, interval, tolerance and direction."""
+    assert kinds([a], [b]) == ([kind] if kind else [])
+
+
+def test_rows_of_one_run_only():
+    """A row that is new fails only if it fails; another engine's run is one row."""
+    other = [row(), row("overlap.p95")]
+    assert kinds([row()], other) == ["new"]
+    assert kinds(other, [row()]) == ["gone"]
+    assert kinds([row()], [row(), row("work", verdict="fail")]) == ["worse"]
+    dart = Row("run", "fall", "dart", "recommended", nan, "run", verdict="missing")
+    assert kinds([row()], [row(), dart]) == ["new"]
+
+
+def test_a_file_of_tolerances(tmp_path):
+    """The last pattern that fits holds; faults are named with their line."""
+    path = tmp_path / "t.toml"
+    path.write_text('[[tolerances]]\nmetric = "overlap.*"\nrelative = 0.2\nengine = "mujoco"\n')
+    allowed = tolerances(path)
+    assert changes(table([row()]), table([row(value=1.1)]), allowed).empty
+    assert not changes(table([row()]), table([row(value=1.3)]), allowed).empty
+    for text, line in (
+        ('[[tolerances]]\nmetric = "a"\nrelative = -1\n', "t.toml:3: tolerances[0].relative: found -1"),
+        ('[[tolerances]]\nmetric = "a"\nabsolut = 1\n', "t.toml:3: tolerances[0].absolut: unknown field"),
+    ):
+        path.write_text(text)
+        with pytest.raises(SceneFileError) as error:
+            tolerances(path)
+        assert line in str(error.value)
+
+
+def test_order_and_tables(tmp_path):
+    """The worst comes first; tables read from parquet or CSV are equal; other folders are refused."""
+    a = [row(f"overlap.{k}") for k in ("max", "p95", "time")]
+    b = [row("overlap.max", 0.5), row("overlap.p95", 2.0), row("work")]
+    found = changes(table(a), table(b), DEFAULT).kind.tolist()
+    assert found == sorted(found, key=KINDS.index)
+    assert found == ["worse", "better", "new", "gone"]
+    save(table(a), tmp_path)
+    parquet = table_of(tmp_path)
+    (tmp_path / "results.parquet").unlink()
+    pd.testing.assert_frame_equal(parquet, table_of(tmp_path), check_dtype=False)
+    (tmp_path / "results.parquet").write_bytes(b"none")
+    with pytest.raises(RunError, match=r"results.parquet: cannot be read"):
+        table_of(tmp_path)
+    (tmp_path / "results.parquet").unlink()
+    (tmp_path / "results.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(RunError, match=r"results.csv: no columns study"):
+        table_of(tmp_path)
+    with pytest.raises(RunError, match="no such folder"):
+        table_of(tmp_path / "none")
+
+
+def test_a_recordings_label(registry, tmp_path):
+    """Scene, engine and what was changed follow from the file's name and the manifest."""
+    recording = registry.played("ball_snip", "reference")
+    for label in ("balanced", "balanced, effects=contact+friction", "balanced, tracker=noisy"):
+        path = tmp_path / f"ball_snip-reference-{label.replace(', ', '+')}.npz"
+        assert label_of(path, recording) == ("ball_snip", "reference", label)
