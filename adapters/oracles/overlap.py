@@ -30,6 +30,8 @@ TOLERANCE = 1e-8
 """coal's GJK and EPA tolerance [m]: a hundredth of the 1e-6 m that is required of a depth."""
 DOUBTFUL = 1e-4
 """Depth above which a pair is queried in both orders [m]: exact engines rarely overlap by as much."""
+BLOCK = 256
+"""Frames whose poses are computed at a time [1]: few calls, and little memory in long runs."""
 ITERATIONS = 1000
 """coal's iteration caps: high enough that queries end by tolerance only."""
 
@@ -90,7 +92,7 @@ class _Oracle:
         distance = {pair: np.full(frames, np.inf) for pair in self.pairs}
         normal = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
         point = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
-        poses = self._poses(recording, 0, range(len(self.body)))
+        poses = self._poses(recording, slice(0, 1))[0]
         stays = (np.ptp(recording.position, axis=0) == 0).all(axis=1) & self.fixed
         stays &= (np.ptp(recording.orientation, axis=0) == 0).all(axis=1)
         still = np.flatnonzero(stays[self.body]).tolist()
@@ -98,8 +100,10 @@ class _Oracle:
         self.still_places, self.still_manager = self._managed(still, poses)
         self.moving_places, self.moving_manager = self._managed(self.moving, poses)
         for f in range(frames):
-            for k, pose in zip(self.moving, self._poses(recording, f, self.moving)):
-                poses[k] = pose
+            if f % BLOCK == 0:
+                block = self._poses(recording, slice(f, f + BLOCK))
+            for k in self.moving:
+                poses[k] = block[f % BLOCK][k]
             for p, q in self._candidates(poses):
                 pair = (self.body[p], self.body[q])
                 value, along, middle = signed_distance(self.shapes[p], poses[p], self.shapes[q], poses[q])
@@ -108,13 +112,14 @@ class _Oracle:
                     distance[pair][f], normal[pair][f], point[pair][f] = value, along, middle
         return Distances(distance, normal, point)
 
-    def _poses(self, recording: Recording, f: int, pieces: Iterable[int]) -> list[Pose]:
-        bodies = Rotation.from_quat(recording.orientation[f], scalar_first=True).as_matrix()
-        poses = []
-        for k in pieces:
-            turned, origin = bodies[self.body[k]], recording.position[f, self.body[k]]
-            poses.append((turned @ self.own_rotation[k], origin + turned @ self.own_position[k]))
-        return poses
+    def _poses(self, recording: Recording, frames: slice) -> list[list[Pose]]:
+        """Poses of all pieces, frame by frame."""
+        count = recording.position.shape[1]
+        flat = recording.orientation[frames].reshape(-1, 4)
+        bodies = Rotation.from_quat(flat, scalar_first=True).as_matrix().reshape(-1, count, 3, 3)
+        turned = bodies[:, self.body]
+        origin = recording.position[frames][:, self.body] + (turned @ self.own_position[..., None])[..., 0]
+        return [list(zip(*pair)) for pair in zip(turned @ self.own_rotation, origin)]
 
     def _managed(self, pieces: list[int], poses: list[Pose]) -> tuple[Places, Any]:
         places: Places = {}
