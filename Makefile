@@ -5,16 +5,21 @@ READY := .venv/.ready
 # two workers: the tests of a scene run on one of them, and both share what was played
 PYTEST := $(BIN)/python -m pytest -n 2
 
-.PHONY: run test test-all check docs clean
+.PHONY: run test test-engines test-all check docs clean
 
 run: $(READY)
 	$(BIN)/touchstone run $(ARGS)
 
+# all but the slow tests; the budget is in seconds of processor time
 test: $(READY)
-	$(PYTEST)
+	$(PYTEST) --cpu-budget 600 $(ARGS)
+
+# what plays DART, Bullet and MuJoCo, slow tests too
+test-engines: $(READY)
+	$(PYTEST) -m engines $(ARGS)
 
 test-all: $(READY)
-	$(PYTEST) -m "slow or not slow"
+	$(PYTEST) -m "slow or not slow" $(ARGS)
 
 check: $(READY) docs
 	$(BIN)/ruff check .

@@ -51,6 +51,7 @@ from touchstone.scenarios.scenario import (
 )
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
+pytest_plugins = ["duration_budget"]
 FRAME = 1 / 60
 FOLDER = "TOUCHSTONE_TEST_SESSION"
 """Environment variable with the folder that the workers of a test session share."""
@@ -68,6 +69,16 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     parallel = getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput")
     if parallel and CACHE_FOLDER is not None and not any(CACHE_FOLDER.glob("**/*.nbi")):
         play(build(scene(ground(), ball())), 1)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what plays DART, Bullet or MuJoCo: by a parameter's value or in the name of the file."""
+    others = set(ENGINES) - {"reference"}
+    for item in items:
+        path, _, name = item.nodeid.partition("::")
+        words = {*name.partition("[")[2].removesuffix("]").split("-"), *Path(path).stem.split("_")}
+        if words & others:
+            item.add_marker("engines")
 
 
 @pytest.hookimpl(optionalhook=True)
