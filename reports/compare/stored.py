@@ -44,7 +44,7 @@ def table_of(folder: Path) -> pd.DataFrame:
         "basis",
         "reason",
     ]
-    frame[texts] = frame[texts].fillna("").astype(str)
+    frame[texts] = frame[texts].astype(object).fillna("").astype(str)
     return frame
 
 
