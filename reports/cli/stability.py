@@ -17,8 +17,12 @@ from touchstone.reports.cli.options import (
     known,
     measuring,
     require_judge,
+    resumable,
 )
 from touchstone.reports.cli.studies import study
+
+STORE = Path("runs/stability")
+"""Default store of the study `stability`."""
 
 
 @study.command("stability")
@@ -31,6 +35,7 @@ def stability(
     quick: Annotated[
         bool, typer.Option("--quick", help="Three levels each, at the profiles' own steps.")
     ] = False,
+    store: Annotated[Path, typer.Option(help="Store of measured cells, which are not played again.")] = STORE,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/stability-<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -39,6 +44,7 @@ def stability(
     from touchstone.reports.studies.stability.cells import PROFILES, QUICK, Plan, chosen
     from touchstone.reports.studies.stability.study import run
     from touchstone.reports.studies.stability.table import show
+    from touchstone.reports.sweep.store import StoreError
     from touchstone.scenarios.difficulty.family import families
 
     names = [known("family", name, families()) for name in family or ()]
@@ -48,8 +54,8 @@ def stability(
     plan = Plan(columns, chosen(names), quick)
     folder = out or folder_of_now("stability-")
     require_judge()
-    with measuring(len(plan.cells()), quiet) as progress:
-        frame, _ = run(plan, folder, progress)
+    with resumable(store), measuring(len(plan.cells()), quiet, StoreError) as progress:
+        frame, _ = run(plan, folder, store, progress)
     ended(frame, show, folder, output, quiet, by_name=bool(engine))
 
 

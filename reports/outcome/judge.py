@@ -41,6 +41,8 @@ def judge(recording: Recording, scenario: Scenario, checks: Checks, ended: str =
         recording: all complete frames, up to a failure.
         ended: why the run ended before its scene; empty if it did not.
     """
+    if len(recording.time) < 2 and not ended:
+        return Outcome("timed out", "cut off in the first frame")
     evidence = Evidence(recording, scenario)
     figures: dict[str, float] = {}
     with np.errstate(all="ignore"):

@@ -38,7 +38,7 @@ def stack(level: float) -> Case:
     return resting([1.0] * int(level), f"a tower of {level:g} cubes stands")
 
 
-@family("rows", "1", (2.0, 4.0, 6.0, 8.0, 10.0))
+@family("rows", "1", (2.0, 3.0, 5.0, 8.0))
 def pyramid(level: float) -> Case:
     """A pyramid of cubes stands, each on two of the row below."""
     rows = int(level)

@@ -40,6 +40,10 @@ LOOKS: dict[str, tuple[str, str]] = {
 DARK = ("non-finite", "auto-reset", "exploded", "tunnelled", "error", "gave up", "sink-through")
 """Classes whose letters are white."""
 CELL = 1.0
+RIGHT = 22.0
+"""Width of the text on the right [cells]."""
+LABEL = 4.9
+"""Width of a column's heading [cells]."""
 GAP = 0.9
 """Width of a cell, and of the space between columns [cells]."""
 
@@ -49,9 +53,11 @@ def envelope_picture(results: Results, path: Path) -> None:
     columns = _columns(results)
     quick, rows = results.plan.quick, results.plan.families
     width = max(len(levels_of(family, quick)) for family in rows)
-    block = width * CELL + GAP
+    block = max(width * CELL, LABEL) + GAP
     with rc_context({"font.family": "DejaVu Sans", "font.size": 8}):
-        figure = Figure(figsize=(3.2 + 0.155 * block * len(columns), 1.7 + 0.2 * len(rows)), dpi=150)
+        figure = Figure(
+            figsize=(0.17 * (10.0 + RIGHT + block * len(columns)), 1.7 + 0.2 * len(rows)), dpi=150
+        )
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         left, top = -0.5, -2.6
@@ -74,7 +80,7 @@ def envelope_picture(results: Results, path: Path) -> None:
             -9.5, top - 0.3, "How far each engine goes before it fails",
             ha="left", va="bottom", color=INK, fontsize=12, fontweight="bold",
         )  # fmt: skip
-        axes.set_xlim(-10.0, block * len(columns) + 16)
+        axes.set_xlim(-10.0, block * len(columns) + RIGHT)
         axes.set_ylim(len(rows) + 3.4, top - 1.6)
         axes.axis("off")
         axes.legend(

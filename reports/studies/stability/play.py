@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
-from time import perf_counter, process_time
+from time import perf_counter
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.registry import load
-from touchstone.adapters.workers.process import ChildProcess
 from touchstone.reports.metrics.state import state_hash
 from touchstone.reports.outcome.classes import Outcome
 from touchstone.reports.outcome.judge import judge
@@ -21,19 +21,15 @@ from touchstone.scenarios.difficulty.family import hard_scene
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
 
-Loader = Callable[[str], Engine]
 PATIENCE = 300.0
 """Time without an answer after which the process is terminated [s]: longer than a cold compilation."""
-AROUND = 4.0
-"""Processor time of a whole run, reading and recording included, over that of its steps, from which it is cut
-off as well [1]."""
 LEFT_BOUNDS = "the plan does not hold"
 """Part of the reason of a run that left the bounds of its plan; it is played again with all effects."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run: a hard scene on an engine, for at most `budget` seconds of its steps."""
+    """One run: a hard scene on an engine, for at most `budget` seconds of processor time."""
 
     scene: str
     engine: str
@@ -54,11 +50,10 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """Outcome of a cell, the command that plays it, time of its steps and of all [s], hash of its states."""
+    """Outcome of a cell, the command that plays it, its time [s] and the hash of its states."""
 
     outcome: Outcome
     line: str
-    steps_seconds: float = 0.0
     seconds: float = 0.0
     state_hash: str = ""
 
@@ -67,16 +62,16 @@ def play_cell(engine: Engine, cell: Cell, failures: Path | None = None) -> Playe
     """Play a cell in this process and classify it; a failed run leaves its recording in `failures`."""
     scenario, checks = hard_scene(cell.scene)
     start = perf_counter()
-    outcome, recording, steps = _play(engine, scenario, checks, cell.settings, cell.budget)
+    outcome, recording = _play(engine, scenario, checks, cell.settings, cell.budget)
     if LEFT_BOUNDS in outcome.reason:
         cell = replace(cell, settings=replace(cell.settings, effects=PLANNED))
-        outcome, recording, steps = _play(engine, scenario, checks, cell.settings, cell.budget)
+        outcome, recording = _play(engine, scenario, checks, cell.settings, cell.budget)
     if failures is not None and recording is not None and outcome.name != "ok":
         failures.mkdir(parents=True, exist_ok=True)
         step = f"{cell.settings.dt:.3g}"
         recording.save(failures / f"{cell.scene}-{cell.engine}-{cell.settings.profile}-{step}.npz")
     digits = "" if recording is None else state_hash(recording)
-    return Played(outcome, cell.line, steps, perf_counter() - start, digits)
+    return Played(outcome, cell.line, perf_counter() - start, digits)
 
 
 def play_scenario(
@@ -88,49 +83,43 @@ def play_scenario(
 
 def _play(
     engine: Engine, scenario: Scenario, checks: Checks, settings: Settings, budget: float
-) -> tuple[Outcome, Recording | None, float]:
-    """Outcome, recording up to a failure, and time of the steps [s]."""
+) -> tuple[Outcome, Recording | None]:
+    """Outcome, and the recording up to a failure."""
     player: Player | None = None
     ended = ""
     try:
         player = ready(engine, scenario, settings)
-        end = process_time() + AROUND * budget
-        for _ in range(scenario.frame_count):
-            player.play(1)
-            if player.seconds_played > budget or process_time() > end:
-                break
+        with suppress(_CutOff), _limited(budget):
+            player.play(scenario.frame_count)
     except Unsupported as error:
-        return Outcome("skipped", str(error)), None, 0.0
+        return Outcome("skipped", str(error)), None
     except AdapterError as error:
         ended = str(error)
         if player is None:
-            return Outcome("gave up", ended), None, 0.0
+            return Outcome("gave up", ended), None
     except Exception as error:
-        return Outcome("error", f"{type(error).__name__}: {error}".splitlines()[0]), None, 0.0
+        return Outcome("error", f"{type(error).__name__}: {error}".splitlines()[0]), None
     assert player is not None
     recording = player.recording(ended)
     player.world.close()
-    return judge(recording, scenario, checks, ended), recording, player.seconds_played
+    return judge(recording, scenario, checks, ended), recording
 
 
-class Child(ChildProcess):
-    """The parent's end of a process that plays cells."""
-
-    def __init__(
-        self, output: Path, failures: Path | None, loader: Loader = load, patience: float = PATIENCE
-    ) -> None:
-        super().__init__(_Server, (loader, failures), output, patience)
+class _CutOff(Exception):
+    """The processor time of a run is used up."""
 
 
-class _Server:
-    """The child's end: engines, loaded once each."""
+@contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    """Raise _CutOff between two native steps once this process has used its processor time [s]."""
 
-    def __init__(self, loader: Loader, failures: Path | None) -> None:
-        self._loader, self._failures = loader, failures
-        self._engines: dict[str, Engine] = {}
+    def cut(number: int, frame: object) -> None:
+        raise _CutOff
 
-    def handle(self, command: str, cell: Cell) -> Played:
-        """Handle `play`."""
-        if cell.engine not in self._engines:
-            self._engines[cell.engine] = self._loader(cell.engine)
-        return play_cell(self._engines[cell.engine], cell, self._failures)
+    before = signal.signal(signal.SIGPROF, cut)
+    signal.setitimer(signal.ITIMER_PROF, seconds if isfinite(seconds) else 0.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)

@@ -11,8 +11,8 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
 from touchstone.reports.metrics.state import DIGITS, state_hash, state_hashed
+from touchstone.reports.studies.stability.measure import play_all
 from touchstone.reports.studies.stability.play import Cell
-from touchstone.reports.studies.stability.study import play_all
 from touchstone.scenarios.difficulty.family import hard_scene
 
 SCENE = "hard_mass_stack_10"
@@ -45,8 +45,7 @@ def test_fresh_processes_and_their_number_do_not_change_the_hash(recording, tmp_
     cell = Cell(SCENE, "reference", SETTINGS)
     for number, cells in enumerate(([cell], [others[0], others[1], cell])):
         folder = tmp_path / str(number)
-        folder.mkdir()
-        played = play_all(cells, folder, lambda label, count: None)
+        played = play_all(cells, folder, lambda label, count: None, jobs=number + 1)
         assert played[cell].state_hash == state_hash(recording)
 
 
