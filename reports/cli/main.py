@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli import stability  # noqa: F401  adds its commands to `study`
+from touchstone.reports.cli import stability
 from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.guard import guarded
@@ -61,6 +61,7 @@ app = typer.Typer(
 )
 app.add_typer(study, name="study")
 app.command()(bench)
+app.command()(stability.soak)
 app.command()(sweep)
 app.command()(docs)
 app.command()(schema)

@@ -1,4 +1,4 @@
-"""`touchstone study stability`: hard scenes on every engine."""
+"""`touchstone study stability` and `relations`, and `touchstone soak`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    LIMIT_BROKEN,
     Format,
     FormatOption,
     QuietOption,
@@ -18,6 +20,7 @@ from touchstone.reports.cli.options import (
     measuring,
     require_judge,
     resumable,
+    stop,
 )
 from touchstone.reports.cli.studies import study
 
@@ -89,3 +92,28 @@ def relations(
     with measuring(len(tasks(columns, scenes)), quiet) as progress:
         frame = run(columns, scenes, folder, progress)
     ended(frame, show, folder, output, quiet, by_name=bool(engine))
+
+
+def soak(
+    minutes: Annotated[float, typer.Option(min=0.0, help="Time after which no scene is started.")] = 10.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first random scene.")] = 0,
+    profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
+    out: Annotated[Path | None, typer.Option(help="Folder of failures (default: runs/soak-<time>).")] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.soak.soak import soak as run
+
+    known("profile", profile, ENGINES["reference"].profiles)
+    folder = out or folder_of_now("soak-")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        stop(f"--out {folder}: exists and is not an empty folder", BAD_INPUT)
+    require_judge()
+    found = run(minutes, seed, profile, folder, print)
+    if not quiet:
+        classes = ", ".join(f"{count} {name}" for name, count in found.classes.most_common())
+        print(f"{found.scenes} scenes from seed {seed}, {found.frames} frames: {classes}")
+        print(f"broken invariants: {len(found.failures)}" + (f", in {folder}" if found.failures else ""))
+    if found.failures:
+        raise typer.Exit(LIMIT_BROKEN)

@@ -103,7 +103,7 @@ def _swept(cell: Cell) -> sweep_cells.Cell:
 
 
 def _judge(name: str) -> str:
-    """Digest of what decides an outcome beside the run: the judge's sources, and what must hold in a scene."""
+    """Digest of what decides an outcome beside the run: the judge's sources and the scene's checks."""
     return hashlib.sha256(_sources() + repr(hard_scene(name)[1]).encode()).hexdigest()[:12]
 
 

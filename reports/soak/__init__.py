@@ -1,0 +1,1 @@
+"""Soak: random scenes through the reference for as long as asked, each failure shrunk."""

@@ -1,0 +1,88 @@
+"""The soak finds a planted bug, shrinks it to its smallest scene, and writes a file that replays it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from touchstone.reports.soak.shrink import shrunk
+from touchstone.reports.soak.soak import soak
+from touchstone.scenarios.files.named import scenes_of_file
+from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.scenario import Sphere
+
+
+@pytest.fixture(autouse=True)
+def _importable(monkeypatch):
+    """Let children import the fake engines of the study robustness."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1]))
+
+
+SMALL = [
+    seed for seed in range(120) if len(random_scene(seed).bodies) < 4 and not random_scene(seed).trackers
+]
+"""Seeds of scenes that take little time."""
+
+
+def small(number):
+    """A random scene of up to three bodies."""
+    return random_scene(SMALL[number])
+
+
+def heavy_ball(scenario):
+    """Planted bug: a ball that is the heaviest body fails from the tenth frame on, under gravity."""
+    loose = [body for body in scenario.bodies if body.kind == "simulated"]
+    heaviest = max(loose, key=lambda body: body.mass, default=None)
+    ball = heaviest is not None and isinstance(heaviest.pieces[0].shape, Sphere)
+    return ball and scenario.frame_count >= 10 and "gravity" in scenario.effects
+
+
+def test_a_planted_bug_shrinks_to_its_core():
+    """What is left is one ball, ten frames and gravity: no other body, friction, bounce or spin."""
+    scenario = next(random_scene(seed) for seed in range(200) if heavy_ball(random_scene(seed)))
+    assert len(scenario.bodies) > 2
+    found = shrunk(scenario, heavy_ball)
+    assert heavy_ball(found)
+    assert [body.kind for body in found.bodies] == ["simulated"]
+    assert found.frame_count == 10
+    pair = found.coefficients[0]
+    assert (pair.friction, pair.restitution) == (0.0, 0.0)
+
+
+def test_tries_are_bounded():
+    """Shrinking stops after the tries that it is given, with a scene that fails."""
+    calls = []
+    found = shrunk(random_scene(3), lambda scene: bool(calls.append(scene)) or True, most=5)
+    assert len(calls) == 5
+    assert len(found.bodies) < len(random_scene(3).bodies)
+
+
+def test_a_failure_is_written_with_the_line_that_replays_it(tmp_path):
+    """An engine that explodes gives a scene file, whose scene is small, and a command that names it."""
+    from fake_random_engines import load_as
+
+    lines = []
+    loader = partial(load_as, "explodes")
+    found = soak(1.0, 0, "balanced", tmp_path, lines.append, loader, small, most=1)
+    (failure,) = found.failures
+    assert failure.outcome == "exploded"
+    assert failure.command in lines[0]
+    assert failure.command == f"touchstone run {failure.file} --engine reference --profile balanced"
+    (scene,) = scenes_of_file(failure.file)
+    assert scene.name in failure.file.stem
+    assert len(scene.bodies) == failure.bodies <= 2
+    assert replace(scene, tags=()).frame_count >= 3
+
+
+def test_sound_scenes_leave_nothing(tmp_path):
+    """Scenes without a failure are counted with their frames."""
+    from fake_random_engines import load_as
+
+    found = soak(1.0, 0, "balanced", tmp_path, print, partial(load_as, "silent"), small, most=3)
+    assert found.scenes == 3
+    assert found.frames == sum(small(seed).frame_count for seed in range(3))
+    assert found.failures == []
+    assert not list(tmp_path.glob("*.toml"))
