@@ -19,7 +19,7 @@ from time import monotonic
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.results import write_beside
-from touchstone.reports.soak.shrink import shrunk
+from touchstone.reports.soak.shrink import MOST_TRIES, shrunk
 from touchstone.reports.studies.robustness.play import PATIENCE, Assessment, Child, Loader
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
@@ -73,6 +73,7 @@ def soak(
     loader: Loader = load,
     scene: Callable[[int], Scenario] = random_scene,
     most: int | None = None,
+    tries: int = MOST_TRIES,
 ) -> Soaked:
     """Play random scenes from `seed` on.
 
@@ -81,6 +82,7 @@ def soak(
         folder: where scenes of failures are written, as they are found.
         tell: receives one line per failure.
         most: largest number of scenes; None: only the time counts.
+        tries: largest number of scenes that are played to shrink one.
     """
     folder.mkdir(parents=True, exist_ok=True)
     end, found, lock = monotonic() + 60 * minutes, Soaked(first_seed=seed), threading.Lock()
@@ -110,7 +112,7 @@ def soak(
             found.classes[first.outcome] += 1
         if first.outcome in SOUND:
             return
-        smallest = shrunk(scenario, lambda smaller: played(smaller).outcome == first.outcome)
+        smallest = shrunk(scenario, lambda smaller: played(smaller).outcome == first.outcome, tries)
         failure = _written(smallest, number, first, profile, folder)
         with lock:
             found.failures.append(failure)
