@@ -103,6 +103,7 @@ def soak(
 ) -> None:
     """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""
     from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.soak.soak import Extent
     from touchstone.reports.soak.soak import soak as run
 
     known("profile", profile, ENGINES["reference"].profiles)
@@ -110,7 +111,7 @@ def soak(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         stop(f"--out {folder}: exists and is not an empty folder", BAD_INPUT)
     require_judge()
-    found = run(minutes, seed, profile, folder, print)
+    found = run(Extent(minutes, seed), profile, folder, print)
     if not quiet:
         classes = ", ".join(f"{count} {name}" for name, count in found.classes.most_common())
         print(f"{found.scenes} scenes from seed {seed}, {found.frames} frames: {classes}")

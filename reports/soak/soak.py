@@ -64,28 +64,34 @@ class Soaked:
     failures: list[Failure] = field(default_factory=list)
 
 
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """How long a soak lasts: minutes after which no scene is started, first seed, largest number of scenes
+    (None: only the time counts), and largest number of scenes that are played to shrink one."""
+
+    minutes: float
+    seed: int = 0
+    most: int | None = None
+    tries: int = MOST_TRIES
+
+
 def soak(
-    minutes: float,
-    seed: int,
+    extent: Extent,
     profile: str,
     folder: Path,
     tell: Told,
     loader: Loader = load,
     scene: Callable[[int], Scenario] = random_scene,
-    most: int | None = None,
-    tries: int = MOST_TRIES,
 ) -> Soaked:
-    """Play random scenes from `seed` on.
+    """Play random scenes of consecutive seeds.
 
     Args:
-        minutes: time after which no scene is started.
         folder: where scenes of failures are written, as they are found.
         tell: receives one line per failure.
-        most: largest number of scenes; None: only the time counts.
-        tries: largest number of scenes that are played to shrink one.
     """
+    seed, most = extent.seed, extent.most
     folder.mkdir(parents=True, exist_ok=True)
-    end, found, lock = monotonic() + 60 * minutes, Soaked(first_seed=seed), threading.Lock()
+    end, found, lock = monotonic() + 60 * extent.minutes, Soaked(first_seed=seed), threading.Lock()
     settings = Settings(profile, ENGINES[ENGINE].profiles[profile])
     idle: SimpleQueue[Child] = SimpleQueue()
     children = [Child(folder / f"output-{k + 1}.txt", loader, PATIENCE) for k in range(PROCESSES)]
@@ -112,7 +118,7 @@ def soak(
             found.classes[first.outcome] += 1
         if first.outcome in SOUND:
             return
-        smallest = shrunk(scenario, lambda smaller: played(smaller).outcome == first.outcome, tries)
+        smallest = shrunk(scenario, lambda smaller: played(smaller).outcome == first.outcome, extent.tries)
         failure = _written(smallest, number, first, profile, folder)
         with lock:
             found.failures.append(failure)

@@ -203,7 +203,8 @@ def _judged(
     }
     if not finite:
         return Assessment(outcome or "not finite", reason, **found)  # type: ignore[arg-type]
-    depth = overlap_depth(evidence)
+    alone = not any(True for _ in scenario.touching_pairs())
+    depth = np.zeros(len(recording.time)) if alone else overlap_depth(evidence)
     depth = np.where(depth < UNBOUNDED, depth, inf)
     rise, gain = _energy(evidence, depth)
     speed = float(np.abs(recording.linear_velocity[:, evidence.simulated]).max())

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from touchstone.reports.soak.shrink import shrunk
-from touchstone.reports.soak.soak import soak
+from touchstone.reports.soak.soak import Extent, soak
 from touchstone.scenarios.files.named import scenes_of_file
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Sphere
@@ -66,7 +66,8 @@ def test_a_failure_is_written_with_the_line_that_replays_it(tmp_path):
 
     lines = []
     loader = partial(load_as, "explodes")
-    found = soak(1.0, 0, "balanced", tmp_path, lines.append, loader, small, most=1, tries=12)
+    extent = Extent(1.0, most=1, tries=12)
+    found = soak(extent, "balanced", tmp_path, lines.append, loader, small)
     (failure,) = found.failures
     assert failure.outcome == "exploded"
     assert failure.command in lines[0]
@@ -81,7 +82,7 @@ def test_sound_scenes_leave_nothing(tmp_path):
     """Scenes without a failure are counted with their frames."""
     from fake_random_engines import load_as
 
-    found = soak(1.0, 0, "balanced", tmp_path, print, partial(load_as, "silent"), small, most=3)
+    found = soak(Extent(1.0, most=3), "balanced", tmp_path, print, partial(load_as, "silent"), small)
     assert found.scenes == 3
     assert found.frames == sum(small(seed).frame_count for seed in range(3))
     assert found.failures == []
