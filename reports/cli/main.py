@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from touchstone.reports.cli.runs.compare import compare
+from touchstone.reports.cli.runs.judge import judge
 
 from touchstone.reports.cli import stability
+from touchstone.reports.cli.cheapest import cheapest
 from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.guard import guarded
@@ -33,8 +36,6 @@ from touchstone.reports.cli.options import (
     tell_failures,
     version,
 )
-from touchstone.reports.cli.runs.compare import compare
-from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -63,6 +64,7 @@ app.add_typer(study, name="study")
 app.command()(bench)
 app.command()(stability.soak)
 app.command()(sweep)
+app.command()(cheapest)
 app.command()(docs)
 app.command()(schema)
 app.command("import")(import_robot)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,6 +45,11 @@ def sweep(
     ] = None,
     repeats: Annotated[int, typer.Option(min=1, help="How often each cell is measured.")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
+    dask: Annotated[str, typer.Option(help="Play on this Dask scheduler (tcp://host:8786), or local.")] = "",
+    slurm_script: Annotated[
+        Path | None, typer.Option(help="Write an array job for Slurm here, and play nothing.")
+    ] = None,
+    part: Annotated[str, typer.Option(help="Play every N-th cell from the K-th on: K/N.")] = "",
     out: Annotated[Path, typer.Option(help="Folder of the store; what it holds is skipped.")] = DEFAULT_STORE,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -50,6 +58,8 @@ def sweep(
     from touchstone.adapters.knobs import SettingError
     from touchstone.reports.run.request import DEFAULT_PROFILES
     from touchstone.reports.sweep.cells import grid
+    from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
+    from touchstone.reports.sweep.slurm import PartError, part_of
     from touchstone.reports.sweep.store import StoreError
     from touchstone.reports.sweep.sweep import sweep as run_sweep
 
@@ -60,8 +70,16 @@ def sweep(
         cells = grid(names, columns, steps=steps_for(dt, scenarios), changes=change or [], repeats=repeats)
     except SettingError as error:
         stop(f"--set {error}", BAD_INPUT)
-    with resumable(out), measuring(len(cells), quiet, StoreError) as progress:
-        frame = run_sweep(cells, out, jobs=jobs, progress=progress)
+    if slurm_script is not None:
+        write_script(slurm_script, out, len(cells), quiet)
+        return
+    try:
+        cells = part_of(cells, part) if part else cells
+    except PartError as error:
+        stop(str(error), BAD_INPUT)
+    executor = partial(DaskPool, dask, jobs or os.cpu_count() or 1) if dask else None
+    with resumable(out), measuring(len(cells), quiet, StoreError, ClusterError) as progress:
+        frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
     if not printed(frame, output) and not quiet:
         from touchstone.reports.sweep.table import show
         from touchstone.reports.views.terminal import console
@@ -69,6 +87,29 @@ def sweep(
         show(frame, console())
         print(f"store: {out}")
     exit_for(frame[frame.metric == "run"].verdict, bool(engine))
+
+
+def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
+    """Write the array job of this command; its store is named by its absolute path."""
+    from touchstone.reports.results import write_beside
+    from touchstone.reports.sweep.slurm import script
+
+    arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
+    text = script([*arguments, "--out", str(out.resolve())], cells)
+    write_beside(path, lambda part: part.write_text(text))
+    if not quiet:
+        print(f"sbatch {path}")
+
+
+def without(arguments: list[str], *options: str) -> list[str]:
+    """Arguments without some options and their values."""
+    left, skip = [], False
+    for argument in arguments:
+        if skip or argument.partition("=")[0] in options:
+            skip = not skip and "=" not in argument
+            continue
+        left.append(argument)
+    return left
 
 
 def scenes_for(names: list[str], tag: str) -> list[Scenario]:

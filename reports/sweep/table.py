@@ -29,7 +29,7 @@ def show(frame: pd.DataFrame, console: Console) -> None:
         first = part.iloc[0]
         values = [_value(part, name) for name in metrics]
         label = f"{first.profile} {first.settings}".strip()
-        table.add_row(first.scenario, first.engine, label, step_text(first.dt), *values, _outcome(part))
+        table.add_row(first.scenario, first.engine, label, step_text(first["dt"]), *values, _outcome(part))
     console.print(table)
 
 

@@ -46,6 +46,8 @@ class TimingRounds:
     def _round(self, cells: Sequence[Cell]) -> Iterator[list[Done]]:
         workers: dict[str, Worker] = {}
         try:
+            for cell in {cell.engine: cell for cell in cells}.values():
+                self._worker(workers, cell).begin([cell])
             done: list[Done] = []
             for cell in cells:
                 done += self._timed(workers, cell)
@@ -59,11 +61,16 @@ class TimingRounds:
                 worker.stop()
 
     def _timed(self, workers: dict[str, Worker], cell: Cell) -> list[Done]:
-        worker = workers.get(cell.engine)
-        if worker is None or worker.failure is not None:
-            output = self._output / f"timing-{cell.engine}.txt"
-            worker = workers[cell.engine] = Worker(output, self._loader, self._patience, self._core)
+        worker = self._worker(workers, cell)
         found = worker.play([cell])
         if found is None:
             return [failed(cell, worker.outcome, worker.failure[1] if worker.failure else "")]
         return found
+
+    def _worker(self, workers: dict[str, Worker], cell: Cell) -> Worker:
+        """Process of an engine; a new one if it has failed."""
+        worker = workers.get(cell.engine)
+        if worker is None or worker.failure is not None:
+            output = self._output / f"timing-{cell.engine}.txt"
+            worker = workers[cell.engine] = Worker(output, self._loader, self._patience, self._core)
+        return worker

@@ -74,12 +74,19 @@ class Worker(ChildProcess):
         self, output: Path, loader: Loader = load, patience: float = PATIENCE, core: int | None = None
     ) -> None:
         super().__init__(_Server, (loader, core), output, START_PATIENCE)
-        self._cell_patience, self._started = patience, False
+        self._cell_patience, self._begun, self._started = patience, False, False
+
+    def begin(self, cells: Sequence[Cell]) -> None:
+        """Import all that the first cell needs, without waiting: several processes can start in parallel."""
+        self.send("start", list(cells))
+        self._begun = True
 
     def play(self, cells: Sequence[Cell]) -> list[Done] | None:
         """Play cells; None if the process failed (`failure`)."""
+        if not self._begun:
+            self.begin(cells)
         if not self._started:
-            self.ask("start", list(cells))
+            self.receive()
             self._patience, self._started = self._cell_patience, True
         found: list[Done] | None = self.ask("play", list(cells))
         return found

@@ -16,6 +16,8 @@ PROBES = ("fall", "bounce_e05", "collide_oblique", "slide", "slip", "stack")
 QUICK = ("ball_snip", "fall", "bounce_e05", "slide", "stack")
 STEPS = tuple(1 / (60 * 2**k) for k in range(6))
 """Native steps of every engine [s]."""
+QUICK_LADDER = ("ball_snip", "bounce_e05")
+"""Scenes of the ladder in the quick study."""
 QUICK_STEPS = (1 / 60, 1 / 240, 1 / 960)
 REPEATS, QUICK_REPEATS = 3, 2
 """Rounds of timing, each with new processes."""

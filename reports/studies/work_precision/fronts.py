@@ -51,11 +51,11 @@ def _why(scene: str, quantity: str, ours: pd.DataFrame, theirs: pd.Series) -> st
     faster = ours.time.min() > theirs.time
     better = ours.error.min() > max(theirs.error, QUANTITIES[quantity].floor)
     if faster and better:
-        return "the engine is faster and more accurate"
+        return "faster and more accurate than all settings of the reference"
     if faster:
         ratio = ours.time.min() / theirs.time
-        return f"a cheaper setting of the engine, {ratio:.2g} times as fast as the reference's cheapest"
+        return f"a setting {ratio:.3g} times as fast as the reference's fastest"
     if better:
         ratio = ours.error.min() / max(theirs.error, QUANTITIES[quantity].floor)
-        return f"the engine's error is {ratio:.2g} times smaller than any of the reference's"
+        return f"an error {ratio:.3g} times smaller than the reference's smallest"
     return "between two settings of the reference"

@@ -17,14 +17,15 @@ that of `balanced`."""
 BASE = "balanced"
 
 
-def ladder(frame: pd.DataFrame, cells: Sequence[Cell], rounds: int) -> pd.DataFrame:
-    """Table of the ladder from the rows of the sweep: a row per scene, change and quantity."""
+def ladder(frame: pd.DataFrame, cells: Sequence[Cell]) -> pd.DataFrame:
+    """Table of the ladder from the rows of the sweep: a row per scene, change and quantity; one round of
+    timing."""
     if not cells:
         return pd.DataFrame(columns=list(COLUMNS))
     names = list(dict.fromkeys(cell.scenario for cell in cells))
     towards = {change: upper for _, upper, change in rungs()}
-    plain = points(frame, grid(names, [(REFERENCE, BASE)]), rounds)
-    changed = points(frame, cells, rounds)
+    plain = points(frame, grid(names, [(REFERENCE, BASE)]), 1)
+    changed = points(frame, cells, 1)
     keys = ["scenario", "quantity", "unit"]
     both = changed.merge(plain, on=keys, suffixes=("", "_plain"))
     both = both[both.quantity.isin(QUANTITIES)]

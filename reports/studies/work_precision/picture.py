@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 
 from touchstone.reports.results import write_beside
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES, REFERENCE
@@ -89,9 +89,8 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
     axes.grid(True, color="#ececec", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     if part.empty:
+        axes.set_axis_off()
         axes.text(0.5, 0.5, "does not apply", transform=axes.transAxes, ha="center", color=PALE)
-        axes.xaxis.set_major_locator(NullLocator())
-        axes.yaxis.set_major_locator(NullLocator())
         return
     floor = QUANTITIES[quantity].floor
     part = part.assign(drawn=part.error.clip(lower=floor))
@@ -114,8 +113,8 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
     axes.set_ylim(max(low, floor) / 3, max(high * 3, low * 30))
     axes.axhline(QUANTITIES[quantity].tolerance, color=PALE, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
     axes.yaxis.set_major_locator(LogLocator(numticks=6))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(NullLocator())
     truth = part.truth.iloc[0]
     if truth == "not converged":
         axes.text(

@@ -14,7 +14,9 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import save_manifest, write_beside
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
+    QUICK_LADDER,
     QUICK_REPEATS,
+    REFERENCE,
     REPEATS,
     STUDY,
     measured_cells,
@@ -39,7 +41,8 @@ class Plan:
         self.names, self.quick = tuple(names), quick
         self.rounds = QUICK_REPEATS if quick else REPEATS
         self.measured = measured_cells(names, engines or tuple(ENGINES), quick)
-        self.ladder = ladder_cells(names) if with_ladder and "reference" in (engines or ENGINES) else []
+        climbed = [name for name in names if not quick or name in QUICK_LADDER]
+        self.ladder = ladder_cells(climbed) if with_ladder and REFERENCE in (engines or ENGINES) else []
         self.truths = truth_cells(names)
 
     @property
@@ -49,9 +52,9 @@ class Plan:
 
     @property
     def timing(self) -> list[Cell]:
-        """All timing cells."""
-        cells = dict.fromkeys([*self.measured, *self.ladder])
-        return [timing_cell(cell, repeat) for repeat in range(self.rounds) for cell in cells]
+        """All timing cells; the ladder has one round."""
+        timed = [timing_cell(cell, repeat) for repeat in range(self.rounds) for cell in self.measured]
+        return list(dict.fromkeys([*timed, *(timing_cell(cell, 0) for cell in self.ladder)]))
 
     @property
     def size(self) -> int:
@@ -70,7 +73,7 @@ def measure(
     timing = sweep(timed, store, executor=TimingRounds, progress=progress, series=True)
     frame = pd.concat([accuracy, timing], ignore_index=True)
     table = points(frame, plan.measured, plan.rounds)
-    return table, ladder(frame, plan.ladder, plan.rounds)
+    return table, ladder(frame, plan.ladder)
 
 
 def run(

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from touchstone.reports.run.request import step_text
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+from touchstone.reports.studies.work_precision.errors import NOT_CONVERGED
 
 LADDER_SHOWN = 1.25
 """Change of an error, up or down, from which a rung of the ladder is shown."""
@@ -33,6 +34,7 @@ def number(value: float, unit: str) -> str:
 def show(table: pd.DataFrame, console: Console) -> None:
     """Print the cheapest point of each engine that meets the usual tolerance, the fronts, and the ladder."""
     _answers(table, console)
+    _unconverged(table, console)
     fronts = table.attrs.get("fronts")
     if fronts is not None and len(fronts):
         _losses(fronts, console)
@@ -42,6 +44,17 @@ def show(table: pd.DataFrame, console: Console) -> None:
     failed = table[table.quantity == ""]
     for row in _rows(failed):
         console.print(f"{row.reproduce.removeprefix('touchstone run ')}: {row.outcome}: {row.reason}")
+
+
+def _unconverged(table: pd.DataFrame, console: Console) -> None:
+    """Scenes whose truth still changes with its step: their errors cannot be smaller than that change."""
+    part = table[table.truth == NOT_CONVERGED].drop_duplicates(["scenario", "quantity"])
+    for row in _rows(part):
+        change = number(row.truth_change, row.unit)
+        console.print(
+            f"{row.scenario}, {row.quantity}: the truth has not converged, half the step changes it by "
+            f"{change} within {row.horizon:.3g} s"
+        )
 
 
 def _answers(table: pd.DataFrame, console: Console) -> None:
@@ -63,7 +76,7 @@ def _answers(table: pd.DataFrame, console: Console) -> None:
             within = mine[mine.error <= one.tolerance]
             if not within.empty:
                 best = within.loc[within.time.idxmin()]
-                cells.append(f"{number(best.time, 's')} at {step_text(best.dt)}")
+                cells.append(f"{number(best.time, 's')} at {step_text(best['dt'])}")
             elif not mine.empty:
                 cells.append(f"best {number(mine.error.min(), one.unit)}")
             else:
@@ -76,9 +89,11 @@ def _losses(fronts: pd.DataFrame, console: Console) -> None:
     won, total = int(fronts.dominates.sum()), len(fronts)
     console.print(f"\nThe reference's front dominates {won} of {total} fronts (scene, quantity, engine).")
     lost = fronts[~fronts.dominates].sort_values("factor", ascending=False)
-    for row in _rows(lost):
-        by = "" if row.factor == float("inf") else f" by {row.factor:.3g}"
-        console.print(f"  {row.scenario}, {row.quantity}: {row.engine}{by}: {row.why} ({row.where})")
+    for _, part in lost.groupby(["scenario", "engine", "where", "why"], sort=False):
+        first = part.iloc[0]
+        by = "" if first.factor == inf else f" by {first.factor:.3g}"
+        quantities = ", ".join(part.quantity)
+        console.print(f"  {first.scenario}, {quantities}: {first.engine}{by}: {first.why} ({first['where']})")
 
 
 def _ladder(ladder: pd.DataFrame, console: Console) -> None:

@@ -1,0 +1,126 @@
+"""`touchstone cheapest`: the cheapest setting of a scene that meets tolerances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    LIMIT_BROKEN,
+    QuietOption,
+    known,
+    measuring,
+    require_judge,
+    resumable,
+    stop,
+)
+
+if TYPE_CHECKING:
+    from touchstone.reports.studies.work_precision.cheapest import Answer, Setting
+
+
+def cheapest(
+    scenario: Annotated[str, typer.Argument(help="The scene.")],
+    overlap: Annotated[str, typer.Option(help="Largest overlap, such as 1mm.")] = "",
+    energy: Annotated[str, typer.Option(help="Largest error of energy, such as 1%.")] = "",
+    friction: Annotated[str, typer.Option(help="Largest error of friction, such as 2%.")] = "",
+    position: Annotated[str, typer.Option(help="Largest error of positions, such as 1cm.")] = "",
+    events: Annotated[str, typer.Option(help="Largest error of the times of events, such as 5ms.")] = "",
+    frame_budget: Annotated[str, typer.Option(help="Largest time of a frame, such as 4ms.")] = "",
+    engine: Annotated[str, typer.Option(help="One engine only.")] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="Three steps and two rounds.")] = False,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
+    store: Annotated[
+        Path, typer.Option(help="Folder of all cells; what it holds is not measured again.")
+    ] = Path("runs/sweep"),
+    quiet: QuietOption = False,
+) -> None:
+    """Name the cheapest measured setting within tolerances, the runner-up, and the line that plays it."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.studies.work_precision.cheapest import (
+        TIME,
+        ToleranceError,
+        missing_quantities,
+        settings_of_scene,
+        tolerance,
+    )
+    from touchstone.reports.studies.work_precision.cheapest import cheapest as find
+    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+    from touchstone.reports.studies.work_precision.study import Plan, measure
+    from touchstone.reports.sweep.store import StoreError
+    from touchstone.scenarios.catalogue import catalogue
+
+    scene = catalogue()[known("scenario", scenario, catalogue())]
+    asked = {
+        "overlap": overlap,
+        "energy": energy,
+        "friction": friction,
+        "position": position,
+        "events": events,
+    }
+    try:
+        limits = {
+            name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in asked.items() if text
+        }
+        if frame_budget:
+            limits[TIME] = tolerance(frame_budget, "s", "--frame-budget")
+    except ToleranceError as error:
+        stop(str(error), BAD_INPUT)
+    if not limits:
+        stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%", BAD_INPUT)
+    engines = [known("engine", engine, ENGINES)] if engine else list(ENGINES)
+    require_judge()
+    plan = Plan([scene.name], engines, quick, with_ladder=False)
+    with resumable(store), measuring(plan.size, quiet, StoreError) as progress:
+        table, _ = measure(plan, store, jobs, progress)
+    if gone := missing_quantities(table, limits):
+        has = ", ".join(name for name in QUANTITIES if name in set(table.quantity))
+        stop(f"{scene.name}: no {' and no '.join(gone)} is measured in this scene; it has {has}", BAD_INPUT)
+    answer = find(settings_of_scene(table, scene.frame_rate), limits, engine)
+    if answer is None:
+        stop(f"{scene.name}: no setting was measured in all of {', '.join(limits)}", BAD_INPUT)
+    for line in lines(answer, limits):
+        print(line)
+    if not answer.met:
+        raise typer.Exit(LIMIT_BROKEN)
+
+
+def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
+    """The answer as text."""
+    best, second = answer.best, answer.runner_up
+    head = "cheapest" if answer.met else "nothing measured meets all; nearest miss"
+    found = [f"{head}: {told(best)}", f"  {margins(best, limits)}"]
+    if second is not None:
+        ratio = f", {second.time / best.time:.3g} times the time" if answer.met else ""
+        found.append(f"{'runner-up' if answer.met else 'next'}: {told(second)}{ratio}")
+    if answer.other_engine is not None and answer.other_engine != second:
+        other = answer.other_engine
+        found.append(f"next engine: {told(other)}, {other.time / best.time:.3g} times the time")
+    return [*found, f"again: {best.command}"]
+
+
+def told(setting: Setting) -> str:
+    """A setting and its time."""
+    from touchstone.reports.run.request import step_text
+    from touchstone.reports.studies.work_precision.table import number
+
+    label = f"{setting.engine} {setting.profile} {setting.settings}".strip()
+    return f"{label} at {step_text(setting.dt)} s: {number(setting.time, 's')} a frame"
+
+
+def margins(setting: Setting, limits: dict[str, float]) -> str:
+    """Each error beside its limit."""
+    from touchstone.reports.studies.work_precision.cheapest import TIME
+    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+    from touchstone.reports.studies.work_precision.table import number
+
+    parts = []
+    for name, limit in limits.items():
+        value = setting.time if name == TIME else setting.errors[name]
+        unit = "s" if name == TIME else QUANTITIES[name].unit
+        over = "" if value <= limit else f", {value / limit:.3g} times too much" if limit else ", too much"
+        parts.append(f"{name} {number(value, unit)} of {number(limit, unit)}{over}")
+    return "; ".join(parts)

@@ -1,0 +1,144 @@
+"""The cheapest measured setting that meets tolerances, the runner-up, or the nearest miss."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+
+import pandas as pd
+
+from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+
+UNITS = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "1": {"%": 1e-2, "": 1.0},
+}
+"""Units of a quantity and their sizes in SI."""
+TIME = "frame time"
+"""Name of the budget among the tolerances [s per displayed frame]."""
+KEYS = ["engine", "profile", "settings", "dt"]
+
+
+class ToleranceError(ValueError):
+    """A tolerance that cannot be read; the message names the valid units."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A measured setting of one scene.
+
+    Attributes:
+        time: wall time per displayed frame [s].
+        errors: by quantity.
+        excess: the largest ratio of an error, or of the time, to its limit; at most 1 meets all.
+        tightest: the quantity with that ratio.
+        command: the line that plays it again.
+    """
+
+    engine: str
+    profile: str
+    settings: str
+    dt: float
+    time: float
+    errors: Mapping[str, float]
+    excess: float
+    tightest: str
+    command: str
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer of a query: `met` says whether `best` meets the tolerances or is the nearest miss.
+
+    `runner_up` is the next cheapest that meets them, of another engine if `other_engine` is one.
+    """
+
+    met: bool
+    best: Setting
+    runner_up: Setting | None
+    other_engine: Setting | None
+
+
+def tolerance(text: str, unit: str, option: str) -> float:
+    """A tolerance such as "1mm" or "1%" in SI; raises ToleranceError with the valid units."""
+    stripped = text.strip()
+    number = stripped.rstrip("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ%")
+    name = stripped[len(number) :].strip()
+    valid = ", ".join(f"{one}" for one in UNITS[unit] if one)
+    if name not in UNITS[unit]:
+        found = f"unit {name!r}" if name else "no unit"
+        raise ToleranceError(f"{option} {text}: {found}; valid: {valid}, such as 1{next(iter(UNITS[unit]))}")
+    try:
+        value = float(number) * UNITS[unit][name]
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < inf:
+        raise ToleranceError(f"{option} {text}: expected a number of {valid} that is not negative")
+    return value
+
+
+def settings_of_scene(table: pd.DataFrame, frame_rate: float) -> list[Setting]:
+    """All settings of a scene that were timed, by their time.
+
+    Args:
+        table: rows of one scene (`points`).
+        frame_rate: displayed frames per second.
+    """
+    found = []
+    usable = table[(table.quantity != "") & table.time.notna()]
+    for _, part in usable.groupby(KEYS, sort=False):
+        first = part.iloc[0]
+        errors = dict(zip(part.quantity, part.error))
+        time = float(first.time) / frame_rate
+        label = (first.engine, first.profile, first.settings, float(first["dt"]))
+        found.append(Setting(*label, time, errors, 0.0, "", first.reproduce))
+    return sorted(found, key=lambda one: one.time)
+
+
+def cheapest(known: Sequence[Setting], limits: Mapping[str, float], engine: str = "") -> Answer | None:
+    """The cheapest setting within all limits, or the one that misses them by the least factor.
+
+    Args:
+        known: settings of a scene, by their time.
+        limits: by quantity, and TIME for the budget [s].
+        engine: of which settings; "": of all.
+    Returns:
+        None if no timed setting has all quantities of the limits.
+    """
+    quantities = limits.keys() - {TIME}
+    mine = [
+        _rated(one, limits)
+        for one in known
+        if (not engine or one.engine == engine) and quantities <= one.errors.keys()
+    ]
+    if not mine:
+        return None
+    within = [one for one in mine if one.excess <= 1]
+    if not within:
+        ranked = sorted(mine, key=lambda one: (one.excess, one.time))
+        return Answer(False, ranked[0], ranked[1] if len(ranked) > 1 else None, None)
+    best = within[0]
+    others = [one for one in within if one.engine != best.engine]
+    return Answer(True, best, within[1] if len(within) > 1 else None, others[0] if others else None)
+
+
+def _rated(setting: Setting, limits: Mapping[str, float]) -> Setting:
+    """The setting with its largest ratio to a limit."""
+    values = {**setting.errors, TIME: setting.time}
+    ratios = {name: _ratio(values[name], limit) for name, limit in limits.items()}
+    tightest = max(ratios, key=lambda name: ratios[name])
+    return replace(setting, excess=ratios[tightest], tightest=tightest)
+
+
+def _ratio(value: float, limit: float) -> float:
+    """Value over limit; a limit of 0 is met by 0 only."""
+    if limit == 0:
+        return 0.0 if value == 0 else inf
+    return value / limit
+
+
+def missing_quantities(table: pd.DataFrame, limits: Mapping[str, float]) -> list[str]:
+    """Quantities of the limits that no setting of the scene has."""
+    return [name for name in limits if name in QUANTITIES and name not in set(table.quantity)]

@@ -1,0 +1,89 @@
+"""`touchstone sweep` and `cheapest`: wrong input is one line, and what was measured stays."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["fal"], "unknown scenario 'fal'; did you mean 'fall'"),
+        (["fall", "--dt", "1/60,1/70"], "--dt 1/70: dt = 0.0142857 s does not divide the frame of 1/60 s"),
+        (["fall", "--dt", "x"], "--dt x: "),
+        (["fall", "--set", "impratoi=1,2"], "--set reference: unknown setting 'impratoi'"),
+        (
+            ["fall", "--engine", "mujoco", "--set", "impratio=1,x"],
+            "--set mujoco: impratio: found 'x' (valid: 0.001 to",
+        ),
+        (["fall", "--part", "3/3"], "--part 3/3: expected K/N with K from 0 to N - 1"),
+    ],
+)
+def test_wrong_input_is_one_line(touchstone, arguments, said):
+    """The place and the valid choices are named, nothing is written."""
+    code, out, err = touchstone("sweep", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["fal", "--overlap", "1mm"], "unknown scenario 'fal'"),
+        (["fall", "--overlap", "1"], "--overlap 1: no unit; valid: m, cm, mm, um"),
+        (["fall", "--energy", "1J"], "--energy 1J: unit 'J'; valid: %"),
+        (["fall", "--frame-budget", "4m"], "--frame-budget 4m: unit 'm'; valid: s, ms, us"),
+        (["fall"], "cheapest: give a tolerance, such as --overlap 1mm"),
+        (["fall", "--overlap", "1mm", "--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'"),
+    ],
+)
+def test_a_wrong_question_is_one_line(touchstone, arguments, said):
+    """Tolerances need a unit of their quantity; names are checked."""
+    code, out, err = touchstone("cheapest", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+
+
+def test_a_sweep_is_printed_and_kept(touchstone, tmp_path):
+    """Steps and settings make cells, the second call measures none, another version is refused."""
+    asked = (
+        "sweep",
+        "fall",
+        "--engine",
+        "mujoco",
+        "--profile",
+        "recommended",
+        "--jobs",
+        "1",
+        "--dt",
+        "1/60,1/240",
+    )
+    code, out, err = touchstone(*asked, "--set", "mujoco.integrator=Euler,RK4", "--set", "numSubSteps=1,2")
+    assert code == 0, err
+    assert "4 cells" in out
+    assert "integrator=RK4" in out
+    files = sorted((tmp_path / "runs" / "sweep" / "cells").iterdir())
+    code, out, _ = touchstone(*asked, "--set", "mujoco.integrator=Euler,RK4", "--format", "csv", "--quiet")
+    assert code == 0
+    assert out.count("\n") > 40
+    assert sorted((tmp_path / "runs" / "sweep" / "cells").iterdir()) == files
+    (tmp_path / "runs" / "sweep" / "store.json").write_text('{"format": 99}')
+    code, _, err = touchstone(*asked)
+    assert (code, err) == (2, "touchstone: runs/sweep: store of version 99, this program writes 1\n")
+
+
+def test_a_slurm_script_is_written(touchstone, tmp_path):
+    """The script repeats the command with an absolute store, and nothing is measured."""
+    code, out, _ = touchstone(
+        "sweep", "fall", "--engine", "mujoco", "--slurm-script", "job.sh", "--jobs", "4"
+    )
+    assert (code, out) == (0, "sbatch job.sh\n")
+    text = (tmp_path / "job.sh").read_text()
+    assert f"--engine mujoco --out {tmp_path}/runs/sweep --jobs 1" in text
+    assert "slurm-script" not in text
+    assert subprocess.run(["bash", "-n", "job.sh"], cwd=tmp_path, check=False).returncode == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["job.sh"]

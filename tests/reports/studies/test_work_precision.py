@@ -1,0 +1,258 @@
+"""Fronts, bands, orders and answers of the study `work-precision` against brute force and known data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from touchstone.reports.studies.work_precision.cheapest import (
+    TIME,
+    ToleranceError,
+    cheapest,
+    settings_of_scene,
+    tolerance,
+)
+from touchstone.reports.studies.work_precision.definitions import (
+    QUANTITIES,
+    measured_cells,
+    scenes,
+    truth_cells,
+)
+from touchstone.reports.studies.work_precision.errors import distance
+from touchstone.reports.studies.work_precision.front import band, deficit, order_of, pareto
+from touchstone.reports.studies.work_precision.fronts import fronts
+from touchstone.reports.studies.work_precision.ladder_cells import rungs
+from touchstone.reports.studies.work_precision.picture import draw
+from touchstone.reports.studies.work_precision.points import COLUMNS
+
+RNG = np.random.default_rng(15)
+
+
+def drawn(count):
+    """Times and errors on a coarse grid, so that many are equal; some are infinite."""
+    time = RNG.integers(1, 12, count) / 8.0
+    error = RNG.integers(0, 12, count) / 8.0
+    return time, np.where(RNG.random(count) < 0.1, np.inf, error)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 40])
+@pytest.mark.parametrize("floor", [0.0, 0.3])
+def test_a_front_is_what_nothing_dominates(count, floor):
+    """Each point against every other."""
+    for _ in range(50):
+        time, error = drawn(count)
+        clipped = np.maximum(error, floor)
+        expected = [
+            np.isfinite(e)
+            and not any((t2 <= t and e2 < e) or (t2 < t and e2 <= e) for t2, e2 in zip(time, clipped))
+            for t, e in zip(time, clipped)
+        ]
+        assert pareto(time, error, floor).tolist() == expected
+
+
+def test_a_deficit_is_the_least_factor():
+    """Each of their points against each of ours."""
+    ours, theirs = RNG.random((7, 2)) + 0.1, RNG.random((9, 2)) + 0.1
+    expected = [min(max(t / t2, max(e, 0.2) / max(e2, 0.2)) for t, e in ours) for t2, e2 in theirs]
+    assert deficit(ours, theirs, 0.2) == pytest.approx(expected)
+    assert deficit(ours, ours, 0.0).max() <= 1.0
+    assert np.isinf(deficit(np.zeros((0, 2)), theirs, 0.0)).all()
+
+
+def test_a_band_is_the_range_of_the_rounds():
+    """Median, least and largest, as sorted by hand."""
+    samples = RNG.random(5)
+    assert band(samples) == (sorted(samples)[2], min(samples), max(samples))
+    assert np.isnan(band([])).all()
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 4.0])
+def test_an_order_is_recovered(order):
+    """The slope of an exact power law, with a point that is missing."""
+    steps = np.array([1 / 60, 1 / 120, 1 / 240, 1 / 480])
+    errors = 3.0 * steps**order
+    errors[1] = np.inf
+    assert order_of(steps, errors) == pytest.approx(order, abs=1e-12)
+    assert np.isnan(order_of(steps[:1], errors[:1]))
+
+
+def test_paths_are_compared_up_to_the_horizon():
+    """The largest distance over bodies and frames, of the frames that both have."""
+    one, other = RNG.random((9, 3, 3)), RNG.random((8, 3, 3))
+    expected = max(np.linalg.norm(one[f, b] - other[f, b]) for f in range(5) for b in range(3))
+    assert distance(one, other, 4) == pytest.approx(expected)
+    assert distance(one, other, 99) == distance(one, other, 7)
+
+
+def table(count=60, scene="fall"):
+    """A table of random settings, some of which lack a quantity or a time."""
+    rows = []
+    for k in range(count):
+        engine = ("reference", "dart", "bullet", "mujoco")[k % 4]
+        time = np.nan if k % 17 == 16 else float(RNG.integers(1, 50)) / 100
+        base = {
+            "scenario": scene,
+            "engine": engine,
+            "profile": "one",
+            "settings": f"k={k}",
+            "dt": 1 / 60,
+            "time": time,
+            "time_low": time,
+            "time_high": time,
+            "front": False,
+            "truth": "closed form",
+            "reproduce": f"touchstone run {scene} --engine {engine} --set k={k}",
+        }
+        for name in ("position", "overlap", "energy"):
+            if k % 13 != 12 or name != "energy":
+                rows.append({**base, "quantity": name, "error": float(RNG.integers(0, 20)) / 1000})
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def test_the_cheapest_is_that_of_brute_force():
+    """1,000 random queries: the least time among all rows within every limit, or the least miss."""
+    for _ in range(20):
+        frame = table()
+        settings = {}
+        for row in frame.itertuples():
+            settings.setdefault(row.settings, {"engine": row.engine, TIME: row.time / 60})[row.quantity] = (
+                row.error
+            )
+        known_settings = settings_of_scene(frame, 60)
+        for _ in range(50):
+            names = RNG.choice(["position", "overlap", "energy", TIME], RNG.integers(1, 5), replace=False)
+            limits = {str(n): float(RNG.integers(0, 16)) / (6000 if n == TIME else 1000) for n in names}
+            engine = str(RNG.choice(["", "mujoco"]))
+            known = {
+                k: s
+                for k, s in settings.items()
+                if limits.keys() <= s.keys() and s[TIME] == s[TIME] and engine in ("", s["engine"])
+            }
+            within = [s for s in known.values() if all(s[n] <= limit for n, limit in limits.items())]
+            answer = cheapest(known_settings, limits, engine)
+            assert answer is not None
+            assert answer.met == bool(within)
+            if within:
+                times = sorted(s[TIME] for s in within)
+                assert answer.best.time == times[0]
+                assert (answer.runner_up.time if answer.runner_up else None) == (times[1:2] or [None])[0]
+            else:
+                excess = [
+                    max((s[n] / v if v else np.inf * s[n] if s[n] else 0.0) for n, v in limits.items())
+                    for s in known.values()
+                ]
+                assert answer.best.excess == min(excess) > 1
+
+
+def test_nothing_measured_is_no_answer():
+    """Without a timed setting that has the quantity there is none."""
+    known = settings_of_scene(table(), 60)
+    assert cheapest(known, {"friction": 1.0}) is None
+    assert cheapest(known, {"position": 1.0}, "fifth") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("1mm", "m", 1e-3),
+        (" 2.5 cm", "m", 0.025),
+        ("1e-3m", "m", 1e-3),
+        ("1%", "1", 0.01),
+        ("4ms", "s", 4e-3),
+    ],
+)
+def test_a_tolerance_has_a_unit(text, unit, value):
+    """Numbers with units become SI."""
+    assert tolerance(text, unit, "--x") == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "said"),
+    [
+        ("1", "m", "--x 1: no unit; valid: m, cm, mm, um, such as 1m"),
+        ("1inch", "m", "--x 1inch: unit 'inch'; valid: m, cm"),
+        ("4mm", "s", "--x 4mm: unit 'mm'; valid: s, ms, us"),
+        ("-1mm", "m", "--x -1mm: expected a number of m, cm, mm, um that is not negative"),
+        ("1e999mm", "m", "--x 1e999mm: expected a number"),
+        ("mm", "m", "--x mm: expected a number"),
+        ("", "m", "--x : no unit"),
+    ],
+)
+def test_a_tolerance_without_one_is_refused(text, unit, said):
+    """One line names the valid units."""
+    with pytest.raises(ToleranceError, match=said):
+        tolerance(text, unit, "--x")
+
+
+def test_fronts_name_the_point_that_is_not_dominated():
+    """An engine that is faster, or more accurate, than all settings of the reference is named, with why."""
+    rows = [
+        ("reference", 1.0, 1e-3),
+        ("reference", 4.0, 1e-6),
+        ("dart", 2.0, 1e-2),
+        ("bullet", 0.5, 1e-1),
+        ("mujoco", 9.0, 1e-8),
+    ]
+    frame = pd.DataFrame(
+        [
+            {
+                "scenario": "fall",
+                "engine": engine,
+                "quantity": "position",
+                "time": time,
+                "error": error,
+                "reproduce": f"touchstone run {engine}",
+            }
+            for engine, time, error in rows
+        ],
+        columns=list(COLUMNS),
+    )
+    found = fronts(frame).set_index("engine")
+    assert found.dominates.to_dict() == {"dart": True, "bullet": False, "mujoco": False}
+    assert found.factor["bullet"] == pytest.approx(2.0)
+    assert "2 times as fast" in found.why["bullet"]
+    assert found.factor["mujoco"] == pytest.approx(100.0)
+    assert "100 times smaller" in found.why["mujoco"]
+    assert found["where"]["bullet"] == "bullet"
+
+
+def test_pictures_are_drawn_and_repeat(tmp_path, monkeypatch):
+    """SVG and PNG; more scenes than fit make further files, and equal data equal files."""
+    monkeypatch.setattr("touchstone.reports.studies.work_precision.picture.MOST_ROWS", 1)
+    frame = pd.concat([table(scene=f"scene {k}") for k in range(2)])
+    names = [path.name for path in draw(frame, tmp_path)]
+    assert names == [f"work_precision{n}.{s}" for n in ("", "_2") for s in ("svg", "png")]
+    first = (tmp_path / "work_precision.svg").read_bytes()
+    draw(frame, tmp_path)
+    assert (tmp_path / "work_precision.svg").read_bytes() == first
+
+
+def test_the_default_study_has_what_was_asked_for():
+    """Gallery scenes and six probes, four engines, six steps, each engine's main knob; each cell once."""
+    names = scenes()
+    engines = ("reference", "dart", "bullet", "mujoco")
+    cells = measured_cells(names, engines)
+    assert len(cells) == len(set(cells))
+    for engine in engines:
+        mine = [cell for cell in cells if (cell.engine, cell.scenario) == (engine, "fall")]
+        profile = mine[0].profile
+        assert len({cell.dt for cell in mine if cell.profile == profile and not cell.changes}) >= 6
+        assert any(cell.changes for cell in mine) or engine == "reference"
+    assert {cell.scenario for cell in truth_cells(names)} == set(names)
+    assert set(QUANTITIES) == {"position", "overlap", "energy", "friction", "events"}
+
+
+def test_the_ladder_toggles_one_setting_at_a_time():
+    """Every setting in which neighbouring profiles differ, and no other."""
+    from touchstone.adapters.registry import settings_of
+
+    changes = [change for _, _, change in rungs()]
+    assert len(changes) == len(set(changes))
+    table_of = settings_of("reference")
+    differ = {
+        s.name
+        for s in table_of.values()
+        if len({s.profiles[table_of.column(p)] for p in ("paper", "balanced", "accurate")}) > 1
+    }
+    assert {change.partition("=")[0] for change in changes} == differ
