@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from touchstone.reports.cli.runs.compare import compare
-from touchstone.reports.cli.runs.judge import judge
 
 from touchstone.reports.cli import stability
 from touchstone.reports.cli.cheapest import cheapest
@@ -36,6 +34,8 @@ from touchstone.reports.cli.options import (
     tell_failures,
     version,
 )
+from touchstone.reports.cli.runs.compare import compare
+from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
