@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from touchstone.reports.known_failures import bullet as known_bullet
 from touchstone.reports.known_failures import dart as known_dart
+from touchstone.reports.known_failures import drake as known_drake
 from touchstone.reports.known_failures import mujoco as known_mujoco
 from touchstone.reports.known_failures import reference as known_reference
 from touchstone.reports.known_failures.cause import Cause, Known
@@ -32,5 +33,6 @@ CAUSES: tuple[Cause, ...] = (
     *known_dart.CAUSES,
     *known_bullet.CAUSES,
     *known_mujoco.CAUSES,
+    *known_drake.CAUSES,
 )
 KNOWN: tuple[Known, ...] = (*CALIBRATION, *(known for cause in CAUSES for known in cause.known()))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.detectors import DETECTORS
+from touchstone.adapters.engines.drake import ENTRY
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports import limits as module
 from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
@@ -33,6 +34,9 @@ from touchstone.scenarios.effects import PLANNED
 
 BENCH_METRICS = ("ratio.time", "certificate.open", "certificate.false", "scaling.exponent")
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")
+
+OF_THE_PROJECT = {**ENGINES, "drake": ENTRY}
+"""Engines that play by default, and Drake, which plays when it is named."""
 
 
 @pytest.fixture
@@ -72,11 +76,13 @@ def test_every_entry_names_what_exists(entry):
         assert entry.subject in ("", effects.ALL, *(f"+{effect}" for effect in PLANNED))
         return
     assert entry.metric in (*METRICS, *spread, *LARGEST.values(), ERROR, "run")
-    assert entry.engine in ("", *ENGINES)
+    assert entry.engine in ("", *OF_THE_PROJECT)
     places = (ALL, *SHAPES) if entry.metric in LARGEST.values() else (*catalogue(), *tags())
     assert entry.scenario in ("", *places)
     profiles = (
-        ENGINES[entry.engine].profiles if entry.engine else {p for e in ENGINES.values() for p in e.profiles}
+        OF_THE_PROJECT[entry.engine].profiles
+        if entry.engine
+        else {p for e in ENGINES.values() for p in e.profiles}
     )
     assert entry.profile.replace(NOISY, "") in ("", *profiles)
     bodies = {body.name for scenario in catalogue().values() for body in scenario.bodies}
@@ -112,7 +118,7 @@ def test_limits_are_of_metrics_with_a_direction(limit):
 @pytest.mark.parametrize("known", KNOWN, ids=lambda known: f"{known.engine} {known.metric}")
 def test_known_failings_say_how_to_see_them(known):
     """Every known failing names one engine and a command that shows it, and a limit it breaks exists."""
-    assert known.engine in ENGINES
+    assert known.engine in OF_THE_PROJECT
     studies = dict.fromkeys(effects.JUDGED, "effects") | dict.fromkeys(LARGEST.values(), "calibration")
     if known.metric in studies:
         assert known.reproduce == f"touchstone study {studies[known.metric]} --engine {known.engine}"

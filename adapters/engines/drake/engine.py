@@ -4,13 +4,14 @@ Conventions: quaternions are wxyz and boxes have full sides. A body's velocity i
 world axes. A contact's `nhat_BA` points from B to A and its force acts on B; depth is positive in overlap; A
 and B are ordered by Drake. Contact results are those of the last step, with the geometry of its start; force
 times dt is the impulse. Friction is combined harmonically (2 f g / (f + g)); there is no restitution.
-Contacts are points (`ContactModel.kPoint`): rigid hydroelastic geometry never touches other rigid geometry.
 
-Profiles: `recommended` is Drake as it comes (`lagged`: Hunt-Crossley dissipation and friction within the
-cone, solved by SAP), at its default step of 1 ms; `sap` is the convex approximation that gives the SAP solver
-its name; `tamsi` is the TAMSI solver. Stiffness and dissipation are Drake's defaults: near-rigid contact, or
-1 mm of penetration allowance where an approximation has a stiffness.
-https://drake.mit.edu/doxygen_cxx/group__multibody__simulation.html
+Profiles: contacts are points (`ContactModel.kPoint`), one for each pair of pieces, at Drake's default step of
+1 ms. `point` has Drake's default approximation (`lagged`: Hunt-Crossley dissipation, friction bounded by the
+normal force of the step before), `sap` the convex approximation that gives the SAP solver its name, `tamsi`
+the TAMSI solver. Stiffness and dissipation are Drake's defaults: near-rigid contact, or 1 mm of penetration
+allowance where an approximation has a stiffness. None is called `recommended`: for faces Drake's
+documentation recommends hydroelastic contact, whose pressure field has no points with distances as the
+contract wants them. https://drake.mit.edu/doxygen_cxx/group__multibody__simulation.html
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ APPROXIMATION = {
 
 
 class DrakeEngine:
-    """Drake as it comes; `sap` with the convex approximation, `tamsi` with the TAMSI solver."""
+    """Drake with point contacts; `sap` with the convex approximation, `tamsi` with the TAMSI solver."""
 
     name: ClassVar[str] = "drake"
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
@@ -79,7 +80,7 @@ class DrakeEngine:
         if settings.drive == "posed" and scenario.trackers:
             raise Unsupported("drake: no kinematic links in a discrete plant; choose --drive native")
         if settings.profile == TAMSI and scenario.trackers and settings.drive == "native":
-            raise Unsupported("drake: TAMSI has no position servos; choose the profile recommended")
+            raise Unsupported("drake: TAMSI has no position servos; choose the profile point")
         check_restitution(scenario)
         return World(scenario, settings)
 
