@@ -12,6 +12,7 @@ WIDEST = 90
 def show_changes(frame: pd.DataFrame) -> None:
     """Print the rows of `changes`: scene, engine, metric, both values and the reason."""
     from rich.table import Table
+    from rich.text import Text
 
     from touchstone.reports.views.terminal import console
 
@@ -24,5 +25,6 @@ def show_changes(frame: pd.DataFrame) -> None:
             metric = f"{row['metric']} {row['subject'] or ''}".strip()
             values = ("" if row[side] != row[side] else f"{row[side]:.4g}" for side in "ab")
             engine = f"{row['engine']} {row['profile']}"
-            table.add_row(row["scenario"], engine, metric, *values, str(row["reason"])[:WIDEST])
+            texts = (row["scenario"], engine, metric, *values, str(row["reason"])[:WIDEST])
+            table.add_row(*map(Text, texts))  # no markup: names are the user's
         out.print(table)

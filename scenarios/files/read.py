@@ -21,6 +21,8 @@ from touchstone.scenarios.files.text_lines import json_lines, line_of, toml_line
 from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
 from touchstone.scenarios.scenario import Piece, Scenario, ScenarioError, Shape
 
+NAME = re.compile(r"\w[\w .,+=-]{0,99}")
+"""Names of scenes in files: they name files of results."""
 UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 """An index or a name in the path of a fault."""
@@ -103,6 +105,11 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
     data, faults, told = data_of_file(path, model_of(Scenario))
     if data:
         data = {"name": path.stem, "summary": "", "tags": (), **data}
+        if not NAME.fullmatch(data["name"]):
+            text = (
+                f"found {data['name'][:100]!r}, expected up to 100 letters, digits and -_ .,+= after a letter"
+            )
+            faults.append((("name",), text))
         own: list[Fault] = []
         for i, body in enumerate(data["bodies"]):
             own += _weighed(body, ("bodies", i))

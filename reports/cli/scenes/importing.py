@@ -29,10 +29,13 @@ def import_robot(
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.adapters.robots.robot_scene import imported
     from touchstone.reports.results import write_beside
+    from touchstone.scenarios.files.read import NAME
     from touchstone.scenarios.files.write import scene_json, scene_toml
 
     path = out or Path(f"{name}.toml")
-    if not name or path.suffix not in (".toml", ".json"):
+    if not NAME.fullmatch(name):
+        stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter", BAD_INPUT)
+    if path.suffix not in (".toml", ".json"):
         stop(f"--out {path}: expected a file .toml or .json", BAD_INPUT)
     if path.exists() and not force:
         stop(f"{path}: exists; write over it by --force", BAD_INPUT)

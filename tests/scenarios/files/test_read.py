@@ -81,6 +81,11 @@ def test_a_short_file_is_a_whole_scene(scene):
         ("friction = 0.3", "friction = nan", "drop.toml:3: coefficients[0].friction: found nan"),
         ("0.05 } }]", "0.05 } }", "drop.toml:11: not TOML: Unclosed array"),
         ("[[bodies]]", "[bodies", "drop.toml:5: not TOML: "),
+        (
+            'summary = "a',
+            'name = "../out"\nsummary = "a',
+            "drop.toml:1: name: found '../out', expected up to",
+        ),
     ],
 )
 def test_a_fault_has_its_line(scene, old, new, expected):
