@@ -33,9 +33,11 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
 
 
 def scenario_rows() -> list[dict[str, object]]:
-    """Scenes with tags, durations and kinds of truth."""
-    from touchstone.scenarios.catalogue import catalogue
+    """Scenes with tags, durations and kinds of truth; broken ones are named on standard error."""
+    from touchstone.scenarios.catalogue import catalogue, faults
 
+    for line in faults():
+        print(f"touchstone: {line}", file=sys.stderr)
     return [
         {
             "scenario": s.name,
