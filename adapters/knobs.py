@@ -119,11 +119,18 @@ Setting = Choice | Range | Numbers
 
 
 class Table(Mapping[str, Setting]):
-    """Settings of an engine by name, in the order of the table; `profiles` are its columns."""
+    """Settings of an engine by name, in the order of the table; `profiles` are its columns. `idle`: setting ->
+    another setting and its value with which the first does nothing."""
 
-    def __init__(self, profiles: Iterable[str], rows: Iterable[Setting]) -> None:
+    def __init__(
+        self,
+        profiles: Iterable[str],
+        rows: Iterable[Setting],
+        idle: Mapping[str, tuple[str, str]] | None = None,
+    ) -> None:
         self.profiles = tuple(profiles)
         self._rows = {row.name: row for row in rows}
+        self._idle = idle or {}
 
     def __getitem__(self, name: str) -> Setting:
         return self._rows[name]
@@ -139,6 +146,17 @@ class Table(Mapping[str, Setting]):
         if profile not in self.profiles:
             raise SettingError(f"no profile {profile!r}; valid: {', '.join(self.profiles)}")
         return self.profiles.index(profile)
+
+    def is_idle(self, name: str, values: Mapping[str, Any]) -> bool:
+        """Whether a setting does nothing among these values of all settings."""
+        other, value = self._idle.get(name, ("", ""))
+        return bool(other) and values[other] == value
+
+    def values_of(self, profile: str) -> dict[str, str]:
+        """Values in a profile of the settings that do something there."""
+        column = self.column(profile)
+        values = {name: setting.profiles[column] for name, setting in self.items()}
+        return {name: value for name, value in values.items() if not self.is_idle(name, values)}
 
     def parse(self, text: str) -> tuple[Setting, str]:
         """Parse "key=value" into its setting and the same text in normal form; raises SettingError."""
@@ -164,6 +182,11 @@ class Table(Mapping[str, Setting]):
             name: self.parse(f"{name}={setting.profiles[column]}")[1] if setting.profiles[column] else ""
             for name, setting in self.items()
         }
+        values = {name: split(found.get(name, plain[name]))[1] for name in self}
+        for name in found:
+            if self.is_idle(name, values):
+                other = "=".join(self._idle[name])
+                raise SettingError(f"{name}: does nothing with {other}, as in profile {profile}")
         return tuple(found[name] for name in self if name in found and found[name] != plain[name])
 
     def numbers(self, changed: Iterable[str]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ def run(
             several.
         engines: one name or several, also "module:Class" of an engine of your own; None: all of ours. One
             that is not installed gives a row that says so.
-        profiles: one name or several; None: `balanced`, `recommended` and `equal-step`, each on the engines
+        profiles: one name or several; None: `balanced`, `paper` and `recommended`, each on the engines
             that have it.
         dt: native step of all engines [s]; None: that of each profile.
         out: new folder that keeps table, recordings, report and pictures; None: nothing is kept on disk.

@@ -1,5 +1,5 @@
 """Verdicts of runs with noisy trackers: physical laws keep their limits; limits that follow from the ideal
-tracker do not apply."""
+tracker do not apply. And of runs with explicit torques: what only these cause is the harness' failing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import nan
 
 from touchstone.reports import limits
 from touchstone.reports.known_failures.cause import NOISY
-from touchstone.reports.results import CONSTRUCTION, UNAPPLIED, Row
+from touchstone.reports.results import CONSTRUCTION, HARNESS, UNAPPLIED, Row
 
 OF_THE_TRACKER = (
     *("events.", "truth.", "contact.gap", "joint.speed", "posture."),
@@ -16,6 +16,8 @@ OF_THE_TRACKER = (
 )
 """Prefixes of metrics whose limits follow from a scene's ideal tracker. The audit of driven bodies is of
 first order in their jerks; it still rejects impulses."""
+TORQUE = ", drive=torque"
+BY_TORQUES = "explicit torques of our servo, held over a step, cause it: --drive native does not show it"
 NOT_IDEAL = "its limit follows from the ideal tracker"
 
 
@@ -24,6 +26,8 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
 
     With noisy trackers a documented failing excuses a row without a bound, and may be gone.
     """
+    if TORQUE in row.profile:
+        return _of_torque(row, tags)
     if NOISY not in row.profile:
         return limits.judged(row, tags)
     if row.verdict not in ("", "pass", "fail"):
@@ -42,6 +46,21 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
     again = known.reproduce if known is not None and verdict == "known" else row.reproduce
     return replace(row, limit=limit.largest, verdict=verdict, basis=basis, reason=remark, reproduce=again)
+
+
+def _of_torque(row: Row, tags: tuple[str, ...]) -> Row:
+    """The verdict under explicit torques: a row that fails, and is no documented failing under the engine's
+    own servos, has failed by our torques."""
+    found = judged(replace(row, profile=row.profile.replace(TORQUE, "")), tags)
+    gone = found.verdict == "fail" and abs(found.value) <= found.limit
+    fails = found.verdict == "fail" or (found.metric, found.verdict) == ("run", "error")
+    if not fails or gone:
+        return replace(found, profile=row.profile, verdict="pass" if gone else found.verdict)
+    known = limits.known_of(replace(row, profile=row.profile.replace(TORQUE, "")), tags)
+    if known is not None:
+        return replace(found, profile=row.profile, verdict="known", reason=f"{known.reason} (no bound)")
+    said = f"{found.reason}; {BY_TORQUES}".removeprefix("; ")
+    return replace(found, profile=row.profile, verdict="known", basis=HARNESS, reason=said)
 
 
 def _of_the_tracker(row: Row) -> bool:

@@ -15,6 +15,7 @@ from typing import Annotated
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports import limits, noisy_limits
+from touchstone.reports.bootstrap import RATIOS
 from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row
@@ -54,7 +55,7 @@ def judged(row: Row, scenario: Scenario, of_file: Iterable[Limit] = ()) -> Row:
 def valid_metrics() -> tuple[str, ...]:
     """Names of all metrics of a run, those that compare engines included."""
     spreads = (f"{name}.spread" for name in METRICS if name.startswith("events."))
-    return (*METRICS, *spreads, "ratio.time")
+    return (*METRICS, *spreads, *RATIOS)
 
 
 def check_limits(scenarios: Iterable[Scenario]) -> None:

@@ -23,6 +23,8 @@ VERDICTS = ("", "pass", "fail", "known", "error", UNJUDGED, *NOT_RUN)
 
 
 CONSTRUCTION, UNAUDITED, UNAPPLIED = "construction", "unaudited", "ideal tracker"
+HARNESS = "harness"
+"""Basis of a known failing that our drive causes, not the engine: explicit torques, or our servo's gains."""
 """Basis of a verdict other than a measurement: a limit that the method meets by construction (angles are
 clamped, overlap is removed last); impulses that the engine reports and no audit covers. The third explains a
 missing verdict: the limit follows from the scene's ideal tracker."""

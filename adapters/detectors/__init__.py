@@ -26,6 +26,9 @@ Pair = tuple[Piece, Piece]
 TOUCHING = (Piece("a", Sphere(0.5)), Piece("b", Sphere(0.5), (0.9, 0.0, 0.0)))
 APART = (Piece("a", Sphere(0.5)), Piece("b", Sphere(0.5), (1.5, 0.0, 0.0)))
 """Separated spheres [m]: a detector with a closed form for them spends little more than the call overhead."""
+FRAME_STEP = 0.01
+"""Motion of B since the previous frame, for warm starts: translation relative to the smaller piece's size
+[1], and rotation [rad]; half a millimetre for a part of the hand."""
 UNSUPPORTED, THREW, UNCONVERGED = FAILURES = ("unsupported", "threw", "unconverged")
 """Reasons of failed queries: the detector cannot represent a piece, raised an exception, or reports that its
 answer did not converge (the answer still counts)."""
@@ -173,6 +176,7 @@ DETECTORS: dict[str, Entry] = {
     "python-fcl": Entry("touchstone.adapters.detectors.fcl:FclCollide", "fcl"),
     "python-fcl.distance": Entry("touchstone.adapters.detectors.fcl:FclDistance", "fcl"),
     "coal": Entry("touchstone.adapters.detectors.coal:CoalDetector", "coal"),
+    "coal.warm": Entry("touchstone.adapters.detectors.coal:WarmCoal", "coal"),
     "coal.tight": Entry("touchstone.adapters.detectors.coal:CoalDetector", "coal", "", "tight", (True,)),
     "mujoco": Entry("touchstone.adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco"),
     "mujoco.tight": Entry(

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array, Scalar
-from touchstone.adapters.detectors import UNCONVERGED, Answers, Failure, Pair
+from touchstone.adapters.detectors import FRAME_STEP, UNCONVERGED, Answers, Failure, Pair
 from touchstone.adapters.engines.reference.reference_world import piece_arrays
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.kernel import clock, kernel
@@ -24,9 +24,6 @@ from touchstone.reference_impl.geometry.depth_cache import find_entry
 from touchstone.reference_impl.geometry.depth_warm_start import warm_started_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
 
-FRAME_STEP = 0.01
-"""Motion of B since the previous frame: translation relative to the smaller piece's size [1], and rotation
-[rad]; half a millimetre for a part of the hand."""
 EMPTY_CALLS = 100
 """Number of empty queries timed per batch."""
 

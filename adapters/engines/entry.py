@@ -31,11 +31,11 @@ class Entry:
         settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
-    the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at one
-    step for all engines; `default` keeps all defaults; `accurate` uses options of its documentation that
-    improve Newton's and Coulomb's laws, as `touchstone study calibration` measures. Adapters cite the sources
-    of their settings. `maximal` is Bullet with free balls and boxes in maximal coordinates: faster, with
-    different results.
+    the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at
+    one step for all engines, the reference (`balanced`) included; `default` keeps all defaults; `accurate`
+    uses options of its documentation that improve Newton's and Coulomb's laws, as `touchstone study
+    calibration` measures. Adapters cite the sources of their settings. `maximal` is Bullet with free balls
+    and boxes in maximal coordinates: faster, with different results.
     """
 
     implementation: str

@@ -24,6 +24,7 @@ from touchstone.adapters.workers.process import (
     divert_output,
     failure_of,
     interrupt_held,
+    pin,
 )
 from touchstone.scenarios.scenario import Scenario
 
@@ -74,7 +75,8 @@ class Children:
 
     With `together`, all children play in parallel: for runs whose times are not used. An engine that hung in
     a scene skips the scenes that follow: each would cost `patience` seconds. `compile_patience` [s] is for
-    commands that may compile the reference.
+    commands that may compile the reference. With `per_engine`, one child plays all settings of an engine, one
+    job at a time. With `core`, children run on that processor.
     """
 
     def __init__(
@@ -83,9 +85,12 @@ class Children:
         patience: float = PATIENCE,
         together: bool = False,
         compile_patience: float = COMPILE_PATIENCE,
+        per_engine: bool = False,
+        core: int | None = None,
     ) -> None:
         self._loader, self._patience, self._together = loader, patience, together
         self._compile_patience = compile_patience
+        self._per_engine, self._core = per_engine, core
         self._kept: dict[tuple[str, str], _Child] = {}
         self._hung: dict[tuple[str, str], str] = {}
 
@@ -125,11 +130,11 @@ class Children:
 
     def _child(self, job: Job) -> _Child:
         """Child for the job's engine and settings; starts one if there is none or if it failed."""
-        key = _key(job)
+        key = (job.engine, "") if self._per_engine else _key(job)
         child = self._kept.get(key)
         if child is None or child.failure is not None:
-            child = self._kept[key] = _Child(job, self._loader, self._patience)
-        child.job = job
+            child = self._kept[key] = _Child(job, self._loader, self._patience, self._core)
+        child.take(job)
         return child
 
 
@@ -170,8 +175,12 @@ class _NotSaved(AdapterError):
 class _Child(ChildProcess):
     """Parent's end of one child."""
 
-    def __init__(self, job: Job, loader: Loader, patience: float) -> None:
-        super().__init__(_Run, (job.engine, loader), job.output, patience)
+    def __init__(self, job: Job, loader: Loader, patience: float, core: int | None) -> None:
+        super().__init__(_Run, (job.engine, loader, core), job.output, patience)
+        self.take(job)
+
+    def take(self, job: Job) -> None:
+        """Make a job the next one."""
         self.job = job
         self.label = f"{job.engine} {job.settings.label}"
         self.compiles = job.engine in ENGINES and ENGINES[job.engine].compiles
@@ -187,8 +196,10 @@ class _Run:
 
     _engine: Engine | None = None
 
-    def __init__(self, name: str, loader: Loader) -> None:
+    def __init__(self, name: str, loader: Loader, core: int | None) -> None:
         self._name, self._loader = name, loader
+        if core is not None:
+            pin(core)
 
     def handle(self, command: str, argument: Any) -> int:
         """Execute one command and return the number of frames left; each job sends them in the order

@@ -84,6 +84,19 @@ def main_left_out() -> Iterator[None]:
         main.__dict__.update(before)
 
 
+def last_core() -> int | None:
+    """The last processor that this process may use; None if there is no choice."""
+    if not hasattr(os, "sched_getaffinity"):
+        return None
+    allowed = sorted(os.sched_getaffinity(0))
+    return allowed[-1] if len(allowed) > 1 else None
+
+
+def pin(core: int) -> None:
+    """Run this process on one processor."""
+    os.sched_setaffinity(0, {core})
+
+
 class Server(Protocol):
     """Handler of commands in a child process."""
 

@@ -1,8 +1,10 @@
 """`bench geometry`: time per query of convex depth, and its error.
 
-Single pairs by family, and a hand that slides over a table, queried in every frame. `time.query` is the wall
-time of a call from Python; `time.net` and ratios subtract the cheapest call. The reference is queried in a
-batch inside one compiled call. Errors are relative to the explicit Minkowski difference.
+Single pairs by family, and a hand that slides over a table, queried in every frame. Cold detectors are
+compared with cold ones, and detectors that start from the previous frame's answer with each other.
+`time.query` is the wall time of a call from Python; `time.net` and ratios subtract the cheapest call. The
+reference is queried in a batch inside one compiled call. Errors are relative to the explicit Minkowski
+difference.
 """
 
 from __future__ import annotations
@@ -31,8 +33,11 @@ from touchstone.reports.studies.poses import corners, size_of
 __all__ = ["Plan", "run", "show", "steps"]
 
 STUDY = "bench geometry"
-SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance", "mujoco")
-"""Timed detectors; those of the reference are compared with the others."""
+WARM = ("reference.walk", "coal.warm")
+"""Detectors that start from the answer of the previous frame."""
+COLD = ("reference.exact", "coal", "coal.tight", "python-fcl.distance", "mujoco")
+SUBJECTS = (*COLD, *WARM)
+"""Timed detectors; those of the reference are compared with the others, cold with cold and warm with warm."""
 MOTION = "hand sliding"
 """The family whose pairs form the frames of a motion."""
 FALSE = 1e-11
@@ -152,7 +157,7 @@ def _ratios(truth: Truth, asked: Mapping[str, Measured]) -> list[Row]:
     rows = []
     for name in filter(_ours, asked):
         for other in asked:
-            if _ours(other):
+            if _ours(other) or (name in WARM) != (other in WARM):
                 continue
             ours, theirs = asked[name].net(truth.distance), asked[other].net(truth.distance)
             for family in (*FAMILIES, MOTION):

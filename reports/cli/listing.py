@@ -80,7 +80,7 @@ def profile_rows() -> list[dict[str, object]]:
 
 
 def setting_rows() -> list[dict[str, object]]:
-    """The settings of every engine, with their values in its profiles."""
+    """The settings of every engine, with their values in the profiles in which they do something."""
     from touchstone.adapters.registry import ENGINES, settings_of
 
     rows: list[dict[str, object]] = []
@@ -88,10 +88,12 @@ def setting_rows() -> list[dict[str, object]]:
         table = settings_of(engine)
         for setting in table.values():
             values: dict[str, list[str]] = {}
-            for profile, value in zip(table.profiles, setting.profiles):
-                values.setdefault(value or "by scene", []).append(profile)
+            for profile in table.profiles:
+                if setting.name in (acting := table.values_of(profile)):
+                    values.setdefault(acting[setting.name] or "by scene", []).append(profile)
+            whole = sum(map(len, values.values())) == len(table.profiles)
             told = (
-                f"{value} ({', '.join(profiles)})" if len(values) > 1 else value
+                f"{value} ({', '.join(profiles)})" if len(values) > 1 or not whole else value
                 for value, profiles in values.items()
             )
             rows.append(
@@ -106,12 +108,33 @@ def setting_rows() -> list[dict[str, object]]:
     return rows
 
 
+def failing_rows() -> list[dict[str, object]]:
+    """Number of known failings per engine: causes, and profiles, scenes and metrics in which they show."""
+    from touchstone.reports.known_failures.table import CAUSES, KNOWN
+
+    return [
+        {
+            "engine": engine,
+            "causes": len({cause.reason for cause in CAUSES if cause.engine == engine}),
+            "rows": sum(known.engine == engine for known in KNOWN),
+            "scenes": len({known.scenario for known in KNOWN if known.engine == engine}),
+            "of the harness": sum(known.harness for known in KNOWN if known.engine == engine),
+            **{
+                profile: sum(known.engine == engine and known.profile == profile for known in KNOWN)
+                for profile in ("balanced", "paper", "recommended", "default", "accurate")
+            },
+        }
+        for engine in dict.fromkeys(known.engine for known in KNOWN)
+    ]
+
+
 LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {
     "scenarios": scenario_rows,
     "engines": engine_rows,
     "metrics": metric_rows,
     "profiles": profile_rows,
     "settings": setting_rows,
+    "failings": failing_rows,
 }
 """Rows of each argument of `touchstone list`."""
 

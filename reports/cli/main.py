@@ -81,6 +81,7 @@ class Listing(StrEnum):
     metrics = "metrics"
     profiles = "profiles"
     settings = "settings"
+    failings = "failings"
 
 
 def main() -> None:
@@ -111,7 +112,7 @@ def run(
     tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "gallery",
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all installed).")] = None,
     profile: Annotated[
-        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended, equal-step).")
+        list[str] | None, typer.Option(help="Profiles (default: balanced, paper, recommended).")
     ] = None,
     metric: Annotated[
         list[str] | None, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
@@ -168,9 +169,7 @@ def run(
     if not printed(results.frame, output) and not quiet:
         from touchstone.reports.views.terminal import console, show, show_budget
 
-        played = zip(results.frame.engine, results.frame.profile)
-        shown = {column for column in played if profile or column[1] != "equal-step"}
-        show(results.frame, console(), shown)
+        show(results.frame, console())
         show_budget(results.recordings, console())
         print(f"results: {request.out}")
     if quiet:
@@ -238,7 +237,7 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
 
 @app.command("list")
 def list_things(what: Listing, output: FormatOption = Format.table) -> None:
-    """List scenarios, engines, metrics, profiles, or the settings of every engine."""
+    """List scenarios, engines, metrics, profiles, settings of every engine, or known failings."""
     from touchstone.reports.cli.listing import LISTS, show_rows
 
     show_rows(LISTS[what](), output)

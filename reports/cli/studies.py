@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from touchstone.reports.cli.options import (
+    BAD_INPUT,
     Format,
     FormatOption,
     QuietOption,
@@ -19,6 +20,7 @@ from touchstone.reports.cli.options import (
     measuring,
     require_judge,
     resumable,
+    stop,
 )
 
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
@@ -173,18 +175,34 @@ def robustness(
 
 def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
+    scenario: Annotated[
+        list[str] | None,
+        typer.Argument(help="Scenes of `frame` (default: gallery, slide, stack, balls_box)."),
+    ] = None,
+    restarts: Annotated[int, typer.Option(min=1, help="Starts of every engine in `frame`.")] = 5,
+    seed: Annotated[int, typer.Option(min=0, help="Of the order of engines, scenes and columns.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
 ) -> None:
     """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
     from touchstone.reports.bench import BENCHES, load
+    from touchstone.reports.bench import frame as bench_frame
+    from touchstone.scenarios.catalogue import catalogue
 
     chosen = load(known("bench", name, BENCHES))
     folder = out or folder_of_now(f"bench-{name}-")
-    with measuring(chosen.steps(), quiet) as progress:
-        frame = chosen.run(folder, progress)
-    ended(frame, chosen.show, folder, output, quiet)
+    if name != "frame":
+        if scenario:
+            stop(f"bench {name}: takes no scenes, found {scenario[0]!r}", BAD_INPUT)
+        with measuring(chosen.steps(), quiet) as progress:
+            found = chosen.run(folder, progress)
+    else:
+        scenes = [catalogue()[known("scenario", one, catalogue())] for one in dict.fromkeys(scenario or ())]
+        played = scenes or bench_frame.scenes()
+        with measuring(bench_frame.steps(played, restarts), quiet) as progress:
+            found = bench_frame.run(folder, progress, played, restarts, seed)
+    ended(found, chosen.show, folder, output, quiet)
 
 
 @study.command("work-precision")

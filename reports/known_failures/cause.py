@@ -27,16 +27,19 @@ class Known:
     subject: str = ""
     never: bool = False  # the failing is that an event never happens
     reproduce: str = ""  # the command that shows it
+    harness: bool = False  # our drive causes it
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """The cause of an engine's failings, and the places where it shows; `never`: it prevents an event."""
+    """The cause of an engine's failings, and the places where it shows; `never`: it prevents an event.
+    `harness`: our drive is the cause, such as the gains of our servo."""
 
     engine: str
     reason: str
     seen: Places
     never: Places = field(default_factory=dict)
+    harness: bool = False
 
     def known(self) -> Iterator[Known]:
         """One entry per profile, metric and scene, each with the command that shows it."""
@@ -57,4 +60,5 @@ class Cause:
         if metric != "run":  # the failing is that the run ends before the scene does
             shows += f" --metric {metric}"
         label = plain + (NOISY if noise else "")
-        return Known(metric, self.engine, self.reason, scene, label, subject, never, shows)
+        reason, harness = self.reason, self.harness
+        return Known(metric, self.engine, reason, scene, label, subject, never, shows, harness)

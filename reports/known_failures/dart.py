@@ -100,6 +100,7 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "corner_slide",
             },
         },
+        harness=True,
     ),
     Cause(
         "dart",

@@ -87,6 +87,7 @@ CAUSES: tuple[Cause, ...] = (
                 "energy.injected": "corner_slide wall_push",
             },
         },
+        harness=True,
     ),
     Cause(
         "mujoco",

@@ -23,7 +23,7 @@ from touchstone.scenarios.scenario import Scenario
 STUDY = "run"
 REFERENCE = "reference"
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
-DEFAULT_PROFILES = ("balanced", "recommended", "equal-step")
+DEFAULT_PROFILES = ("balanced", "paper", "recommended")
 
 
 @dataclass(frozen=True, slots=True)

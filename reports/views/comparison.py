@@ -147,7 +147,7 @@ def columns(results: Results) -> Columns:
     """The column of each engine that played: the first of its profiles, its default."""
     found: Columns = {}
     for row in rows_of(results.frame):
-        if row.engine != "all" and row.metric not in ("run", "ratio.time"):
+        if row.engine != "all" and row.metric != "run" and not row.metric.startswith("ratio."):
             found.setdefault(row.engine, row)
     return found
 

@@ -245,7 +245,7 @@ def _spread(axes: Axes, times: Array, y: float, engine: str) -> None:
 
 
 def _ratio_table(axes: Axes, results: Results, scenes: list[str], own: Columns) -> None:
-    """Add the table of the reference's median over each engine's, with its interval."""
+    """Add the table of the reference's mean frame with contact over each engine's, with its interval."""
     ratios = rows_of(results.frame[results.frame.metric == "ratio.time"])
     found = {
         (row.scenario, row.subject): row for row in ratios if row.profile == own.get(REFERENCE, row).profile
@@ -258,7 +258,9 @@ def _ratio_table(axes: Axes, results: Results, scenes: list[str], own: Columns) 
                 text = f"{number(row.value)}\n{number(row.low)} to {number(row.high)}"
                 axes.text(x + 0.5, k, text, ha="center", va="center", fontsize=7.5, color=INK)
     axes.set_xlim(0, max(1, len(heads)))
-    axes.set_title("median of the reference over that of", pad=22, fontsize=9.5, color=INK)
+    axes.set_title(
+        "frame with contact of the reference over that of (one run)", pad=22, fontsize=9.5, color=INK
+    )
     axes.axis("off")
 
 

@@ -14,26 +14,29 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.reports.views.tables import number
 
-ENGINE, PROFILE = "reference", "balanced"
+ENGINE, PROFILES = "reference", ("balanced", "paper")
 HEADS = (
     *("scene", "frame\nus", "p99\nus", "colli-\nsion", "removal"),
-    *("posture\nQPs", "peak", "joints", "peak", "pairs", "peak"),
+    *("QPs,\npasses", "peak", "joints", "peak", "pairs", "peak"),
 )
 """Split into lines so that whole names of scenes fit a table of 80 columns."""
 NOTE = (
-    f"{ENGINE} {PROFILE}, scenes by cost. Median and 99th percentile of the frame time; shares of all "
-    "stages; means and peaks of a frame's posture QPs, joints in them and contacting pairs, over frames "
-    "that have any."
+    f"{ENGINE} {' and '.join(PROFILES)}, by cost. Median and 99th percentile of the frame time; shares of "
+    "all stages; means and peaks of a frame's posture QPs (balanced) or passes of CCD (paper), joints in "
+    "them and contacting pairs, over frames that have any."
 )
 BUDGET_PICTURE = "frame_budget.png"
-QP_SOLVES, IK_JOINTS, PAIRS = "posture_qp.solves", "ik.joints", "pairs.contacting"
+SOLVES, IK_JOINTS, PAIRS = "solves", "ik.joints", "pairs.contacting"
+QP_SOLVES, CCD_PASSES = "posture_qp.solves", "ccd.passes"
+"""Counters that make up SOLVES: a profile has one of them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Series over the frames of one scene: time [s], seconds of each stage, counts of QPs and pairs."""
+    """Series over the frames of one scene: time [s], seconds of each stage, counts of solves and pairs."""
 
     scene: str
+    profile: str
     time: Array  # ends of the frames [s]
     frame: Array
     stages: Mapping[str, Array]
@@ -51,21 +54,27 @@ class Budget:
 
 
 def budgets(recordings: Mapping[tuple[str, str, str], Recording]) -> list[Budget]:
-    """The budget of every recording of the reference's default profile, the cheapest scene first."""
-    chosen = {key[0]: r for key, r in recordings.items() if key[1:] == (ENGINE, PROFILE)}
-    return sorted((_budget(scene, recording) for scene, recording in chosen.items()), key=lambda b: b.cost)
+    """The budget of every recording of the reference in PROFILES, the cheapest first."""
+    found = (
+        _budget(scene, profile, recording)
+        for (scene, engine, profile), recording in recordings.items()
+        if engine == ENGINE and profile in PROFILES
+    )
+    return sorted(found, key=lambda budget: budget.cost)
 
 
-def _budget(scene: str, recording: Recording) -> Budget:
+def _budget(scene: str, profile: str, recording: Recording) -> Budget:
     stages = {str(name): recording.stage_seconds[:, k] for k, name in enumerate(recording.stage_names)}
     counts = {str(name): recording.work[:, k] for k, name in enumerate(recording.work_names)}
     none = np.zeros(len(recording.time_frame))
+    counts[SOLVES] = counts.get(QP_SOLVES, none) + counts.get(CCD_PASSES, none)
     return Budget(
         scene,
+        profile,
         recording.time[1:],
         recording.time_frame,
         stages,
-        {name: counts.get(name, none) for name in (QP_SOLVES, IK_JOINTS, PAIRS)},
+        {name: counts.get(name, none) for name in (SOLVES, IK_JOINTS, PAIRS)},
     )
 
 
@@ -75,8 +84,9 @@ def budget_rows(found: list[Budget]) -> list[list[str]]:
     for budget in found:
         times = [number(1e6 * budget.cost), number(1e6 * float(np.percentile(budget.frame, 99)))]
         shares = [f"{100 * budget.share(stage):.0f} %" for stage in ("collision", "removal")]
-        counts = [cell for name in (QP_SOLVES, IK_JOINTS, PAIRS) for cell in _told(budget.counts[name])]
-        rows.append([budget.scene, *times, *shares, *counts])
+        counts = [cell for name in (SOLVES, IK_JOINTS, PAIRS) for cell in _told(budget.counts[name])]
+        name = budget.scene if budget.profile == PROFILES[0] else f"{budget.scene}, {budget.profile}"
+        rows.append([name, *times, *shares, *counts])
     return rows
 
 

@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.views.frame_budget import BUDGET_PICTURE, PAIRS, QP_SOLVES, Budget, budgets
+from touchstone.reports.views.frame_budget import BUDGET_PICTURE, PAIRS, PROFILES, SOLVES, Budget, budgets
 from touchstone.reports.views.pictures import INK, PALE
 
 COLUMNS = 2
 STAGES = (("collision", "#0072B2"), ("removal", "#D55E00"), ("impulses", "#009E73"), ("other", "#c9c9c9"))
 """Colours of Okabe and Ito, safe for colour-blind readers; `removal` includes inverse kinematics."""
 NAMES = {"removal": "overlap removal", "other": "all else"}
-SOLVES, CONTACTS = "#e3b489", "#0072B2"
+SOLVES_COLOR, CONTACTS_COLOR = "#e3b489", "#0072B2"
 HEADROOM, CUT = 1.5, 97.0
 """A panel ends at this factor times this percentile of its frames: single frames that the operating system
 interrupted would hide all others."""
@@ -29,7 +29,7 @@ interrupted would hide all others."""
 
 def write_picture(recordings: Mapping[tuple[str, str, str], Recording], folder: Path) -> None:
     """Draw the scenes that the reference played, if any, to a file in the results folder."""
-    found = budgets(recordings)
+    found = [budget for budget in budgets(recordings) if budget.profile == PROFILES[0]]
     if found:
         frame_budget(found, folder / BUDGET_PICTURE)
 
@@ -95,9 +95,9 @@ def _draw_stages(axes: Axes, budget: Budget) -> None:
 
 def _draw_work(axes: Axes, budget: Budget) -> None:
     time = budget.time
-    solves, pairs = budget.counts[QP_SOLVES], budget.counts[PAIRS]
-    axes.vlines(time, 0, solves, color=SOLVES, linewidth=1.0, label="posture QPs")
-    axes.step(time, pairs, where="mid", color=CONTACTS, linewidth=1.4, label="contacting pairs")
+    solves, pairs = budget.counts[SOLVES], budget.counts[PAIRS]
+    axes.vlines(time, 0, solves, color=SOLVES_COLOR, linewidth=1.0, label="posture QPs")
+    axes.step(time, pairs, where="mid", color=CONTACTS_COLOR, linewidth=1.4, label="contacting pairs")
     _plain(axes, time)
     axes.set_ylim(0, max(4.0, 1.15 * float(max(solves.max(), pairs.max()))))
     axes.set_ylabel("count")

@@ -20,8 +20,11 @@ from touchstone.reports.views.comparison import (
     worst_lines,
 )
 from touchstone.reports.views.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
+from touchstone.reports.views.losses import HEADS as LOSS_HEADS
+from touchstone.reports.views.losses import NOTE as LOSS_NOTE
+from touchstone.reports.views.losses import TITLE, loss_rows, unmeasured_lines
 from touchstone.reports.views.tables import LEGEND, Cell, cell_of, grid, number
-from touchstone.reports.views.terminal import RATIO_HEADS, ratio_rows, remark_lines
+from touchstone.reports.views.terminal import RATIO_HEADS, RATIO_NOTE, RATIO_TITLE, ratio_rows, remark_lines
 
 if TYPE_CHECKING:
     from touchstone.reports.run.request import Request, Results
@@ -34,14 +37,15 @@ def report(request: Request, results: Results) -> str:
     """The whole page."""
     parts = ["# touchstone run", "", f"`{request.command}`" if request.command else ""]
     parts += _differences(request, results)
+    parts += _losses(results.frame)
     for scenario in request.scenarios:
         scene = results.frame[results.frame.scenario == scenario.name]
         parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", ""]
         parts += _grid(results.frame, scenario.name)
         parts += ["", f"`{LEGEND}`", ""]
         parts += ["### Asked and achieved", "", *_asked(scene, scenario), ""]
-        parts += ["### Time: the reference's median frame over an engine's", ""]
-        parts += [*_markdown(list(RATIO_HEADS), ratio_rows(scene), 1), ""]
+        parts += [f"### {RATIO_TITLE}", ""]
+        parts += [*_markdown(list(RATIO_HEADS), ratio_rows(scene), 2), "", RATIO_NOTE, ""]
         parts += ["### Frame budget", "", *_budget(scene), ""]
         parts += ["### Spread of the events", "", *_spreads(scene), ""]
         parts += ["### Remarks", "", *_bullets(remark_lines(scene))]
@@ -52,6 +56,13 @@ def report(request: Request, results: Results) -> str:
         parts += ["", "## Frame budget of the scenes", "", *_markdown(heads, budget_rows(found), 1)]
         parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
     return "\n".join(parts).rstrip() + "\n"
+
+
+def _losses(frame: pd.DataFrame) -> list[str]:
+    """The section on what engines do better than the reference."""
+    rows = loss_rows(frame)
+    table = _markdown(list(LOSS_HEADS), rows, 2) if rows else ["In no figure of this run."]
+    return ["", f"## {TITLE.capitalize()}", "", *table, "", LOSS_NOTE, "", *_bullets(unmeasured_lines(frame))]
 
 
 PLACES = 8

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.results import CONSTRUCTION, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
+from touchstone.reports.results import CONSTRUCTION, HARNESS, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
 from touchstone.reports.run.request import step_text
 
 HIDDEN = ("work", "time.share", "state.hash")
@@ -20,10 +20,10 @@ OUTLIER_FACTOR = 3.0
 OUTLIER_SHARE = 0.1
 """Least distance of an outlier from the median, as a share of the median [1]."""
 MARKS = {"fail": " ✗", "known": " †", "error": " ✗", UNJUDGED: " ?"}
-BASIS_MARKS = {CONSTRUCTION: " =", UNAUDITED: " ~"}
+BASIS_MARKS = {CONSTRUCTION: " =", UNAUDITED: " ~", HARNESS: " h"}
 LEGEND = (
     "✗ limit broken   † known failing   ? not judged   * outlier of its row   - not measured\n"
-    "= met by construction   ~ rests on impulses that nothing balances"
+    "= met by construction   ~ rests on impulses that nothing balances   h caused by our drive"
 )
 
 
@@ -65,7 +65,7 @@ def grid(frame: pd.DataFrame, scenario: str, shown: Collection[Column] = ()) -> 
     scene = [
         row
         for row in rows_of(frame[frame.scenario == scenario])
-        if row.engine != "all" and row.metric != "ratio.time"
+        if row.engine != "all" and not row.metric.startswith("ratio.")
     ]
     found: Rows = {((row.engine, row.profile), row.metric, row.subject): row for row in scene}
     steps = columns_of(row for row in scene if not shown or (row.engine, row.profile) in shown)

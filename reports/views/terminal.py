@@ -13,6 +13,9 @@ from rich.text import Text
 from touchstone.adapters.recording import Recording
 from touchstone.reports.results import NOT_RUN, UNJUDGED, rows_of
 from touchstone.reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
+from touchstone.reports.views.losses import HEADS as LOSS_HEADS
+from touchstone.reports.views.losses import NOTE as LOSS_NOTE
+from touchstone.reports.views.losses import TITLE, loss_rows, unmeasured_lines
 from touchstone.reports.views.overview import LEGEND as OVERVIEW_LEGEND
 from touchstone.reports.views.overview import TOTALS, Overview, overview
 from touchstone.reports.views.tables import LEGEND, Cell, Grid, grid, number
@@ -56,6 +59,7 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
     overview if there are more than IN_FULL scenes."""
     if frame.scenario.nunique() > IN_FULL:
         _show_overview(overview(frame, shown), out)
+        show_losses(frame, out)
         return
     for scenario in dict.fromkeys(frame.scenario):
         scene = frame[frame.scenario == scenario]
@@ -65,13 +69,26 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
         ratios = ratio_rows(scene)
         if ratios:
             out.print(_ratio_table(ratios))
+            print_notes([RATIO_NOTE], out)
         _print_lines(remark_lines(scene, shown), out)
+    show_losses(frame, out)
+
+
+def show_losses(frame: pd.DataFrame, out: Console) -> None:
+    """Print where an engine does better than the reference, if engines played."""
+    rows = loss_rows(frame)
+    if rows:
+        table = table_of(TITLE, LOSS_HEADS, left=2)
+        for row in rows:
+            table.add_row(*row)
+        out.print(table)
+        print_notes([LOSS_NOTE, *unmeasured_lines(frame)], out)
 
 
 def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Console) -> None:
     """Print the cost of the reference's frames, if it played at least two scenes."""
     found = budgets(recordings)
-    if 1 < len(found) <= IN_FULL:
+    if 1 < len({budget.scene for budget in found}) <= IN_FULL:
         table = table_of("frame budget", HEADS, padding=(0, 0))
         for row in budget_rows(found):
             table.add_row(*row)
@@ -130,31 +147,44 @@ def _text(cell: Cell) -> Text:
 
 
 def _ratio_table(rows: list[list[str]]) -> Table:
-    table = Table(
-        title="ratio.time: the reference's median frame over an engine's", title_justify="left", box=SIMPLE
-    )
-    for name in RATIO_HEADS:
-        table.add_column(name, justify="right" if name == "ratio" else "left", no_wrap=True)
+    table = table_of(RATIO_TITLE, RATIO_HEADS, left=2)
     for row in rows:
         table.add_row(*row)
     return table
 
 
-RATIO_HEADS = ("over", "ratio", "95 % interval", "limit", "remark")
+RATIO_TITLE = "ratio.time, one run: the reference's frame over an engine's"
+RATIO_HEADS = ("reference", "over", "contact", "all", "median", "p99", "frames", "overlap", "limit")
+RATIO_NOTE = (
+    "contact: mean over the frames in which one of the two has a contact (frames), judged where it is clear; "
+    "all, median, p99: over all frames. `touchstone bench frame` restarts the engines and judges all"
+)
 
 
 def ratio_rows(scene: pd.DataFrame) -> list[list[str]]:
-    """`ratio.time`, one row per engine and profile, under RATIO_HEADS."""
-    return [
-        [
-            row.subject,
-            number(row.value),
-            f"{number(row.low)} to {number(row.high)}",
-            f"{row.verdict}: {row.limit:g}" if row.verdict else "",
-            row.reason,
-        ]
-        for row in rows_of(scene[scene.metric == "ratio.time"])
-    ]
+    """`ratio.time` with its other statistics, one row per pair of columns, under RATIO_HEADS."""
+    found = {
+        (row.profile, row.subject, row.metric): row
+        for row in rows_of(scene[scene.metric.str.startswith("ratio.")])
+    }
+    rows = []
+    for (profile, subject, metric), row in found.items():
+        if metric != "ratio.time":
+            continue
+        others = (found.get((profile, subject, f"{metric}.{name}")) for name in ("all", "median", "p99"))
+        frames = found.get((profile, subject, "ratio.frames"))
+        rows.append(
+            [
+                profile,
+                subject,
+                number(row.value),
+                *("" if other is None else number(other.value) for other in others),
+                f"{frames.value:.0f}" if frames and frames.value else "all",
+                row.reason_code.replace("-", " "),
+                f"{row.verdict} {row.limit:.2g}" if row.verdict else "",
+            ]
+        )
+    return rows
 
 
 def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -> list[str]:

@@ -8,6 +8,7 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.engines.reference.settings import (
+    IDLE,
     PROFILES,
     SETTINGS,
     configure,
@@ -23,11 +24,12 @@ SPEED = Range("speed", 0, 0.5, "m/s", ("0", "0", "0"), "a speed", whole=False)
 
 def test_every_profile_is_a_column() -> None:
     """Set in the table what the registry promises, and nothing else."""
-    assert set(PROFILES) == set(ENGINES["reference"].profiles)
-    assert all(len(setting.profiles) == len(PROFILES) for setting in SETTINGS.values())
+    assert set(SETTINGS.profiles) == set(ENGINES["reference"].profiles) == {*PROFILES, "equal-step"}
+    assert SETTINGS.values_of("equal-step") == SETTINGS.values_of("balanced")
+    assert all(len(setting.profiles) == len(SETTINGS.profiles) for setting in SETTINGS.values())
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", SETTINGS.profiles)
 def test_a_profile_is_read_back_as_it_was_set(profile: str) -> None:
     """Write a profile over a state full of other numbers; the same words come back."""
     state = np.zeros(1, STATE)
@@ -35,7 +37,10 @@ def test_a_profile_is_read_back_as_it_was_set(profile: str) -> None:
         state[setting.field or setting.name] = -1
     configure(state[0], profile)
     told = {name: str(value) for name, value in describe(state[0]).items()}
-    assert told == {name: s.profiles[PROFILES.index(profile)] for name, s in SETTINGS.items()}
+    column = SETTINGS.profiles.index(profile)
+    idle = set() if profile == "paper" else {"angle", "passes"}
+    assert told == {name: s.profiles[column] for name, s in SETTINGS.items() if name not in idle}
+    assert SETTINGS.values_of(profile) == told
 
 
 @pytest.mark.parametrize(
@@ -45,9 +50,14 @@ def test_a_change_changes_its_own_setting_alone(name: str, value: str) -> None:
     """Reach each named value of each setting from every profile, and leave all others alone."""
     for profile in PROFILES:
         plain, state = np.zeros(1, STATE), np.zeros(1, STATE)
-        configure(plain[0], profile)
-        configure(state[0], profile, SETTINGS.changes(profile, [f" {name} = {value}"]))
-        assert describe(state[0]) == {**describe(plain[0]), name: value}
+        # settings of inverse kinematics do nothing with the posture QP
+        more = ["posture=ccd"] if name in IDLE and profile != "paper" else []
+        configure(plain[0], profile, SETTINGS.changes(profile, more))
+        configure(state[0], profile, SETTINGS.changes(profile, [f" {name} = {value}", *more]))
+        told = {**describe(plain[0]), name: value}
+        if (name, value) == ("posture", "least_turn"):
+            told = {other: word for other, word in told.items() if other not in IDLE}
+        assert {key: describe(state[0])[key] for key in told} == told
 
 
 def test_the_values_of_a_choice_differ() -> None:
@@ -97,6 +107,13 @@ def test_one_setting_takes_one_value() -> None:
         SETTINGS.changes("paper", ["friction=stick", "friction=always"])
     with pytest.raises(SettingError, match="no profile 'papr'; valid: paper, balanced, accurate"):
         SETTINGS.changes("papr", [])
+
+
+def test_a_setting_that_does_nothing_is_refused() -> None:
+    """Say with which other setting it does nothing; take it where that is changed too."""
+    with pytest.raises(SettingError, match="angle: does nothing with posture=least_turn, as in profile bal"):
+        SETTINGS.changes("balanced", ["angle=acos"])
+    assert SETTINGS.changes("balanced", ["angle=acos", "posture=ccd"]) == ("posture=ccd", "angle=acos")
 
 
 def test_a_world_says_how_it_was_changed(lab) -> None:

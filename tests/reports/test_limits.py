@@ -22,6 +22,7 @@ from touchstone.reports.known_failures.table import CAUSES
 from touchstone.reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
+from touchstone.reports.run.request import DEFAULT_PROFILES
 from touchstone.reports.studies.calibration.rows import ALL, LARGEST
 from touchstone.reports.studies.calibration.scenes import SHAPES
 from touchstone.reports.studies.effects import study as effects
@@ -324,3 +325,10 @@ def test_a_run_that_diverges_may_be_known(limits):
     ):
         assert judged(other, ()).verdict == "error"
     assert judged(replace(ended, verdict="skipped"), ()).verdict == "skipped"
+
+
+def test_no_default_row_is_the_harness():
+    """No known failing of a profile that plays by default is marked as the harness'."""
+    marked = {known.profile for known in KNOWN if known.harness}
+    assert marked == {"equal-step"}
+    assert not marked & set(DEFAULT_PROFILES)

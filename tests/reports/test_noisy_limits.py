@@ -92,3 +92,25 @@ def test_what_does_not_apply_is_counted():
     rows = [judged(row, TAGS) for row in (ROW, replace(ROW, metric="joint.speed", value=1.0))]
     count = counted(rows, [("reference", LABEL)])["reference", LABEL]
     assert (count.text, count.not_applicable) == ("1 of 2 (1)", {"joint.speed": NOT_IDEAL})
+
+
+TORQUE = "recommended, drive=torque"
+
+
+def test_what_only_our_torques_cause_is_the_harness(monkeypatch) -> None:
+    """Book a failing under explicit torques on the harness, unless the engine's own servos show it too."""
+    limit = limits.Limit("energy.injected", 1.0, "a limit")
+    monkeypatch.setattr(limits, "LIMITS", (limit,))
+    monkeypatch.setattr(limits, "KNOWN", ())
+    row = Row("run", "wall_push", "bullet", TORQUE, 1 / 240, "energy.injected", 5.0, "J")
+    found = judged(row, ())
+    assert (found.verdict, found.basis, found.profile) == ("known", "harness", TORQUE)
+    assert "explicit torques" in found.reason
+    assert judged(replace(row, value=0.5), ()).verdict == "pass"
+    own = judged(replace(row, profile="recommended"), ())
+    assert (own.verdict, own.basis) == ("fail", "")
+    thrown = Row("run", "slap_3", "bullet", TORQUE, 1 / 240, "run", verdict="error", reason="diverged")
+    assert (judged(thrown, ()).verdict, judged(thrown, ()).basis) == ("known", "harness")
+    assert judged(replace(thrown, profile="recommended"), ()).verdict == "error"
+    monkeypatch.setattr(limits, "KNOWN", (limits.Known("energy.injected", "bullet", "soft"),))
+    assert (judged(row, ()).verdict, judged(row, ()).basis) == ("known", "")

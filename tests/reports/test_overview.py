@@ -131,7 +131,8 @@ def test_ratios_are_told_in_one_line():
         row("a", 0, "ratio.time", 9.0, subject="dart equal-step"),
     )
     assert found.remarks == [
-        "ratio.time: the reference takes 0.125 (b) to 0.500 (a) of the fastest engine's median frame"
+        "ratio.time, one run: the reference takes 0.125 (b) to 0.500 (a) of the fastest engine's mean frame "
+        "with contact"
     ]
     assert [section.outcome[0].text for section in found.sections] == ["1 of 1"] * 3
 

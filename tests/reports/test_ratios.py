@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from touchstone.reports.bootstrap import exponent, median_interval, time_ratio
+from touchstone.reports.bootstrap import exponent, median_interval, restart_ratio, time_ratio
 
 
 def noisy(seed, median, spikes=0.0, frames=180):
@@ -100,3 +100,58 @@ def test_the_interval_of_a_median():
     assert low < value == np.median(sample) < high
     assert median_interval(sample) == (value, low, high)
     assert median_interval(np.ones(5)) == (1.0, 1.0, 1.0)
+
+
+def restarted(rng, median, restarts=5, frames=120):
+    """Times (r, f) of a scene: a course that every restart repeats, a speed per restart, noise and spikes."""
+    course = 1 + 0.5 * np.sin(np.arange(frames) / 9)
+    speeds = np.exp(0.03 * rng.normal(size=(restarts, 1)))
+    noise = np.exp(0.05 * rng.normal(size=(restarts, frames)))
+    spikes = np.where(rng.random((restarts, frames)) < 0.02, 20.0, 1.0)
+    return median * course * speeds * noise * spikes
+
+
+MEASURES = {"mean": lambda t: t.mean(axis=-1), "p99": lambda t: np.percentile(t, 99, axis=-1)}
+
+
+@pytest.mark.parametrize("name", MEASURES)
+def test_a_duel_with_oneself_is_1_within_its_interval(name):
+    """Cover 1 in some 95 % of duels of equal engines, whatever spikes and speeds the restarts have."""
+    covered, widths = 0, []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        ratio = restart_ratio(restarted(rng, 1e-4), restarted(rng, 1e-4), MEASURES[name], np.arange(120))
+        covered += ratio.low <= 1 <= ratio.high
+        widths.append(ratio.high / ratio.low)
+    assert covered >= 176
+    assert np.median(widths) < 1.2
+
+
+def test_two_measurements_overlap():
+    """Give intervals of one ratio that overlap in at least 90 % of 40 pairs of measurements."""
+    met = 0
+    for seed in range(40):
+        one, two = (
+            restart_ratio(restarted(rng, 3e-5), restarted(rng, 1e-4), MEASURES["mean"], np.arange(120))
+            for rng in (np.random.default_rng(2 * seed), np.random.default_rng(2 * seed + 1))
+        )
+        met += one.low <= two.high and two.low <= one.high
+    assert met >= 36
+
+
+def test_a_restart_that_is_disturbed_does_not_count():
+    """Take each frame's median over restarts: one restart of ten times the time changes nothing."""
+    rng = np.random.default_rng(0)
+    times = np.tile(np.exp(0.1 * rng.normal(size=60)), (5, 1))
+    slow = times.copy()
+    slow[2] *= 10
+    ratio = restart_ratio(slow, times, MEASURES["mean"], np.arange(60))
+    assert ratio.value == pytest.approx(1.0, rel=1e-12)
+
+
+def test_only_chosen_frames_count():
+    """Leave frames without contact out of the ratio."""
+    ours, theirs = np.ones((3, 50)), np.full((3, 50), 4.0)
+    ours[:, :40] = 100.0
+    ratio = restart_ratio(ours, theirs, MEASURES["mean"], np.arange(40, 50))
+    assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.25,) * 3)

@@ -15,7 +15,7 @@ from touchstone.reports import metrics
 from touchstone.reports.metrics.context import JudgeMissing
 from touchstone.reports.results import Row, table
 from touchstone.reports.run import study
-from touchstone.reports.run.comparisons import DEEPER, NO_DEEPER, UNCOMPARED, _compared
+from touchstone.reports.run.ratios import DEEPER, NO_DEEPER, UNCOMPARED, compared
 from touchstone.reports.run.request import Request, Results
 
 COLUMNS = (("reference", "balanced"), ("mujoco", "recommended"))
@@ -120,14 +120,14 @@ OURS = Row("run", "s", "reference", "balanced", 1 / 60, "overlap.max", 1e-7)
 def test_overlaps_are_compared_where_there_are_two(ours, theirs, said, code):
     """'No larger' is said of two numbers; without one of them nobody can tell."""
     rows = [replace(OURS, value=v, verdict="error" if v != v else "", reason="boom") for v in (ours, theirs)]
-    assert _compared(*rows) == (code, said)
-    assert _compared(None, rows[1])[0] == UNCOMPARED
+    assert compared(*rows) == (code, said)
+    assert compared(None, rows[1])[0] == UNCOMPARED
 
 
 def test_where_nothing_may_touch_there_is_no_overlap():
     """A metric that does not apply is not one that is missing."""
     apart = replace(OURS, value=nan, verdict="skipped", reason="no two bodies may touch")
-    assert _compared(apart, apart) == (NO_DEEPER, "no overlap: no two bodies may touch")
+    assert compared(apart, apart) == (NO_DEEPER, "no overlap: no two bodies may touch")
 
 
 def test_a_fast_engine_without_overlap_is_not_judged(resting, judged, monkeypatch):

@@ -1,11 +1,11 @@
 """Adapter of the reference implementation."""
 
-from touchstone.adapters.engines.entry import Entry
+from touchstone.adapters.engines.entry import EQUAL_STEP, Entry
 
 ENTRY = Entry(
     "touchstone.adapters.engines.reference.engine:ReferenceEngine",
     "numba",
-    {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60},
+    {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60, "equal-step": EQUAL_STEP},
     distribution="touchstone",
     color="#000000",
     marker="o",

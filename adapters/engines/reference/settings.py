@@ -7,7 +7,8 @@ quickly.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from touchstone.adapters.contract import Scalar
@@ -16,6 +17,8 @@ from touchstone.reference_impl.core import conventions
 
 PROFILES = ("paper", "balanced", "accurate")
 """Columns of the table."""
+EQUAL = "equal-step"
+"""`balanced` at a step of its own."""
 
 
 _TABLE: tuple[Setting, ...] = (
@@ -132,7 +135,16 @@ _TABLE: tuple[Setting, ...] = (
         "contacts that the substeps of a frame hold in total before it goes on in a few crowded ones",
     ),
 )
-SETTINGS = Table(PROFILES, _TABLE)
+IDLE: Mapping[str, tuple[str, str]] = {
+    "angle": ("posture", "least_turn"),
+    "passes": ("posture", "least_turn"),
+}
+"""Setting -> the other setting and the value with which it does nothing."""
+SETTINGS = Table(
+    (*PROFILES, EQUAL),
+    (replace(row, profiles=(*row.profiles, row.profiles[PROFILES.index("balanced")])) for row in _TABLE),
+    IDLE,
+)
 
 
 def configure(state: Any, profile: str, changed: Sequence[str] = ()) -> None:
@@ -145,5 +157,6 @@ def configure(state: Any, profile: str, changed: Sequence[str] = ()) -> None:
 
 
 def describe(state: Any) -> dict[str, Scalar]:
-    """Value of every setting in the state record."""
-    return {name: setting.word(state[setting.field or name]) for name, setting in SETTINGS.items()}
+    """Value of every setting in the state record that does something there."""
+    values = {name: setting.word(state[setting.field or name]) for name, setting in SETTINGS.items()}
+    return {name: value for name, value in values.items() if not SETTINGS.is_idle(name, values)}

@@ -10,7 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from touchstone.adapters.detectors import DETECTORS, REFERENCE, UNCONVERGED, Entry, Failure, missing_reason
+from touchstone.adapters.detectors import (
+    DETECTORS,
+    REFERENCE,
+    UNCONVERGED,
+    Entry,
+    Failure,
+    load,
+    missing_reason,
+)
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench import geometry
 from touchstone.reports.bench.geometry import MOTION, Plan, queries, rows_of_bench
@@ -226,3 +234,24 @@ def test_hulls_have_the_vertices_asked_for() -> None:
     np.testing.assert_allclose(first, -TOUCH_DEPTH, rtol=1e-9)
     # 3 cm along a surface that is 16 cm round or flatter: 3 mm, from either side
     assert -2 * TOUCH_DEPTH < min(last) <= max(last) < TOUCH_DEPTH
+
+
+def test_warm_is_compared_with_warm_alone(truth) -> None:
+    """Compare the warm-started depth with coal from its cached guess, the exact one with cold ones."""
+    names = ("reference.exact", "reference.walk", "coal", "coal.warm", "mujoco")
+    rows = rows_of_bench(truth, {name: known_answers(truth, 1e-6, 0.0) for name in names})
+    assert {(row.engine, row.subject) for row in rows if row.metric == "ratio.time"} == {
+        *(("reference.exact", "coal"), ("reference.exact", "mujoco"), ("reference.walk", "coal.warm"))
+    }
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_warm_coal_answers_as_cold_coal(truth, moving: bool) -> None:
+    """Give the same distances from the guess of a frame before as from none."""
+    chosen = truth.family == MOTION if moving else truth.family != MOTION
+    pairs = [truth.pairs[k] for k in np.flatnonzero(chosen)]
+    warm = load("coal.warm").follow(pairs, 15) if moving else load("coal.warm").prepare(pairs)
+    cold = load("coal").prepare(pairs)
+    for batch in (warm, warm, cold):
+        assert (batch.ask() > 0).all()
+    np.testing.assert_allclose(warm.answers().distance, cold.answers().distance, rtol=0, atol=1e-6)

@@ -1,0 +1,153 @@
+"""`ratio.time`: the reference's time over an engine's, judged on the frames in which one has a contact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import isfinite, isnan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, restart_ratio
+from touchstone.reports.own_limits import is_foreign
+from touchstone.reports.results import UNJUDGED, Row
+from touchstone.reports.run.contact_frames import contact_frames
+from touchstone.reports.run.request import EQUAL_PROFILE, REFERENCE
+from touchstone.reports.run.time_limits import judged_time, kind_of
+from touchstone.scenarios.scenario import Scenario
+
+FRAMES = "ratio.frames"
+"""Metric: number of frames in which one of the two has a contact."""
+DEEPER, NO_DEEPER, UNCOMPARED = "deeper", "no-deeper", "uncompared"
+"""Reason codes of a ratio of times: the reference overlaps more than the other, no more, or nobody knows."""
+SAME_DEPTH = 1e-8
+"""Overlap below which two values are equal [m]: the oracle's tolerance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """Times (r, f) [s] of a column's frames in each restart; which frames have a contact (f,); its overlap
+    row; where its time goes, in words."""
+
+    engine: str
+    label: str
+    dt: float
+    times: Array
+    contact: NDArray[np.bool_]
+    overlap: Row | None = None
+    stages: str = ""
+
+    @property
+    def profile(self) -> str:
+        """The profile without changes of it."""
+        return self.label.partition(",")[0]
+
+    @property
+    def at_own_step(self) -> bool:
+        """Whether the step is that of the profile."""
+        own = ENGINES[self.engine].profiles.get(self.profile, 0.0)
+        return abs(own - self.dt) < 1e-9 * self.dt
+
+
+def timed(
+    engine: str, label: str, first: Recording, times: Sequence[Array], overlap: Row | None = None
+) -> Timed:
+    """A column from the recording of the first restart, with its contacts and stages, and all times."""
+    count = min(map(len, times))
+    contact = contact_frames(first)
+    rows = np.array([restart[:count] for restart in times])
+    return Timed(engine, label, first.facts["dt"], rows, contact[:count], overlap, _stages(first, contact))
+
+
+def _stages(recording: Recording, contact: NDArray[np.bool_]) -> str:
+    """Shares of the stages in the time of the frames with contact, the largest first."""
+    some = recording.stage_seconds[contact[: len(recording.stage_seconds)]].sum(axis=0)
+    if not some.sum() > 0:
+        return ""
+    told = sorted(zip(some / some.sum(), recording.stage_names.tolist()), reverse=True)
+    return "with contact its time goes to " + ", ".join(f"{name} {100 * part:.0f} %" for part, name in told)
+
+
+def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run: bool) -> list[Row]:
+    """All statistics of the reference over every engine, at steps that can be compared. Of each kind of
+    comparison, the ratio to the fastest engine is judged.
+
+    Args:
+        one_run: the times are from one run: a ratio near its limit gets no verdict.
+    """
+    found: list[tuple[str, Row, str]] = []
+    ours = [column for column in columns if column.engine == REFERENCE]
+    for mine, theirs in product(ours, (column for column in columns if column.engine != REFERENCE)):
+        if (mine.profile == EQUAL_PROFILE) == (theirs.profile == EQUAL_PROFILE):
+            own = mine.at_own_step and theirs.at_own_step
+            kind = kind_of(mine.label, theirs.label) if own else ""
+            code, said = compared(mine.overlap, theirs.overlap)
+            for row in _statistics(study, scenario, mine, theirs):
+                told = "; ".join(filter(None, (row.reason, said, "one run" if one_run else "")))
+                found.append((kind or theirs.label, replace(row, reason=told, reason_code=code), mine.stages))
+    if is_foreign(scenario):
+        return [row for _, row, _ in found]
+    fastest: dict[tuple[str, str, str], float] = {}
+    for kind, row, _ in found:
+        key = (row.profile, kind, row.metric)
+        fastest[key] = max(fastest.get(key, 0.0), row.value)
+    return [
+        _judged(kind, row, stages, scenario, one_run)
+        if row.value == fastest[row.profile, kind, row.metric]
+        else row
+        for kind, row, stages in found
+    ]
+
+
+def pair_frames(mine: Timed, theirs: Timed) -> tuple[Array, Array, Indices, bool]:
+    """Times of both over the frames that both played; the indices of those in which one has a contact, or of
+    all if there are none; and whether there are some."""
+    count = min(mine.times.shape[1], theirs.times.shape[1])
+    chosen = np.flatnonzero(mine.contact[:count] | theirs.contact[:count])
+    some = len(chosen) > 0
+    return mine.times[:, :count], theirs.times[:, :count], chosen if some else np.arange(count), some
+
+
+def _statistics(study: str, scenario: Scenario, mine: Timed, theirs: Timed) -> Iterable[Row]:
+    ours, others, chosen, some = pair_frames(mine, theirs)
+    every = np.arange(ours.shape[1])
+    where = f"contact in {len(chosen)} of {len(every)} frames" if some else "no contact: all frames"
+    base = Row(study, scenario.name, REFERENCE, mine.label, mine.dt, FRAMES, unit="frames")
+    yield replace(base, value=float(len(chosen) if some else 0), subject=f"{theirs.engine} {theirs.label}")
+    for suffix, statistic in STATISTICS.items():
+        ratio = restart_ratio(ours, others, statistic, every if suffix else chosen)
+        yield Row(
+            *(study, scenario.name, REFERENCE, mine.label, mine.dt, f"{RATIO}{suffix}", ratio.value, "1"),
+            subject=f"{theirs.engine} {theirs.label}",
+            low=ratio.low,
+            high=ratio.high,
+            reason="" if suffix else where,
+        )
+
+
+def _judged(kind: str, row: Row, stages: str, scenario: Scenario, one_run: bool) -> Row:
+    """The row with the verdict on its time; it fails where the reference's overlap is larger."""
+    found = judged_time(kind, row, scenario.tags, stages, one_run)
+    if isnan(found.limit):
+        return row
+    if row.reason_code == DEEPER:
+        return replace(found, verdict="fail")
+    unknown = row.reason_code == UNCOMPARED and found.verdict == "pass"
+    return replace(found, verdict=UNJUDGED) if unknown else found
+
+
+def compared(ours: Row | None, theirs: Row | None) -> tuple[str, str]:
+    """Code and text of the comparison of both overlaps. Where no two bodies may touch there is nothing to
+    compare; UNCOMPARED where an expected number is missing."""
+    for row in (ours, theirs):
+        if row is None:
+            return UNCOMPARED, "overlap not measured"
+        if not isfinite(row.value):
+            return NO_DEEPER if row.verdict == "skipped" else UNCOMPARED, f"no overlap: {row.reason}"
+    deeper = ours.value > max(theirs.value, SAME_DEPTH)  # type: ignore[union-attr]
+    return (DEEPER, "overlap larger") if deeper else (NO_DEEPER, "overlap no larger")

@@ -1,0 +1,137 @@
+"""Limits on ratios of frame times: what is aimed at, and 1.5 times what `bench frame` measured.
+
+`time_limits.csv` holds the measured ratio of the reference to the fastest engine per scene, profile, kind of
+comparison and metric. Measure again by `touchstone bench frame` and
+
+    python -m touchstone.reports.run.time_limits runs/<folder>/results.csv ...
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pandas as pd
+
+from touchstone.reports.results import Row, rows_of, write_beside
+from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
+
+OWN, EQUAL, POSED = "own steps", "equal steps", "posed"
+"""Kinds of comparison: each engine at its recommended step; all at one step; engines with kinematic links."""
+POSED_LABEL = "drive=posed"
+"""Part of the label of a column whose links are kinematic."""
+TARGETS: Mapping[tuple[str, str, str], float] = {
+    ("gallery", OWN, "ratio.time"): 0.15,
+    ("gallery", OWN, "ratio.time.p99"): 0.3,
+    ("gallery", POSED, "ratio.time"): 0.5,
+    ("gallery", EQUAL, "ratio.time"): 0.5,
+    ("heap", EQUAL, "ratio.time"): 0.5,
+    ("slide", EQUAL, "ratio.time"): 0.5,
+    ("stack", EQUAL, "ratio.time"): 0.5,
+    ("probe", OWN, "ratio.time"): 1.0,
+}
+"""Scene or tag, kind and metric -> the largest ratio that the reference aims at, under `balanced`."""
+AIMING = ("balanced", "equal-step")
+"""Profiles of the reference that TARGETS hold for; `equal-step` is `balanced` at the common step."""
+MARGIN = 1.5
+"""Largest ratio of a limit to the measured value [1], so that a slowdown shows."""
+CLOSE = 1.25
+"""Factor around a limit within which one run decides nothing [1]: runs differ by about 10 %."""
+FILE = Path(__file__).with_suffix(".csv")
+KEYS = ("scenario", "profile", "kind", "metric")
+Key = tuple[str, str, str, str]
+
+
+def kind_of(profile: str, label: str) -> str:
+    """Kind of comparison of the reference's profile with an engine's column at own steps; "" for others."""
+    posed, theirs = POSED_LABEL in label, label.partition(",")[0]
+    if EQUAL_PROFILE in (profile, theirs):
+        return EQUAL if profile == label else ""
+    if theirs != MACHINE_PROFILE:
+        return ""
+    return POSED if posed else OWN
+
+
+def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, one_run: bool) -> Row:
+    """The row with its limit and verdict: `known` where it misses its target and no limit on its growth.
+
+    Args:
+        stages: where the reference's time goes, for a target that is missed.
+        one_run: no verdict within CLOSE of the limit.
+    """
+    measured = _measured().get((row.scenario, row.profile, kind, row.metric))
+    target = _target(row, kind, tags)
+    limits = [x for x in (target, None if measured is None else MARGIN * measured) if x is not None]
+    if not limits:
+        return row
+    missed = target is not None and measured is not None and measured > target
+    limit = max(limits) if missed else min(limits)
+    said = f"{kind}, against the fastest; {row.reason}"
+    if one_run and limit / CLOSE < row.value < limit * CLOSE:
+        command = f"touchstone bench frame {row.scenario}"
+        return replace(row, reason=f"{said}: too close to {limit:.2g} for one run, {command} decides")
+    verdict = "pass" if row.value <= limit else "fail"
+    if target is not None and verdict == "pass" and row.value > target:
+        verdict, said = "known", f"{said}; misses its target {target:g}; {stages}"
+    return replace(row, limit=limit, verdict=verdict, reason=said)
+
+
+def _target(row: Row, kind: str, tags: tuple[str, ...]) -> float | None:
+    if row.profile not in AIMING:
+        return None
+    found = (TARGETS.get((place, kind, row.metric)) for place in (row.scenario, *tags))
+    return next((target for target in found if target is not None), None)
+
+
+@cache
+def _measured() -> dict[Key, float]:
+    return read(FILE)
+
+
+def read(path: Path) -> dict[Key, float]:
+    """The measured ratios of a file."""
+    with open(path, newline="") as file:
+        return {
+            (row["scenario"], row["profile"], row["kind"], row["metric"]): float(row["ratio"])
+            for row in csv.DictReader(file)
+        }
+
+
+def write(measured: Mapping[Key, float], path: Path) -> None:
+    """Write measured ratios, sorted."""
+
+    def fill(part: Path) -> None:
+        with open(part, "w", newline="") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow((*KEYS, "ratio"))
+            table.writerows((*key, f"{ratio:.3g}") for key, ratio in sorted(measured.items()))
+
+    write_beside(path, fill)
+
+
+def measured_of(rows: Iterable[Row]) -> dict[Key, float]:
+    """The largest ratio per key: to the fastest engine."""
+    found: dict[Key, float] = {}
+    for row in rows:
+        kind = kind_of(row.profile, row.subject.partition(" ")[2])
+        if row.metric.startswith("ratio.time") and row.engine == REFERENCE and kind:
+            key = (row.scenario, row.profile, kind, row.metric)
+            found[key] = max(found.get(key, 0.0), row.value)
+    return found
+
+
+def main(paths: list[str]) -> None:
+    """Take the measured ratios from tables of results of `bench frame`."""
+    now = read(FILE) if FILE.exists() else {}
+    for path in paths:
+        now |= measured_of(rows_of(pd.read_csv(path, keep_default_na=False, na_values={"value": ""})))
+    write(now, FILE)
+    print(f"{len(now)} ratios")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,116 @@
+"""Where the reference loses: figures in which an engine does better, from the rows of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+import pandas as pd
+
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.run.request import MACHINE_PROFILE, REFERENCE
+from touchstone.reports.views.comparison import SAME_SHARE, TOPICS
+from touchstone.reports.views.tables import number, unit_of
+
+OURS = ("balanced", "paper")
+ROUNDING = 1e-9
+"""Difference that counts as none [SI], where no topic of the comparison names one."""
+LIMIT_SHARE = 0.01
+"""Difference that counts as none, as a share of the reference's limit [1]."""
+SAME = {metric: same for topic in TOPICS for metric, same in topic.same.items()}
+HEADS = ("metric", "unit", "scenes", "worst in", *OURS, "best engine")
+TITLE = "where the reference loses"
+NOTE = (
+    "scenes: in how many of those compared an engine is better than balanced, by more than 2 % and 1 % of "
+    "the limit; then the scene with the largest difference. Metrics whose truth is 0, and times"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """A metric of one scene and subject in which an engine is better: rows of the reference's profiles, and
+    the best engine's."""
+
+    ours: dict[str, Row]
+    best: Row
+
+    @property
+    def first(self) -> Row:
+        """The row of `balanced`."""
+        return self.ours[OURS[0]]
+
+    @property
+    def difference(self) -> float:
+        """By how much the engine is better, over its own value [1] where that is not 0."""
+        least = max(abs(self.best.value), SAME.get(self.best.metric, ROUNDING))
+        return (abs(self.first.value) - abs(self.best.value)) / least
+
+
+def loss_rows(frame: pd.DataFrame) -> list[list[str]]:
+    """One line per metric under HEADS: scenes lost of those compared, and the worst one with its figures."""
+    compared: dict[str, set[str]] = {}
+    lost: dict[str, list[Loss]] = {}
+    for scene, metric, loss in _compared(frame):
+        compared.setdefault(metric, set()).add(scene)
+        if loss is not None:
+            lost.setdefault(metric, []).append(loss)
+    return [_line(metric, lost[metric], len(compared[metric])) for metric in METRICS if metric in lost]
+
+
+def _line(metric: str, lost: Sequence[Loss], compared: int) -> list[str]:
+    worst = max(lost, key=lambda loss: loss.difference)
+    scenes = len({loss.first.scenario for loss in lost})
+    place = f"{worst.first.scenario} {worst.first.subject}".strip()
+    ours = [_text(worst.ours.get(profile)) for profile in OURS]
+    unit = "" if unit_of(metric) == "1" else unit_of(metric)
+    return [metric, unit, f"{scenes} of {compared}", place, *ours, f"{worst.best.engine} {_text(worst.best)}"]
+
+
+def _compared(frame: pd.DataFrame) -> Iterator[tuple[str, str, Loss | None]]:
+    """Scene and metric of every comparison with an engine, and the loss, if it is one."""
+    found: dict[tuple[str, str, str], list[Row]] = {}
+    for row in rows_of(frame):
+        metric = METRICS.get(row.metric)
+        if metric is not None and metric.better == "lower" and isfinite(row.value):
+            found.setdefault((row.scenario, row.metric, row.subject), []).append(row)
+    for (scene, name, _), rows in found.items():
+        ours = {row.profile: row for row in rows if row.engine == REFERENCE}
+        theirs = [row for row in rows if row.engine != REFERENCE and row.profile == MACHINE_PROFILE]
+        if OURS[0] in ours and theirs:
+            loss = Loss(ours, min(theirs, key=lambda row: abs(row.value)))
+            yield scene, name, loss if _is_lost(loss) else None
+
+
+def _is_lost(loss: Loss) -> bool:
+    ours, best = abs(loss.first.value), abs(loss.best.value)
+    least = SAME.get(loss.first.metric, 0.0 if loss.first.metric.startswith("time.") else ROUNDING)
+    if isfinite(loss.first.limit):
+        least = max(least, LIMIT_SHARE * loss.first.limit)
+    return ours > max(best + least, best * (1 + SAME_SHARE))
+
+
+def _text(row: Row | None) -> str:
+    if row is None or not isfinite(row.value):
+        return "-"
+    shown = METRICS[row.metric].shown
+    return number(row.value * (shown[1] if shown else 1.0))
+
+
+def unmeasured_lines(frame: pd.DataFrame) -> list[str]:
+    """Metrics that the engines have and the reference has not, with the reason and the scenes."""
+    theirs = {
+        (row.scenario, row.metric)
+        for row in rows_of(frame[(frame.engine != REFERENCE) & (frame.profile == MACHINE_PROFILE)])
+        if isfinite(row.value)
+    }
+    found: dict[tuple[str, str], list[str]] = {}
+    mine = frame[(frame.engine == REFERENCE) & (frame.profile == OURS[0]) & (frame.verdict == "skipped")]
+    for row in rows_of(mine):
+        if (row.scenario, row.metric) in theirs and row.metric in METRICS:
+            found.setdefault((row.metric, row.reason), []).append(row.scenario)
+    return [
+        f"the engines only: {metric} ({', '.join(dict.fromkeys(scenes))}): {reason}"
+        for (metric, reason), scenes in found.items()
+    ]
