@@ -119,8 +119,8 @@ Setting = Choice | Range | Numbers
 
 
 class Table(Mapping[str, Setting]):
-    """Settings of an engine by name, in the order of the table; `profiles` are its columns. `idle`: setting ->
-    another setting and its value with which the first does nothing."""
+    """Settings of an engine by name, in the order of the table; `profiles` are its columns. `idle`: setting
+    -> another setting and its value with which the first does nothing."""
 
     def __init__(
         self,
