@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from touchstone.reports.bench import repeatability
 from touchstone.reports.bootstrap import exponent, median_interval, restart_ratio, time_ratio
+from touchstone.reports.results import Row, table
 
 
 def noisy(seed, median, spikes=0.0, frames=180):
@@ -155,3 +159,15 @@ def test_only_chosen_frames_count():
     ours[:, :40] = 100.0
     ratio = restart_ratio(ours, theirs, MEASURES["mean"], np.arange(40, 50))
     assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.25,) * 3)
+
+
+def test_overlapping_intervals_of_two_runs_are_counted(tmp_path, capsys):
+    """Match rows of two tables by scene, column, metric and subject; print the share that overlaps."""
+    base = Row("bench frame", "fall", "reference", "balanced", 1 / 60, "ratio.time", 0.5, subject="dart r")
+    one = [replace(base, low=0.4, high=0.6), replace(base, scenario="slide", low=0.1, high=0.2)]
+    two = [replace(base, low=0.55, high=0.7), replace(base, scenario="slide", low=0.21, high=0.3)]
+    paths = [str(tmp_path / name) for name in ("one.csv", "two.csv")]
+    for rows, path in zip((one, [*two, replace(base, scenario="stack", low=0, high=1)]), paths):
+        table(rows).to_csv(path, index=False)
+    repeatability.main(paths)
+    assert capsys.readouterr().out == "ratio.time: 1 of 2 intervals overlap, 50.0 %\n"
