@@ -6,8 +6,8 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from math import inf
-from resource import RUSAGE_THREAD, getrusage
-from time import perf_counter
+from resource import RUSAGE_SELF, RUSAGE_THREAD, getrusage
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -121,6 +121,21 @@ def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: 
     return seconds
 
 
+class StepClock:
+    """Tells how long a call had the processor, if the system gave that to another process meanwhile."""
+
+    def __init__(self) -> None:
+        self._switches = getrusage(RUSAGE_SELF).ru_nivcsw
+        self._processor = process_time()
+
+    def own_seconds(self, seconds: float) -> float:
+        """The call's wall time [s]; if the process was preempted, at most its processor time. A call that
+        waits by itself keeps its wall time."""
+        processor = process_time() - self._processor
+        preempted = getrusage(RUSAGE_SELF).ru_nivcsw != self._switches
+        return min(seconds, processor) if preempted else seconds
+
+
 class Player:
     """A world, its scene and the recording so far.
 
@@ -190,9 +205,11 @@ class Player:
         try:
             start = perf_counter()
             self.world.drive(number)
+            clock = StepClock()
             driven = perf_counter()
             self.world.step()
             stepped = perf_counter()
+            own = clock.own_seconds(stepped - driven)
             self.world.read(self._state)
             done = perf_counter()
         except AdapterError as error:
@@ -203,7 +220,7 @@ class Player:
         self._keep_contacts(number * self._settings.dt)
         self._work += self._driver_work()
         self._impulse += self._state.force * self._settings.dt
-        return stepped - driven, driven - start, done - stepped
+        return own, driven - start, done - stepped
 
     def _moment(self, steps: int) -> str:
         """Text for the end time of a number of native steps; frame 0 is the initial state."""

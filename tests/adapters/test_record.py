@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -106,6 +107,7 @@ class Clock:
 def clock(monkeypatch):
     """The clock of the loop, in the test's hands."""
     clock = Clock()
+    monkeypatch.setattr(module, "process_time", lambda: clock.now)
     monkeypatch.setattr(module, "perf_counter", lambda: clock.now)
     return clock
 
@@ -321,3 +323,12 @@ def test_too_many_contacts_name_the_frame(engine, scenario, settings, monkeypatc
     reason = "more than 0 contact points in one step: the scene has too many contacts to record"
     # the fake's first contact is in its second step
     assert str(end.value) == f"{reason}, in frame 1 at 0.0500 s"
+
+
+def test_time_of_other_processes_does_not_count(monkeypatch) -> None:
+    """Take processor time where the process was preempted, wall time where it was not or waits by itself."""
+    switches, processor = iter((5, 6, 5, 5)), iter((1.0, 1.25, 1.0, 1.25))
+    monkeypatch.setattr(module, "process_time", lambda: next(processor))
+    monkeypatch.setattr(module, "getrusage", lambda who: SimpleNamespace(ru_nivcsw=next(switches)))
+    assert module.StepClock().own_seconds(2.0) == 0.25
+    assert module.StepClock().own_seconds(2.0) == 2.0
