@@ -32,9 +32,13 @@ TARGETS: Mapping[tuple[str, str, str], float] = {
     ("heap", EQUAL, "ratio.time"): 0.5,
     ("slide", EQUAL, "ratio.time"): 0.5,
     ("stack", EQUAL, "ratio.time"): 0.5,
+    ("heap", OWN, "ratio.time"): 0.5,
+    ("slide", OWN, "ratio.time"): 0.5,
+    ("stack", OWN, "ratio.time"): 0.5,
     ("probe", OWN, "ratio.time"): 1.0,
+    ("", OWN, "ratio.time"): 0.5,
 }
-"""Scene or tag, kind and metric -> the largest ratio that the reference aims at, under `balanced`."""
+"""Scene, tag or "" (others), kind and metric -> the largest ratio that `balanced` aims at."""
 AIMING = ("balanced", "equal-step")
 """Profiles of the reference that TARGETS hold for; `equal-step` is `balanced` at the common step."""
 MARGIN = 1.5
@@ -83,7 +87,7 @@ def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, one_run
 def _target(row: Row, kind: str, tags: tuple[str, ...]) -> float | None:
     if row.profile not in AIMING:
         return None
-    found = (TARGETS.get((place, kind, row.metric)) for place in (row.scenario, *tags))
+    found = (TARGETS.get((place, kind, row.metric)) for place in (row.scenario, *tags, ""))
     return next((target for target in found if target is not None), None)
 
 

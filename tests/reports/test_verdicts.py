@@ -68,7 +68,9 @@ def test_a_sound_engine_passes(resting, judged):
     scenario, sound = resting
     found = judged(scenario, ours=replace(sound, time_frame=sound.time_frame / 10), theirs=sound)
     assert [row for row in found.values() if row.verdict in ("fail", "error", "unjudged")] == []
-    assert found["reference", "ratio.time", "mujoco recommended"].reason.endswith("overlap no larger")
+    ratio = found["reference", "ratio.time", "mujoco recommended"]
+    assert ratio.reason.endswith("; overlap no larger; one run")
+    assert (ratio.verdict, ratio.reason_code, ratio.value) == ("pass", NO_DEEPER, pytest.approx(0.1))
 
 
 def test_an_engine_that_hovers_fails(resting, judged):
@@ -142,7 +144,9 @@ def test_a_fast_engine_without_overlap_is_not_judged(resting, judged, monkeypatc
     found = judged(scenario, ours=replace(sound, time_frame=sound.time_frame / 10), theirs=sound)
     assert found["reference", "overlap.max", ""].verdict == "unjudged"
     ratio = found["reference", "ratio.time", "mujoco recommended"]
-    assert (ratio.verdict, ratio.reason) == ("unjudged", "against the fastest; no overlap: no coal")
+    assert (ratio.verdict, ratio.reason_code) == ("unjudged", UNCOMPARED)
+    assert ratio.reason.startswith("own steps, against the fastest; contact in ")
+    assert "no overlap: no coal; one run" in ratio.reason
     slow = judged(scenario, ours=replace(sound, time_frame=sound.time_frame * 10), theirs=sound)
     assert slow["reference", "ratio.time", "mujoco recommended"].verdict == "fail"
 
