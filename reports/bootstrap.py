@@ -20,7 +20,7 @@ RESAMPLES = 1000
 CONFIDENCE = 95.0
 """Width of the interval [%]."""
 BLOCK = 15
-"""Consecutive frames that are resampled together, a quarter of a second: times of neighbours are alike."""
+"""Consecutive frames that are resampled together, a quarter of a second: neighbours take similar times."""
 
 
 @dataclass(frozen=True, slots=True)

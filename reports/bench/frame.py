@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 
 from touchstone.adapters.workers.process import last_core
-from touchstone.reports.bench.decomposition import factor_rows
 from touchstone.reports.bench.frame_table import show
 from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take, played
 from touchstone.reports.bootstrap import RATIO, STATISTICS, mean, restart_interval, restart_ratio
@@ -25,6 +24,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.run.decomposition import factor_rows
 from touchstone.reports.run.measure import measured_of
 from touchstone.reports.run.ratios import Timed, pair_frames, ratio_rows, timed
 from touchstone.scenarios.catalogue import catalogue, tagged

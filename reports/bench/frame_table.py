@@ -5,10 +5,10 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from touchstone.reports.bench.decomposition import FACTORS
 from touchstone.reports.bench.tables import MICRO, limit_text, print_remarks, spread_text, value_text
 from touchstone.reports.bootstrap import RATIO, STATISTICS
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.run.decomposition import FACTORS
 from touchstone.reports.run.request import REFERENCE, step_text
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import table_of
