@@ -1,4 +1,4 @@
-"""`touchstone.run` and `touchstone.sweep`: the commands of these names as functions."""
+"""`touchstone.run`, `sweep` and `work_precision`: the commands of these names as functions."""
 
 from __future__ import annotations
 
@@ -106,6 +106,43 @@ def sweep(
         raise ValueError(str(error)) from error
     with scratch_folder() as folder:
         return run_sweep(cells, Path(out) if out else folder / "sweep", jobs=jobs)
+
+
+def work_precision(
+    scenes: str | Iterable[str] | None = None,
+    engines: str | Iterable[str] | None = None,
+    *,
+    quick: bool = False,
+    jobs: int | None = None,
+    store: str | Path | None = None,
+) -> pd.DataFrame:
+    """Measure error over wall time of engines and settings, as `touchstone study work-precision` does.
+
+    Args:
+        scenes: names of the catalogue; None: the gallery and six probes.
+        engines: one name or several; None: all.
+        quick: fewer scenes, steps and rounds of timing.
+        jobs: processes for accuracy; None: one per core. Times are measured one at a time.
+        store: folder of all cells. What it holds is not measured again; None: nothing is kept.
+    Returns:
+        A row per scene, setting and quantity: its error, the time per simulated second with its range,
+        whether it is on the Pareto front, and the command that plays it again. `attrs` holds the tables
+        `fronts` and `ladder`.
+    Raises:
+        ValueError: an unknown name; the message names valid ones.
+        touchstone.reports.sweep.store.StoreError: the store is damaged, or it cannot be written.
+    """
+    from touchstone.reports.studies.work_precision import definitions
+    from touchstone.reports.studies.work_precision.fronts import fronts
+    from touchstone.reports.studies.work_precision.study import Plan, measure
+
+    wanted = definitions.scenes(quick) if scenes is None else _several(scenes)
+    names = [checked("scene", name, catalogue()) for name in wanted]
+    plan = Plan(names, [_registered(name) for name in _several(engines)], quick)
+    with scratch_folder() as folder:
+        table, ladder = measure(plan, Path(store) if store else folder / "sweep", jobs)
+    table.attrs |= {"fronts": fronts(table), "ladder": ladder}
+    return table
 
 
 def _columns(

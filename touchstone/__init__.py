@@ -50,6 +50,7 @@ _ADAPTER = ("BodyFacts", "Manifest", "PairFacts", "Settings", "State", "Unsuppor
 _HOME = {
     "run": "touchstone.reports.api",
     "sweep": "touchstone.reports.api",
+    "work_precision": "touchstone.reports.api",
     "Results": "touchstone.reports.run.request",
     "Recording": "touchstone.adapters.recording",
     "load": "touchstone.adapters.recording",
