@@ -12,6 +12,21 @@ import pyarrow
 from touchstone.adapters.recording import Recording, RecordingError, load
 from touchstone.reports.results import COLUMNS
 
+NUMBERS = ("dt", "seed", "repeat", "value", "low", "high", "limit")
+"""Columns of numbers; the others hold texts."""
+NEEDED = (
+    "study",
+    "scenario",
+    "engine",
+    "profile",
+    "metric",
+    "subject",
+    "verdict",
+    "reason",
+    "unit",
+    *NUMBERS,
+)
+"""Columns that every version has written."""
 TABLES = ("results.parquet", "results.csv")
 
 
@@ -30,20 +45,10 @@ def table_of(folder: Path) -> pd.DataFrame:
         frame = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
     except (OSError, ValueError, pyarrow.ArrowException) as error:
         raise RunError(f"{path}: cannot be read: {f'{error}'.partition(chr(10))[0][:100]}") from error
-    if missing := [name for name in COLUMNS if name not in frame]:
+    if missing := [name for name in NEEDED if name not in frame]:
         raise RunError(f"{path}: no columns {', '.join(missing)}")
-    texts = [
-        "study",
-        "scenario",
-        "engine",
-        "profile",
-        "metric",
-        "subject",
-        "unit",
-        "verdict",
-        "basis",
-        "reason",
-    ]
+    texts = [name for name in COLUMNS if name not in NUMBERS]
+    frame = frame.reindex(columns=list(COLUMNS))  # an older table lacks newer columns
     frame[texts] = frame[texts].astype(object).fillna("").astype(str)
     return frame
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from foreign_models import PYBULLET, folders, models
+from foreign_models import folders, models
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings
@@ -23,6 +23,11 @@ from touchstone.scenarios.files.read import read_scene
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.scenario import Box, Scenario
 
+QUICK = (
+    *("kuka_iiwa/model.urdf", "quadruped/minitaur.urdf", "pendulum5.urdf", "mjcf/humanoid.xml"),
+    *("mini_cheetah/mini_cheetah.urdf", "mjcf/hopper.xml"),
+)
+"""Models with small meshes; the last two are refused."""
 ARM = """<robot name="arm"><link name="base">
  <inertial><mass value="2"/><inertia ixx="1" ixy="0.1" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
   <collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
@@ -225,7 +230,7 @@ def test_models_of_pybullet_import_or_say_why(tmp_path):
     if home is None:
         pytest.skip("pybullet is not installed")
     refused = []
-    for name in PYBULLET:
+    for name in QUICK:
         try:
             found = imported(home / name, "robot", allow_paths=True)
         except RobotError as error:
