@@ -117,4 +117,4 @@ def _sign(metric: str) -> int:
     """1 if lower is better, -1 if higher is, 0 if neither."""
     if metric in METRICS:
         return {"lower": 1, "higher": -1, "none": 0}[METRICS[metric].better]
-    return 1 if metric == "ratio.time" or metric.endswith(".spread") else 0
+    return 1 if metric.startswith("ratio.time") or metric.endswith(".spread") else 0

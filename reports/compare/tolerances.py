@@ -40,7 +40,8 @@ DEFAULT = (
     Tolerance("time.frame.p9?", relative=inf),
     Tolerance("time.frame.max", relative=inf),
     Tolerance("time.share", relative=inf),
-    Tolerance("ratio.time", relative=0.5),
+    Tolerance("ratio.time*", relative=0.5),
+    Tolerance("ratio.time.p99", relative=inf),
 )
 """Tolerances unless a file says otherwise; medians of times may double, their tails are noise."""
 
