@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from math import nan
@@ -101,6 +102,16 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def illustrate(path: Path, draw: Callable[[Path], object]) -> None:
+    """Draw a picture or page of measurements that are saved: one that fails costs that file, and a line on
+    standard error says why."""
+    try:
+        write_beside(path, draw)
+    except Exception as error:
+        reason = f"{error}".partition("\n")[0]
+        print(f"touchstone: {path.name} is not written: {type(error).__name__}: {reason}", file=sys.stderr)
 
 
 def save(frame: pd.DataFrame, folder: Path) -> None:

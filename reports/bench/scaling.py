@@ -24,7 +24,7 @@ from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.results import Row, illustrate, save, save_manifest, table
 
 __all__ = ["Plan", "run", "show", "steps"]
 
@@ -90,7 +90,7 @@ def run(
         frame = table(judged(row, ()) for row in rows_of_curves(curves))
         save(frame, folder)
         save_manifest(folder, {"study": STUDY, **asdict(plan)})
-        write_beside(folder / "scaling.png", lambda part: draw(frame, part))
+        illustrate(folder / "scaling.png", lambda part: draw(frame, part))
     return frame
 
 

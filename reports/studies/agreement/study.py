@@ -26,7 +26,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.metrics.context import Evidence
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.results import Row, illustrate, save, save_manifest, table
 from touchstone.reports.run.request import step_text
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
@@ -114,7 +114,7 @@ def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.Data
         _save_manifest(scenarios, folder)
         from touchstone.reports.studies.agreement.picture import convergence
 
-        write_beside(folder / "agreement.png", lambda part: convergence(frame, part))
+        illustrate(folder / "agreement.png", lambda part: convergence(frame, part))
     return frame
 
 

@@ -18,7 +18,7 @@ from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import save, save_manifest, table, write_beside
+from touchstone.reports.results import illustrate, save, save_manifest, table
 from touchstone.reports.studies.calibration.children import Child, Loader, Motion
 from touchstone.reports.studies.calibration.rows import STUDY, Measured, rows_of_study
 from touchstone.reports.studies.calibration.scenes import SHAPES, Probe
@@ -91,8 +91,8 @@ def run(
         from touchstone.reports.studies.calibration.findings import report
         from touchstone.reports.views.pictures import requested_and_achieved
 
-        write_beside(folder / "report.md", lambda part: part.write_text(report(frame), "utf-8"))
-        write_beside(folder / "calibration.png", lambda part: requested_and_achieved(frame, part))
+        illustrate(folder / "report.md", lambda part: part.write_text(report(frame), "utf-8"))
+        illustrate(folder / "calibration.png", lambda part: requested_and_achieved(frame, part))
     return frame
 
 

@@ -25,7 +25,7 @@ from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.results import Row, illustrate, save, save_manifest, table
 from touchstone.reports.studies.effects.definitions import (
     ALL,
     GROUPS,
@@ -86,7 +86,7 @@ def run(
         facts = {"study": STUDY, "tolerance": TOLERANCE, "budget": BUDGET, "scenarios": list(tags)}
         save_manifest(folder, facts)
 
-        write_beside(folder / "effects.png", lambda part: savings(frame, part))
+        illustrate(folder / "effects.png", lambda part: savings(frame, part))
     return frame
 
 

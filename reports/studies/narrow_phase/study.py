@@ -19,7 +19,7 @@ from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import save, save_manifest, table, write_beside
+from touchstone.reports.results import illustrate, save, save_manifest, table
 from touchstone.reports.studies.interleaved_timing import Stretch, measure
 from touchstone.reports.studies.narrow_phase.rows import STUDY, Truth, rows_of_study
 from touchstone.reports.studies.poses import FAMILIES, corners, draw, size_of
@@ -57,7 +57,7 @@ def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
         save_manifest(folder, {"study": STUDY, "pairs": pairs, "seed": seed, "detectors": facts})
         from touchstone.reports.views.pictures import work_precision
 
-        write_beside(folder / "narrow_phase.png", lambda part: work_precision(frame, part))
+        illustrate(folder / "narrow_phase.png", lambda part: work_precision(frame, part))
     return frame
 
 

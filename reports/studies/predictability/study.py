@@ -22,7 +22,7 @@ from touchstone.adapters.workers.children import Children, Job
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.results import Row, illustrate, save, save_manifest, table
 from touchstone.reports.studies.agreement.study import own_profile
 from touchstone.reports.studies.predictability.definitions import (
     CLOSED_FORM,
@@ -62,7 +62,7 @@ def run(scenarios: Sequence[Scenario], seed: int, out: Path, progress: Progress)
         save(frame, folder)
         _save_manifest(scenarios, seed, folder)
 
-        write_beside(folder / "predictability.png", lambda part: amplifications(frame, part))
+        illustrate(folder / "predictability.png", lambda part: amplifications(frame, part))
     return frame
 
 

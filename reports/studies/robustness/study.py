@@ -21,7 +21,7 @@ from touchstone.adapters.registry import ENGINES, installed, load, missing_reaso
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.results import Row, illustrate, save, save_manifest, table, write_beside
 from touchstone.reports.studies.robustness.picture import rise_over_residual
 from touchstone.reports.studies.robustness.play import (
     COUNTERS,
@@ -93,7 +93,7 @@ def run(
         seeds = [task.seed for task in asked]
         save_manifest(folder, {"study": STUDY, "seeds": [min(seeds), max(seeds)] if seeds else []})
 
-        write_beside(folder / "robustness.png", lambda part: rise_over_residual(table_of_runs(runs), part))
+        illustrate(folder / "robustness.png", lambda part: rise_over_residual(table_of_runs(runs), part))
     return frame
 
 
