@@ -50,8 +50,8 @@ CAUSES: tuple[Cause, ...] = (
             "point": {
                 "friction.cone": "arch_slides arch_stands arch_thin ball_snip brick_wall coin_falls "
                 "coin_rolls coin_spins dominoes incline_holds incline_slides load_1e4 load_1e6 pyramid "
-                "rod_e03 slap_2.5 slap_3 slap_6 slide slip stack tall_holds tip_falls tip_holds tower_10 tower_20 "
-                "tower_20_jittered tower_40",
+                "rod_e03 slap_2.5 slap_3 slap_6 slide slip stack tall_holds tip_falls tip_holds tower_10 "
+                "tower_20 tower_20_jittered tower_40",
             },
         },
     ),
