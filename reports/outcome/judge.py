@@ -82,6 +82,9 @@ def _findings(evidence: Evidence, checks: Checks, ended: str, figures: dict[str,
     if not measures.finite(evidence):
         yield "non-finite", "a value of the state is not finite"
         return
+    if not measures.rotations(evidence):
+        yield "non-finite", "an orientation is no unit quaternion"
+        return
     frame = measures.reset_frame(evidence)
     if frame is not None:
         yield "auto-reset", f"all bodies are back at their start in frame {frame}"

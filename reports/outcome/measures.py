@@ -17,6 +17,8 @@ from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.difficulty.checks import Checks, Wall
 
 STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
+UNIT = 1e-3
+"""Tolerance of the length of an orientation [1]: single precision and a missing normalisation stay below."""
 LEAST_HEIGHT = 1e-3
 """Least height of a centre over the ground in the available energy [m]: contact tolerances of engines lift a
 thin plate by as much."""
@@ -31,6 +33,12 @@ JUMP = 3.0
 def finite(evidence: Evidence) -> bool:
     """Whether all values of all frames are finite."""
     return all(bool(np.isfinite(getattr(evidence.recording, name)).all()) for name in STATES)
+
+
+def rotations(evidence: Evidence) -> bool:
+    """Whether all orientations of all frames are unit quaternions, to UNIT."""
+    sizes = np.linalg.norm(evidence.recording.orientation, axis=-1)
+    return bool((np.abs(sizes - 1) <= UNIT).all())
 
 
 def reset_frame(evidence: Evidence) -> int | None:

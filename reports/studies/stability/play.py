@@ -100,8 +100,11 @@ def _play(
     except Exception as error:
         return Outcome("error", f"{type(error).__name__}: {error}".splitlines()[0]), None
     assert player is not None
-    recording = player.recording(ended)
-    player.world.close()
+    try:
+        recording = player.recording(ended)
+        player.world.close()
+    except Exception as error:
+        return Outcome("error", f"{type(error).__name__}: {error}".splitlines()[0]), None
     return judge(recording, scenario, checks, ended), recording
 
 

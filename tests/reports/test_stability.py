@@ -1,0 +1,124 @@
+"""The study stability: what is played, what a column survives, and whose envelope contains whose."""
+
+from __future__ import annotations
+
+import pytest
+from rich.console import Console
+
+from touchstone.adapters.contract import Settings
+from touchstone.reports.outcome.classes import CLASSES, Outcome
+from touchstone.reports.results import table
+from touchstone.reports.studies.stability.cells import STEPS, Plan, chosen, own_step
+from touchstone.reports.studies.stability.measure import play_all
+from touchstone.reports.studies.stability.picture import LOOKS, envelope_picture, step_picture
+from touchstone.reports.studies.stability.play import Cell, Played
+from touchstone.reports.studies.stability.rows import (
+    CONTAINED,
+    LEVELS,
+    OUTCOME,
+    STEP,
+    results_of,
+    rows_of,
+    silent_lines,
+    table_of_cells,
+)
+from touchstone.reports.studies.stability.table import family_rows, show
+from touchstone.scenarios.difficulty.family import families, hard_names
+
+COLUMNS = (("reference", "balanced"), ("bullet", "recommended"))
+
+
+def results(quick=False, **fails):
+    """Results of two families in which cells fail that `fails` names: family_engine = (level, class)."""
+    plan = Plan(COLUMNS, chosen(["wedge", "tiles"]), quick)
+    played = {}
+    for cell in plan.cells():
+        family, level = hard_names()[cell.scene]
+        at, name = fails.get(f"{family.name}_{cell.engine}", (None, "ok"))
+        outcome = Outcome(name, "why") if level == at else Outcome("ok")
+        played[cell] = Played(outcome, cell.line)
+    return results_of(plan, played)
+
+
+def test_every_step_of_every_level_is_played():
+    """All levels at the own step and at STEPS, or three levels at the own step."""
+    full, quick = results(), results(quick=True)
+    steps = {cell.settings.dt for cell in full.played}
+    assert steps == {1 / 60, *STEPS}
+    levels = sum(len(family.levels) for family in full.plan.families)
+    assert len(full.played) == levels * (4 + 3)  # Bullet's own step is one of STEPS
+    assert {cell.settings.dt for cell in quick.played} == {1 / 60, 1 / 240}
+    assert len(quick.played) == 2 * 3 * 2
+
+
+def test_the_line_plays_a_cell():
+    """The command names scene, engine, profile and step."""
+    cell = Cell("hard_wedge_90", "mujoco", Settings("recommended", 1 / 540))
+    assert cell.line == "touchstone run hard_wedge_90 --engine mujoco --profile recommended --dt 1/540"
+
+
+def test_survival_ends_at_the_first_failure():
+    """A level counts only if all easier ones survive."""
+    found = results(wedge_reference=(45.0, "jitter"))
+    wedge = families()["wedge"]
+    assert found.survived(wedge, "reference", "balanced", 1 / 60) == (90.0, "jitter")
+    assert found.survived(wedge, "bullet", "recommended", 1 / 240) == (1.0, "")
+    first = results(wedge_reference=(170.0, "exploded"))
+    assert first.survived(wedge, "reference", "balanced", 1 / 60) == (None, "exploded")
+
+
+@pytest.mark.parametrize(
+    ("fails", "share", "verdict"),
+    [
+        ({}, 1.0, "pass"),
+        ({"tiles_reference": (16.0, "inaccurate")}, 0.5, "fail"),
+        ({"tiles_reference": (16.0, "inaccurate"), "tiles_bullet": (16.0, "exploded")}, 1.0, "pass"),
+        ({"tiles_bullet": (16.0, "exploded")}, 1.0, "pass"),
+    ],
+)
+def test_containment_counts_levels_that_only_others_survive(fails, share, verdict):
+    """A family is not contained where an engine survives a level that the reference does not."""
+    (row,) = (row for row in rows_of(results(**fails)) if row.metric == CONTAINED)
+    assert (row.value, row.verdict) == (share, verdict)
+    assert ("tiles" in row.reason) == (share < 1)
+
+
+def test_a_silent_failure_of_the_reference_breaks_a_limit():
+    """Announced failures pass, silent ones fail with the command that plays them; engines are not judged."""
+    for name, verdict in (("creep", "fail"), ("gave up", "pass"), ("timed out", "pass")):
+        found = results(tiles_reference=(1.0, name), tiles_bullet=(1.0, "exploded"))
+        rows = [row for row in rows_of(found) if row.metric == OUTCOME and row.subject == name]
+        assert {row.verdict for row in rows} == {verdict}
+        assert all(row.reason.startswith("touchstone run hard_tiles_1 ") for row in rows)
+        assert len(silent_lines(found)) == (4 if verdict == "fail" else 0)
+        assert {row.verdict for row in rows_of(found) if row.engine == "bullet"} == {""}
+
+
+def test_tables_and_pictures_show_every_class(tmp_path):
+    """Every class has a look; table, CSV and pictures take all of them."""
+    assert set(LOOKS) == {*CLASSES, ""}
+    found = results(tiles_reference=(16.0, "exploded"), wedge_bullet=(1.0, "skipped"))
+    frame = table(rows_of(found))
+    assert set(frame.metric) == {OUTCOME, LEVELS, STEP, CONTAINED}
+    out = Console(width=140, record=True)
+    show(frame, out)
+    text = out.export_text()
+    assert "4 x" in text
+    assert "touchstone run hard_tiles_16 --engine reference" in text
+    assert set(table_of_cells(found).command) == {played.line for played in found.played.values()}
+    envelope_picture(found, tmp_path / "all.png")
+    step_picture(found, families()["tiles"], tmp_path / "one.png")
+    assert (tmp_path / "all.png").stat().st_size > 10_000
+    assert len(family_rows()) == len(families())
+
+
+def test_a_store_plays_nothing_twice(tmp_path):
+    """A second study takes every cell from the store, with the same figures."""
+    cells = [Cell("hard_wedge_90", "reference", Settings("balanced", own_step("reference", "balanced")))]
+    first = play_all(cells, tmp_path, lambda label, count: None, jobs=1)
+    lines = []
+    again = play_all(cells, tmp_path, lambda label, count: lines.append(label), jobs=1)
+    assert repr(again) == repr(first)  # figures that do not apply are NaN
+    assert lines == ["finished before"]
+    assert first[cells[0]].outcome.name == "ok"
+    assert first[cells[0]].outcome.figures["overlap [m]"] < 1e-6
