@@ -25,7 +25,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     reference."""
     survived = frame[frame.metric == LEVELS]
     columns = list(dict.fromkeys(zip(survived.engine, survived.profile)))
-    heads = [f"{engine} {profile}"[:18] for engine, profile in columns]
+    heads = [f"{engine}\n{profile}" for engine, profile in columns]
     table = table_of("stability: the most difficult level survived", ("family", *heads), padding=(0, 1, 0, 0))
     for name, part in survived.groupby("scenario", sort=False):
         cells = {(row.engine, row.profile): _cell(row.value, row.subject) for row in rows_of(part)}
@@ -68,7 +68,8 @@ def _counts(frame: pd.DataFrame, columns: list[tuple[str, str]], out: Console) -
     """Print the number of cells of each class per column."""
     cells = frame[frame.metric == OUTCOME]
     names = [name for name in LOOKS if name in set(cells.subject)]
-    table = table_of("cells per class, all steps", ("", *names, "silent"), padding=(0, 1, 0, 0))
+    letters = [LOOKS[name][1] or name for name in names]
+    table = table_of("cells per class, all steps", ("", *letters, "silent"), padding=(0, 1, 0, 0))
     for engine, profile in columns:
         mine = cells[(cells.engine == engine) & (cells.profile == profile)].subject
         silent = int(mine.isin(SILENT).sum())
