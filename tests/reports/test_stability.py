@@ -89,7 +89,7 @@ def test_a_silent_failure_of_the_reference_breaks_a_limit():
         found = results(tiles_reference=(1.0, name), tiles_bullet=(1.0, "exploded"))
         rows = [row for row in rows_of(found) if row.metric == OUTCOME and row.subject == name]
         assert {row.verdict for row in rows} == {verdict}
-        assert all(row.reason.startswith("touchstone run hard_tiles_1 ") for row in rows)
+        assert all(row.reproduce.startswith("touchstone run hard_tiles_1 ") for row in rows)
         assert len(silent_lines(found)) == (4 if verdict == "fail" else 0)
         assert {row.verdict for row in rows_of(found) if row.engine == "bullet"} == {""}
 

@@ -86,7 +86,8 @@ def _cell_row(cell: Cell, found: Played) -> Row:
         family.unit,
         subject=outcome.name,
         verdict=verdict,
-        reason=f"{found.line}{': ' if outcome.reason else ''}{outcome.reason}",
+        reason=outcome.reason,
+        reproduce=found.line,
     )
 
 

@@ -42,7 +42,9 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         )
     failed = frame[(frame.metric == OUTCOME) & (frame.verdict == "fail")]
     for row in rows_of(failed[:LISTED]):
-        out.print(f"{row.subject}: {row.reason}", highlight=False, markup=False, soft_wrap=True)
+        out.print(
+            f"{row.subject}: {row.reproduce}: {row.reason}", highlight=False, markup=False, soft_wrap=True
+        )
     if len(failed) > LISTED:
         out.print(f"and {len(failed) - LISTED} more in cells.csv", highlight=False)
     for row in rows_of(frame[frame.metric == "run"]):
