@@ -54,11 +54,13 @@ def test_a_damaged_recording_is_refused_or_read(saved, tmp_path, changes, cut):
     """Bytes of a recording may change anywhere: it is read, or refused with its path."""
     path = tmp_path / "run.npz"
     path.write_bytes(damaged(saved, changes, cut))
+    message = ""
     try:
         load(path)
     except RecordingError as error:
-        assert str(path) in str(error)
-        assert "\n" not in str(error)
+        message = str(error)
+    assert not message or str(path) in message
+    assert "\n" not in message
 
 
 @FUZZ
@@ -67,12 +69,12 @@ def test_any_bytes_are_no_recording_and_no_store(tmp_path, content):
     """Random bytes are refused as a recording, and in a store."""
     path = tmp_path / "run.npz"
     path.write_bytes(content)
-    with pytest.raises(RecordingError, match="run.npz"):
+    with pytest.raises(RecordingError, match=r"run\.npz"):
         load(path)
     store = tmp_path / "store"
     with Store(store).opened():
         (store / "cells" / "one.parquet").write_bytes(content)
-    with pytest.raises(StoreError, match="one.parquet"), Store(store).opened() as opened:
+    with pytest.raises(StoreError, match=r"one\.parquet"), Store(store).opened() as opened:
         opened.table()
 
 
@@ -102,10 +104,12 @@ def test_a_changed_scene_file_is_refused_or_a_scene(tmp_path, data, value):
     inner[path[-1]] = value
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(document))
+    found: object
     try:
-        assert isinstance(read_scene(file), Scenario)
+        found = read_scene(file)
     except (SceneFileError, ScenarioError) as error:
-        assert str(error)
+        found = str(error)
+    assert isinstance(found, Scenario) or found
 
 
 @FUZZ
