@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
+from io import StringIO
 
+import pandas as pd
 import pytest
 
 
@@ -87,3 +90,19 @@ def test_a_slurm_script_is_written(touchstone, tmp_path):
     assert "slurm-script" not in text
     assert subprocess.run(["bash", "-n", "job.sh"], cwd=tmp_path, check=False).returncode == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["job.sh"]
+
+
+@pytest.mark.slow
+def test_the_line_of_an_answer_meets_its_tolerances(touchstone):
+    """The command that `cheapest` names, run again, has the overlap that was asked for."""
+    code, out, err = touchstone("cheapest", "bounce_e05", "--overlap", "5mm", "--engine", "bullet", "--quick")
+    assert code == 0, err
+    line = next(text for text in out.splitlines() if text.startswith("again: touchstone "))
+    again = shlex.split(line.removeprefix("again: touchstone "))
+    code, out, err = touchstone(*again, "--format", "csv", "--quiet", "--metric", "overlap.max")
+    found = pd.read_csv(StringIO(out))
+    assert found[found.metric == "overlap.max"].value.max() <= 5e-3
+    code, out, _ = touchstone("cheapest", "bounce_e05", "--overlap", "1um", "--engine", "bullet", "--quick")
+    assert code == 1
+    assert out.startswith("nothing measured meets all; nearest miss: bullet ")
+    assert "times too much" in out
