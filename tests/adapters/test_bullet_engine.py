@@ -302,7 +302,7 @@ def test_an_accurate_hull_rests_on_its_surface(profile, height):
 def test_hull_corners_are_ours():
     """The corners Bullet keeps of a hull are the scenario's, to its rounding."""
     world, _ = start(scene(mover(CUBE)))
-    _, corners = pybullet.getMeshData(world._free[0].id, BASE, **world._on)
+    _, corners = pybullet.getMeshData(world._bodies.free[0].id, BASE, **world._on)
     gaps = np.linalg.norm(np.array(corners)[:, None] - np.array(CUBE.vertices), axis=2)
     assert len(corners) == 8
     assert max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < CORNER
