@@ -14,6 +14,7 @@ from typing import Any
 import coal
 import fcl
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError, Array
@@ -32,6 +33,11 @@ DOUBTFUL = 1e-4
 """Depth above which a pair is queried in both orders [m]: exact engines rarely overlap by as much."""
 BLOCK = 256
 """Frames whose poses are computed at a time [1]: few calls, and little memory in long runs."""
+PAIRS_MAX = 500
+"""Pairs of pieces up to which frames without any near pair are found at once [1]: beyond, the tree is
+faster."""
+ROUNDING = 1e-9
+"""Gap of bounding boxes that counts as none [m]."""
 ITERATIONS = 1000
 """coal's iteration caps: high enough that queries end by tolerance only."""
 
@@ -76,6 +82,7 @@ class _Oracle:
         self.own_position = np.array([piece.position for _, piece in pieces])
         own = np.array([piece.orientation for _, piece in pieces])
         self.own_rotation = Rotation.from_quat(own, scalar_first=True).as_matrix()
+        self.half = np.array([_inflated(piece.shape) / 2 for _, piece in pieces]).reshape(-1, 3)
         self.boxes = [fcl.CollisionObject(fcl.Box(*_inflated(piece.shape))) for _, piece in pieces]
         self.fixed = [body.kind == "fixed" for body in scenario.bodies]
         count = len(pieces)
@@ -92,18 +99,29 @@ class _Oracle:
         distance = {pair: np.full(frames, np.inf) for pair in self.pairs}
         normal = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
         point = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
-        poses = self._poses(recording, slice(0, 1))[0]
+        poses = _posed(*self._poses(recording, slice(0, 1)), 0)
         stays = (np.ptp(recording.position, axis=0) == 0).all(axis=1) & self.fixed
         stays &= (np.ptp(recording.orientation, axis=0) == 0).all(axis=1)
         still = np.flatnonzero(stays[self.body]).tolist()
         self.moving = np.flatnonzero(~stays[self.body]).tolist()
+        moves = set(self.moving)
+        self.meeting = [
+            (p, q)
+            for p in range(len(self.body))
+            for q in range(p + 1, len(self.body))
+            if (p in moves or q in moves) and self.may_meet[p][q]
+        ]
         self.still_places, self.still_manager = self._managed(still, poses)
         self.moving_places, self.moving_manager = self._managed(self.moving, poses)
         for f in range(frames):
             if f % BLOCK == 0:
                 block = self._poses(recording, slice(f, f + BLOCK))
+                near = self._near(*block)
+            if not (near[f % BLOCK] or self.always):
+                continue
+            moved = _posed(*block, f % BLOCK)
             for k in self.moving:
-                poses[k] = block[f % BLOCK][k]
+                poses[k] = moved[k]
             for p, q in self._candidates(poses):
                 pair = (self.body[p], self.body[q])
                 value, along, middle = signed_distance(self.shapes[p], poses[p], self.shapes[q], poses[q])
@@ -112,14 +130,25 @@ class _Oracle:
                     distance[pair][f], normal[pair][f], point[pair][f] = value, along, middle
         return Distances(distance, normal, point)
 
-    def _poses(self, recording: Recording, frames: slice) -> list[list[Pose]]:
-        """Poses of all pieces, frame by frame."""
+    def _poses(self, recording: Recording, frames: slice) -> tuple[Array, Array]:
+        """Rotations (f, p, 3, 3) and origins (f, p, 3) [m] of all pieces."""
         count = recording.position.shape[1]
         flat = recording.orientation[frames].reshape(-1, 4)
         bodies = Rotation.from_quat(flat, scalar_first=True).as_matrix().reshape(-1, count, 3, 3)
         turned = bodies[:, self.body]
         origin = recording.position[frames][:, self.body] + (turned @ self.own_position[..., None])[..., 0]
-        return [list(zip(*pair)) for pair in zip(turned @ self.own_rotation, origin)]
+        return turned @ self.own_rotation, origin
+
+    def _near(self, turned: Array, origin: Array) -> NDArray[np.bool_]:
+        """Frames (f,) in which the bounding boxes of any pair may overlap; all frames in scenes of many
+        pairs."""
+        p, q = np.array(self.meeting, dtype=int).reshape(-1, 2).T
+        if len(p) > PAIRS_MAX:
+            return np.ones(len(origin), dtype=bool)
+        reach = (np.abs(turned) @ self.half[..., None])[..., 0]
+        apart = np.abs(origin[:, p] - origin[:, q]) - (reach[:, p] + reach[:, q])
+        near: NDArray[np.bool_] = (apart <= ROUNDING).all(axis=2).any(axis=1)
+        return near
 
     def _managed(self, pieces: list[int], poses: list[Pose]) -> tuple[Places, Any]:
         places: Places = {}
@@ -159,6 +188,11 @@ class _Oracle:
     def _at(self, place: bytes) -> list[int]:
         """Fixed and moving pieces whose boxes are at a position."""
         return self.moving_places.get(place, []) + self.still_places.get(place, [])
+
+
+def _posed(turned: Array, origin: Array, frame: int) -> list[Pose]:
+    """Poses of all pieces in a frame."""
+    return list(zip(turned[frame], origin[frame]))
 
 
 def signed_distance(
