@@ -24,6 +24,8 @@ FREQUENCY, ROOT_SHARE = 15.0, 0.43
 it moves for which an explicit step of 1/240 s bears it; a lighter root is coupled as much more softly."""
 HINGE_FREQUENCY = 50.0
 """Frequency of the servos of hinges [rad/s]."""
+MOST_CHAINS = 8
+"""Largest number of chains of a driven body: what the reference turns by inverse kinematics."""
 CLEARANCE = 1e-3
 """Height of a robot above its floor [m]."""
 
@@ -83,7 +85,7 @@ def add_hinges(links: list[Link], parts: Parts) -> None:
 
 
 def _chains(links: list[Link], joints: list[str]) -> list[Chain]:
-    """Chains: runs of hinges without a branch between them, each called like its first hinge."""
+    """Chains: runs of hinges without a branch between them, each called like its first hinge; the longest."""
     count = [sum(other.parent == k for other in links) for k in range(len(links))]
     runs: list[list[str]] = []
     for k, link in enumerate(links[1:], start=1):
@@ -91,7 +93,8 @@ def _chains(links: list[Link], joints: list[str]) -> list[Chain]:
             runs[-1].append(joints[k - 1])
         else:
             runs.append([joints[k - 1]])
-    return [Chain(run[0], tuple(run)) for run in runs]
+    kept = sorted(runs, key=len, reverse=True)[:MOST_CHAINS]
+    return [Chain(run[0], tuple(run)) for run in runs if run in kept]
 
 
 def place_floor(parts: Parts, notes: list[str]) -> None:

@@ -13,7 +13,17 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.robots.driven import DURATION, Parts, add_hinges, free_name, named_once, place_floor
+from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.robots.driven import (
+    DURATION,
+    MOST_CHAINS,
+    Parts,
+    add_hinges,
+    free_name,
+    named_once,
+    place_floor,
+)
 from touchstone.adapters.robots.hulls import SIDES
 from touchstone.adapters.robots.left_out import friction_of, left_out
 from touchstone.adapters.robots.links import (
@@ -61,6 +71,18 @@ def imported(path: Path, name: str, allow_paths: bool = False) -> Imported:
         raise RobotError(lines) from error
     except RobotError as error:
         raise RobotError(f"{path}: {error}") from error
+    try:
+        planned(scenario, None)
+    except AdapterError as error:
+        # Links that may overlap can only be played if they may touch.
+        scenario = replace(scenario, effects=(*scenario.effects, "self_collision"))
+        notes.append(f"self-collision: on, since {str(error).removeprefix('effects: ').partition(';')[0]}")
+    chained = sum(len(chain.joints) for chain in scenario.chains)
+    if chained < len(scenario.joints):
+        notes.append(
+            f"chains: {chained} of {len(scenario.joints)} hinges are in the {MOST_CHAINS} longest runs, which "
+            "the reference turns where the robot is held back; the others follow the tracker"
+        )
     kept = {joint.name for joint in scenario.joints}
     return Imported(scenario, (*notes, *left_out(source, kept)))
 
