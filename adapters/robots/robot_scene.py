@@ -80,8 +80,8 @@ def imported(path: Path, name: str, allow_paths: bool = False) -> Imported:
     chained = sum(len(chain.joints) for chain in scenario.chains)
     if chained < len(scenario.joints):
         notes.append(
-            f"chains: {chained} of {len(scenario.joints)} hinges are in the {MOST_CHAINS} longest runs, which "
-            "the reference turns where the robot is held back; the others follow the tracker"
+            f"chains: the reference turns {chained} of {len(scenario.joints)} hinges where the robot is held "
+            f"back, those of the {MOST_CHAINS} longest runs; the others follow the tracker"
         )
     kept = {joint.name for joint in scenario.joints}
     return Imported(scenario, (*notes, *left_out(source, kept)))
