@@ -223,6 +223,7 @@ def test_columns_are_complete() -> None:
     assert frame.steps([SCENE], 3) == 3 * SCENE.frame_count * 15
 
 
+@pytest.mark.slow
 def test_an_engine_is_as_fast_as_itself(tmp_path: Path) -> None:
     """Give a ratio of 1 within its interval in a duel of MuJoCo with itself, at the third try at most."""
     pytest.importorskip("mujoco")
