@@ -146,7 +146,7 @@ def soak(
 def _written(scenario: Scenario, seed: int, first: Assessment, profile: str, folder: Path) -> Failure:
     """Write the smallest scene as a file that replays it."""
     name = f"soak_{seed}_{first.outcome.replace(' ', '_')}"
-    named = replace(scenario, name=name, tags=("soak",))
+    named = replace(scenario, name=name, tags=("soak", *scenario.tags))
     path = folder / f"{name}.toml"
     command = f"touchstone run {path} --engine {ENGINE} --profile {profile}"
     comment = f"{first.outcome}: {first.reason or 'breaks an invariant'}\nshrunk from seed {seed}\n{command}"
