@@ -46,7 +46,7 @@ def test_the_program_is_installed():
     [
         (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip'"),
         (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
-        (["--engine", "zzz"], "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco)"),
+        (["--engine", "zzz"], "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco"),
         (["--metric", "overlp.max"], "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
         (["--tag", "galery"], "unknown tag 'galery'; did you mean 'gallery'?"),
         (["--profile", "equal_step"], "unknown profile 'equal_step'; did you mean 'equal-step'?"),
