@@ -17,6 +17,7 @@ from touchstone.reports.cli.cheapest import cheapest
 from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.guard import guarded
+from touchstone.reports.cli.nightly import accept, nightly
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     Format,
@@ -63,6 +64,8 @@ app = typer.Typer(
 app.add_typer(study, name="study")
 app.command()(bench)
 app.command()(stability.soak)
+app.command()(nightly)
+app.command()(accept)
 app.command()(sweep)
 app.command()(cheapest)
 app.command()(docs)

@@ -35,8 +35,7 @@ def run(request: Request, progress: Progress) -> Results:
         with Children() as children:
             for number, scenario in enumerate(request.scenarios, start=1):
                 progress(f"{SCENE}{number} of {len(request.scenarios)}: {scenario.name}", 0)
-                outcomes, missing = _play(request, scenario, folder, children, progress)
-                rows += judge_outcomes(request, scenario, outcomes, results, progress) + missing
+                rows += measure_scene(request, scenario, folder, children, results, progress)
         wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
         results.frame = table(wanted)
         save(results.frame, folder)
@@ -63,6 +62,19 @@ def run(request: Request, progress: Progress) -> Results:
             lambda: write_beside(page, lambda part: part.write_text(report(request, results), "utf-8")),
         )
     return results
+
+
+def measure_scene(
+    request: Request,
+    scenario: Scenario,
+    folder: Path,
+    children: Children,
+    results: Results,
+    progress: Progress,
+) -> list[Row]:
+    """Play and judge one scene; `folder` has `recordings` and `output`; `results` collects recordings."""
+    outcomes, missing = _play(request, scenario, folder, children, progress)
+    return judge_outcomes(request, scenario, outcomes, results, progress) + missing
 
 
 def _play(

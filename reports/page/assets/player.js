@@ -550,7 +550,7 @@ function strip(svg, scene, frames, colors) {
   for (let t = 0; t <= last + 1e-9; t += every)
     svg.append(make("text", { x: x(t * scene.rate), y: H - 2, "text-anchor": "middle" }, `${t} s`));
   const path = (values) => Array.from(values, (v, k) => `${k ? "L" : "M"}${x(k).toFixed(1)} ${y(v).toFixed(1)}`).join("");
-  if (scene.apart.length) svg.append(make("path", { d: path(scene.apart), class: "apart" }));
+  if (scene.apart.length) svg.append(make("path", { d: path(scene.apart), class: "spread" }));
   scene.engines.forEach((one) => svg.append(make("path", { d: path(one.deepest), class: "line", "data-engine": one.engine })));
   const cursor = make("g", { class: "cursor" });
   cursor.append(make("line", { x1: 0, x2: 0, y1: top, y2: H - bottom }));

@@ -1,0 +1,158 @@
+"""`touchstone nightly` and `touchstone accept`: measure a night, store it, and say what changed."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    INTERNAL_ERROR,
+    LIMIT_BROKEN,
+    QuietOption,
+    exit_for,
+    known,
+    progress_for,
+    stop,
+)
+
+if TYPE_CHECKING:
+    from touchstone.reports.nightly.night import Measured
+    from touchstone.reports.nightly.store import Night, Store
+    from touchstone.reports.nightly.verdict import Finding
+
+StoreOption = Annotated[str, typer.Option(help="Folder of nights, or a URL that fsspec knows.")]
+
+
+def nightly(
+    store: StoreOption = "nights",
+    quick: Annotated[bool, typer.Option("--quick", help="The gallery and a few probes.")] = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
+    from touchstone.reports.nightly.night import measure, scenes
+    from touchstone.reports.nightly.store import Store, StoreError
+    from touchstone.reports.run.request import DEFAULT_PROFILES, columns_of
+
+    columns = columns_of(_engines(), DEFAULT_PROFILES[:2] if quick else DEFAULT_PROFILES)
+    settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
+    try:
+        with Store(store).opened() as opened:
+            chosen = scenes(quick)
+            with progress_for(
+                sum(s.frame_count for s in chosen) * len(columns), quiet, by_scene=True
+            ) as progress:
+                measured, work = measure(chosen, columns, settings, progress)
+            if measured.continued and not quiet:
+                print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
+            before = opened.nights()
+            night = opened.add(measured.frame, measured.identity)
+            shutil.rmtree(work, ignore_errors=True)
+            findings = _publish(opened, [*before, night], night, measured, quiet)
+    except StoreError as error:
+        stop(str(error), BAD_INPUT)
+    except OSError as error:
+        stop(f"{store}: {error.strerror or error}; finished scenes are kept, run again", BAD_INPUT)
+    if any(one.kind == "regression" for one in findings):
+        raise typer.Exit(LIMIT_BROKEN)
+    if measured.faults:
+        raise typer.Exit(INTERNAL_ERROR)
+    exit_for(measured.frame.verdict, by_name=False)
+
+
+def _engines() -> list[str]:
+    from touchstone.adapters.registry import ENGINES
+
+    return list(ENGINES)
+
+
+def _publish(
+    store: Store, nights: list[Night], night: Night, measured: Measured, quiet: bool
+) -> list[Finding]:
+    """Compare the night, and write its pages; what was measured is stored already."""
+    from touchstone.reports.nightly import outputs, verdict
+
+    known_nights = {one.sequence: one for one in nights}
+    fingerprint = str(night.identity["fingerprint"])
+    accepted = _accepted(store, nights, night)
+    findings = []
+    if accepted is not None:
+        kept = store.query([accepted], "select * from rows")
+        scenes = set(measured.frame.scenario)  # a quick night has fewer scenes than a full one
+        findings += verdict.physics(measured.frame, kept[kept.scenario.isin(scenes)])
+    history = verdict.histories(store, nights, fingerprint)
+    record = store.accepted()
+    findings += verdict.timing(history, known_nights, int(record["sequence"]) if record else 0)
+    level, sentence = outputs.sentence(measured.frame, findings, accepted is not None)
+    folder = store.folder / "pages" / night.run
+    folder.mkdir(parents=True, exist_ok=True)
+    writers = {
+        "junit.xml": lambda: outputs.write_junit(folder, measured.frame, findings),
+        "badge.json": lambda: outputs.write_badge(folder, level),
+        "report.html": lambda: outputs.write_page(
+            folder, measured, level, sentence, findings, outputs.history_charts(history, known_nights)
+        ),
+        "report.md": lambda: outputs.write_markdown(
+            folder, outputs.markdown(sentence, findings, [*store.notes, *measured.faults])
+        ),
+    }
+    for name, write in writers.items():
+        try:
+            write()
+            store.push(folder / name)
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}".splitlines()[0]
+            measured.faults.append(f"{name} could not be written; the night is stored: {reason}")
+    told = [
+        *(one.line for one in findings if one.kind in ("regression", "warning")),
+        *store.notes,
+        *measured.faults,
+    ]
+    for line in told:
+        print(line, file=sys.stderr)
+    if not quiet:
+        print(sentence)
+        print(f"page: {folder / 'report.html'}")
+    return findings
+
+
+def _accepted(store: Store, nights: list[Night], night: Night) -> Night | None:
+    """The night to compare with: the accepted one, or else the first of these settings on this hardware."""
+    same = [
+        one
+        for one in nights
+        if one is not night and one.identity.get("fingerprint") == night.identity["fingerprint"]
+    ]
+    record = store.accepted()
+    for one in same:
+        if record and one.run == record["run"]:
+            return one
+    return next((one for one in same if one.identity.get("settings") == night.identity["settings"]), None)
+
+
+def accept(
+    run: Annotated[str, typer.Argument(help="Name of a night (its page's folder), or `last`.")],
+    reason: Annotated[str, typer.Option(help="Why its figures are right.")],
+    store: StoreOption = "nights",
+) -> None:
+    """Compare later nights with this one: its figures and its times are accepted."""
+    from touchstone.reports.nightly.store import MARK, Store, StoreError
+
+    if not reason.strip():
+        stop("--reason: say why the figures of this night are right", BAD_INPUT)
+    if "://" not in store and not (Path(store) / MARK).exists():
+        stop(f"--store {store}: no store of nights here", BAD_INPUT)
+    try:
+        with Store(store).opened() as opened:
+            nights = {night.run: night for night in opened.nights()}
+            if not nights:
+                stop(f"--store {store}: holds no night yet", BAD_INPUT)
+            name = list(nights)[-1] if run == "last" else known("night", run, nights)
+            opened.accept(nights[name], reason)
+    except StoreError as error:
+        stop(str(error), BAD_INPUT)
+    print(f"accepted {name}: {reason}")

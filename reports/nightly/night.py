@@ -1,0 +1,122 @@
+"""A night: scene by scene, each stored as soon as it is finished, so that a killed night is continued."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from touchstone.adapters.workers.children import Children
+from touchstone.adapters.workers.scratch import scratch_folder
+from touchstone.reports.cli.progress import SCENE, Progress
+from touchstone.reports.nightly.identity import identity, same_night
+from touchstone.reports.nightly.store import cache_folder
+from touchstone.reports.results import table, write_beside
+from touchstone.reports.run.request import Request, Results
+from touchstone.reports.run.study import measure_scene
+from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.scenario import Scenario
+
+QUICK_PROBES = ("fall", "bounce_e05", "slip", "slide", "incline_holds", "collide_oblique", "cradle", "stack")
+"""Probes of a quick night: one of each kind."""
+OLDEST = 20 * 3600.0
+"""Age up to which an unfinished night is continued [s]."""
+
+
+@dataclass
+class Measured:
+    """A measured night: identity, long table, packed recordings per scene, manifests of the engines."""
+
+    identity: dict[str, Any]
+    frame: pd.DataFrame
+    playback: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+    continued: int = 0  # scenes that an earlier, killed process had finished
+
+
+def scenes(quick: bool) -> tuple[Scenario, ...]:
+    """Scenes of a night: the gallery and the probes, or the gallery and QUICK_PROBES."""
+    gallery = tagged("gallery")
+    probes = tuple(catalogue()[name] for name in QUICK_PROBES) if quick else tagged("probe")
+    return (*gallery, *(one for one in probes if one not in gallery))
+
+
+def measure(
+    chosen: Sequence[Scenario],
+    columns: tuple[tuple[str, str], ...],
+    settings: Mapping[str, Any],
+    progress: Progress,
+) -> tuple[Measured, Path]:
+    """Measure the scenes that the night has not measured yet.
+
+    Returns:
+        The night, and its working folder, to be removed once the night is stored.
+    """
+    folder, facts = _folder(identity(settings))
+    found = Measured(facts, table([]))
+    missing = [scene for scene in chosen if not (folder / f"{scene.name}.json").exists()]
+    found.continued = len(chosen) - len(missing)
+    with Children() as children, scratch_folder() as scratch:
+        for number, scenario in enumerate(missing, start=found.continued + 1):
+            progress(f"{SCENE}{number} of {len(chosen)}: {scenario.name}", 0)
+            _measure_scene(scenario, columns, scratch, folder, children, progress)
+    frames = []
+    for scenario in chosen:
+        unit = json.loads((folder / f"{scenario.name}.json").read_text("utf-8"))
+        frames.append(pd.read_parquet(folder / f"{scenario.name}.parquet"))
+        found.playback |= unit["playback"]
+        found.settings |= unit["settings"]
+        found.faults += unit["faults"]
+    found.frame = pd.concat(frames, ignore_index=True)
+    return found, folder
+
+
+def _measure_scene(
+    scenario: Scenario,
+    columns: tuple[tuple[str, str], ...],
+    scratch: Path,
+    folder: Path,
+    children: Children,
+    progress: Progress,
+) -> None:
+    place = scratch / scenario.name
+    (place / "recordings").mkdir(parents=True)
+    (place / "output").mkdir()
+    request = Request((scenario,), columns, place)
+    results = Results(table([]))
+    rows = measure_scene(request, scenario, place, children, results, progress)
+    write_beside(folder / f"{scenario.name}.parquet", lambda part: table(rows).to_parquet(part, index=False))
+    unit = {
+        "playback": results.playback,
+        "settings": {"/".join(key): r.facts for key, r in (results.recordings | results.ended).items()},
+        "faults": results.faults,
+    }
+    # The scene is finished when this file is there; the table is there before.
+    write_beside(folder / f"{scenario.name}.json", lambda part: part.write_text(json.dumps(unit), "utf-8"))
+    shutil.rmtree(place)
+
+
+def _folder(facts: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """The working folder of a night: that of a night that ended early, or a new one; with its identity."""
+    root = cache_folder() / "unfinished"
+    for mark in sorted(root.glob("*/night.json")):
+        old = time.time() - mark.stat().st_mtime > OLDEST
+        try:
+            kept = json.loads(mark.read_text("utf-8"))
+        except (OSError, ValueError):
+            kept = {}
+        if not old and same_night(kept, facts):
+            return mark.parent, kept
+        if old:
+            shutil.rmtree(mark.parent, ignore_errors=True)
+    folder = root / str(facts["run"])
+    folder.mkdir(parents=True)
+    write_beside(folder / "night.json", lambda part: part.write_text(json.dumps(facts), "utf-8"))
+    return folder, facts

@@ -1,0 +1,117 @@
+"""`touchstone nightly`: continues what was killed, stores once, and tells what changed."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from touchstone.reports.nightly import night as module
+from touchstone.reports.nightly.store import Store
+from touchstone.reports.results import rows_of
+from touchstone.scenarios.catalogue import catalogue
+
+
+@pytest.fixture
+def program(monkeypatch, tmp_path, nights, capfd):
+    """Call the program with two scenes that cost nothing: (exit code, stdout, stderr)."""
+    import sys
+
+    from touchstone.reports.cli import main as cli
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    chosen = (catalogue()["fall"], catalogue()["slip"])
+    monkeypatch.setattr(module, "scenes", lambda quick: chosen)
+    played = []
+
+    def measure_scene(request, scenario, folder, children, results, progress):
+        played.append(scenario.name)
+        if state.get("dies") == scenario.name:
+            raise KeyboardInterrupt
+        return rows_of(nights.frame(scene=scenario.name, **state.get("frame", {})))
+
+    monkeypatch.setattr(module, "measure_scene", measure_scene)
+    state = {}
+
+    def call(*arguments, **changes):
+        state.clear()
+        state.update(changes)
+        played.clear()
+        monkeypatch.setattr(sys, "argv", ["touchstone", *arguments])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return (end.value.code or 0, *capfd.readouterr(), list(played))
+
+    return call
+
+
+def test_a_killed_night_is_continued(program, tmp_path):
+    """Scenes that were finished are not measured again; the night is stored once, the work folder is gone."""
+    code, _, err, played = program("nightly", "--quick", dies="slip")
+    assert (code, played) == (130, ["fall", "slip"])
+    code, out, err, played = program("nightly", "--quick")
+    assert (code, played) == (0, ["slip"])
+    assert "continued a night: 1 scenes were measured before" in err
+    assert "First night on this hardware" in out
+    assert len(Store("nights").nights()) == 1
+    assert list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*")) == []
+
+
+def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
+    """A limit that breaks after a good night: exit 1 with its place; `accept` moves what is compared with."""
+    assert program("nightly", "--quick")[0] == 0
+    worse = {"overlap": 1.6e-3, "verdict": "known"}
+    code, _, err, _ = program("nightly", "--quick", frame={"overlap": 1.5e-3, "verdict": "known"})
+    assert code == 1
+    assert "regression: fall mujoco recommended overlap.max: a known failing began: 0.001 -> 0.0015" in err
+    assert program("accept", "last", "--reason", "understood")[0] == 0
+    code, out, err, _ = program("nightly", "--quick", frame=worse)
+    assert code == 1
+    assert "regression: fall mujoco recommended overlap.max: a known failing grew: 0.0015 -> 0.0016" in err
+    assert "2 confirmed regressions (mujoco)" in out
+    last = Store("nights").nights()[-1]
+    page = tmp_path / "nights" / "pages" / last.run
+    assert sorted(path.name for path in page.iterdir()) == [
+        "badge.json",
+        "junit.xml",
+        "report.html",
+        "report.md",
+    ]
+    assert "a known failing grew" in (page / "report.html").read_text("utf-8")
+    assert json.loads((page / "badge.json").read_text())["message"] == "regression"
+    code, out, *_ = program("accept", last.run, "--reason", "a trade")
+    assert (code, out) == (0, f"accepted {last.run}: a trade\n")
+    assert program("nightly", "--quick", frame=worse)[0] == 0
+
+
+def test_a_page_that_fails_leaves_the_night(program, monkeypatch):
+    """Where the page cannot be written the night is stored, and the exit code says so."""
+    from touchstone.reports.nightly import outputs
+
+    def fails(*arguments):
+        raise KeyError("cell")
+
+    monkeypatch.setattr(outputs, "write_page", fails)
+    code, _, err, _ = program("nightly", "--quick", "--quiet")
+    assert code == 70
+    assert "report.html could not be written; the night is stored: KeyError: 'cell'" in err
+    assert len(Store("nights").nights()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("accept", "last", "--reason", "x"), "--store nights: no store of nights here"),
+        (("accept", "last", "--reason", " "), "--reason: say why"),
+        (("nightly", "--store", "nowhere://x"), "nowhere://x: "),
+    ],
+)
+def test_wrong_input_is_one_line(program, arguments, said):
+    """Exit 2 and one line; nothing is measured."""
+    if "nowhere" in said:
+        pytest.importorskip("fsspec")
+    code, out, err, played = program(*arguments)
+    assert (code, out, err.count("\n"), played) == (2, "", 1, [])
+    assert said in err

@@ -1,0 +1,119 @@
+"""Verdicts of nights: physics against the accepted night, times with their cause."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from touchstone.reports.nightly import outputs
+from touchstone.reports.nightly.verdict import (
+    CHANGE,
+    GONE,
+    REGRESSION,
+    WARNING,
+    Finding,
+    histories,
+    physics,
+    timing,
+)
+
+EVIL = "<script>alert(1)</script>"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "kind", "text"),
+    [
+        ({}, {}, None, ""),
+        ({}, {"overlap": 1e-3 * (1 + 1e-6)}, None, ""),
+        ({}, {"overlap": 1.05e-3}, CHANGE, "0.001 -> 0.00105"),
+        ({}, {"overlap": 0.95e-3}, CHANGE, "0.001 -> 0.00095"),
+        ({}, {"overlap": 3e-3, "verdict": "fail"}, REGRESSION, "pass -> fail, 0.001 -> 0.003"),
+        ({"verdict": "known"}, {"overlap": 1.05e-3, "verdict": "known"}, REGRESSION, "a known failing grew"),
+        ({"verdict": "known"}, {"overlap": 0.9e-3, "verdict": "known"}, CHANGE, "0.001 -> 0.0009"),
+        ({"verdict": "known"}, {"verdict": "pass"}, GONE, "a known failing is gone"),
+        ({"verdict": "fail"}, {"verdict": "pass"}, GONE, "fail -> pass"),
+        ({}, {"overlap": float("nan"), "verdict": "unjudged"}, REGRESSION, "pass -> unjudged"),
+    ],
+)
+def test_a_change_of_physics_is_always_told(nights, before, after, kind, text):
+    """A figure that moved by 5 % is a finding, each time; times are none, nor is rounding."""
+    found = physics(nights.frame(time=5.0, **after), nights.frame(**before))
+    assert [one.kind for one in found] == ([kind] if kind else [])
+    assert all(text in one.text for one in found)
+
+
+def test_what_is_no_longer_measured_is_a_regression(nights):
+    """An engine that is missing tonight is never green."""
+    tonight = nights.frame()
+    tonight["engine"] = "bullet"
+    found = physics(tonight, nights.frame())
+    assert [(one.kind, one.text) for one in found] == [(REGRESSION, "no longer measured")]
+
+
+def test_a_step_names_its_night_and_its_cause(store, nights):
+    """An update that slows an engine: the first bad night, the ratio, and the version that changed."""
+    for number in range(24):
+        slow = number >= 20
+        store.add(
+            nights.frame(1.2e-4 if slow else 1e-4),
+            nights.facts(number, versions={"mujoco": "4.1.0" if slow else "4.0.0"}),
+        )
+    found = store.nights()
+    by_number = {night.sequence: night for night in found}
+    history = histories(store, found, "one")
+    (finding,) = timing(history, by_number)
+    assert finding.kind == REGRESSION
+    assert finding.text == "1.20 times as long since 2026-01-21: mujoco 4.0.0 -> 4.1.0"
+    assert timing(history, by_number, accepted=24) == []
+    # another machine has no history
+    assert len(histories(store, found, "two")) == 0
+
+
+def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
+    """Sentence, Markdown, JUnit XML and badge; HTML in names is text; a job's summary is appended to."""
+    frame = pd.concat([nights.frame(), nights.frame(verdict="fail", scene="slip")], ignore_index=True)
+    findings = [Finding(REGRESSION, f"slip mujoco {EVIL}", EVIL), Finding(WARNING, "a mujoco b", "slow")]
+    level, sentence = outputs.sentence(frame, findings, True)
+    assert (level, sentence.startswith("1 confirmed regressions (mujoco). 1 limits broken")) == ("bad", True)
+    summary = tmp_path / "summary.md"
+    summary.write_text("before\n")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    text = outputs.markdown(sentence, findings, ["set aside x"])
+    outputs.write_markdown(tmp_path, text)
+    assert "<script" not in text
+    assert "- set aside x" in text
+    assert summary.read_text() == f"before\n{text}"
+    outputs.write_junit(tmp_path, frame, findings)
+    root = ElementTree.parse(tmp_path / "junit.xml").getroot()
+    suites = {suite.get("name"): suite for suite in root}
+    failures = {name: suite.get("failures") for name, suite in suites.items()}
+    assert failures == {
+        "fall": "0",
+        "slip": "1",
+        "nights": "1",
+    }
+    failure = suites["slip"].find("testcase/failure")
+    assert failure.text.startswith("touchstone run slip --engine mujoco --profile recommended")
+    assert suites["nights"].find("testcase/failure").get("message") == EVIL
+    outputs.write_badge(tmp_path, level)
+    assert json.loads((tmp_path / "badge.json").read_text())["message"] == "regression"
+
+
+@pytest.mark.parametrize("compared", [True, False])
+def test_a_good_night_is_said_so(nights, compared):
+    """Without a finding the level is that of the limits; a first night says that it compares with nothing."""
+    level, sentence = outputs.sentence(nights.frame(), [], compared)
+    assert level == "good"
+    assert sentence.startswith("No regression." if compared else "First night on this hardware")
+
+
+def test_long_lists_are_counted():
+    """Of many findings of a kind the first are listed, the rest is counted."""
+    lines = outputs.listed([Finding(CHANGE, f"p{k}", "x") for k in range(50)])
+    assert len(lines) == outputs.MOST_LINES + 1
+    assert lines[-1] == f"change: {50 - outputs.MOST_LINES} more"
+    assert np.all([line.startswith("change: p") for line in lines[:-1]])
