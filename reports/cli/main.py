@@ -17,7 +17,7 @@ from touchstone.reports.cli.cheapest import cheapest
 from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.guard import guarded
-from touchstone.reports.cli.nightly import accept, nightly
+from touchstone.reports.cli.nights.nightly import accept, nightly
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     Format,
