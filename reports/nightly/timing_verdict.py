@@ -25,7 +25,7 @@ With independent nights all three do so by chance with a probability of 0.15^3 =
 """
 
 LAG = 14
-"""Last nights that are not among those before, once there are enough: a step is told for as long [1]."""
+"""Last nights that are not among those before, once there are enough: a step shows for as long [1]."""
 
 
 @dataclass(frozen=True, slots=True)
