@@ -248,11 +248,12 @@ def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contact
     end_substep(bodies, joints, drivers, fraction)
     shorten_resting_contacts(contacts, first_held, state["contact_count"], fraction)
     # detection for separation writes to `pairs` behind the contact rows
+    moved = touching
     if drifted:
-        separate_simulated(bodies, pieces, vertices, pairs, touching, state)
+        moved = separate_simulated(bodies, pieces, vertices, pairs, touching, state)
     state["unpaid_energy"] = 0.0
     if state["impulses"] == IMPULSES_TOGETHER:
-        guard_energy(bodies, drivers, pairs, touching, drifted, state)
+        guard_energy(bodies, drivers, pairs, moved, drifted, state)
     return h, fraction
 
 

@@ -38,6 +38,7 @@ def guard_energy(bodies, drivers, pairs, count, parted, state):
     """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
 
     Args:
+        count: number of contact rows and, if separation moved bodies, of the pairs that touch afterwards.
         parted: separation may have lifted bodies; islands then include separating contacts.
     """
     if parted:

@@ -22,21 +22,22 @@ def separate_simulated(bodies, pieces, vertices, pairs, first, state):
     Args:
         first: first row of `pairs` that may be overwritten.
     Returns:
-        Whether no overlap remains; failures are counted.
+        Index after the last pair that touches afterwards, from `first`; `first` if no body moved. Overlap
+        that remains is counted.
     """
     left = SEPARATION_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
-    converged = True
-    for _ in range(REMOVAL_ROUNDS):
+    converged, end = True, first
+    for rounds in range(REMOVAL_ROUNDS):
         end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, first)
         if is_free(deepest):
-            return True
+            return end if rounds > 0 else first
         state["counters"][COUNT_ROUNDS] += 1
         converged = _push_apart(bodies, pairs, first, end, left, not converged)
         if not converged:
             state["counters"][CAP_SEPARATION_SWEEPS] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
-    return False
+    return end
 
 
 @kernel
