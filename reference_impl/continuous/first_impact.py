@@ -112,20 +112,26 @@ def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
 @kernel
 def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
     """Fraction at which a pair's distance is `target` within `slack`, by the Illinois method (a bracketed
-    secant); `late` if the distance is not below `target` there. The last fraction found above the target,
-    counted, if IMPACT_STEPS did not suffice."""
+    secant); `late` if the distance is not below `target` there. The last fraction found above
+    the target, counted, if IMPACT_STEPS did not suffice.
+
+    A last secant step follows without a test. Without it, rounding that changes the number of steps would
+    change the result by the slack.
+    """
     gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
     if gap_late >= 0:
         return late
     early, gap_early = 0.0, distance_at(bodies, pieces, vertices, pair, state, 0.0) - target
     if gap_early <= 0:
         return 0.0
-    side = 0
+    side, last, gap_last = 0, late, gap_late
     for _ in range(IMPACT_STEPS):
         s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
         gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
         if abs(gap) <= slack:
-            return s
+            polished = s - gap * (s - last) / (gap - gap_last) if gap != gap_last else s
+            return min(late, max(early, polished))
+        last, gap_last = s, gap
         if gap > 0:
             early, gap_early = s, gap
             if side == 1:

@@ -271,6 +271,9 @@ def _keep_four(points, count):
         if best > 0:
             _swap(points, kept, best)
             kept += 1
+    # the sides depend on the frame's handedness; the solver's result, on the order of rows
+    if kept == 4 and points[3, 2] < points[2, 2]:
+        _swap(points, 2, 3)
     return kept
 
 
