@@ -4,6 +4,7 @@ from touchstone.reference_impl.broad_phase.detection import is_marked
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
 from touchstone.reference_impl.continuous.time_of_impact import distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
+    CLOSING_SHARE,
     DETECTION_SWEEP,
     IMPACT_SHARE,
     IMPACT_STEPS,
@@ -115,8 +116,8 @@ def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
     secant); `late` if the distance is not below `target` there. The last fraction found above
     the target, counted, if IMPACT_STEPS did not suffice.
 
-    A last secant step follows without a test. Without it, rounding that changes the number of steps would
-    change the result by the slack.
+    The search goes on to a thousandth of the slack, and a last secant step follows without a test. Otherwise,
+    rounding that changes the number of steps would change the result by the slack.
     """
     gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
     if gap_late >= 0:
@@ -128,7 +129,7 @@ def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
     for _ in range(IMPACT_STEPS):
         s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
         gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
-        if abs(gap) <= slack:
+        if abs(gap) <= CLOSING_SHARE * slack:
             polished = s - gap * (s - last) / (gap - gap_last) if gap != gap_last else s
             return min(late, max(early, polished))
         last, gap_last = s, gap

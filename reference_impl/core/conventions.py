@@ -133,7 +133,8 @@ free of overlap. Other impacts are found at the setting `impact_gap`."""
 IMPACT_SLACK = 2e-7
 """Accepted deviation from IMPACT_TARGET [m]."""
 CLOSING_SHARE = 1e-3
-"""Largest fraction of a substep by which a last Newton step may change a time of impact [1]."""
+"""Share of the slack at which the search for a time of impact ends, and largest fraction of a substep by which
+a last Newton step may change that time [1]."""
 IMPACT_SHARE = 0.4
 """Accepted deviation from `impact_gap`, relative to it [1]."""
 IMPACT_STEPS = 60
