@@ -60,9 +60,18 @@ def tumbling(count: int) -> Scenario:
     return Scenario("tumbling", "a test", (), (slab("floor", "wood"), *boxes), 1.2, coefficients)
 
 
-@OPEN
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("count", TUMBLE_LIMITS)
+@pytest.mark.parametrize(
+    ("profile", "count"),
+    [
+        ("balanced", 1),
+        ("balanced", 2),
+        ("accurate", 1),
+        # many small impacts, each of which amplifies
+        pytest.param("accurate", 2, marks=OPEN),
+        pytest.param("balanced", 4, marks=OPEN),
+        pytest.param("accurate", 4, marks=OPEN),
+    ],
+)
 @pytest.mark.parametrize("transform", ["mirrored", "permuted", "translated"])
 def test_tumbling_boxes_end_alike(registry, transform: str, count: int, profile: str) -> None:
     """End at the transformed place from a transformed start."""
