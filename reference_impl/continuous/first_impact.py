@@ -4,6 +4,7 @@ from touchstone.reference_impl.broad_phase.detection import is_marked
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
 from touchstone.reference_impl.continuous.time_of_impact import distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
+    CLOSING_EXTRA,
     CLOSING_SHARE,
     DETECTION_SWEEP,
     IMPACT_SHARE,
@@ -113,11 +114,11 @@ def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
 @kernel
 def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
     """Fraction at which a pair's distance is `target` within `slack`, by the Illinois method (a bracketed
-    secant); `late` if the distance is not below `target` there. The last fraction found above
-    the target, counted, if IMPACT_STEPS did not suffice.
+    secant); `late` if the distance is not below `target` there. The last fraction found above the target,
+    counted, if IMPACT_STEPS did not suffice.
 
-    The search goes on to a thousandth of the slack, and a last secant step follows without a test. Otherwise,
-    rounding that changes the number of steps would change the result by the slack.
+    Within the slack, up to CLOSING_EXTRA steps go on to a thousandth of it, and a last secant step follows
+    without a test. Otherwise, rounding that changes the number of steps would change the result by the slack.
     """
     gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
     if gap_late >= 0:
@@ -125,13 +126,17 @@ def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
     early, gap_early = 0.0, distance_at(bodies, pieces, vertices, pair, state, 0.0) - target
     if gap_early <= 0:
         return 0.0
-    side, last, gap_last = 0, late, gap_late
+    side, extra, last, gap_last = 0, 0, late, gap_late
     for _ in range(IMPACT_STEPS):
         s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
         gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
-        if abs(gap) <= CLOSING_SHARE * slack:
-            polished = s - gap * (s - last) / (gap - gap_last) if gap != gap_last else s
-            return min(late, max(early, polished))
+        if abs(gap) <= slack:
+            extra += 1
+            if extra > CLOSING_EXTRA or abs(gap) <= CLOSING_SHARE * slack:
+                # rounding dominates gaps that no longer fall
+                falls = abs(gap) < abs(gap_last) / 2
+                polished = s - gap * (s - last) / (gap - gap_last) if falls else s
+                return min(late, max(early, polished))
         last, gap_last = s, gap
         if gap > 0:
             early, gap_early = s, gap
