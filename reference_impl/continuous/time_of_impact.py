@@ -30,7 +30,12 @@ from touchstone.reference_impl.continuous.swept_motion import (
     point_speed,
     pose_along,
 )
-from touchstone.reference_impl.core.conventions import CLOSING_SHARE, LEAP_CUT, SHARPENING_SHIFT, TIME_OF_IMPACT_STEPS
+from touchstone.reference_impl.core.conventions import (
+    CLOSING_SHARE,
+    LEAP_CUT,
+    SHARPENING_SHIFT,
+    TIME_OF_IMPACT_STEPS,
+)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.gjk import add_support, enter_frame

@@ -39,8 +39,8 @@ from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
-from touchstone.reference_impl.simulated.contact import surface_velocity
 from touchstone.reference_impl.simulated.impact import rest_speed
+from touchstone.reference_impl.simulated.internal_edges import align_internal_edges, witness_approach
 
 
 @kernel
@@ -67,6 +67,7 @@ def gather_contacts(bodies, pieces, vertices, pairs, state, left):
         end, h = _gather_speculative(bodies, pieces, vertices, pairs, state, left)
         state["counters"][COUNT_DENSE] += 1
     else:
+        align_internal_edges(bodies, pieces, vertices, pairs, end, state)
         end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
     end = expand_manifolds(pieces, vertices, pairs, end, state)
     for k in range(end):
@@ -88,7 +89,8 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
     """
     kept, ahead = 0, state["impact_gap"] * (1 + 2 * IMPACT_SHARE)
     for k in range(count):
-        if pairs[k]["distance"] > ahead and _approach(bodies, pairs[k], state) > max(v_rest, APPROACH_MIN):
+        n, fast = pairs[k]["normal"], max(v_rest, APPROACH_MIN)
+        if pairs[k]["distance"] > ahead and witness_approach(bodies, pairs[k], n, 1.0, state) > fast:
             continue
         if k != kept:
             pairs[kept] = pairs[k]
@@ -205,13 +207,4 @@ def _measure(bodies, pieces, vertices, pair, state):
     _, converged = convex_depth(pieces[pair["piece_a"]], pieces[pair["piece_b"]], vertices, state, pair)
     if not converged:
         state["counters"][COUNT_UNCONVERGED] += 1
-    pair["key"] = _approach(bodies, pair, state)
-
-
-@kernel
-def _approach(bodies, pair, state):
-    """Approach speed of a pair's witness points [m/s]."""
-    n, a, b = pair["normal"], state["velocity_a"], state["velocity_b"]
-    surface_velocity(bodies[pair["body_a"]], pair["point_a"], a)
-    surface_velocity(bodies[pair["body_b"]], pair["point_b"], b)
-    return n[0] * (a[0] - b[0]) + n[1] * (a[1] - b[1]) + n[2] * (a[2] - b[2])
+    pair["key"] = witness_approach(bodies, pair, pair["normal"], 1.0, state)
