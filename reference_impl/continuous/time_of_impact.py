@@ -30,12 +30,7 @@ from touchstone.reference_impl.continuous.swept_motion import (
     point_speed,
     pose_along,
 )
-from touchstone.reference_impl.core.conventions import (
-    CLOSING_SHARE,
-    LEAP_CUT,
-    SHARPENING_SHIFT,
-    TIME_OF_IMPACT_STEPS,
-)
+from touchstone.reference_impl.core.conventions import LEAP_CUT, SHARPENING_SHIFT, TIME_OF_IMPACT_STEPS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.gjk import add_support, enter_frame
@@ -65,7 +60,7 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
         gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
         # pair["distance"] is an upper bound on the distance, `gap` uses a lower one; both agree if converged
         if pair["distance"] - target <= slack:
-            return _polished(a, b, pair, s, until, target, slack), iterations, True
+            return s, iterations, True
         if gap <= 0:
             break
         # approach along n: exact for the centres, an upper bound for the rotations
@@ -82,21 +77,6 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
         if s >= until:
             return until, iterations, True
     return s, iterations, False
-
-
-@kernel
-def _polished(a, b, pair, s, until, target, slack):
-    """Fraction `s` after a Newton step towards half the slack above the target.
-
-    Without it, rounding that changes the number of advances would change the result by the slack.
-    """
-    excess = pair["distance"] - target - slack / 2
-    n = pair["normal"]
-    closing = point_speed(n, a, pair["point_a"], s) - point_speed(n, b, pair["point_b"], s)
-    # a slow approach is not linear over the slack
-    if excess < -slack / 2 or closing * CLOSING_SHARE < slack:
-        return s
-    return min(until, max(0.0, s + excess / closing))
 
 
 @kernel

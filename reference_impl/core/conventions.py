@@ -135,8 +135,7 @@ IMPACT_SLACK = 2e-7
 CLOSING_EXTRA = 3
 """Most steps of the search for a time of impact after its slack is reached."""
 CLOSING_SHARE = 1e-3
-"""Share of the slack at which the search for a time of impact ends, and largest fraction of a substep by
-which a last Newton step may change that time [1]."""
+"""Share of the slack at which the search for a time of impact ends [1]."""
 IMPACT_SHARE = 0.4
 """Accepted deviation from `impact_gap`, relative to it [1]."""
 IMPACT_STEPS = 60
