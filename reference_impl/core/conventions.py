@@ -132,7 +132,7 @@ IMPACT_TARGET = 5e-7
 free of overlap. Other impacts are found at the setting `impact_gap`."""
 IMPACT_SLACK = 2e-7
 """Accepted deviation from IMPACT_TARGET [m]."""
-CLOSING_EXTRA = 3
+CLOSING_EXTRA = 8
 """Most steps of the search for a time of impact after its slack is reached."""
 CLOSING_SHARE = 1e-3
 """Share of the slack at which the search for a time of impact ends [1]."""

@@ -10,7 +10,6 @@ from touchstone.reports.known_failures.cause import Cause
 ALWAYS_MU = (
     "Eq. 10 as printed applies mu j to any sliding, however slow, and reverses it: a rolling ball every frame"
 )
-CREEPING = "some solves of twenty and more boxes end just over the 1e-9 m/s that count as converged"
 EULER = "semi-implicit Euler in steps of 1/60 s meets the floor up to v h deep"
 HEAP = (
     "islands hold more bodies than Newton's method takes, and 40 sweeps a dense substep leave "
@@ -72,18 +71,6 @@ CAUSES: tuple[Cause, ...] = (
         never={
             "paper": {
                 "events.roll": "ball_snip",
-            },
-        },
-    ),
-    Cause(
-        "reference",
-        CREEPING,
-        {
-            "balanced accurate": {
-                "solver.caps": "tower_20",
-            },
-            "accurate": {
-                "solver.caps": "brick_wall",
             },
         },
     ),
