@@ -20,7 +20,7 @@ SPEED = 2.0
 
 
 def tiles(start: float, yaw: float, mu: float) -> Scenario:
-    """A cube that slides along x over sixteen coplanar boxes of 0.25 m, from x = start, turned about z by yaw."""
+    """A cube, turned about z by yaw, that slides from x = start over sixteen coplanar boxes of 0.25 m."""
     floor = [
         block(f"tile_{k}", "wood", (0.125, 0.5, 0.1), 0.0, (-0.5 + 0.25 * (k + 0.5), 0.0, -0.1), kind="fixed")
         for k in range(16)
