@@ -39,8 +39,8 @@ from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.simulated.contact import align_internal_edges, witness_approach
 from touchstone.reference_impl.simulated.impact import rest_speed
-from touchstone.reference_impl.simulated.internal_edges import align_internal_edges, witness_approach
 
 
 @kernel
