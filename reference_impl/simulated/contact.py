@@ -1,8 +1,8 @@
 """Kinematics of one contact: velocities and mobility at its point, and impulses on its two bodies.
 
 At a seam of two coplanar faces (an internal edge), a sliding body and the next piece touch along two normals
-within rounding: that of the face, and that of the piece's side. Taken along the side, the contact would stop the
-body: `align_internal_edges` takes the other normal.
+within rounding: that of the face, and that of the piece's side. Taken along the side, the contact would stop
+the body: `align_internal_edges` takes the other normal.
 """
 
 from touchstone.reference_impl.continuous.time_of_impact import gap_along

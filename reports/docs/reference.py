@@ -15,9 +15,8 @@ def commands_page(command: Any) -> str:
     from typer import Context
     from typer.cli import get_docs_for_click
 
-    text = get_docs_for_click(
-        obj=command, ctx=Context(command, info_name="touchstone"), name="touchstone", title="Commands"
-    )
+    context = Context(command, info_name="touchstone", **command.context_settings)
+    text = get_docs_for_click(obj=command, ctx=context, name="touchstone", title="Commands")
     return f"{NOTICE}\n\n{text.rstrip()}\n"
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from touchstone.reports.limits import judged
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Evidence, NotMeasured, Value
 from touchstone.reports.metrics.solver import CAPS, RESIDUAL, cap_counters, worst_place
-from touchstone.reports.own_limits import judged
 from touchstone.reports.results import Row
 
 KINDS = {
@@ -21,7 +21,7 @@ KINDS = {
 
 def warning(base: Row, evidence: Evidence) -> str | None:
     """One line with engine, profile, scene, frame and pair of everything that a run left unresolved beyond
-    its limit, known failings included; None if there is nothing, or if the engine does not report it.
+    its limit, known failings and scenes without limits included; None if there is nothing, or if the engine does not report it.
 
     Args:
         base: a row of the run, for its engine, profile, scene and step.
@@ -33,7 +33,7 @@ def warning(base: Row, evidence: Evidence) -> str | None:
             value = _value(evidence, metric)
         except NotMeasured:
             return None
-        row = judged(replace(base, metric=metric, value=value), evidence.scenario)
+        row = judged(replace(base, metric=metric, value=value), evidence.scenario.tags)
         if row.verdict in ("fail", "known"):
             counters = cap_counters(evidence) if counters is CAPS else counters
             told.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))

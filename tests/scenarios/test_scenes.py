@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios import families
 from touchstone.scenarios.avatar.hand import HAND_MASS, hand_parts
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.catalogue import built, catalogue, scene, tagged, tags
+from touchstone.scenarios.catalogue import built, catalogue, faults, scene, tagged, tags
 from touchstone.scenarios.families import ball_snip as snip
 from touchstone.scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
 from touchstone.scenarios.solids import (
@@ -146,8 +146,7 @@ def test_two_scenes_of_one_name_are_rejected(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(snip, "twin", twin, raising=False)
     built.cache_clear()
     try:
-        with pytest.raises(ValueError, match="two scenes are called 'ball_snip'"):
-            catalogue()
+        assert any("two scenes are called 'ball_snip'" in line for line in faults())
     finally:
         monkeypatch.undo()
         built.cache_clear()

@@ -38,8 +38,8 @@ def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path, left):
     assert manifest["engines"]["ball_snip/reference/balanced"]["engine"] == "reference"
     report = Path("here/results/report.md").read_text()
     results = pd.read_csv("here/results/results.csv")
-    # metrics in the order of their table, each where it applies; two have tables of their own
-    applies = set(results[results.value.notna()].metric) - {"work", "time.share", "run"}
+    # metrics in the order of their table, each where it applies; two have tables of their own, one is for machines
+    applies = set(results[results.value.notna()].metric) - {"work", "time.share", "run", "state.hash"}
     assert len(applies) > 20
     assert all((f"`{name}`" in report) == (name in applies) for name in METRICS)
 
@@ -103,7 +103,16 @@ def test_what_is_not_asked_is_not_measured(registry):
 
 def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
     """File results under profile and changes, in rows, table, recordings, report and manifest."""
-    changed = ("--set", "event_rows=100.0", "--set", "removal=eq1", "--set", "friction=always")
+    changed = (
+        "--profile",
+        "balanced",
+        "--set",
+        "event_rows=100.0",
+        "--set",
+        "removal=eq1",
+        "--set",
+        "friction=always",
+    )
     arguments = ("run", "fall", *REFERENCE, "--out", "r", "--metric", "overlap.max")
     code, out, err = touchstone(*arguments, *changed)
     label = "balanced, friction=always, event_rows=100"

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.registry import ENGINES, available
 from touchstone.reports.metrics import METRICS
 from touchstone.scenarios.catalogue import catalogue
 
@@ -23,7 +23,7 @@ def test_lists_in_every_format(touchstone, what, form):
     assert (code, err) == (0, "")
     wanted = {
         "scenarios": list(catalogue()),
-        "engines": list(ENGINES),
+        "engines": list(available()),
         "metrics": list(METRICS),
         "profiles": [profile for entry in ENGINES.values() for profile in entry.profiles],
     }[what]
