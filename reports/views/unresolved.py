@@ -21,7 +21,8 @@ KINDS = {
 
 def warning(base: Row, evidence: Evidence) -> str | None:
     """One line with engine, profile, scene, frame and pair of everything that a run left unresolved beyond
-    its limit, known failings and scenes without limits included; None if there is nothing, or if the engine does not report it.
+    its limit, known failings and scenes without limits included; None if there is nothing, or if the engine
+    does not report it.
 
     Args:
         base: a row of the run, for its engine, profile, scene and step.

@@ -29,7 +29,10 @@ OTHERS = [
     for profile in entry.profiles
     if profile != FIRST[engine]
 ]
-REFERENCE_OTHERS = [profile for engine, profile in OTHERS if engine == "reference"]
+# equal-step is `balanced` at 1/240 s and serves the clock: its failings are not documented
+REFERENCE_OTHERS = [
+    profile for engine, profile in OTHERS if engine == "reference" and profile != "equal-step"
+]
 
 STACKS = ("tower_", "load_", "pyramid", "brick_wall", "arch_", "tip_", "tall_", "dominoes", "coin_", "break_")
 """Beginnings of the names of scenes in which many contacts hold or meet at a time."""

@@ -38,7 +38,7 @@ def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path, left):
     assert manifest["engines"]["ball_snip/reference/balanced"]["engine"] == "reference"
     report = Path("here/results/report.md").read_text()
     results = pd.read_csv("here/results/results.csv")
-    # metrics in the order of their table, each where it applies; two have tables of their own, one is for machines
+    # metrics in the order of their table, each where it applies; two have tables of their own, one is a hash
     applies = set(results[results.value.notna()].metric) - {"work", "time.share", "run", "state.hash"}
     assert len(applies) > 20
     assert all((f"`{name}`" in report) == (name in applies) for name in METRICS)
