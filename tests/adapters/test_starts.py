@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.contract import AdapterError, Unsupported
 from touchstone.adapters.recorder import record
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
 
@@ -31,3 +33,10 @@ def test_bodies_in_one_place_are_not_played(lab, registry):
     told = r"^bodies\[2\].position: 'two' starts where 'one' does: .* \(0, 0, 1\) m; move one of them$"
     with pytest.raises(AdapterError, match=told):
         record(registry.engine("reference"), scene, registry.settings("reference"))
+
+
+def test_a_mass_without_a_reciprocal_is_refused(lab, registry):
+    """Refuse a subnormal mass by name: its reciprocal overflows, and positions would not be numbers."""
+    scene = lab.scene(replace(lab.ball("grain"), mass=1e-310, inertia=np.eye(3) * 1e-313), lab.ground())
+    with pytest.raises(Unsupported, match=r"reference: mass or inertia of 'grain' is too small"):
+        registry.engine("reference").build(scene, registry.settings("reference"))
