@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 
-TEST_BUDGET = 45.0
+TEST_BUDGET = 60.0
 """Processor time of one test that is not marked slow [s]."""
 SHOWN = 15
 """Number of tests that are printed."""

@@ -10,19 +10,22 @@ from touchstone.reports.studies.work_precision.definitions import REFERENCE
 from touchstone.reports.sweep.cells import Cell, grid
 
 RUNGS = ("paper", "balanced", "accurate")
+BASE = "balanced"
 
 
 def rungs() -> list[tuple[str, str, str]]:
-    """(profile, its neighbour, change): one setting of the profile takes the value of the neighbour."""
+    """("balanced", its neighbour, change): one setting takes the neighbour's value; those that do nothing in
+    `balanced` are left out."""
     table = settings_of(REFERENCE)
+    base = {name: setting.profiles[table.column(BASE)] for name, setting in table.items()}
     found = []
     for lower, upper in pairwise(RUNGS):
         for setting in table.values():
             values = {name: setting.profiles[table.column(name)] for name in (lower, upper)}
-            if values[lower] != values[upper]:
+            if values[lower] != values[upper] and not table.is_idle(setting.name, base):
                 found.append((lower, upper, f"{setting.name}={values[upper]}"))
                 found.append((upper, lower, f"{setting.name}={values[lower]}"))
-    return [one for one in found if one[0] == "balanced"]
+    return [one for one in found if one[0] == BASE]
 
 
 def ladder_cells(names: Sequence[str]) -> list[Cell]:

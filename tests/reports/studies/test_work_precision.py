@@ -22,7 +22,7 @@ from touchstone.reports.studies.work_precision.definitions import (
 from touchstone.reports.studies.work_precision.errors import distance
 from touchstone.reports.studies.work_precision.front import band, deficit, order_of, pareto
 from touchstone.reports.studies.work_precision.fronts import fronts
-from touchstone.reports.studies.work_precision.ladder_cells import rungs
+from touchstone.reports.studies.work_precision.ladder_cells import ladder_cells, rungs
 from touchstone.reports.studies.work_precision.picture import draw
 from touchstone.reports.studies.work_precision.points import COLUMNS
 
@@ -244,15 +244,18 @@ def test_the_default_study_has_what_was_asked_for():
 
 
 def test_the_ladder_toggles_one_setting_at_a_time():
-    """Every setting in which neighbouring profiles differ, and no other."""
+    """Every setting in which neighbouring profiles differ and that does something in `balanced`, and no other."""
     from touchstone.adapters.registry import settings_of
 
     changes = [change for _, _, change in rungs()]
     assert len(changes) == len(set(changes))
     table_of = settings_of("reference")
+    base = {name: setting.profiles[table_of.column("balanced")] for name, setting in table_of.items()}
     differ = {
         s.name
         for s in table_of.values()
         if len({s.profiles[table_of.column(p)] for p in ("paper", "balanced", "accurate")}) > 1
+        and not table_of.is_idle(s.name, base)
     }
     assert {change.partition("=")[0] for change in changes} == differ
+    assert len(ladder_cells(["fall"])) == len(changes)
