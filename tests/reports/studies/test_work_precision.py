@@ -244,7 +244,7 @@ def test_the_default_study_has_what_was_asked_for():
 
 
 def test_the_ladder_toggles_one_setting_at_a_time():
-    """Every setting in which neighbouring profiles differ and that does something in `balanced`, and no other."""
+    """Every setting in which profiles differ and that does something in `balanced`, and no other."""
     from touchstone.adapters.registry import settings_of
 
     changes = [change for _, _, change in rungs()]
