@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import tokenize
 import zipfile
 import zlib
 from dataclasses import dataclass, fields
@@ -19,7 +20,17 @@ from numpy.typing import NDArray
 from touchstone.adapters.contract import AdapterError, Array
 
 FORMAT_VERSION = 3
-DAMAGED = (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error)
+DAMAGED = (
+    OSError,
+    ValueError,
+    TypeError,
+    EOFError,
+    NotImplementedError,
+    SyntaxError,  # a damaged header of an array is parsed as Python
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 """Exceptions of numpy and zipfile on damaged files or files of another format."""
 
 

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import settings as hypothesis_settings
 from scipy.spatial.transform import Rotation
 from session_cache import SessionCache
 
@@ -50,6 +51,9 @@ from touchstone.scenarios.scenario import (
     Vector,
 )
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
+
+# `make test` draws the same cases every time; `make test-all` draws new ones
+hypothesis_settings.register_profile("repeatable", derandomize=True)
 
 pytest_plugins = ["duration_budget"]
 FRAME = 1 / 60
