@@ -234,7 +234,7 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
         for scenario in scenarios:
             substeps(scenario, value)
     except (ValueError, ZeroDivisionError, OverflowError) as error:
-        stop(f"--dt {text!r}: {error}", BAD_INPUT)
+        stop(f"--dt {' '.join(text.split())}: {error}", BAD_INPUT)
     return value
 
 

@@ -132,6 +132,6 @@ def steps_for(text: str, scenarios: list[Scenario]) -> list[float]:
             for scenario in scenarios:
                 substeps(scenario, step)
         except (ValueError, ZeroDivisionError, OverflowError) as error:
-            stop(f"--dt {part!r}: {error}", BAD_INPUT)
+            stop(f"--dt {' '.join(part.split())}: {error}", BAD_INPUT)
         found.append(step)
     return list(dict.fromkeys(found))
