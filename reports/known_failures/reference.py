@@ -208,7 +208,7 @@ CAUSES: tuple[Cause, ...] = (
             },
         },
         never={
-            "balanced accurate paper": {
+            "balanced accurate": {
                 "events.part": "push_box",
             },
         },
