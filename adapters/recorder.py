@@ -122,7 +122,7 @@ def frame_seconds(world: World, scenario: Scenario, settings: Settings, number: 
 
 
 class StepClock:
-    """Tells how long a call had the processor, if the system gave that to another process meanwhile."""
+    """Clock of a call that excludes time in which the system ran another process."""
 
     def __init__(self) -> None:
         self._switches = getrusage(RUSAGE_SELF).ru_nivcsw

@@ -12,7 +12,7 @@ import time
 PR_SET_PDEATHSIG = 1
 """Number of the request in <sys/prctl.h>."""
 WATCH = 0.5
-"""Interval at which a child asks for its parent where the kernel does not tell it [s]."""
+"""Interval at which a child checks its parent where the kernel does not notify it [s]."""
 
 
 def end_with_parent(parent: int, by_kernel: bool) -> None:

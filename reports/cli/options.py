@@ -35,7 +35,7 @@ class Format(StrEnum):
 
 FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
 QuietOption = Annotated[
-    bool, typer.Option("--quiet", help="No progress and no table; what failed is still told.")
+    bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
 ]
 
 

@@ -21,7 +21,7 @@ def import_robot(
     allow_paths: AllowPathsOption = False,
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
 ) -> None:
-    """Write a robot as a scene, held in its start posture by a tracker; tell what could not be kept."""
+    """Write a robot as a scene, held in its start posture by a tracker; name what could not be kept."""
     from touchstone.adapters.registry import installed, missing_reason
 
     if not installed("mujoco"):

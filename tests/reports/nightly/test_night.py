@@ -1,4 +1,4 @@
-"""`touchstone nightly`: continues what was killed, stores once, and tells what changed."""
+"""`touchstone nightly`: continues what was killed, stores once, and reports what changed."""
 
 from __future__ import annotations
 
