@@ -92,7 +92,9 @@ def columns_of(rows: Iterable[Row]) -> dict[Column, str]:
 
 
 def unit_of(metric: str) -> str:
-    """The unit of tables."""
+    """The unit of tables; "1" for ratios of times, which are no metric of one recording."""
+    if metric not in METRICS:
+        return "1"
     shown = METRICS[metric].shown
     return shown[0] if shown else METRICS[metric].unit
 

@@ -161,6 +161,17 @@ def test_one_run_decides_no_close_call(monkeypatch) -> None:
         assert ("touchstone bench frame ball_snip decides" in row.reason) == (verdict == "")
 
 
+def test_one_run_decides_no_99th_percentile() -> None:
+    """Leave the 99th percentile of one run without verdict, however far it is from its limit."""
+    base = time_limits.Row(
+        "run", "ball_snip", "reference", "balanced", 1 / 60, f"{RATIO}.p99", subject="dart recommended"
+    )
+    for one_run, verdict in ((True, ""), (False, "fail")):
+        row = time_limits.judged_time("own steps", replace(base, value=3.0), ("gallery",), "", one_run)
+        assert row.verdict == verdict
+        assert ("no verdict from one run" in row.reason) == one_run
+
+
 def test_a_failed_column_says_why(registry, shown) -> None:
     """Show the reason of a column that failed, and all others."""
     takes = taken(registry)

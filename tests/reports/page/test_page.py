@@ -7,6 +7,7 @@ import hashlib
 import json
 import re
 import zlib
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 from touchstone.reports.page.content import reproduce, verdict_of
 from touchstone.reports.page.page import MOST_PLAYBACK, within_budget
 from touchstone.reports.page.playback import INT16
+from touchstone.reports.page.sections import failings
 from touchstone.reports.results import Row, table
 
 
@@ -130,3 +132,10 @@ def test_the_sentence_is_never_green_unseen(verdicts, level, start):
     """A run is good only where limits were judged and all of them met."""
     rows = [Row("run", "s", "dart", "p", 0.1, "overlap.max", verdict=verdict) for verdict in verdicts]
     assert verdict_of(table(rows)) == (level, start)
+
+
+def test_a_slow_reference_is_listed_among_the_failings():
+    """Show a broken limit of a ratio of times, which is no metric of a recording."""
+    row = Row("run", "ball_snip", "reference", "balanced", 1 / 60, "ratio.time.p99", 3.0, "1")
+    text = failings([replace(row, limit=0.3, verdict="fail", reason="slower than before")])
+    assert "ratio.time.p99 (balanced): ball_snip 3" in text
