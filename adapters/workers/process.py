@@ -30,6 +30,9 @@ COMPILE_PATIENCE = 900.0
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that numpy's linear algebra reads when it is loaded."""
 
+STARTING = threading.Lock()
+"""Held while a process starts: the environment and the main module are changed for it meanwhile."""
+
 ENDING = (signal.SIGTERM, signal.SIGHUP)
 """Signals that end a run as Ctrl-C does, and that end a child at once."""
 
@@ -121,7 +124,7 @@ class ChildProcess:
         self._process = context.Process(
             target=obey, args=(theirs, output, server, arguments, known, by_kernel), daemon=True
         )
-        with interrupt_held(), one_thread(), main_left_out():
+        with STARTING, interrupt_held(), one_thread(), main_left_out():
             self._process.start()
         theirs.close()
 

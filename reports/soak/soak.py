@@ -7,20 +7,20 @@ that the reference itself reports is counted, and is no failure.
 
 from __future__ import annotations
 
-import threading
 from collections import Counter
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import count
 from pathlib import Path
-from queue import SimpleQueue
 from time import monotonic
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, load
+from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.results import write_beside
 from touchstone.reports.soak.shrink import MOST_TRIES, shrunk
-from touchstone.reports.studies.robustness.play import PATIENCE, Assessment, Child, Loader
+from touchstone.reports.studies.robustness.play import PATIENCE, Assessment, asked_of, assess_task
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Scenario
@@ -29,12 +29,12 @@ ENGINE = "reference"
 SOUND = ("ok", "skipped", "residual")
 """Classes that break no invariant."""
 PROCESSES = 2
-Told = Callable[[str], None]
+Listener = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One scene on an engine, as `studies.robustness.play.Child` plays it."""
+    """One scene on an engine, as `studies.robustness.play.assess_task` plays it."""
 
     engine: str
     settings: Settings
@@ -79,7 +79,7 @@ def soak(
     extent: Extent,
     profile: str,
     folder: Path,
-    tell: Told,
+    tell: Listener,
     loader: Loader = load,
     scene: Callable[[int], Scenario] = random_scene,
 ) -> Soaked:
@@ -89,58 +89,42 @@ def soak(
         folder: where scenes of failures are written, as they are found.
         tell: receives one line per failure.
     """
-    seed, most = extent.seed, extent.most
     folder.mkdir(parents=True, exist_ok=True)
-    end, found, lock = monotonic() + 60 * extent.minutes, Soaked(first_seed=seed), threading.Lock()
+    found = Soaked(first_seed=extent.seed)
     settings = Settings(profile, ENGINES[ENGINE].profiles[profile])
-    idle: SimpleQueue[Child] = SimpleQueue()
-    children = [Child(folder / f"output-{k + 1}.txt", loader, PATIENCE) for k in range(PROCESSES)]
-    for child in children:
-        idle.put(child)
 
-    def played(scenario: Scenario) -> Assessment:
-        child = idle.get()
-        result: Assessment | None = child.ask("play", Task(ENGINE, settings, scenario))
-        if child.failure is not None:
-            status, reason = child.failure
-            result = Assessment("hang" if reason.startswith("hung") else status, reason)
-            child = Child(folder / "output-more.txt", loader, PATIENCE)
-        idle.put(child)
-        assert result is not None
-        return result
+    def one(slot: Slot[EngineProcess], seed: int) -> Iterator[Assessment | Failure]:
+        def played(scenario: Scenario) -> Assessment:
+            return asked_of(slot, Task(ENGINE, settings, scenario))
 
-    def one(number: int) -> None:
-        scenario = scene(number)
+        def fails(scenario: Scenario) -> bool:
+            return played(scenario).outcome == first.outcome
+
+        scenario = scene(seed)
         first = played(scenario)
-        with lock:
-            found.scenes += 1
-            found.frames += first.frames
-            found.classes[first.outcome] += 1
-        if first.outcome in SOUND:
-            return
-        smallest = shrunk(scenario, lambda smaller: played(smaller).outcome == first.outcome, extent.tries)
-        failure = _written(smallest, number, first, profile, folder)
-        with lock:
-            found.failures.append(failure)
-        tell(f"{failure.outcome}: seed {number}, {failure.bodies} bodies left: {failure.command}")
+        yield first
+        if first.outcome not in SOUND:
+            yield _written(shrunk(scenario, fails, extent.tries), seed, first, profile, folder)
 
-    try:
-        with ThreadPoolExecutor(PROCESSES) as pool:
-            running: set[Future[None]] = set()
-            number, last = seed, seed + most if most is not None else None
-            while monotonic() < end and (last is None or number < last):
-                while len(running) < PROCESSES and (last is None or number < last):
-                    running.add(pool.submit(one, number))
-                    number += 1
-                done, running = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
-                for future in done:
-                    future.result()
-            for future in running:
-                future.result()
-    finally:
-        while not idle.empty():
-            idle.get().stop()
+    start = partial(EngineProcess, assess_task, loader=loader, patience=PATIENCE)
+    for result in Pool(start, PROCESSES, folder).each(_seeds(extent), one):
+        if isinstance(result, Failure):
+            found.failures.append(result)
+            tell(f"{result.outcome}: seed {result.seed}, {result.bodies} bodies left: {result.command}")
+        else:
+            found.scenes += 1
+            found.frames += result.frames
+            found.classes[result.outcome] += 1
     return found
+
+
+def _seeds(extent: Extent) -> Iterator[int]:
+    """Seeds of the scenes that are started in time."""
+    end = monotonic() + 60 * extent.minutes
+    for seed in count(extent.seed):
+        if monotonic() >= end or (extent.most is not None and seed >= extent.seed + extent.most):
+            return
+        yield seed
 
 
 def _written(scenario: Scenario, seed: int, first: Assessment, profile: str, folder: Path) -> Failure:

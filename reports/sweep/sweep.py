@@ -10,14 +10,14 @@ from typing import Protocol
 import pandas as pd
 
 from touchstone.reports.cli.progress import Progress
+from touchstone.reports.sweep.batch_pool import BatchPool
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.pool import Pool
 from touchstone.reports.sweep.store import Done, Store
 
 
 class Executor(Protocol):
-    """Plays cells somewhere: `Pool`, `DaskPool` or `TimingRounds`."""
+    """Plays cells somewhere: `BatchPool`, `DaskPool` or `TimingRounds`."""
 
     def play(self, cells: Sequence[Cell]) -> Iterator[list[Done]]:
         """Play all cells; yields batches in the order in which they end."""
@@ -57,7 +57,7 @@ def sweep(
         if left:
             output = folder / "output"
             output.mkdir(exist_ok=True)
-            player = executor(output) if executor else Pool(jobs or os.cpu_count() or 1, output)
+            player = executor(output) if executor else BatchPool(jobs or os.cpu_count() or 1, output)
             for batch in player.play(left):
                 store.append(batch)
                 for done in batch:

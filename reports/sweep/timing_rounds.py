@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from touchstone.adapters.registry import load
+from touchstone.adapters.workers.pool import Slot
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.store import Done
-from touchstone.reports.sweep.worker import PATIENCE, Loader, Worker, failed
+from touchstone.reports.sweep.worker import PATIENCE, Loader, Worker, played_batch
 
 GROUP = 8
 """Cells that are appended to the store together: what a kill loses, some two seconds."""
@@ -44,33 +45,23 @@ class TimingRounds:
             yield from self._round(drawn)
 
     def _round(self, cells: Sequence[Cell]) -> Iterator[list[Done]]:
-        workers: dict[str, Worker] = {}
+        slots = {cell.engine: self._slot(cell.engine) for cell in cells}
         try:
             for cell in {cell.engine: cell for cell in cells}.values():
-                self._worker(workers, cell).begin([cell])
+                slots[cell.engine].child().begin([cell])
             done: list[Done] = []
             for cell in cells:
-                done += self._timed(workers, cell)
+                for found in played_batch(slots[cell.engine], [cell]):
+                    done += found
                 if len(done) >= GROUP:
                     yield done
                     done = []
             if done:
                 yield done
         finally:
-            for worker in workers.values():
-                worker.stop()
+            for slot in slots.values():
+                slot.stop()
 
-    def _timed(self, workers: dict[str, Worker], cell: Cell) -> list[Done]:
-        worker = self._worker(workers, cell)
-        found = worker.play([cell])
-        if found is None:
-            return [failed(cell, worker.outcome, worker.failure[1] if worker.failure else "")]
-        return found
-
-    def _worker(self, workers: dict[str, Worker], cell: Cell) -> Worker:
-        """Process of an engine; a new one if it has failed."""
-        worker = workers.get(cell.engine)
-        if worker is None or worker.failure is not None:
-            output = self._output / f"timing-{cell.engine}.txt"
-            worker = workers[cell.engine] = Worker(output, self._loader, self._patience, self._core)
-        return worker
+    def _slot(self, engine: str) -> Slot[Worker]:
+        output = self._output / f"timing-{engine}.txt"
+        return Slot(lambda: Worker(output, self._loader, self._patience, self._core))

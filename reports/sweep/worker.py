@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -12,6 +12,7 @@ from time import perf_counter
 from touchstone.adapters.contract import MISSING, Engine
 from touchstone.adapters.recorder import warm_up
 from touchstone.adapters.registry import installed, load, missing_reason
+from touchstone.adapters.workers.pool import Slot
 from touchstone.adapters.workers.process import ChildProcess, failure_of
 from touchstone.reports.machine import machine
 from touchstone.reports.sweep.cells import Cell, named, scene_of
@@ -96,6 +97,19 @@ class Worker(ChildProcess):
         """Outcome of the cell that ended the process."""
         reason = self.failure[1] if self.failure else ""
         return HANG if reason.startswith("hung") else CRASH
+
+
+def played_batch(slot: Slot[Worker], batch: list[Cell]) -> Iterator[list[Done]]:
+    """Play a batch; if the process dies, play its cells one by one to find which of them it was."""
+    worker = slot.child()
+    found = worker.play(batch)
+    if found is not None:
+        yield found
+    elif len(batch) > 1:
+        for cell in batch:
+            yield from played_batch(slot, [cell])
+    else:
+        yield [failed(batch[0], worker.outcome, worker.failure[1] if worker.failure else "")]
 
 
 class _Server:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import nan
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,14 +11,11 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.registry import load
-from touchstone.adapters.workers.process import ChildProcess
 from touchstone.scenarios.relations.changes import bare
 from touchstone.scenarios.relations.table import RELATIONS
 from touchstone.scenarios.scenario import Scenario, vector
 from touchstone.scenarios.transforms import perturbed
 
-Loader = Callable[[str], Engine]
 PATIENCE = 600.0
 """Time without an answer after which the process is terminated [s]."""
 SPLIT = "split"
@@ -150,24 +145,3 @@ def _distance(one: Array, two: Array) -> float:
 def _size(points: Array) -> float:
     """Extent of the motion [m]: the largest path of a point, or ARM where nothing moves."""
     return max(ARM, float(np.linalg.norm(points - points[0], axis=-1).max()))
-
-
-class Child(ChildProcess):
-    """The parent's end of a process that plays tasks."""
-
-    def __init__(self, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        super().__init__(_Server, (loader,), output, patience)
-
-
-class _Server:
-    """The child's end: engines, loaded once each."""
-
-    def __init__(self, loader: Loader) -> None:
-        self._loader = loader
-        self._engines: dict[str, Engine] = {}
-
-    def handle(self, command: str, task: Task) -> Compared:
-        """Handle `play`."""
-        if task.engine not in self._engines:
-            self._engines[task.engine] = self._loader(task.engine)
-        return compare(self._engines[task.engine], task)

@@ -8,19 +8,19 @@ engine makes of a perturbation of 1e-9 m.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import partial
 from pathlib import Path
-from queue import SimpleQueue
 
 import pandas as pd
 
 from touchstone.adapters.contract import MISSING, Settings
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.studies.relations.picture import deviations_picture
-from touchstone.reports.studies.relations.play import NAMES, PATIENCE, Child, Compared, Loader, Task
+from touchstone.reports.studies.relations.play import NAMES, PATIENCE, Compared, Task, compare
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.scenario import Scenario
 
@@ -114,30 +114,17 @@ def _played(
     asked: Sequence[Task], folder: Path, progress: Progress, loader: Loader, patience: float
 ) -> list[tuple[Task, Compared]]:
     """Play tasks in processes; one that dies or hangs costs its task, and is replaced."""
-    idle: SimpleQueue[Child] = SimpleQueue()
-    count = min(PROCESSES, len(asked))
-    for k in range(count):
-        idle.put(Child(folder / f"output-{k + 1}.txt", loader, patience))
 
-    def one(number: int) -> tuple[int, Compared]:
-        child = idle.get()
+    def one(slot: Slot[EngineProcess], number: int) -> list[tuple[int, Compared]]:
+        child = slot.child()
         found = child.ask("play", asked[number])
         if child.failure is not None:
             found = Compared({}, {}, failure=child.failure[1])
-            child = Child(folder / "output-more.txt", loader, patience)
-        idle.put(child)
-        return number, found
+        return [(number, found)]
 
+    start = partial(EngineProcess, compare, loader=loader, patience=patience)
     done: dict[int, Compared] = {}
-    with ThreadPoolExecutor(max(1, count)) as pool:
-        futures = [pool.submit(one, number) for number in range(len(asked))]
-        try:
-            for future in as_completed(futures):
-                number, found = future.result()
-                done[number] = found
-                progress(f"{asked[number].engine} {asked[number].settings.label}", 1)
-        finally:
-            pool.shutdown(cancel_futures=True)
-            while not idle.empty():
-                idle.get().stop()
+    for number, found in Pool(start, min(PROCESSES, len(asked)), folder).each(range(len(asked)), one):
+        done[number] = found
+        progress(f"{asked[number].engine} {asked[number].settings.label}", 1)
     return [(task, done[number]) for number, task in enumerate(asked)]

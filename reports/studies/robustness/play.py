@@ -6,11 +6,9 @@ pass through each other, and the run is finite and ends in time. U is the energy
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, nan
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -19,8 +17,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import AdapterError, Array, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.registry import load
-from touchstone.adapters.workers.process import ChildProcess
+from touchstone.adapters.workers.pool import EngineProcess, Slot
 from touchstone.reports.metrics.contacts.overlap import overlap_depth
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED
@@ -31,8 +28,6 @@ from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.random_scenes.bodies import support
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed
-
-Loader = Callable[[str], Engine]
 
 OUTCOMES = (
     "skipped",
@@ -252,23 +247,17 @@ def _momentum(evidence: Evidence) -> float:
     return max(found, default=nan)
 
 
-class Child(ChildProcess):
-    """The parent's end of a process that plays tasks."""
+def assess_task(engine: Engine, task: Task) -> Assessment:
+    """Play a task in this process, with the bounds of its engine."""
+    bounds = EXACT if task.engine == "reference" else FIRST_ORDER
+    return assess(engine, task.scenario, task.settings, bounds)
 
-    def __init__(self, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        super().__init__(_Server, (loader,), output, patience)
 
-
-class _Server:
-    """The child's end: engines, loaded once each."""
-
-    def __init__(self, loader: Loader) -> None:
-        self._loader = loader
-        self._engines: dict[str, Engine] = {}
-
-    def handle(self, command: str, task: Task) -> Assessment:
-        """Handle `play`."""
-        if task.engine not in self._engines:
-            self._engines[task.engine] = self._loader(task.engine)
-        bounds = EXACT if task.engine == "reference" else FIRST_ORDER
-        return assess(self._engines[task.engine], task.scenario, task.settings, bounds)
+def asked_of(slot: Slot[EngineProcess], task: object) -> Assessment:
+    """Assessment of a task by a process that calls `assess_task`; one that dies or hangs has its class."""
+    child = slot.child()
+    found: Assessment | None = child.ask("play", task)
+    if child.failure is None and found is not None:
+        return found
+    status, reason = child.failure or ("error", "no answer")
+    return Assessment(status if status == "skipped" else "hang" if child.hung else "error", reason)

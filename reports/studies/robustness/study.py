@@ -8,16 +8,16 @@ the spread of the figures; `runs.csv` has one line per run. Limits apply to the 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
-from queue import SimpleQueue
 
 import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import MISSING, Settings
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
@@ -29,9 +29,9 @@ from touchstone.reports.studies.robustness.play import (
     PATIENCE,
     UNSOLVED,
     Assessment,
-    Child,
-    Loader,
     Task,
+    asked_of,
+    assess_task,
 )
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
 
@@ -101,33 +101,15 @@ def played(
     asked: Sequence[Task], folder: Path, progress: Progress, loader: Loader = load, patience: float = PATIENCE
 ) -> list[Run]:
     """Play tasks in processes; a process that dies or hangs gives a run of that class and is replaced."""
-    count = min(PROCESSES, len(asked))
-    idle: SimpleQueue[Child] = SimpleQueue()
-    for k in range(count):
-        idle.put(Child(folder / f"output-{k + 1}.txt", loader, patience))
 
-    def one(task: Task) -> Run:
-        child = idle.get()
-        found = child.ask("play", task)
-        if child.failure is not None:
-            status, reason = child.failure
-            found = Assessment(status if status == "skipped" else "hang" if child.hung else "error", reason)
-            child = Child(folder / "output-more.txt", loader, patience)
-        idle.put(child)
-        return task, found
+    def one(slot: Slot[EngineProcess], task: Task) -> list[Run]:
+        return [(task, asked_of(slot, task))]
 
+    start = partial(EngineProcess, assess_task, loader=loader, patience=patience)
     runs: dict[Task, Assessment] = {}
-    with ThreadPoolExecutor(max(1, count)) as pool:
-        futures = [pool.submit(one, task) for task in asked]
-        try:
-            for future in as_completed(futures):
-                task, found = future.result()
-                runs[task] = found
-                progress(f"{task.engine} {task.settings.label}", 1)
-        finally:
-            pool.shutdown(cancel_futures=True)
-            while not idle.empty():
-                idle.get().stop()
+    for task, found in Pool(start, min(PROCESSES, len(asked)), folder).each(asked, one):
+        runs[task] = found
+        progress(f"{task.engine} {task.settings.label}", 1)
     return [(task, runs[task]) for task in asked]
 
 

@@ -21,9 +21,9 @@ from touchstone.reports.results import Row
 from touchstone.reports.studies.stability import play
 from touchstone.reports.studies.stability.play import PATIENCE, Cell, Played, play_cell
 from touchstone.reports.sweep import cells as sweep_cells
+from touchstone.reports.sweep.batch_pool import BatchPool
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.measures import Measured, base_row
-from touchstone.reports.sweep.pool import Pool
 from touchstone.reports.sweep.sweep import sweep
 from touchstone.scenarios.difficulty.family import hard_names, hard_scene
 from touchstone.scenarios.scenario import Scenario
@@ -69,7 +69,7 @@ def play_all(
         frame = sweep(
             [_swept(cell) for cell in asked],
             store,
-            executor=lambda output: Pool(count, output, loader, patience),
+            executor=lambda output: BatchPool(count, output, loader, patience),
             progress=progress,
         )
     found = {str(key): part for key, part in frame.groupby("cell", sort=False)}

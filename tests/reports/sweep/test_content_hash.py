@@ -77,7 +77,7 @@ def test_the_processor_counts_for_timing_only(monkeypatch):
         ("mujoco", "adapters/recorder.py", True),
         ("mujoco", "reports/metrics/contacts/overlap.py", True),
         ("mujoco", "reports/sweep/measures.py", True),
-        ("mujoco", "reports/sweep/pool.py", False),
+        ("mujoco", "reports/sweep/batch_pool.py", False),
         ("mujoco", "scenarios/effects.py", True),
         ("mujoco", "scenarios/families/coin.py", False),
     ],

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from touchstone.reports.sweep.pool import Pool
+from touchstone.reports.sweep.batch_pool import BatchPool
 from touchstone.reports.sweep.store import Store, StoreError
 from touchstone.reports.sweep.sweep import sweep
 
@@ -23,7 +23,7 @@ def pool(jobs=1, patience=PATIENCE):
     """Executor of fake engines."""
     from fake_measures import load
 
-    return lambda output: Pool(jobs, output, load, patience)
+    return lambda output: BatchPool(jobs, output, load, patience)
 
 
 def squares(frame):
@@ -63,10 +63,10 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from fake_measures import cells, load
-from touchstone.reports.sweep.pool import Pool
+from touchstone.reports.sweep.batch_pool import BatchPool
 from touchstone.reports.sweep.sweep import sweep
 if __name__ == "__main__":
-    sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: Pool(1, out, load))
+    sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: BatchPool(1, out, load))
 """
 
 

@@ -1,0 +1,141 @@
+"""Pool of child processes that share a list of tasks, and the processes that play them with engines.
+
+All parallel play that is not timed runs here. Timed play has one process per engine and takes turns
+(`children.py`, `variants.py`, `stepping.py`).
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+from touchstone.adapters.contract import Engine
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.process import PATIENCE, ChildProcess
+
+Child = TypeVar("Child", bound=ChildProcess)
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+Loader = Callable[[str], Engine]
+
+
+class Stopped(Exception):
+    """The pool has ended while a task was played."""
+
+
+class Slot(Generic[Child]):
+    """Place of one process, which is started when it is needed and replaced once it has failed."""
+
+    def __init__(self, start: Callable[[], Child]) -> None:
+        self._start = start
+        self._child: Child | None = None
+        self._stopped = False
+
+    def child(self) -> Child:
+        """The process; a new one if there is none or if it has failed. Raises Stopped after `stop`."""
+        if self._child is None or self._child.failure is not None:
+            self._child = None if self._stopped else self._start()
+        if self._stopped:
+            self.stop()
+            raise Stopped
+        assert self._child is not None
+        return self._child
+
+    def stop(self) -> None:
+        """End the process, if there is one, and start no other."""
+        self._stopped = True
+        if self._child is not None:
+            self._child.stop()
+
+
+class Pool(Generic[Child]):
+    """Slots that take tasks from one list.
+
+    Args:
+        start: starts a process whose output goes to the given file.
+        count: largest number of processes.
+        folder: of the files of output, `worker-1.txt` and so on.
+    """
+
+    def __init__(self, start: Callable[[Path], Child], count: int, folder: Path) -> None:
+        def starter(file: Path) -> Callable[[], Child]:
+            return lambda: start(file)
+
+        self._slots = [Slot(starter(folder / f"worker-{k + 1}.txt")) for k in range(count)]
+        self._lock = threading.Lock()
+        self._stopped = False
+
+    def each(
+        self, tasks: Iterable[Task], play: Callable[[Slot[Child], Task], Iterable[Result]]
+    ) -> Iterator[Result]:
+        """Play all tasks, once; yields results in the order in which they end.
+
+        A task is taken from `tasks` when a slot is free. `play` runs in one thread per slot; what it raises
+        ends the pool. Where the caller stops early, all processes end at once.
+        """
+        source = iter(tasks)
+        ended: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+
+        def serve(slot: Slot[Child]) -> None:
+            try:
+                for task in iter(lambda: self._take(source), None):
+                    for result in play(slot, task):
+                        ended.put(("result", result))
+                ended.put(("done", None))
+            except BaseException as error:
+                ended.put(("error", error))
+
+        try:
+            for slot in self._slots:
+                threading.Thread(target=serve, args=(slot,), daemon=True).start()
+            left = len(self._slots)
+            while left:
+                kind, value = ended.get()
+                if kind == "error":
+                    raise value
+                if kind == "done":
+                    left -= 1
+                else:
+                    yield value
+        finally:
+            self._stopped = True
+            for slot in self._slots:
+                slot.stop()
+
+    def _take(self, source: Iterator[Task]) -> Task | None:
+        with self._lock:
+            return None if self._stopped else next(source, None)
+
+
+class EngineTask(Protocol):
+    """What an `EngineProcess` plays."""
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+
+
+class EngineProcess(ChildProcess):
+    """Process that keeps engines loaded. Command: `play` (task), which returns `play(engine, task)`."""
+
+    def __init__(
+        self, play: Callable[..., object], output: Path, loader: Loader = load, patience: float = PATIENCE
+    ) -> None:
+        super().__init__(_Server, (play, loader), output, patience)
+
+
+class _Server:
+    """The child's end: engines, loaded once each."""
+
+    def __init__(self, play: Callable[..., object], loader: Loader) -> None:
+        self._play, self._loader = play, loader
+        self._engines: dict[str, Engine] = {}
+
+    def handle(self, command: str, task: EngineTask) -> object:
+        """Play a task."""
+        if task.engine not in self._engines:
+            self._engines[task.engine] = self._loader(task.engine)
+        return self._play(self._engines[task.engine], task)

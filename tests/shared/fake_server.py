@@ -1,0 +1,19 @@
+"""Server of a child process for tests of pools: squares of numbers."""
+
+from __future__ import annotations
+
+import os
+
+DEADLY = 3
+"""Number that kills the process."""
+EXIT_CODE = 7
+
+
+class Squares:
+    """Child's end."""
+
+    def handle(self, command: str, number: int) -> tuple[int, int]:
+        """Return the square and the process that computed it."""
+        if number == DEADLY:
+            os._exit(EXIT_CODE)
+        return number**2, os.getpid()
