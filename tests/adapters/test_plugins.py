@@ -113,16 +113,16 @@ def test_a_faulty_plugin_is_refused_with_its_fault(package, text, said):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "patience", "said"),
     [
-        ("import os; os._exit(7)", "died during 'examine': exit code 7"),
-        ("import time; time.sleep(60)", "hung: no answer to 'examine' for 2 s"),
+        ("import os; os._exit(7)", 60.0, "died during 'examine': exit code 7"),
+        ("import time; time.sleep(600)", 2.0, "hung: no answer to 'examine' for 2 s"),
     ],
 )
-def test_an_import_that_ends_or_hangs_ends_nothing_else(monkeypatch, package, text, said):
+def test_an_import_that_ends_or_hangs_ends_nothing_else(monkeypatch, package, text, patience, said):
     """The import of a plug-in happens in a child process with a time limit."""
     package(faulty=text)
-    monkeypatch.setattr(plugin, "PATIENCE", 2.0)
+    monkeypatch.setattr(plugin, "PATIENCE", patience)
     with pytest.raises(AdapterError, match=f"^engine 'faulty:Engine': {said}$"):
         registered("faulty:Engine")
 

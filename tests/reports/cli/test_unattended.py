@@ -19,11 +19,13 @@ from touchstone.reports.run import study
 
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
 CALL = "import sys; sys.argv[0] = 'touchstone'; from touchstone.reports.cli.main import main; main()"
+# whoever runs the tests may ignore SIGHUP, as nohup does
+HEARD = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
 
 
 def program(*arguments, **options):
     """Start the program in a session of its own."""
-    command = [sys.executable, "-c", CALL, *map(str, arguments)]
+    command = [sys.executable, "-c", HEARD + CALL, *map(str, arguments)]
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, **options)
 
 
