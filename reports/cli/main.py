@@ -37,6 +37,7 @@ from touchstone.reports.cli.options import (
 )
 from touchstone.reports.cli.runs.compare import compare
 from touchstone.reports.cli.runs.judge import judge
+from touchstone.reports.cli.runs.versions import versions
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -74,6 +75,7 @@ app.command("import")(import_robot)
 app.command()(export)
 app.command()(compare)
 app.command()(judge)
+app.command()(versions)
 
 
 class Listing(StrEnum):

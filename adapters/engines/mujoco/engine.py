@@ -68,6 +68,8 @@ LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWAR
 
 def _write_no_log_file() -> None:
     """Send warnings to stderr only; by default MuJoCo also writes MUJOCO_LOG.TXT to the current folder."""
+    if not hasattr(mujoco, "MjLogConfig"):
+        return  # older versions have no such switch
     log = mujoco.MjLogConfig.get()
     log.logto_file = False
     mujoco.MjLogConfig.set(log)

@@ -114,7 +114,9 @@ def add_servos(spec: Any, joints: Sequence[str], drive: Drive) -> None:
     for name, stiffness, damping in zip(joints, drive.servo_stiffness, drive.servo_damping):
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=stiffness)
-        spec.joint(name).damping = (damping, 0.0, 0.0)
+        joint = spec.joint(name)
+        # Older versions have the linear coefficient only.
+        joint.damping = (damping, 0.0, 0.0) if np.ndim(joint.damping) else damping
 
 
 def _add_free_joint(body: Any) -> None:

@@ -1,0 +1,160 @@
+"""Virtual environments with released versions of an engine, kept in the user's cache folder.
+
+An environment holds the engine and what this program lacks; everything else comes from the environment of
+this program by a path file. Child processes run on the same interpreter and put the environment first on
+their path, so that only the engine differs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+import venv
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+from touchstone.adapters.contract import AdapterError, Engine, NotInstalled
+from touchstone.adapters.registry import ENGINES, distribution, load
+from touchstone.adapters.workers.scratch import Claimed, claimed_folder
+
+SHARED = ("numpy", "scipy")
+"""Libraries that every version shares with this program: results depend on them."""
+VERSION = re.compile(r"[0-9][0-9A-Za-z.!+_-]*")
+NEWEST = 6
+"""Number of released versions that a message lists [1]."""
+
+
+class VersionError(Exception):
+    """A version of an engine cannot be had; one line."""
+
+
+def environments_folder() -> Path:
+    """Folder of the environments."""
+    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(home) / "touchstone" / "engines"
+
+
+def environment(engine: str, version: str) -> Path | None:
+    """Folder on the path that holds a version of an engine; None for the one that is installed.
+
+    Raises:
+        VersionError: there is no such version, or it cannot be installed here.
+    """
+    name = distribution(engine)
+    if not VERSION.fullmatch(version):
+        raise VersionError(f"{name} {version}: not a version; expected numbers such as 3.6.0")
+    if version == installed_version(engine):
+        return None
+    shared = {library: version_of(library) for library in SHARED}
+    digest = hashlib.sha256(repr((sys.version, sorted(shared.items()), _own_paths())).encode()).hexdigest()
+    place = environments_folder() / f"{name}-{version}-{digest[:8]}"
+    if not place.exists():
+        try:
+            # Scripts of a virtual environment would name the temporary folder; nothing here runs them.
+            with claimed_folder(place.with_name(f".{place.name}.part")) as part:
+                _install(part, name, version, shared)
+                part.rename(place)
+        except Claimed as error:
+            raise VersionError(f"{name} {version}: another process is installing it; try again") from error
+        except OSError as error:
+            raise VersionError(f"{name} {version}: {place}: {error.strerror or error}") from error
+    return _packages(place)
+
+
+def installed_version(engine: str) -> str:
+    """Version of an engine in the environment of this program; empty if it is not installed."""
+    try:
+        return version_of(distribution(engine))
+    except PackageNotFoundError:
+        return ""
+
+
+def _install(folder: Path, name: str, version: str, shared: Mapping[str, str]) -> None:
+    venv.create(folder, symlinks=os.name != "nt")
+    (_packages(folder) / "touchstone-libraries.pth").write_text("\n".join(_own_paths()) + "\n", "utf-8")
+    held = folder / "shared.txt"
+    held.write_text("".join(f"{library}=={number}\n" for library, number in shared.items()), "utf-8")
+    call = [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), "install"]
+    call += ["--disable-pip-version-check", "--no-input", "--prefer-binary", "--quiet"]
+    done = subprocess.run(
+        [*call, "--constraint", str(held), f"{name}=={version}"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+    )
+    if done.returncode:
+        raise VersionError(f"{name} {version}: {pip_reason(done.stderr, name)}")
+
+
+def pip_reason(text: str, name: str) -> str:
+    """Why pip failed, in one line, from its messages."""
+    if "No module named pip" in text:
+        return f"pip is missing: {sys.executable} -m ensurepip"
+    released = re.search(r"from versions: ([^)]*)\)", text)
+    if released:
+        versions = [one.strip() for one in released[1].split(",")]
+        if versions != ["none"]:
+            return f"does not exist for this interpreter; released: {', '.join(versions[-NEWEST:])}"
+        return f"pip finds no {name}: it is not released, or there is no connection"
+    if "ResolutionImpossible" in text or "conflict" in text.lower():
+        return f"cannot be installed beside {' and '.join(SHARED)} of this program"
+    causes = re.findall(r"^\s*(\w*(?:Error|Exception): .+|ERROR: .+)$", text, re.MULTILINE)
+    own = [cause for cause in causes if not cause.startswith("ERROR:")]
+    reason = (own or causes or [text.strip() or "pip said nothing"])[-1]
+    return f"cannot be built: {' '.join(reason.split())[:160]}"
+
+
+def _own_paths() -> list[str]:
+    """Folders of this interpreter's installed packages."""
+    return list(dict.fromkeys(sysconfig.get_path(name) for name in ("purelib", "platlib")))
+
+
+def _packages(folder: Path) -> Path:
+    """The folder of packages of an environment."""
+    base = {"base": str(folder), "platbase": str(folder)}
+    return Path(sysconfig.get_path("purelib", "venv", base)).absolute()
+
+
+@dataclass(frozen=True, slots=True)
+class VersionLoader:
+    """Loader of engines called by labels such as "mujoco==3.6.0", for child processes (`Children`).
+
+    Attributes:
+        engine: name in the registry.
+        folders: label -> folder of packages; None: those of this program.
+        home: folder to work in: older engines write logs there.
+    """
+
+    engine: str
+    folders: Mapping[str, Path | None] = field(default_factory=dict)
+    home: Path = Path()
+
+    def __call__(self, label: str) -> Engine:
+        """Load the engine of a label.
+
+        Raises:
+            NotInstalled: the package is not in the environment.
+            AdapterError: the adapter cannot use this version.
+        """
+        os.chdir(self.home)
+        folder = self.folders[label]
+        if folder is not None:
+            sys.path.insert(0, str(folder))
+            importlib.invalidate_caches()
+            found = importlib.util.find_spec(ENGINES[self.engine].package)
+            if found is None or not found.origin or not Path(found.origin).is_relative_to(folder):
+                raise NotInstalled(f"{label}: no module {ENGINES[self.engine].package!r} in {folder}")
+        try:
+            return load(self.engine)
+        except AttributeError as error:
+            raise AdapterError(f"{label}: our adapter needs what it lacks: {error}") from error

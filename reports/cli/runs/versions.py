@@ -1,0 +1,113 @@
+"""`touchstone versions`: the same scenes on released versions of an engine."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    ENGINE_FAILED,
+    ENGINE_MISSING,
+    LIMIT_BROKEN,
+    Format,
+    FormatOption,
+    QuietOption,
+    columns_for,
+    engines_named,
+    folder_of_now,
+    printed,
+    progress_for,
+    require_judge,
+    stop,
+)
+from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
+
+INSTALLED = "installed"
+QUICK_SCENES = ("slide", "slip", "collide_oblique", "incline_holds", "cradle", "stack", "ball_snip")
+
+
+def versions(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes or files of scenes (default: seven of all kinds).")
+    ] = None,
+    engine: Annotated[str, typer.Option(help="Engine, from a package index: mujoco, bullet, dart.")] = "",
+    version: Annotated[
+        list[str] | None,
+        typer.Option(help="Released version; repeat. The first is what others are compared with."),
+    ] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: recommended).")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="How often all is played, for times.")] = 3,
+    allow_paths: AllowPathsOption = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of results (default: runs/versions-<time>).")
+    ] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play scenes on released versions of an engine: did an update change physics or speed?
+
+    Each version is installed by pip into an environment of its own, kept in ~/.cache/touchstone/engines.
+    A single version is compared with the installed one (`--version installed`). Exit 1 if a figure is worse
+    than in the first version, 3 if a version cannot be had.
+    """
+    from touchstone.adapters.registry import distribution, profiles_of
+    from touchstone.adapters.workers.environment import installed_version
+    from touchstone.reports.output_folder import OutputError, output_folder
+    from touchstone.reports.run.request import Request
+    from touchstone.reports.versions.study import Compared, compare, environments
+
+    if not engine:
+        stop("--engine: name the engine, such as --engine mujoco", BAD_INPUT)
+    (name,) = engines_named([engine])
+    if distribution(name) == "touchstone" or name == "reference":
+        stop(f"--engine {engine}: its versions are commits of this program (touchstone compare)", BAD_INPUT)
+    if not version:
+        stop("--version: name released versions, such as --version 3.6.0 --version 3.17.0", BAD_INPUT)
+    asked = [*version, INSTALLED] if len(set(version)) == 1 and INSTALLED not in version else version
+    here = installed_version(name)
+    if INSTALLED in asked and not here:
+        stop(f"--version {INSTALLED}: {name} is not installed; name two versions", BAD_INPUT)
+    wanted = list(dict.fromkeys(here if one == INSTALLED else one for one in asked))
+    if len(wanted) < 2:
+        stop(f"--version: {wanted[0]} is the one that is installed; name another one", BAD_INPUT)
+    profiles = profile or [next(iter(profiles_of(name)))]
+    scenarios = tuple(scenarios_for(scenario or QUICK_SCENES, allow_paths=allow_paths))
+    columns, folder = columns_for([name], profiles), out or folder_of_now("versions-")
+    require_judge()
+    command = " ".join(["touchstone", *sys.argv[1:]])
+    request = Request(scenarios, columns, folder, command=command)
+    frames = sum(one.frame_count for one in scenarios) * len(columns) * len(wanted) * rounds
+    found = Compared(name, {})
+    with progress_for(len(wanted), quiet) as progress:
+        folders, faults = environments(name, wanted, progress)
+    for line in faults.values():
+        print(f"touchstone: {line}", file=sys.stderr)
+    try:
+        if len(folders) > 1:
+            with progress_for(frames, quiet, by_scene=True) as progress, output_folder(folder) as part:
+                found = compare(request, folders, rounds, part, progress)
+    except OutputError as error:
+        stop(str(error), BAD_INPUT)
+    if len(folders) < 2:
+        stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)
+    if not printed(found.frame, output) and not quiet:
+        from touchstone.reports.versions.table import show
+        from touchstone.reports.views.terminal import console
+
+        show(found, console())
+        print(f"results: {folder}")
+    worse = found.figures[found.figures.kind == "worse"]
+    if quiet:
+        for row in worse.to_dict("records"):
+            what = f"{row['scenario']} {row['profile']} {row['metric']} {row['subject']}".rstrip()
+            print(f"worse: {row['version']} {what}: {row['a']:.4g} -> {row['b']:.4g}", file=sys.stderr)
+    if len(worse):
+        raise typer.Exit(LIMIT_BROKEN)
+    if (found.frame.verdict == "error").any():
+        raise typer.Exit(ENGINE_FAILED)
+    if faults:
+        raise typer.Exit(ENGINE_MISSING)

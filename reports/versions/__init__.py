@@ -1,0 +1,1 @@
+"""Released versions of an engine, compared."""

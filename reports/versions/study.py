@@ -1,0 +1,222 @@
+"""Play scenes on several released versions of an engine, and compare each with the first.
+
+Every version plays in child processes of its own environment; recordings are judged here, by one judge. Each
+round starts new processes, because a process's speed depends on where its memory lies. Within a round the
+versions take turns, and the order changes from round to round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording, load
+from touchstone.adapters.workers.children import Children, Job, Outcome
+from touchstone.adapters.workers.environment import VersionError, VersionLoader, environment
+from touchstone.adapters.workers.import_check import try_imports
+from touchstone.adapters.workers.scratch import scratch_folder
+from touchstone.reports.bootstrap import Ratio, mean, restart_ratio
+from touchstone.reports.cli.progress import SCENE, Progress
+from touchstone.reports.compare.changes import changes
+from touchstone.reports.compare.tolerances import DEFAULT, Tolerance
+from touchstone.reports.metrics.state import state_hash
+from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.run.request import Request, Results
+from touchstone.reports.run.study import judge_outcomes
+from touchstone.scenarios.scenario import Scenario
+
+SAME = 1e-2
+"""Relative change of a figure that counts as none [1]."""
+ALLOWED = (*DEFAULT, Tolerance("*", SAME, 1e-9), Tolerance("time*", np.inf), Tolerance("state.hash", np.inf))
+"""Tolerances of figures; times are compared over several rounds instead, states by their distance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A version beside the first one in one scene and profile.
+
+    Attributes:
+        motion: largest distance between the positions of a body [m]; NaN where one of the two did not play
+            to its end. 0 also where states differ in other ways than by position.
+        same: whether all states of all frames are equal to the bit.
+        time: ratio of the mean frame, with its interval; None where one of the two did not play.
+    """
+
+    scenario: str
+    profile: str
+    version: str
+    motion: float
+    same: bool
+    time: Ratio | None
+
+
+@dataclass
+class Compared:
+    """Results per version, differences from the first version, and changed figures (`changes`) with a
+    column `version`; `faults`: version -> why it did not play."""
+
+    engine: str
+    results: dict[str, Results]
+    differences: list[Difference] = field(default_factory=list)
+    figures: pd.DataFrame = field(default_factory=pd.DataFrame)
+    faults: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """Long table of all versions, with the column `version`."""
+        parts = [one.frame.assign(version=version) for version, one in self.results.items()]
+        return pd.concat(parts, ignore_index=True) if parts else table([]).assign(version="")
+
+
+def label_of(engine: str, version: str) -> str:
+    """What children call a version of an engine."""
+    return f"{engine}=={version}"
+
+
+def environments(
+    engine: str, versions: list[str], progress: Progress
+) -> tuple[dict[str, Path | None], dict[str, str]]:
+    """Environments of the versions that can be imported, and why others cannot."""
+    folders: dict[str, Path | None] = {}
+    faults = {}
+    for version in versions:
+        progress(f"environment of {engine} {version}", 1)
+        try:
+            folders[version] = environment(engine, version)
+        except VersionError as error:
+            faults[version] = str(error)
+    with scratch_folder() as home:
+        loader = _loader(engine, folders, home)
+        for label, found in try_imports(tuple(loader.folders), loader).items():
+            version = label.partition("==")[2]
+            if found.status != "done":
+                faults[version] = f"{engine} {version}: {found.text.removeprefix(f'{label}: ')}"
+                del folders[version]
+    return folders, faults
+
+
+def _loader(engine: str, folders: Mapping[str, Path | None], home: Path) -> VersionLoader:
+    return VersionLoader(engine, {label_of(engine, name): path for name, path in folders.items()}, home)
+
+
+def compare(
+    request: Request, folders: Mapping[str, Path | None], rounds: int, folder: Path, progress: Progress
+) -> Compared:
+    """Play all rounds, judge the first one, and compare; writes tables and recordings into `folder`.
+
+    Args:
+        request: scenes, and columns of one engine.
+        folders: version -> its environment; None: the one that is installed.
+    """
+    engine = request.columns[0][0]
+    found = Compared(engine, {version: Results(table([])) for version in folders})
+    rows: dict[str, list[Row]] = {version: [] for version in folders}
+    times: dict[tuple[str, str, str], list[Array]] = {}
+    with scratch_folder() as scratch:
+        for round_ in range(rounds):
+            order = [*list(folders)[round_ % len(folders) :], *list(folders)[: round_ % len(folders)]]
+            with Children(_loader(engine, folders, scratch)) as children:
+                for number, scenario in enumerate(request.scenarios, start=1):
+                    of = f"{number} of {len(request.scenarios)}"
+                    progress(f"{SCENE}{of}: {scenario.name}, round {round_ + 1} of {rounds}", 0)
+                    place = folder if round_ == 0 else scratch / str(round_)
+                    outcomes = children.play(_jobs(request, scenario, order, place), progress)
+                    for outcome in outcomes:
+                        version = outcome.job.engine.partition("==")[2]
+                        if outcome.status == "done":
+                            key = (version, scenario.name, outcome.job.settings.label)
+                            times.setdefault(key, []).append(load(outcome.job.recording).time_frame)
+                    if round_ == 0:
+                        for version, mine in _by_version(engine, outcomes).items():
+                            rows[version] += judge_outcomes(
+                                request, scenario, mine, found.results[version], progress
+                            )
+    for version, results in found.results.items():
+        results.frame = table(rows[version])
+    first, *others = found.results
+    for version in others:
+        found.differences += _differences(found, first, version, times)
+    found.figures = figures(found, first, others)
+    _write(found, request, folder)
+    return found
+
+
+def _jobs(request: Request, scenario: Scenario, versions: list[str], folder: Path) -> list[Job]:
+    jobs = []
+    for version in versions:
+        place = (folder / version).absolute()
+        for name in ("recordings", "output"):
+            (place / name).mkdir(parents=True, exist_ok=True)
+        for engine, profile in request.columns:
+            settings = request.settings(engine, profile)
+            name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
+            paths = place / "recordings" / f"{name}.npz", place / "output" / f"{name}.txt"
+            jobs.append(Job(label_of(engine, version), scenario, settings, *paths))
+    return jobs
+
+
+def _by_version(engine: str, outcomes: list[Outcome]) -> dict[str, list[Outcome]]:
+    """Outcomes per version, under the engine's own name: limits and known failings are found by it."""
+    found: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        version = outcome.job.engine.partition("==")[2]
+        found.setdefault(version, []).append(replace(outcome, job=replace(outcome.job, engine=engine)))
+    return found
+
+
+def _differences(
+    found: Compared, first: str, version: str, times: Mapping[tuple[str, str, str], list[Array]]
+) -> list[Difference]:
+    one, two = found.results[first].recordings, found.results[version].recordings
+    every = dict.fromkeys([*found.results[first].ended, *one, *found.results[version].ended, *two])
+    told = []
+    for key in every:
+        scenario, _, label = key
+        if key not in one or key not in two:
+            told.append(Difference(scenario, label, version, float("nan"), False, None))
+            continue
+        ours, theirs = times[version, scenario, label], times[first, scenario, label]
+        count = min(map(len, (*ours, *theirs)))
+        ratio = restart_ratio(
+            np.array([each[:count] for each in ours]),
+            np.array([each[:count] for each in theirs]),
+            mean,
+            np.arange(count),
+        )
+        same = state_hash(one[key]) == state_hash(two[key])
+        told.append(Difference(scenario, label, version, distance(one[key], two[key]), same, ratio))
+    return told
+
+
+def distance(one: Recording, two: Recording) -> float:
+    """Largest distance between the positions of a body in two recordings of a scene [m]."""
+    count = min(len(one.position), len(two.position))
+    apart = np.linalg.norm(one.position[:count] - two.position[:count], axis=-1)
+    return float(apart.max(initial=0.0))
+
+
+def figures(found: Compared, first: str, others: list[str]) -> pd.DataFrame:
+    """Figures that changed from the first version, with a column `version`; the worst kind first."""
+    tables = {name: one.frame[one.frame.metric != "work"] for name, one in found.results.items()}
+    parts = [changes(tables[first], tables[version], ALLOWED).assign(version=version) for version in others]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=["kind", "version"])
+
+
+def _write(found: Compared, request: Request, folder: Path) -> None:
+    for version, results in found.results.items():
+        engines = results.recordings | results.ended
+        manifest = {"engines": {"/".join(key): one.facts for key, one in engines.items()}}
+        save(results.frame, folder / version)
+        save_manifest(folder / version, {"command": request.command, "version": version, **manifest})
+    save(found.frame, folder)
+    found.figures.to_csv(folder / "changes.csv", index=False)
+    save_manifest(
+        folder,
+        {"command": request.command, "engine": found.engine, "versions": list(found.results)}
+        | {"faults": found.faults},
+    )

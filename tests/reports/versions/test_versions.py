@@ -1,0 +1,211 @@
+"""`touchstone versions`: environments of released versions, and what differs between them."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from touchstone.adapters.registry import ENGINES, Entry, installed
+from touchstone.adapters.workers.environment import (
+    VersionError,
+    environment,
+    environments_folder,
+    installed_version,
+    pip_reason,
+)
+
+HERE = str(Path(__file__).parent)
+SAME, LIGHTER, BROKEN = "1.1", "2.0", "3.0"
+
+
+def wheel(folder: Path, version: str, text: str) -> None:
+    """Write a wheel of the made-up engine's library."""
+    info = f"fake_physics-{version}.dist-info"
+    with zipfile.ZipFile(folder / f"fake_physics-{version}-py3-none-any.whl", "w") as archive:
+        archive.writestr("fake_physics.py", f"VERSION = {version!r}\n{text}\n")
+        archive.writestr(
+            f"{info}/METADATA", f"Metadata-Version: 2.1\nName: fake-physics\nVersion: {version}\n"
+        )
+        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(f"{info}/RECORD", "")
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """A cache folder that the tests of this file share: each version is installed once."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def released(monkeypatch, tmp_path, cache):
+    """A registered engine with five released versions, which pip finds in a folder."""
+    wheels = tmp_path / "wheels"
+    wheels.mkdir()
+    for version, text in (
+        ("1.0", "FACTOR = 1.0"),
+        (SAME, "FACTOR = 1.0"),
+        (LIGHTER, "FACTOR = 0.9"),
+        (BROKEN, "raise ImportError('libphysics.so.3 is missing')"),
+    ):
+        wheel(wheels, version, text)
+    for name, value in (
+        ("PIP_NO_INDEX", "1"),
+        ("PIP_FIND_LINKS", str(wheels)),
+        ("XDG_CACHE_HOME", str(cache)),
+    ):
+        monkeypatch.setenv(name, value)
+    monkeypatch.syspath_prepend(HERE)
+    entry = Entry("fake_adapter:Engine", "fake_physics", {"default": 1 / 240}, "fake-physics")
+    monkeypatch.setitem(ENGINES, "faked", entry)
+    return wheels
+
+
+@pytest.fixture
+def touchstone(monkeypatch, capfd, tmp_path):
+    """Call the program in an empty folder: (exit code, stdout, stderr)."""
+    from touchstone.reports.cli import main as cli
+
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["touchstone", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return (end.value.code or 0, *capfd.readouterr())
+
+    return call
+
+
+def _arguments(*versions):
+    return ("versions", "--engine", "faked", *(word for one in versions for word in ("--version", one)))
+
+
+def test_an_update_that_changes_physics_is_told(touchstone, released, tmp_path):
+    """Equal versions are the same to the bit; another law moves bodies by a known distance, exit 1; versions
+    that do not exist or cannot be imported are one line each, and the others are compared."""
+    code, out, err = touchstone(
+        *_arguments("1.0", SAME, LIGHTER, BROKEN, "9.9"), "fall", "--rounds", 1, "--out", "found"
+    )
+    assert "fake-physics 9.9: does not exist for this interpreter; released: 1.0, 1.1, 2.0, 3.0" in err
+    assert f"faked {BROKEN}: cannot be imported: libphysics.so.3 is missing" in err
+    assert f"{SAME}: physics: 1 of 1 runs are the same to the bit as in 1.0" in out
+    # 10 % of the fall of 1 s, in steps
+    assert (
+        f"{LIGHTER}: physics: 0 of 1 runs are the same to the bit as in 1.0; motion differs by up to 493 mm"
+        in out
+    )
+    assert code == 1
+    frame = pd.read_parquet("found/results.parquet")
+    assert sorted(set(frame.version)) == ["1.0", SAME, LIGHTER]
+    assert set(frame.engine) == {"faked"}
+    changed = pd.read_csv("found/changes.csv", dtype={"version": str})
+    assert set(changed.version) == {LIGHTER}
+    assert "worse" in set(changed.kind)
+    assert (tmp_path / "found" / LIGHTER / "recordings" / "fall-faked-default.npz").exists()
+    assert not list(environments_folder().glob(".*"))
+
+
+def test_versions_without_a_difference_are_exit_0(touchstone, released):
+    """Nothing is worse: exit 0; the second time nothing is installed."""
+    environment("faked", "1.0")
+    environment("faked", SAME)
+    shutil.rmtree(released)
+    code, out, _ = touchstone(*_arguments("1.0", SAME), "fall", "--rounds", 1, "--quiet", "--out", "found")
+    assert (code, out) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("versions",), 2, "--engine: name the engine"),
+        (("versions", "--engine", "mujocko", "--version", "1"), 2, "did you mean 'mujoco'"),
+        (("versions", "--engine", "reference", "--version", "1.0"), 2, "commits of this program"),
+        (_arguments(), 2, "--version: name released versions"),
+        (_arguments("1.0"), 2, "--version installed: faked is not installed; name two versions"),
+        ((*_arguments("1.0", "2.0"), "fal"), 2, "did you mean 'fall'"),
+        (_arguments("../x", "1.0"), 3, "fake-physics ../x: not a version"),
+        ((*_arguments("1.0", "2.0"), "--rounds", "0"), 2, "--rounds"),
+    ],
+)
+def test_wrong_arguments_are_one_line(touchstone, released, arguments, code, said):
+    """Each says what is wrong and what would be right; nothing is written."""
+    found, out, err = touchstone(*arguments)
+    assert (found, out) == (code, "")
+    assert said in err
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("/usr/bin/python3: No module named pip", "pip is missing: "),
+        (
+            "ERROR: ... (from versions: none)\nERROR: No matching",
+            "pip finds no mujoco: it is not released, or ",
+        ),
+        (
+            "ERROR: Cannot install a and b: conflicting dependencies\nERROR: ResolutionImpossible",
+            "beside numpy",
+        ),
+        (
+            "  RuntimeError: PATH is not set\n  [end of output]\nERROR: Failed",
+            "built: RuntimeError: PATH is not",
+        ),
+        ("", "cannot be built: pip said nothing"),
+    ],
+)
+def test_why_pip_failed_is_one_line(text, said):
+    """The cause, not pip's last line."""
+    found = pip_reason(text, "mujoco")
+    assert said in found
+    assert "\n" not in found
+
+
+def test_an_interrupted_installation_leaves_nothing(released, monkeypatch):
+    """An environment is complete or absent."""
+    from touchstone.adapters.workers import environment as module
+
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(released / "cache"))
+    monkeypatch.setattr(module.subprocess, "run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        environment("faked", "1.0")
+    assert list(environments_folder().iterdir()) == []
+    with pytest.raises(VersionError, match="not a version"):
+        environment("faked", "1.0; rm")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not installed("mujoco"), reason="MuJoCo is not installed")
+def test_released_versions_of_mujoco(touchstone, tmp_path, monkeypatch):
+    """MuJoCo 3.6.0 beside the installed version; needs a package index."""
+    code, out, err = touchstone(
+        "versions",
+        "--engine",
+        "mujoco",
+        "--version",
+        "3.6.0",
+        "--rounds",
+        1,
+        "--out",
+        "found",
+        "fall",
+        "slip",
+    )
+    if "pip finds no mujoco" in err:
+        pytest.skip("no package index")
+    assert code in (0, 1)
+    frame = pd.read_parquet("found/results.parquet")
+    here = installed_version("mujoco")
+    assert set(frame.version) == {"3.6.0", here}
+    assert not (frame.verdict == "error").any()
+    assert f"{here}: physics: " in out
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
