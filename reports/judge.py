@@ -1,6 +1,6 @@
 """The libraries that judge a run; without them their metrics get no verdict.
 
-`adapters.oracles` measures overlap and gaps (coal, python-fcl) and postures (pinocchio). All three are core
+`adapters.oracles` measures overlap and gaps (coal) and postures (pinocchio). Both are core
 dependencies of the project. If one is missing or its import fails, the user gets an error message.
 """
 

@@ -5,10 +5,11 @@
     def test_slide(play, scenario, engine):
         touchstone.assert_no_overlap(play(scenario, engine))
 
-Fixtures: `play(scene, engine=None, profile=None, ...)` returns the recording of a run, played once a session
-in a process of its own; `scenario` and `engine` are those of the markers, or of `--touchstone-engine`. With
-`--touchstone-tag TAG` our invariants run over all scenes with the tag: `reports/assertions/suite.py`.
-Measured values become properties of the test, which `--junit-xml` writes.
+Fixtures: `play(scene, engine=None, profile=None, ...)` returns the recording of a run, played in a process of
+its own and kept in pytest's cache until sources, versions, settings or the scene change; `scenario` and
+`engine` are those of the markers, or of `--touchstone-engine`. With `--touchstone-tag TAG` our invariants run
+over all scenes with the tag: `reports/assertions/suite.py`. Measured values become properties of the test,
+which `--junit-xml` writes.
 
 pytest imports this module in every session of an environment in which touchstone is installed: it imports
 nothing heavy until a fixture is used.
@@ -31,6 +32,10 @@ MARKERS = (
     "scenario(name, ...): scenes of touchstone that the fixture `scenario` has, one test each",
     "engine(name, ...): engines of touchstone, or module:Class, that the fixture `engine` has, one test each",
 )
+CACHE = "touchstone"
+"""Folder of recordings in pytest's cache."""
+COUNTS = pytest.StashKey[tuple[int, int]]()
+"""Runs of a session that were played, and that were kept from earlier sessions."""
 SUITE = Path(__file__).with_name("assertions") / "suite.py"
 """Module of the invariants that `--touchstone-tag` collects."""
 
@@ -51,6 +56,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default=[],
         metavar="TAG",
         help="Run touchstone's invariants over all scenes with this tag (repeatable).",
+    )
+    group.addoption(
+        "--touchstone-no-cache",
+        action="store_true",
+        help="Play every run, and keep none for later sessions (--cache-clear removes the kept ones).",
     )
     group.addoption("--touchstone-profile", default="", help="Profile (default: the first of the engine).")
 
@@ -141,11 +151,23 @@ def engine(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="session")
 def play(pytestconfig: pytest.Config) -> Iterator[Callable[..., Recording]]:
     """Function that plays a scene on an engine and returns the recording (`Player.play`)."""
+    from touchstone.reports.assertions.play_cache import PlayCache
     from touchstone.reports.assertions.player import Player
 
-    player: Player = Player(pytestconfig.getoption("--touchstone-profile"))
+    keeps = pytestconfig.pluginmanager.hasplugin("cacheprovider")
+    keeps &= not pytestconfig.getoption("--touchstone-no-cache")
+    folder = pytestconfig.cache.mkdir(CACHE) if keeps and pytestconfig.cache is not None else None
+    player: Player = Player(pytestconfig.getoption("--touchstone-profile"), PlayCache(folder))
     yield player.play
     player.close()
+    pytestconfig.stash[COUNTS] = (player.played, player.found)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how many runs were played, and how many an earlier session had played."""
+    played, found = config.stash.get(COUNTS, (0, 0))
+    if found:
+        terminalreporter.write_line(f"touchstone: {played} runs played, {found} kept from earlier sessions")
 
 
 @pytest.hookimpl(wrapper=True)

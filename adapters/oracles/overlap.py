@@ -1,4 +1,4 @@
-"""Signed distances of body pairs, equal for all engines: python-fcl's broad phase and coal's narrow phase.
+"""Signed distances of body pairs, equal for all engines: in closed form, and by coal where there is none.
 
 Conventions as in `contract.py`: distances are negative in overlap, normals point from A to B. Pieces farther
 apart than `MARGIN` are not candidates, unless their bodies are requested by name.
@@ -6,38 +6,29 @@ apart than `MARGIN` are not candidates, unless their bodies are requested by nam
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import coal
-import fcl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError, Array
+from touchstone.adapters.oracles.closed_distance import Answers, Placed, at, closed_distance
+from touchstone.adapters.oracles.near_pairs import blocks, near_pairs
 from touchstone.adapters.recording import Recording
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
-Places = dict[bytes, list[int]]
-"""Pieces by the position of their boxes: the bytes of that position."""
 MARGIN = 0.02
 """Distance within which pieces are candidates [m]: wider than the collision margin of any engine."""
 TOLERANCE = 1e-8
 """coal's GJK and EPA tolerance [m]: a hundredth of the 1e-6 m that is required of a depth."""
 DOUBTFUL = 1e-4
 """Depth above which a pair is queried in both orders [m]: exact engines rarely overlap by as much."""
-BLOCK = 256
-"""Frames whose poses are computed at a time [1]: few calls, and little memory in long runs."""
-PAIRS_MAX = 500
-"""Pairs of pieces up to which frames without any near pair are found at once [1]: beyond, the tree is
-faster."""
-ROUNDING = 1e-9
-"""Gap of bounding boxes that counts as none [m]."""
 ITERATIONS = 1000
 """coal's iteration caps: high enough that queries end by tolerance only."""
 
@@ -66,68 +57,53 @@ def measure(recording: Recording, scenario: Scenario, asked: Iterable[tuple[int,
 
 
 class _Oracle:
-    """Distance computation over a recording.
-
-    Fixed bodies that do not move are placed once and never tested against each other; all other bodies are
-    `moving`.
-    """
+    """Distance computation over a recording."""
 
     def __init__(self, scenario: Scenario, asked: set[tuple[int, int]]) -> None:
         self.asked = asked
         self.pairs = list(scenario.touching_pairs())
-        wanted = set(self.pairs)
         pieces = [(i, piece) for i, body in enumerate(scenario.bodies) for piece in body.pieces]
-        self.body = [i for i, _ in pieces]
-        self.shapes = [coal_shape(piece.shape) for _, piece in pieces]
-        self.own_position = np.array([piece.position for _, piece in pieces])
-        own = np.array([piece.orientation for _, piece in pieces])
+        self.body = np.array([i for i, _ in pieces], dtype=int)
+        self.shapes = [piece.shape for _, piece in pieces]
+        self.coal_shapes = [coal_shape(shape) for shape in self.shapes]
+        self.own_position = np.array([piece.position for _, piece in pieces]).reshape(-1, 3)
+        own = np.array([piece.orientation for _, piece in pieces]).reshape(-1, 4)
         self.own_rotation = Rotation.from_quat(own, scalar_first=True).as_matrix()
-        self.half = np.array([_inflated(piece.shape) / 2 for _, piece in pieces]).reshape(-1, 3)
-        self.boxes = [fcl.CollisionObject(fcl.Box(*_inflated(piece.shape))) for _, piece in pieces]
-        self.fixed = [body.kind == "fixed" for body in scenario.bodies]
-        count = len(pieces)
-        self.always = {
-            (p, q)
-            for p in range(count)
-            for q in range(p + 1, count)
-            if (self.body[p], self.body[q]) in self.asked
-        }
-        self.may_meet = [[(i, j) in wanted for j in self.body] for i in self.body]
+        self.half = np.array([_half_sides(shape) for shape in self.shapes]).reshape(-1, 3) + MARGIN / 2
+        self.round = np.array([isinstance(shape, Sphere) for shape in self.shapes], dtype=bool)
+        touch = np.zeros((len(scenario.bodies),) * 2, dtype=bool)
+        always = touch.copy()
+        for a, b in self.pairs:
+            touch[a, b] = touch[b, a] = True
+        for a, b in asked:
+            always[a, b] = always[b, a] = True
+        self.may_meet = touch[self.body[:, None], self.body] & ~always[self.body[:, None], self.body]
+        self.always = np.argwhere(np.triu(always[self.body[:, None], self.body], 1)).tolist()
 
     def run(self, recording: Recording) -> Distances:
         frames = len(recording.time)
-        distance = {pair: np.full(frames, np.inf) for pair in self.pairs}
-        normal = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
-        point = {pair: np.full((frames, 3), np.nan) for pair in self.pairs}
-        poses = _posed(*self._poses(recording, slice(0, 1)), 0)
-        stays = (np.ptp(recording.position, axis=0) == 0).all(axis=1) & self.fixed
-        stays &= (np.ptp(recording.orientation, axis=0) == 0).all(axis=1)
-        still = np.flatnonzero(stays[self.body]).tolist()
-        self.moving = np.flatnonzero(~stays[self.body]).tolist()
-        moves = set(self.moving)
-        self.meeting = [
-            (p, q)
-            for p in range(len(self.body))
-            for q in range(p + 1, len(self.body))
-            if (p in moves or q in moves) and self.may_meet[p][q]
-        ]
-        self.still_places, self.still_manager = self._managed(still, poses)
-        self.moving_places, self.moving_manager = self._managed(self.moving, poses)
-        for f in range(frames):
-            if f % BLOCK == 0:
-                block = self._poses(recording, slice(f, f + BLOCK))
-                near = self._near(*block)
-            if not (near[f % BLOCK] or self.always):
-                continue
-            moved = _posed(*block, f % BLOCK)
-            for k in self.moving:
-                poses[k] = moved[k]
-            for p, q in self._candidates(poses):
-                pair = (self.body[p], self.body[q])
-                value, along, middle = signed_distance(self.shapes[p], poses[p], self.shapes[q], poses[q])
+        # Pairs that are never near share arrays that nothing writes to.
+        far, nowhere = np.full(frames, np.inf), np.full((frames, 3), np.nan)
+        far.flags.writeable = nowhere.flags.writeable = False
+        distance = dict.fromkeys(self.pairs, far)
+        normal, point = dict.fromkeys(self.pairs, nowhere), dict.fromkeys(self.pairs, nowhere)
+        for block in blocks(frames, len(self.body)):
+            turned, origin = self._poses(recording, block)
+            for p, q, near in self._candidates(turned, origin):
+                pair = (int(self.body[p]), int(self.body[q]))
+                if distance[pair] is far:
+                    distance[pair] = far.copy()
+                    normal[pair], point[pair] = nowhere.copy(), nowhere.copy()
+                found = self._answers(p, q, turned, origin, near)
+                rows = block.start + near
                 # Farther pieces are candidates by chance: the nearest pieces may not be among them.
-                if value < distance[pair][f] and (value <= MARGIN or pair in self.asked):
-                    distance[pair][f], normal[pair][f], point[pair][f] = value, along, middle
+                better = found.distance < distance[pair][rows]
+                if pair not in self.asked:
+                    better &= found.distance <= MARGIN
+                if not better.all():
+                    rows = rows[better]
+                distance[pair][rows] = found.distance[better]
+                normal[pair][rows], point[pair][rows] = found.normal[better], found.point[better]
         return Distances(distance, normal, point)
 
     def _poses(self, recording: Recording, frames: slice) -> tuple[Array, Array]:
@@ -136,63 +112,39 @@ class _Oracle:
         flat = recording.orientation[frames].reshape(-1, 4)
         bodies = Rotation.from_quat(flat, scalar_first=True).as_matrix().reshape(-1, count, 3, 3)
         turned = bodies[:, self.body]
-        origin = recording.position[frames][:, self.body] + (turned @ self.own_position[..., None])[..., 0]
-        return turned @ self.own_rotation, origin
+        origin = recording.position[frames][:, self.body]
+        moved = np.flatnonzero(self.own_position.any(axis=1))
+        origin[:, moved] += np.einsum("fpij,pj->fpi", turned[:, moved], self.own_position[moved])
+        rotated = np.flatnonzero((self.own_rotation != np.eye(3)).any(axis=(1, 2)))
+        turned[:, rotated] = turned[:, rotated] @ self.own_rotation[rotated]
+        return turned, origin
 
-    def _near(self, turned: Array, origin: Array) -> NDArray[np.bool_]:
-        """Frames (f,) in which the bounding boxes of any pair may overlap; all frames in scenes of many
-        pairs."""
-        p, q = np.array(self.meeting, dtype=int).reshape(-1, 2).T
-        if len(p) > PAIRS_MAX:
-            return np.ones(len(origin), dtype=bool)
-        reach = (np.abs(turned) @ self.half[..., None])[..., 0]
-        apart = np.abs(origin[:, p] - origin[:, q]) - (reach[:, p] + reach[:, q])
-        near: NDArray[np.bool_] = (apart <= ROUNDING).all(axis=2).any(axis=1)
-        return near
+    def _candidates(self, turned: Array, origin: Array) -> Iterator[tuple[int, int, NDArray[np.int64]]]:
+        """Pairs of pieces, and the frames in which they may be within MARGIN or are asked for."""
+        reach = (np.abs(turned) * self.half[:, None]).sum(axis=3)
+        reach[:, self.round] = self.half[self.round]
+        yield from near_pairs(origin, reach, self.may_meet)
+        for p, q in self.always:
+            yield p, q, np.arange(len(origin))
 
-    def _managed(self, pieces: list[int], poses: list[Pose]) -> tuple[Places, Any]:
-        places: Places = {}
-        self._place(pieces, poses, places)
-        manager = fcl.DynamicAABBTreeCollisionManager()
-        manager.registerObjects([self.boxes[k] for k in pieces])
-        manager.setup()
-        return places, manager
+    def _answers(self, p: int, q: int, turned: Array, origin: Array, near: NDArray[np.int64]) -> Answers:
+        """Answers of two pieces in the given frames: in closed form, and by coal where there is none."""
+        one, two = (Placed(self.shapes[k], turned[near, k], origin[near, k]) for k in (p, q))
 
-    def _place(self, pieces: list[int], poses: list[Pose], places: Places) -> None:
-        """Place the boxes of pieces. Callbacks receive copies of the boxes: `places` identifies them by
-        position."""
-        places.clear()
-        for k in pieces:
-            box = self.boxes[k]
-            box.setTransform(fcl.Transform(*poses[k]))
-            places.setdefault(box.getTranslation().tobytes(), []).append(k)
+        def by_coal(frames: NDArray[np.int64]) -> Answers:
+            first, second = at(one, frames), at(two, frames)
+            shapes = self.coal_shapes[p], self.coal_shapes[q]
+            rows = [
+                signed_distance(shapes[0], pose, shapes[1], other)
+                for pose, other in zip(
+                    zip(first.turned, first.origin), zip(second.turned, second.origin), strict=True
+                )
+            ]
+            distance, normal, point = (np.array(column) for column in zip(*rows))
+            return Answers(distance, normal, point)
 
-    def _candidates(self, poses: list[Pose]) -> set[tuple[int, int]]:
-        self._place(self.moving, poses, self.moving_places)
-        self.moving_manager.update()
-        found = set(self.always)
-
-        def keep(one: fcl.CollisionObject, two: fcl.CollisionObject, _: object) -> bool:
-            first, second = one.getTranslation().tobytes(), two.getTranslation().tobytes()
-            for p in self._at(first):
-                for q in self._at(second):
-                    low, high = (p, q) if p < q else (q, p)
-                    if self.may_meet[low][high]:
-                        found.add((low, high))
-            return False
-
-        self.moving_manager.collide(None, keep)
-        self.moving_manager.collide(self.still_manager, None, keep)
-        return found
-
-    def _at(self, place: bytes) -> list[int]:
-        """Fixed and moving pieces whose boxes are at a position."""
-        return self.moving_places.get(place, []) + self.still_places.get(place, [])
-
-
-def _posed(turned: Array, origin: Array, frame: int) -> list[Pose]:
-    """Poses of all pieces in a frame."""
-    return list(zip(turned[frame], origin[frame]))
+        found = closed_distance(one, two)
+        return by_coal(np.arange(len(near))) if found is None else found.or_else(by_coal)
 
 
 def signed_distance(
@@ -248,19 +200,18 @@ def coal_shape(shape: Shape) -> object:
     raise AdapterError(f"the overlap oracle knows no shape {type(shape).__name__}")
 
 
-def _inflated(shape: Shape) -> Array:
-    """Full sides of a box about the shape's origin that contains it with a margin of MARGIN / 2."""
+def _half_sides(shape: Shape) -> tuple[float, float, float]:
+    """Half sides of a box about the shape's origin that contains it [m]."""
     match shape:
         case Sphere(radius):
-            half = np.full(3, radius)
+            return radius, radius, radius
         case Box(half):
-            half = np.array(half)
+            return half
         case Capsule(radius, half_length):
-            half = np.array((radius, radius, half_length + radius))
+            return radius, radius, half_length + radius
         case Ellipsoid(half):
-            half = np.array(half)
+            return half
         case Hull(vertices):
-            half = np.abs(np.array(vertices)).max(axis=0)
-        case _:
-            raise AdapterError(f"the overlap oracle knows no shape {type(shape).__name__}")
-    return np.asarray(2 * (half + MARGIN / 2))
+            x, y, z = np.abs(np.array(vertices)).max(axis=0).tolist()
+            return x, y, z
+    raise AdapterError(f"the overlap oracle knows no shape {type(shape).__name__}")

@@ -10,6 +10,7 @@ from typing import Any
 
 import mujoco
 
+from touchstone.adapters.engines.mujoco.model import write_no_log_file
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.xml_source import Element, found_file, parsed
 
@@ -119,6 +120,7 @@ def _compiled(root: Element, load: Any, path: Path) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            write_no_log_file()
             spec = load()
             spec.compiler.fusestatic = False
             return spec.compile()

@@ -30,7 +30,14 @@ from touchstone.adapters.contract import (
     Unsupported,
 )
 from touchstone.adapters.engines.mujoco.contacts import add_contacts, contact_parameters, restitution_of
-from touchstone.adapters.engines.mujoco.model import add_bodies, add_servos, inverse, set_options, turned
+from touchstone.adapters.engines.mujoco.model import (
+    add_bodies,
+    add_servos,
+    inverse,
+    set_options,
+    turned,
+    write_no_log_file,
+)
 from touchstone.adapters.posed_drive import posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive
@@ -66,15 +73,6 @@ LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWAR
 """MuJoCo's warnings that contacts were dropped because memory was full."""
 
 
-def _write_no_log_file() -> None:
-    """Send warnings to stderr only; by default MuJoCo also writes MUJOCO_LOG.TXT to the current folder."""
-    if not hasattr(mujoco, "MjLogConfig"):
-        return  # older versions have no such switch
-    log = mujoco.MjLogConfig.get()
-    log.logto_file = False
-    mujoco.MjLogConfig.set(log)
-
-
 class MujocoEngine:
     """MuJoCo with the integrator and the cone that its documentation recommends; `default` with its defaults;
     `accurate` with stiffer contacts."""
@@ -85,7 +83,7 @@ class MujocoEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""
         require_profile(self.name, settings)
-        _write_no_log_file()
+        write_no_log_file()
         spec = mujoco.MjSpec()
         set_options(spec, scenario, settings)
         posed = settings.drive == "posed"

@@ -33,6 +33,15 @@ IMPEDANCE_RATIO = 10.0
 fast (MuJoCo's modeling guide, on preventing slip)."""
 
 
+def write_no_log_file() -> None:
+    """Send warnings to stderr only; by default MuJoCo also writes MUJOCO_LOG.TXT to the current folder."""
+    if not hasattr(mujoco, "MjLogConfig"):
+        return  # older versions have no such switch
+    log = mujoco.MjLogConfig.get()
+    log.logto_file = False
+    mujoco.MjLogConfig.set(log)
+
+
 def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
     """Set options explicitly; those not named here keep MuJoCo's default, which the manifest publishes."""
     spec.compiler.degree = False

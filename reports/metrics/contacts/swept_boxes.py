@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
+from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 if TYPE_CHECKING:
@@ -76,9 +77,7 @@ class Motions:
         Of the rotations that reach the next orientation, the one nearest to the angular velocity times the
         frame: a body may turn by more than half a revolution.
         """
-        steps, count = len(self.rotation) - 1, self.rotation.shape[1]
-        between = self.rotation[1:] @ self.rotation[:-1].swapaxes(2, 3)
-        least = Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec().reshape(steps, count, 3)
+        least = _least_turns(self._recording.orientation)
         spin = self._recording.angular_velocity
         expected = (spin[1:] + spin[:-1]) / 2 * self.frame
         angle = np.linalg.norm(least, axis=2, keepdims=True)
@@ -181,6 +180,19 @@ class Pair:
             yield found
             least = max(abs(found.distance - level), self.thickness / STEPS_PER_THICKNESS)
             share += least / way if way > 0 else inf
+
+
+def _least_turns(orientation: Array) -> Array:
+    """Shortest rotation vectors (f - 1, n, 3) between successive unit quaternions wxyz (f, n, 4)."""
+    start, end = orientation[:-1], orientation[1:]
+    w0, w1, v0, v1 = start[..., :1], end[..., :1], start[..., 1:], end[..., 1:]
+    axis = w0 * v1 - w1 * v0 - cross(v1, v0)
+    cosine = np.einsum("fni,fni->fn", start, end)[..., None]
+    sine = np.sqrt(np.einsum("fni,fni->fn", axis, axis))[..., None]
+    half = np.arctan2(sine, np.abs(cosine))
+    # The vector part is its own limit where the angle vanishes.
+    factor = np.where(sine > 0, 2 * half / np.where(sine > 0, sine, 1.0), 2.0)
+    return np.asarray(np.where(cosine < 0, -factor, factor) * axis)
 
 
 def extent(motions: Motions, body: int, piece: Piece) -> Extent:

@@ -64,13 +64,13 @@ def session(tmp_path):
     shutil.copy(ROOT / "docs" / "toy_engine.py", tmp_path)
     (tmp_path / "faulty_engine.py").write_text(FAULTY)
 
-    def run(*arguments: str) -> tuple[int, str]:
+    def run(*arguments: str, cached: bool = False) -> tuple[int, str]:
         path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
         # The plug-in may be installed or not; it is loaded once either way.
         environment = os.environ | {"PYTHONPATH": path, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
         command = [sys.executable, "-m", "pytest", "-p", "touchstone.reports.pytest_plugin", "-rA", "-p"]
         done = subprocess.run(
-            [*command, "no:cacheprovider", *arguments],
+            [*command, "cacheprovider" if cached else "no:cacheprovider", *arguments],
             cwd=tmp_path,
             env=environment,
             capture_output=True,
@@ -101,6 +101,33 @@ def test_fixtures_markers_and_failures(session, tmp_path: Path):
     kept = {one.get("name"): float(one.get("value")) for one in case.iter("property")}
     assert kept["overlap.max limit [m]"] == 1e-3
     assert kept["overlap.max [m]"] > 1e-3
+
+
+def test_a_later_session_plays_what_has_changed_only(session, tmp_path: Path):
+    """Recordings and refusals are kept, and judged as before; an edited engine plays again."""
+    (tmp_path / "test_mine.py").write_text(TESTS)
+    asked = ("-k", "test_sound or test_broken", "test_mine.py")
+    code, told = session(*asked, cached=True)
+    assert (code, "earlier sessions" in told) == (1, False), told
+    code, told = session(*asked, cached=True)
+    assert code == 1
+    assert "touchstone: 0 runs played, 2 kept from earlier sessions" in told, told
+    assert "where: floor and ball, in frame" in told
+    assert "toy: 'box_0' is neither a ball nor a fixed box" in told
+    with (tmp_path / "toy_engine.py").open("a") as engine:
+        engine.write("# edited\n")
+    assert "earlier sessions" not in session(*asked, cached=True)[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("option", ["--touchstone-no-cache", "--cache-clear"])
+def test_options_of_the_cache(session, tmp_path: Path, option):
+    """Both options play again; the first keeps nothing."""
+    (tmp_path / "test_mine.py").write_text(TESTS)
+    asked = ("-k", "test_broken", "test_mine.py")
+    session(*asked, cached=True)
+    assert "earlier sessions" not in session(option, *asked, cached=True)[1]
+    assert "1 kept from earlier sessions" in session(*asked, cached=True)[1]
 
 
 @pytest.mark.parametrize(

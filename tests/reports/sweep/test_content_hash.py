@@ -9,9 +9,12 @@ from dataclasses import fields, replace
 
 import pytest
 
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.entry import ENGINES, Entry
 from touchstone.reports.sweep import content_hash
 from touchstone.reports.sweep.cells import TIMING, Cell
-from touchstone.reports.sweep.content_hash import hash_of
+from touchstone.reports.sweep.content_hash import hash_of, hash_of_run
+from touchstone.scenarios.catalogue import catalogue
 
 CELL = Cell("fall", "mujoco", "recommended", 1 / 240, ("a=1", "b=2"), options=("p=1", "q=2"))
 CHANGES = {
@@ -120,3 +123,56 @@ def _fresh_caches():
         if hasattr(cached, "cache_clear"):
             cached.cache_clear()
     content_hash._scenes.clear()
+
+
+@pytest.fixture
+def plugged(tmp_path, monkeypatch):
+    """An engine of others, in a module with one beside it."""
+    (tmp_path / "their_engine.py").write_text("import their_forces\n")
+    (tmp_path / "their_forces.py").write_text("G = 9.81\n")
+    (tmp_path / "test_theirs.py").write_text("")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setitem(ENGINES, "theirs", Entry("their_engine:Theirs", "their_engine", {"default": 1 / 240}))
+    return tmp_path
+
+
+def run_hash(**changes):
+    """Hash of a run on that engine, without what another hash has kept."""
+    _fresh_caches()
+    given = {"scenario": catalogue()["fall"], "settings": Settings("default", 1 / 240), "repeat": 0} | changes
+    return hash_of_run(given["scenario"], "theirs", given["settings"], given["repeat"])
+
+
+def test_a_run_changes_with_all_that_decides_it(plugged, monkeypatch):
+    """Scene, settings, repeat, the engine's module and those beside it, and any installed package count."""
+    before = run_hash()
+    assert run_hash() == before
+    found = [
+        run_hash(scenario=replace(catalogue()["fall"], duration=0.5)),
+        run_hash(settings=Settings("default", 1 / 480)),
+        run_hash(settings=Settings("default", 1 / 240, changes=("a=1",))),
+        run_hash(repeat=1),
+    ]
+    (plugged / "their_forces.py").write_text("G = 1.62\n")
+    found.append(run_hash())
+    monkeypatch.setattr(content_hash, "distributions", lambda: iter(()))
+    found.append(run_hash())
+    monkeypatch.setattr(content_hash, "_tree", lambda folders: "another recorder")
+    found.append(run_hash())
+    assert len({before, *found}) == len(found) + 1
+
+
+def test_tests_beside_an_engine_do_not_count(plugged):
+    """An edited test plays nothing again."""
+    before = run_hash()
+    (plugged / "test_theirs.py").write_text("assert True\n")
+    assert run_hash() == before
+
+
+def test_cells_on_an_engine_of_others_change_with_its_source(plugged):
+    """A sweep plays an edited engine again."""
+    cell = replace(CELL, engine="theirs", profile="default", changes=())
+    before = hash_of(cell)
+    (plugged / "their_forces.py").write_text("G = 1.62\n")
+    _fresh_caches()
+    assert hash_of(cell) != before

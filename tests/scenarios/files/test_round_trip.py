@@ -95,10 +95,14 @@ def test_recordings_are_identical(name, form, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", [name for name in ENGINES if installed(name)])
 def test_recordings_of_every_scene_are_identical(engine, tmp_path):
-    """Every engine plays every scene of at most 60 bodies from both files as it plays the scene."""
+    """The reference plays every scene of at most 60 bodies from both files as it plays the scene, other
+    engines its first 0.1 s: DART's stacks take minutes."""
     for scenario in catalogue().values():
         if len(scenario.bodies) > 60:
             continue
+        if engine != "reference":
+            first = min(scenario.duration, 6 / scenario.frame_rate)
+            scenario = replace(scenario, duration=first, expectations=(), truths=())
         own = recorded(engine, scenario)
         for form in ("json", "toml"):
             assert recorded(engine, again(scenario, form, tmp_path)) == own, scenario.name
