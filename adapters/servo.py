@@ -10,7 +10,8 @@ an explicit servo diverges at 1/240 s. Manifests publish both as gains.
 
 By default (`native`) hinges follow an engine's own position servo, with one gain per hinge
 (`servo_stiffness`, `servo_damping`); each adapter documents its servo. Explicit torques held over a step add
-energy where a limb is pressed; they remain available as `torque`.
+energy where a limb is pressed; they remain available as `torque`. The root's force and torque are held over a
+step as well; where that loop diverges without any contact, the scene is refused: it is no engine's fault.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array
+from touchstone.adapters.contract import Array, Unsupported
 from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.scenario import Scenario, Tracker
@@ -26,6 +27,9 @@ from touchstone.scenarios.scenario import Scenario, Tracker
 INERTIA_RATIO = 2.0
 """Maximum ratio of the servo's inertia to that of the hinges, in any direction and posture [1]. At 70 rad/s
 and 1/240 s the loop diverges from 3.2."""
+STABLE_GAIN = 2.0
+"""Largest R dt + K dt^2 / 2 over the inertia at which semi-implicit Euler is stable with a spring (K) and a
+damper (R) whose force is held over a step [1]."""
 POSTURES_PER_SECOND = 10
 """Rate at which a tracker's postures are sampled for the hinges' inertia [1/s]: fast ones take 0.1 s."""
 
@@ -45,6 +49,7 @@ class Drive:
         self.inertia = axes.T @ inertia[3:6, 3:6] @ axes
         self.stiffness, self.damping = tracker.stiffness, tracker.damping
         self.frequency = float(np.sqrt(tracker.stiffness / mass))
+        self._require_stable(tracker.root, inertia[:6, :6], dt)
         felt = _felt(inertia)
         times = np.linspace(0.0, scenario.duration, 1 + round(POSTURES_PER_SECOND * scenario.duration))
         if tracker.joints:
@@ -92,6 +97,28 @@ class Drive:
         error = np.abs(self.target.angle[step] - angle)
         error_rate = np.abs(self.target.rate[step] - rate)
         return np.abs(self.hinge_stiffness) @ error + np.abs(self.hinge_damping) @ error_rate
+
+    def _require_stable(self, root: str, inertia: Array, dt: float) -> None:
+        """Raise Unsupported where the root's force, held over a step, surely diverges.
+
+        Hinges are taken as locked: with free ones the root has less inertia, and diverges at smaller steps.
+        """
+        if self._held_gain(inertia, dt) <= STABLE_GAIN:
+            return
+        rate = 1 / dt
+        while self._held_gain(inertia, 1 / rate) > STABLE_GAIN:
+            rate *= 1.001
+        raise Unsupported(
+            f"the coupling of {root!r} to its tracker is a force held over a step, which diverges at "
+            f"1/{1 / dt:.4g} s and is stable from 1/{np.ceil(rate):.0f} s on"
+        )
+
+    def _held_gain(self, inertia: Array, dt: float) -> float:
+        """Largest eigenvalue of R dt + K dt^2 / 2 of force and torque over the root's inertia (6, 6) [1]."""
+        w, gain = self.frequency * dt, np.zeros((6, 6))
+        gain[:3, :3] = (self.damping * dt + self.stiffness * dt**2 / 2) * np.eye(3)
+        gain[3:, 3:] = (2 * w + w**2 / 2) * inertia[3:, 3:]
+        return float(np.linalg.eigvals(np.linalg.solve(inertia, gain)).real.max())
 
     def wrench(
         self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from time import perf_counter
 
-from touchstone.adapters.contract import MISSING, Engine
+from touchstone.adapters.contract import MISSING, AdapterError, Engine
 from touchstone.adapters.recorder import warm_up
 from touchstone.adapters.registry import installed, load, missing_reason
 from touchstone.adapters.workers.pool import Slot
@@ -49,10 +50,13 @@ def play_one(cell: Cell, loader: Loader = load) -> Done:
         if loader is load and not installed(cell.engine):
             return failed(cell, MISSING, missing_reason(cell.engine))
         scenario = scene_of(cell.source, cell.scenario, cell.seed)
+        engine = _engines.get(cell.engine) or loader(cell.engine)
         if cell.engine not in _engines:
-            _engines[cell.engine] = loader(cell.engine)
-            warm_up(_engines[cell.engine], scenario, cell.settings)  # compiled code is loaded only now
-        found: Measured = named(cell.measure)(cell, scenario, _engines[cell.engine])
+            # Compiled code is loaded only now. What the engine refuses is for the measure to say.
+            with suppress(AdapterError):
+                warm_up(engine, scenario, cell.settings)
+                _engines[cell.engine] = engine
+        found: Measured = named(cell.measure)(cell, scenario, engine)
     except Exception as error:
         status, reason = failure_of(error)
         return failed(cell, DIVERGED if reason.startswith(DIVERGED) else status, reason)

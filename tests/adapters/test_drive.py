@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
+from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.servo import INERTIA_RATIO, Drive, cut
 from touchstone.reference_impl.driven.skeleton import joint_space_inertia, pose_links
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Tracker
 
 DT = 1 / 240
@@ -196,3 +202,56 @@ def test_a_persons_explicit_loop_is_stable(name):
     scenario = catalogue()[name]
     drive = Drive(scenario, scenario.trackers[0], DT)
     assert largest_radius(drive, translate(scenario), DT, 60) < 1
+
+
+def lone(mass, stiffness=1000.0, damping=40.0):
+    """A driven box without hinges, whose tracker moves 1 m aside within 0.1 s."""
+    box = (Piece("box", Box((0.05, 0.05, 0.05))),)
+    tensor = tuple(tuple(row) for row in (mass * 0.0025 * 2 / 3 * np.eye(3)).tolist())
+    path = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    still = ((1.0, 0.0, 0.0, 0.0),) * 3
+    tracker = Tracker("root", (), (0.0, 0.1, 2.0), path, still, ((),) * 3, stiffness, damping)
+    return Body("root", "driven", "wood", box, mass, inertia=tensor), tracker
+
+
+def largest_way(mass, dt, stiffness=1000.0, damping=40.0):
+    """Largest distance from its target [m] of a point mass under the held force, by semi-implicit Euler."""
+    x = v = far = 0.0
+    for _ in range(round(2.0 / dt)):
+        v += dt / mass * (stiffness * (1.0 - x) - damping * v)
+        x += dt * v
+        far = max(far, abs(x - 1.0))
+    return far
+
+
+@pytest.mark.parametrize("mass", [0.1, 0.05, 0.02])
+def test_a_coupling_is_refused_where_its_loop_diverges_by_itself(lab, mass):
+    """The first step that is not refused is stable in the plain recurrence, and 2 % above it diverges."""
+    body, tracker = lone(mass)
+    scenario = lab.scene(body, trackers=(tracker,), duration=2.0)
+    with pytest.raises(Unsupported, match="the coupling of 'root' to its tracker") as refused:
+        Drive(scenario, tracker, 1 / 60)
+    rate = int(re.search(r"stable from 1/(\d+) s", str(refused.value))[1])
+    Drive(scenario, tracker, 1 / rate)
+    assert largest_way(mass, 1 / rate) < 1.5
+    assert largest_way(mass, 1.02 / rate) > 1e3
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize("name", ["dart", "bullet", "mujoco"])
+def test_engines_follow_the_plain_recurrence_of_the_coupling(lab, registry, name):
+    """The path of `spring` is that of the held force alone, on every engine: what it lacks is not theirs."""
+    scenario, engine = catalogue()["spring"], registry.engine(name)
+    dt = 1 / 240
+    run = record(engine, scenario, Settings(next(iter(ENGINES[name].profiles)), dt, effects=PLANNED))
+    for tracker in scenario.trackers:
+        k = scenario.body_index(tracker.root)
+        drive, mass = Drive(scenario, tracker, dt), scenario.bodies[k].mass
+        x, v, path = drive.start_position[0], np.zeros(3), []
+        for step in range(round(scenario.duration / dt)):
+            force = drive.stiffness * (drive.target.position[step] - x)
+            force += drive.damping * (drive.target.linear_velocity[step] - v)
+            v = v + dt / mass * force
+            x = x + dt * v
+            path.append(x)
+        assert run.position[1:, k] == pytest.approx(np.array(path)[3::4], abs=1e-6)

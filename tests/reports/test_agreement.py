@@ -28,8 +28,8 @@ ORDERS = {"reference": (0.0, inf), "dart": (0.0, 1.0), "bullet": (0.0, 2.0), "mu
 class Player:
     """In place of the children: the truth, off to the side by the model's error and by dt to the order."""
 
-    def __init__(self, recording, refuse: str = "") -> None:
-        self._recording, self._refuse = recording, refuse
+    def __init__(self, recording, refuse: str = "", above: float = 0.0) -> None:
+        self._recording, self._refuse, self._above = recording, refuse, above
 
     def __enter__(self) -> Player:
         return self
@@ -40,7 +40,7 @@ class Player:
     def play(self, jobs, progress):
         outcomes = []
         for job in jobs:
-            if job.engine == self._refuse:
+            if job.engine == self._refuse and job.settings.dt > self._above:
                 outcomes.append(Outcome(job, "skipped", "cannot"))
                 continue
             still = self._recording(job.scenario)
@@ -59,7 +59,7 @@ class Player:
 def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """Run the study on the falling ball with a player."""
 
-    def play(**options: str) -> pd.DataFrame:
+    def play(**options: str | float) -> pd.DataFrame:
         monkeypatch.setattr(agreement, "installed", lambda engine: True)
         monkeypatch.setattr(agreement, "Children", lambda **_: Player(recordings.recording, **options))
         return run([catalogue()["fall"]], tmp_path / "out", lambda label, count: None)
@@ -120,6 +120,15 @@ def test_an_engine_that_cannot_is_skipped(played) -> None:
     assert list(row.verdict) == ["skipped"]
     assert list(row.reason) == ["cannot"]
     assert value(frame, "bullet", "agreement.order") == pytest.approx(2.0, abs=1e-9)
+
+
+def test_an_engine_that_refuses_coarse_steps_is_compared_at_the_others(played) -> None:
+    """Its order and its limit come from the steps that it plays; the refused one has a row."""
+    frame = played(refuse="dart", above=1 / 200)
+    refused = frame[(frame.engine == "dart") & (frame.metric == "run")]
+    assert refused.dt.tolist() == [LADDER[0]]
+    assert value(frame, "dart", "agreement.order") == pytest.approx(1.0, abs=1e-6)
+    assert value(frame, "dart", "agreement.model") < 1e-9
 
 
 def test_a_used_folder_is_refused(tmp_path: Path) -> None:

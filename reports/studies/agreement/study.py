@@ -135,7 +135,9 @@ def rows_of_scene(scenario: Scenario, folder: Path, children: Children, progress
             engine, dt = outcome.job.engine, outcome.job.settings.dt
             if outcome.status != "done":
                 rows.append(_ended(scenario, outcome))
-                played.pop(engine, None)
+                # An engine that refuses a step of the ladder is compared at the others.
+                if outcome.status != "skipped" or rung is None:
+                    played.pop(engine, None)
                 continue
             evidence = Evidence(load(outcome.job.recording), scenario)
             way = _way(evidence)
@@ -201,21 +203,25 @@ def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, qua
     unit = "1" if quantity == "position" else "rad"
     base = replace(base, subject=quantity, unit=unit)
     errors = {dt: path.apart(truth, quantity) for dt, path in paths.items()}
-    changes = np.array([paths[a].apart(paths[b], quantity) for a, b in pairwise(LADDER)])
-    slope, low, high = order_of(np.array(LADDER[:-1]), changes)
-    finest = paths[LADDER[-1]]
-    limit = finest.limit(paths[LADDER[-2]], slope) if low > LEAST_ORDER else finest
+    rungs = [dt for dt in LADDER if dt in paths]
+    if not rungs:
+        reason = "it refuses all steps of the ladder"
+        return [replace(base, metric="agreement.order", unit="1", verdict="skipped", reason=reason)]
+    changes = np.array([paths[a].apart(paths[b], quantity) for a, b in pairwise(rungs)])
+    slope, low, high = order_of(np.array(rungs[:-1]), changes)
+    finest = paths[rungs[-1]]
+    limit = finest.limit(paths[rungs[-2]], slope) if low > LEAST_ORDER else finest
     rows = [replace(base, metric="agreement.error", dt=dt, value=error) for dt, error in errors.items()]
     rows += [
         replace(base, metric="agreement.discretisation", value=paths[base.dt].apart(limit, quantity)),
-        replace(base, metric="agreement.model", dt=LADDER[-1], value=limit.apart(truth, quantity)),
+        replace(base, metric="agreement.model", dt=rungs[-1], value=limit.apart(truth, quantity)),
     ]
-    coarsest, foot = errors[LADDER[0]], errors[LADDER[-1]]
+    coarsest, foot = errors[rungs[0]], errors[rungs[-1]]
     if np.isnan(slope):
         remark = "the step changes nothing but rounding"
     elif foot > max(FALLS * coarsest, ROUNDING):
-        remark = f"the error does not fall with the step: {coarsest:.2g} at {step_text(LADDER[0])} s, "
-        remark += f"{foot:.2g} at {step_text(LADDER[-1])} s"
+        remark = f"the error does not fall with the step: {coarsest:.2g} at {step_text(rungs[0])} s, "
+        remark += f"{foot:.2g} at {step_text(rungs[-1])} s"
     else:
         remark = ""
     order = replace(base, metric="agreement.order", unit="1", value=slope, low=low, high=high, reason=remark)
