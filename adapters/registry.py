@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Settings, Unsupported
 from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, ENGINES, MAXIMAL, RECOMMENDED, Entry
@@ -24,9 +25,17 @@ OURS = {name: f"touchstone.adapters.engines.{name}:ENTRY" for name in (*DEFAULT_
 
 
 def _entry_of_ours(name: str) -> Entry:
-    module, _, attribute = OURS[name].partition(":")
-    entry: Entry = getattr(importlib.import_module(module), attribute)
+    entry: Entry = _named(OURS[name])
     return entry
+
+
+def _named(place: str) -> Any:
+    """The object at "module:name" or "module:Class.name"."""
+    module, _, attribute = place.partition(":")
+    found = importlib.import_module(module)
+    for part in attribute.split("."):
+        found = getattr(found, part)
+    return found
 
 
 ENGINES.update({name: _entry_of_ours(name) for name in DEFAULT_ENGINES if name not in ENGINES})
@@ -81,12 +90,14 @@ def load(name: str) -> Engine:
     """Load the engine called `name`; raises NotInstalled with the extra that installs it."""
     if not installed(name):
         raise NotInstalled(missing_reason(name))
-    module, _, attribute = _entry(name).implementation.partition(":")
-    found = importlib.import_module(module)
-    for part in attribute.split("."):
-        found = getattr(found, part)
-    engine: Engine = found()  # type: ignore[operator]
+    engine: Engine = _named(_entry(name).implementation)()
     return engine
+
+
+def waiting_note(name: str) -> str:
+    """What an engine that does not answer yet compiles, and how long it may take; "" if it does not."""
+    place = ENGINES[name].compiles if name in ENGINES else ""
+    return str(_named(place)()) if place else ""
 
 
 def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
@@ -100,10 +111,8 @@ def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
 
 def settings_of(name: str) -> Table:
     """Table of an engine's settings; imports no engine. An engine of others has an empty one."""
-    module, _, attribute = _entry(name).settings.partition(":")
-    if not module:
-        return Table(profiles_of(name), ())
-    found: Table = getattr(importlib.import_module(module), attribute)
+    place = _entry(name).settings
+    found: Table = _named(place) if place else Table(profiles_of(name), ())
     return found
 
 

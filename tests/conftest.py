@@ -19,6 +19,8 @@ from scipy.spatial.transform import Rotation
 from session_cache import SessionCache
 
 from touchstone.adapters.contract import CONTACT_FIELDS, Engine, Settings, Unsupported
+from touchstone.adapters.engines.reference.compile_progress import announcement
+from touchstone.adapters.engines.reference.compiling import compile_seconds
 from touchstone.adapters.engines.reference.reference_world import piece_arrays, translate
 from touchstone.adapters.engines.reference.settings import configure
 from touchstone.adapters.recorder import record, scenario_json
@@ -68,11 +70,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the reference before workers start, where no run did: each would compile it by itself."""
+    """Compile the reference before workers start, where no run did: they would wait for each other."""
     config = session.config
-    parallel = getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput")
-    if parallel and CACHE_FOLDER is not None and not any(CACHE_FOLDER.glob("**/*.nbi")):
-        play(build(scene(ground(), ball())), 1)
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        if note := announcement():
+            print(note, flush=True)
+        if CACHE_FOLDER is not None:
+            compile_seconds()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -27,7 +27,8 @@ class Entry:
         color, marker: of the engine in pictures, as matplotlib writes them.
         rounding: what the engine stores in lower precision; "" if nothing.
         extra: what pip installs to get the engine; "" for an engine that is not of this project.
-        compiles: whether its first scene may wait for a compiler.
+        compiles: "module:function" that says in words how far a compiler is for which the engine's first
+            scene waits; "" if it has none.
         settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
@@ -46,7 +47,7 @@ class Entry:
     marker: str = "P"
     rounding: str = ""
     extra: str = ""
-    compiles: bool = False
+    compiles: str = ""
     settings: str = ""
 
 

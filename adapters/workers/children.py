@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings
 from touchstone.adapters.recorder import ready, warm_up
-from touchstone.adapters.registry import ENGINES, load
+from touchstone.adapters.registry import ENGINES, load, waiting_note
 from touchstone.adapters.workers.process import (
     COMPILE_PATIENCE,
     PATIENCE,
@@ -150,7 +151,15 @@ def _order(turn: list[_Child], command: str, progress: Progress, compile_patienc
             progress(f"{child.label}: {command}", 0)
         child.send(command, child.job if command == "build" else None)
     for child in turn:
-        child.receive(compile_patience if child.compiles else 0.0)
+        if child.compiles:
+            child.receive(compile_patience, partial(_note_compilation, child, progress))
+        else:
+            child.receive()
+
+
+def _note_compilation(child: _Child, progress: Progress) -> None:
+    if note := waiting_note(child.job.engine):
+        progress(note, 0)
 
 
 def _play(turn: list[_Child], frames: int, progress: Progress) -> None:
@@ -183,7 +192,7 @@ class _Child(ChildProcess):
         """Make a job the next one."""
         self.job = job
         self.label = f"{job.engine} {job.settings.label}"
-        self.compiles = job.engine in ENGINES and ENGINES[job.engine].compiles
+        self.compiles = job.engine in ENGINES and bool(ENGINES[job.engine].compiles)
 
     @property
     def outcome(self) -> Outcome:

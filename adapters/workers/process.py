@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
+from time import monotonic
 from typing import Any, Protocol
 
 from touchstone.adapters.contract import UNIMPORTABLE, AdapterError
@@ -26,6 +27,9 @@ PATIENCE = 120.0
 """Time for one command after which a child counts as hung [s]; children answer within ten seconds of play."""
 COMPILE_PATIENCE = 900.0
 """The same for commands that may compile the reference [s]: 54 s on the machine of the measurements."""
+
+WAITING = 1.0
+"""Interval at which a parent is notified that it still waits [s]."""
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that numpy's linear algebra reads when it is loaded."""
@@ -137,14 +141,14 @@ class ChildProcess:
             except OSError:
                 self._died()
 
-    def receive(self, at_least: float = 0.0) -> Any:
+    def receive(self, at_least: float = 0.0, waiting: Callable[[], None] | None = None) -> Any:
         """Wait for the answer to the last command, for the child's patience or `at_least` so long [s]; None
-        if the child has failed."""
+        if the child has failed. `waiting` is called every second meanwhile."""
         if self.failure is not None:
             return None
         patience = max(self._patience, at_least)
         try:
-            if not self._pipe.poll(patience):
+            if not self._answered(patience, waiting):
                 self.hung = True
                 self._fail("error", f"hung: no answer to '{self._command}' for {patience:g} s")
                 return None
@@ -156,6 +160,17 @@ class ChildProcess:
             self._fail(status, answer)
             return None
         return answer
+
+    def _answered(self, patience: float, waiting: Callable[[], None] | None) -> bool:
+        """Whether there is an answer within `patience` seconds."""
+        if waiting is None:
+            return self._pipe.poll(patience)
+        end = monotonic() + patience
+        while not self._pipe.poll(min(WAITING, max(0.0, end - monotonic()))):
+            if monotonic() >= end:
+                return False
+            waiting()
+        return True
 
     def ask(self, command: str, argument: object = None) -> Any:
         """Send a command and wait for its answer."""

@@ -46,7 +46,7 @@ def libraries() -> list[tuple[str, str]]:
 
 def compile_facts() -> dict[str, str]:
     """Location of the compiled kernels and their compile time; compiles them if not yet done."""
-    from touchstone.adapters.engines.reference.engine import compile_seconds
+    from touchstone.adapters.engines.reference.compiling import compile_seconds
     from touchstone.reference_impl.core.kernel import CACHE_FOLDER
 
     seconds = compile_seconds()

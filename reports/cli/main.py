@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -35,6 +35,7 @@ from touchstone.reports.cli.options import (
     tell_failures,
     version,
 )
+from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.compare import compare
 from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.runs.versions import versions
@@ -52,6 +53,8 @@ from touchstone.reports.cli.studies import bench, study
 from touchstone.reports.cli.sweep import sweep
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from touchstone.reports.run.request import Request
     from touchstone.scenarios.scenario import Scenario
 
@@ -150,6 +153,7 @@ def run(
     from touchstone.reports.judge import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import run as run_study
+    from touchstone.reports.views.terminal import SCENES_IN_FULL
 
     scenarios = _tracked(scenarios_for(scenario or [], tag, hold_last, allow_paths), tracker, drive)
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
@@ -163,18 +167,20 @@ def run(
     )
     for line in [] if quiet else _held(scenarios):
         print(line, file=sys.stderr)
+    at_once = output is Format.table and not quiet and len(scenarios) <= SCENES_IN_FULL
     try:
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet, by_scene=True) as progress:
-            results = run_study(request, progress)
+            shown = _show_at_once(progress) if at_once else _ignore
+            results = run_study(request, progress, shown)
     except OutputError as error:
         stop(str(error), BAD_INPUT)
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
-        from touchstone.reports.views.terminal import console, show, show_budget
+        from touchstone.reports.views.terminal import console, show, show_budget, show_losses
 
-        show(results.frame, console())
+        (show_losses if at_once else show)(results.frame, console())
         show_budget(results.recordings, console())
         print(f"results: {request.out}")
     if quiet:
@@ -182,6 +188,22 @@ def run(
     for line in results.faults:
         print(line, file=sys.stderr)
     exit_for(results.frame.verdict, bool(engine), bool(results.faults))
+
+
+def _ignore(frame: pd.DataFrame) -> None:
+    """Print nothing."""
+
+
+def _show_at_once(progress: Progress) -> Callable[[pd.DataFrame], None]:
+    """A function that prints the table of a scene, while the bar of the progress steps aside."""
+    from touchstone.reports.views.terminal import console, show_scene
+
+    def show(frame: pd.DataFrame) -> None:
+        with stepping_aside(progress):
+            show_scene(frame, console())
+            sys.stdout.flush()
+
+    return show
 
 
 def _request(
@@ -307,6 +329,7 @@ app.command("check-engine")(check_engine)
 @app.command()
 def doctor() -> None:
     """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
+    from touchstone.adapters.engines.reference.compile_progress import announcement
     from touchstone.reports.cli.doctor import compile_facts, imports, libraries
     from touchstone.reports.machine import machine
 
@@ -318,7 +341,8 @@ def doctor() -> None:
         verdicts.append(status)
     for name, found in libraries():
         print(f"{name:14} {found}")
-    print("compiling the reference, once per version of its sources ...", file=sys.stderr)
+    if note := announcement():
+        print(note, file=sys.stderr)
     for key, value in compile_facts().items():
         print(f"{key:14} {value}")
     exit_for(verdicts, by_name=False)

@@ -5,38 +5,77 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
+from time import monotonic
 
 Progress = Callable[[str, int], None]
 SCENE = "scene "
 """Start of the label that announces a scene."""
+COMPILING = "compiling "
+"""Start of the label that says how far an engine's compilation is."""
+COMPILING_SECONDS = 15.0
+"""Interval between two lines about a compilation [s]."""
+
+
+class ShownBar:
+    """A bar on a terminal, with the current task and the elapsed time; called as a Progress."""
+
+    def __init__(self, total: int) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bar
+
+        columns = (
+            TextColumn("{task.description:34}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+        )
+        # Without the last option rich would send standard output, the program's own, to this console.
+        self.shown = Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False)
+        self._task = self.shown.add_task("start", total=total)
+
+    def __call__(self, label: str, frames: int) -> None:
+        self.shown.update(self._task, description=label, advance=frames)
 
 
 @contextmanager
 def bar(total: int) -> Iterator[Progress]:
-    """A bar over `total` frames, with the current task and the elapsed time."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
+    """A bar over `total` frames."""
+    progress = ShownBar(total)
+    with progress.shown:
+        yield progress
 
-    columns = (TextColumn("{task.description:34}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("start", total=total)
 
-        def step(label: str, frames: int) -> None:
-            progress.update(task, description=_first_time(label), advance=frames)
-
-        yield step
+@contextmanager
+def stepping_aside(progress: Progress) -> Iterator[None]:
+    """Hide a bar meanwhile, so that something else can be printed."""
+    if not isinstance(progress, ShownBar):
+        yield
+        return
+    progress.shown.stop()
+    try:
+        yield
+    finally:
+        progress.shown.start()
 
 
 @contextmanager
 def lines(by_scene: bool = False) -> Iterator[Progress]:
-    """One line per task, or with `by_scene` one per scene and one while the reference compiles."""
+    """One line per task, or with `by_scene` one per scene, and now and then one while an engine compiles."""
     seen: set[str] = set()
+    compiling = -inf
 
     def step(label: str, frames: int) -> None:
-        text = _first_time(label)
-        if label not in seen and not (by_scene and text == label and not label.startswith(SCENE)):
-            print(text, file=sys.stderr, flush=True)
+        nonlocal compiling
+        if label.startswith(COMPILING):
+            if monotonic() < compiling + COMPILING_SECONDS:
+                return
+            compiling = monotonic()
+        elif by_scene and not label.startswith(SCENE):
+            return
+        if label not in seen:
+            print(label, file=sys.stderr, flush=True)
         seen.add(label)
 
     yield step
@@ -46,8 +85,3 @@ def lines(by_scene: bool = False) -> Iterator[Progress]:
 def silence() -> Iterator[Progress]:
     """No progress."""
     yield lambda label, frames: None
-
-
-def _first_time(label: str) -> str:
-    compiling = label.startswith("reference") and label.endswith("warm up")
-    return f"{label} (compiles once)" if compiling else label

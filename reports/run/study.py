@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+
+import pandas as pd
 
 from touchstone.adapters.contract import MISSING
 from touchstone.adapters.recording import Recording, load
@@ -24,9 +27,14 @@ from touchstone.reports.views.frame_budget_picture import write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.scenario import Scenario
 
+Listener = Callable[[pd.DataFrame], None]
 
-def run(request: Request, progress: Progress) -> Results:
-    """Simulate, judge and store; the folder appears complete when all is done, or not at all."""
+
+def run(request: Request, progress: Progress, judged_scene: Listener = lambda frame: None) -> Results:
+    """Simulate, judge and store; the folder appears complete when all is done, or not at all.
+
+    `judged_scene` receives the rows of each scene as soon as it is judged.
+    """
     with output_folder(request.out) as folder:
         (folder / "recordings").mkdir()
         (folder / "output").mkdir()
@@ -35,9 +43,10 @@ def run(request: Request, progress: Progress) -> Results:
         with Children() as children:
             for number, scenario in enumerate(request.scenarios, start=1):
                 progress(f"{SCENE}{number} of {len(request.scenarios)}: {scenario.name}", 0)
-                rows += measure_scene(request, scenario, folder, children, results, progress)
-        wanted = [r for r in rows if not request.metrics or r.metric in (*request.metrics, "run")]
-        results.frame = table(wanted)
+                found = measure_scene(request, scenario, folder, children, results, progress)
+                rows += [r for r in found if not request.metrics or r.metric in (*request.metrics, "run")]
+                judged_scene(table([row for row in rows if row.scenario == scenario.name]))
+        results.frame = table(rows)
         save(results.frame, folder)
         manifest = {
             "command": request.command,

@@ -27,7 +27,7 @@ STYLES = {
     **dict.fromkeys((UNJUDGED, *NOT_RUN), "dim"),
     "pass": "",
 }
-IN_FULL = 8
+SCENES_IN_FULL = 8
 """Largest number of scenes that are shown as whole tables; more are shown as an overview."""
 Padding = tuple[int, int] | tuple[int, int, int, int]
 NARROW = 112
@@ -56,22 +56,27 @@ def print_notes(notes: Iterable[str], out: Console) -> None:
 
 def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
     """Print one table per scene with the `shown` columns, its ratios, and every verdict other than pass; an
-    overview if there are more than IN_FULL scenes."""
-    if frame.scenario.nunique() > IN_FULL:
+    overview if there are more than SCENES_IN_FULL scenes."""
+    if frame.scenario.nunique() > SCENES_IN_FULL:
         _show_overview(overview(frame, shown), out)
         show_losses(frame, out)
         return
     for scenario in dict.fromkeys(frame.scenario):
-        scene = frame[frame.scenario == scenario]
-        out.print(_table(scenario, grid(frame, scenario, shown)))
-        out.print(Text(LEGEND, style="dim"))
-        out.print()
-        ratios = ratio_rows(scene)
-        if ratios:
-            out.print(_ratio_table(ratios))
-            print_notes([RATIO_NOTE], out)
-        _print_lines(remark_lines(scene, shown), out)
+        show_scene(frame[frame.scenario == scenario], out, shown)
     show_losses(frame, out)
+
+
+def show_scene(scene: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
+    """Print the table of the scene with the rows `scene`, its ratios, and every verdict other than pass."""
+    name = scene.scenario.iloc[0]
+    out.print(_table(name, grid(scene, name, shown)))
+    out.print(Text(LEGEND, style="dim"))
+    out.print()
+    ratios = ratio_rows(scene)
+    if ratios:
+        out.print(_ratio_table(ratios))
+        print_notes([RATIO_NOTE], out)
+    _print_lines(remark_lines(scene, shown), out)
 
 
 def show_losses(frame: pd.DataFrame, out: Console) -> None:
@@ -88,7 +93,7 @@ def show_losses(frame: pd.DataFrame, out: Console) -> None:
 def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Console) -> None:
     """Print the cost of the reference's frames, if it played at least two scenes."""
     found = budgets(recordings)
-    if 1 < len({budget.scene for budget in found}) <= IN_FULL:
+    if 1 < len({budget.scene for budget in found}) <= SCENES_IN_FULL:
         table = table_of("frame budget", HEADS, padding=(0, 0))
         for row in budget_rows(found):
             table.add_row(*row)

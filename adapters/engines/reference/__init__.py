@@ -10,6 +10,6 @@ ENTRY = Entry(
     color="#000000",
     marker="o",
     extra="touchstone",  # numba is no extra: the project itself requires it
-    compiles=True,
+    compiles="touchstone.adapters.engines.reference.compile_progress:compile_progress",
     settings="touchstone.adapters.engines.reference.settings:SETTINGS",
 )

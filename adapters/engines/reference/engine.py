@@ -8,7 +8,6 @@ record the time of the impulse and the velocities before and after it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from time import perf_counter
 from typing import ClassVar
 
 import numpy as np
@@ -24,18 +23,18 @@ from touchstone.adapters.contract import (
     State,
     contact_overflow,
 )
+from touchstone.adapters.engines.reference.compiling import compile_seconds, nothing
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.engines.reference.settings import configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
-from touchstone.reference_impl.core.kernel import CACHE_FOLDER, JIT, kernel
+from touchstone.reference_impl.core.kernel import JIT
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.pipeline import prepare, step
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
-from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
-from touchstone.scenarios.solids import sphere_inertia
+from touchstone.scenarios.scenario import Scenario
 
 STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that settings can disable in the compiled step."""
@@ -49,32 +48,6 @@ INEXACT = {
     "parted_energy": "parted_energy",
 }
 """Counter -> state field with what a frame left unresolved: 0 if nothing (bodies: -1)."""
-COMPILE_NOTE = "compile_seconds.txt"
-"""File in the kernel cache that stores the compilation time."""
-
-
-def compile_seconds() -> float:
-    """Compilation time of all kernels [s]; compiles them on a small world if the cache holds no time."""
-    note = CACHE_FOLDER / COMPILE_NOTE if CACHE_FOLDER else None
-    if note and note.exists():
-        return float(note.read_text())
-    ball = Body(
-        "ball", "simulated", "m", (Piece("ball", Sphere(1.0)),), mass=1.0, inertia=sphere_inertia(1.0, 1.0)
-    )
-    scenario = Scenario("compile", "", (), (ball,), 1 / 60, (PairCoefficients("m", "m", 0.0, 0.0),))
-    start = perf_counter()
-    world = _World(scenario, Settings("balanced", 1 / 60), "")
-    world.step()
-    world.cross()
-    seconds = perf_counter() - start
-    if note:
-        note.write_text(f"{seconds:.2f}")
-    return seconds
-
-
-@kernel
-def _nothing(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):  # type: ignore[no-untyped-def]
-    """Do nothing: the call measures the cost of calling a kernel from Python."""
 
 
 class ReferenceEngine:
@@ -258,7 +231,7 @@ class _World:
     def cross(self) -> None:
         """Set the targets of a step and call an empty kernel with its arguments."""
         self._aim_at(self._next)
-        _nothing(*self._world)
+        nothing(*self._world)
 
     def stage_seconds(self) -> Mapping[str, float]:
         """Time per stage since the last call [s]."""

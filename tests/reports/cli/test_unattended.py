@@ -98,7 +98,7 @@ def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_
     """A fault of the program is exit 70 and one line that names the file of its traceback."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
-    def fails(request, progress):
+    def fails(*arguments):
         raise ZeroDivisionError("a fault\nof two lines")
 
     monkeypatch.setattr(study, "run", fails)

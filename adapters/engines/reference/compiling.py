@@ -1,0 +1,107 @@
+"""Compilation of the reference's kernels: once per version of their sources, in two processes.
+
+The kernels of the contact solver use none of the geometry's, so a second process compiles them meanwhile. The
+first process finds them in the kernel cache when it gets there. A lock keeps other processes from compiling
+the same kernels at the same time.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from time import perf_counter
+from typing import Any
+
+from touchstone.adapters.engines.reference.compile_progress import LOCK, NOTE, is_compiled
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.engines.reference.settings import configure
+from touchstone.adapters.workers.orphans import end_with_parent
+from touchstone.reference_impl import pipeline
+from touchstone.reference_impl.core import kernel
+from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
+from touchstone.reference_impl.core.world import World
+from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import sphere_inertia
+
+HELPER = f"from {__name__} import compile_solver; compile_solver({{parent}})"
+"""Program of the second process."""
+
+
+def compile_seconds() -> float:
+    """Compilation time of all kernels [s]; compiles them on a small world if the cache holds no time."""
+    if CACHE_FOLDER is None:
+        return _compiled()
+    with suppress(FileNotFoundError):
+        return float((CACHE_FOLDER / NOTE).read_text())
+    with (CACHE_FOLDER / LOCK).open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not is_compiled():
+            os.utime(lock.fileno())
+            with _helper():
+                seconds = _compiled()
+            part = CACHE_FOLDER / f"{NOTE}.{os.getpid()}"
+            part.write_text(f"{seconds:.2f}")
+            part.replace(CACHE_FOLDER / NOTE)
+    return float((CACHE_FOLDER / NOTE).read_text())
+
+
+@kernel.kernel
+def nothing(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):  # type: ignore[no-untyped-def]
+    """Do nothing: the call measures the cost of calling a kernel from Python."""
+
+
+def _compiled() -> float:
+    start = perf_counter()
+    world = _small_world()
+    pipeline.prepare(*world)
+    pipeline.step(*world)
+    nothing(*world)
+    return perf_counter() - start
+
+
+def _small_world() -> World:
+    inertia = sphere_inertia(1.0, 1.0)
+    ball = Body("ball", "simulated", "m", (Piece("ball", Sphere(1.0)),), mass=1.0, inertia=inertia)
+    world = translate(Scenario("compile", "", (), (ball,), 1 / 60, (PairCoefficients("m", "m", 0.0, 0.0),)))
+    configure(world.state[0], "balanced")
+    return world
+
+
+@contextmanager
+def _helper() -> Iterator[None]:
+    """Run the second process meanwhile, where there are two processors and kernels are linked by name."""
+    if len(os.sched_getaffinity(0)) < 2 or kernel.LINK_BY_NAME is None:
+        yield
+        return
+    program = [sys.executable, "-c", HELPER.format(parent=os.getpid())]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    quiet = subprocess.DEVNULL
+    helper = subprocess.Popen(program, stdin=quiet, stdout=quiet, stderr=quiet, env=environment)
+    try:
+        yield
+    finally:
+        helper.kill()
+        helper.wait()
+
+
+def compile_solver(parent: int) -> None:
+    """Compile the kernels of the contact solver in this process, which ends with its parent."""
+    end_with_parent(parent, by_kernel=False)
+    w = _small_world()
+    state = w.state[0]
+    solved = (w.bodies, w.joints, w.drivers, w.pairs, 0, w.contacts, state)
+    _compile(pipeline.solve_resting_contacts, *solved, 0.0, 0.0)
+    _compile(pipeline.resolve_impacts, *solved, 0.0)
+    _compile(pipeline.guard_energy, w.bodies, w.drivers, w.pairs, 0, True, state)
+    _compile(pipeline.gather_contacts, w.bodies, w.pieces, w.vertices, w.pairs, state, 0.0)
+
+
+def _compile(compiled: Any, *arguments: object) -> None:
+    """Compile the variant of a kernel that kernels call, for arguments of these types."""
+    variants = [id(one) for one in kernel.KERNELS]
+    callee = kernel.KERNELS[variants.index(id(compiled)) + 1]
+    callee.compile(tuple(compiled.typeof_pyval(value) for value in arguments))

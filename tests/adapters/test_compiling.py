@@ -1,0 +1,62 @@
+"""Compilation of the reference: what it says of its progress."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from touchstone.adapters.engines.reference import compile_progress as progress
+from touchstone.adapters.engines.reference import compiling
+from touchstone.reference_impl.core.kernel import KERNELS
+
+
+@pytest.mark.parametrize(
+    ("share", "elapsed", "usual", "left"),
+    [
+        (0.0, 0.0, 60.0, 60),
+        (0.05, 20.0, 60.0, 40),
+        (0.5, 30.0, 60.0, 30),
+        (0.5, 90.0, 60.0, 90),
+        (1, 9, 9, 5),
+    ],
+)
+def test_time_left(share, elapsed, usual, left):
+    """The usual time counts at first, then the compilation's own pace."""
+    assert progress.time_left(share, elapsed, usual) == left
+
+
+def test_progress_counts_kernels_while_one_compiles(tmp_path, monkeypatch):
+    """Say how many kernels are done between the start and the end of a compilation, and nothing otherwise."""
+    folder = tmp_path / "new"
+    monkeypatch.setattr(progress, "CACHE_FOLDER", folder)
+    folder.mkdir()
+    assert progress.compile_progress() == ""
+    (folder / progress.LOCK).touch()
+    for k in range(3):
+        (folder / f"{k}.nbi").touch()
+    assert progress.compile_progress().startswith("compiling the reference, once per version of it: 3 of ")
+    (folder / progress.NOTE).write_text("1.0")
+    assert progress.compile_progress() == ""
+
+
+def test_the_last_version_tells_the_usual_time(tmp_path):
+    """Take the time of the version that this machine compiled last; without one, a constant."""
+    assert progress.usual_seconds(tmp_path) == progress.USUAL_SECONDS
+    for k, seconds in enumerate(("30", "20")):
+        (tmp_path / str(k)).mkdir()
+        note = tmp_path / str(k) / progress.NOTE
+        note.write_text(seconds)
+        os.utime(note, (1000 + k, 1000 + k))
+    assert progress.usual_seconds(tmp_path) == 20
+
+
+def test_the_second_process_compiles_what_the_first_calls():
+    """The solver's kernels have one signature after both processes' parts are compiled."""
+    compiling.compile_seconds()
+    compiling._compiled()
+    compiling.compile_solver(os.getppid())
+    names = ("solve_resting_contacts", "resolve_impacts", "guard_energy", "gather_contacts")
+    found = [one for one in KERNELS if one.py_func.__name__ in names and one.signatures]
+    assert {one.py_func.__name__ for one in found} == set(names)
+    assert [one.signatures for one in found if len(one.signatures) > 1] == []
