@@ -67,6 +67,8 @@ def sweep(
     steps: float | Iterable[float] | None = None,
     changes: str | Iterable[str] = (),
     *,
+    seeds: int | Iterable[int] = 0,
+    timing: bool = False,
     repeats: int = 1,
     jobs: int | None = None,
     out: str | Path | None = None,
@@ -79,6 +81,8 @@ def sweep(
         steps: native steps [s]; None: that of each profile.
         changes: "key=value,value" or "engine.key=value,value" (touchstone list settings); each engine plays
             every combination of those that it has.
+        seeds: 0 is the scene as it is; others move its bodies by 1e-6 m in a random direction of the seed.
+        timing: time each cell too, alone on one core, in `repeats` rounds; the rows' `measure` says so.
         repeats: how often each cell is measured.
         jobs: processes; None: one per core.
         out: folder of the store. What it holds already is not measured again; None: nothing is kept.
@@ -91,6 +95,7 @@ def sweep(
     """
     from touchstone.reports.sweep.cells import grid
     from touchstone.reports.sweep.sweep import sweep as run_sweep
+    from touchstone.reports.sweep.sweep import sweep_timed
 
     names = [checked("scene", name, catalogue()) for name in _several(scenes)]
     if not names:
@@ -98,14 +103,18 @@ def sweep(
     asked = [] if steps is None else [steps] if isinstance(steps, float | int) else list(steps)
     for dt in asked:
         _check_step(dt, [catalogue()[name] for name in names])
+    chosen = [seeds] if isinstance(seeds, int) else list(seeds)
+    if wrong := [seed for seed in chosen if not isinstance(seed, int) or seed < 0]:
+        raise ValueError(f"seeds: found {wrong[0]!r}, expected whole numbers from 0 on")
+    once = 1 if timing else repeats
+    columns, texts = _columns(engines, profiles), _several(changes)
     try:
-        cells = grid(
-            names, _columns(engines, profiles), steps=asked, changes=_several(changes), repeats=repeats
-        )
+        cells = grid(names, columns, steps=asked, changes=texts, seeds=chosen, repeats=once)
     except SettingError as error:
         raise ValueError(str(error)) from error
     with scratch_folder() as folder:
-        return run_sweep(cells, Path(out) if out else folder / "sweep", jobs=jobs)
+        store = Path(out) if out else folder / "sweep"
+        return sweep_timed(cells, store, repeats, jobs=jobs) if timing else run_sweep(cells, store, jobs=jobs)
 
 
 def work_precision(

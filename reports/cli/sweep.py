@@ -43,6 +43,12 @@ def sweep(
         list[str] | None,
         typer.Option("--set", help="KEY=VALUE[,VALUE...] or ENGINE.KEY=... (touchstone list settings)."),
     ] = None,
+    seed: Annotated[
+        str, typer.Option(help="0: the scene as it is; others move bodies by 1 um at random: 0,1,2.")
+    ] = "0",
+    timing: Annotated[
+        bool, typer.Option(help="Time each cell too, alone on one core, in --repeats rounds.")
+    ] = False,
     repeats: Annotated[int, typer.Option(min=1, help="How often each cell is measured.")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
     dask: Annotated[str, typer.Option(help="Play on this Dask scheduler (tcp://host:8786), or local.")] = "",
@@ -62,12 +68,18 @@ def sweep(
     from touchstone.reports.sweep.slurm import PartError, part_of
     from touchstone.reports.sweep.store import StoreError
     from touchstone.reports.sweep.sweep import sweep as run_sweep
+    from touchstone.reports.sweep.sweep import sweep_timed
 
     scenarios = scenes_for(scenario or [], tag)
     columns = columns_for(engine or [], profile or [], DEFAULT_PROFILES)
     names = [one.name for one in scenarios]
+    for option, given in (("--dask", dask), ("--slurm-script", slurm_script), ("--part", part)):
+        if timing and given:
+            stop(f"--timing {option}: times are measured on this machine, one cell at a time", BAD_INPUT)
+    steps, seeds = steps_for(dt, scenarios), seeds_for(seed)
+    once = 1 if timing else repeats
     try:
-        cells = grid(names, columns, steps=steps_for(dt, scenarios), changes=change or [], repeats=repeats)
+        cells = grid(names, columns, steps=steps, changes=change or [], seeds=seeds, repeats=once)
     except SettingError as error:
         stop(f"--set {error}", BAD_INPUT)
     if slurm_script is not None:
@@ -78,8 +90,12 @@ def sweep(
     except PartError as error:
         stop(str(error), BAD_INPUT)
     executor = partial(DaskPool, dask, jobs or os.cpu_count() or 1) if dask else None
-    with resumable(out), measuring(len(cells), quiet, StoreError, ClusterError) as progress:
-        frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
+    count = len(cells) * (1 + repeats * timing)
+    with resumable(out), measuring(count, quiet, StoreError, ClusterError) as progress:
+        if timing:
+            frame = sweep_timed(cells, out, repeats, jobs=jobs, progress=progress)
+        else:
+            frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
     if not printed(frame, output) and not quiet:
         from touchstone.reports.sweep.table import show
         from touchstone.reports.views.terminal import console
@@ -119,6 +135,17 @@ def scenes_for(names: list[str], tag: str) -> list[Scenario]:
     if names:
         return [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
     return list(tagged(known("tag", tag, tags())))
+
+
+def seeds_for(text: str) -> list[int]:
+    """Seeds of "0,1,2"; anything but numbers from 0 on exits with one line."""
+    found = [part.strip() for part in text.split(",")]
+    for part in found:
+        if not part.isdecimal():
+            stop(
+                f"--seed {' '.join(text.split())}: found {part!r}, expected numbers such as 0,1,2", BAD_INPUT
+            )
+    return list(dict.fromkeys(map(int, found)))
 
 
 def steps_for(text: str, scenarios: list[Scenario]) -> list[float]:

@@ -17,7 +17,8 @@ from touchstone.scenarios.scenario import Scenario
 ACCURACY = "touchstone.reports.sweep.measures:accuracy"
 TIMING = "touchstone.reports.sweep.measures:timing"
 CATALOGUE = "touchstone.reports.sweep.scenes:from_catalogue"
-"""Names of measures and of a source of scenes: "module:function"."""
+PERTURBED = "touchstone.reports.sweep.scenes:perturbed_scene"
+"""Names of measures and of sources of scenes: "module:function"."""
 SCENES_KEPT = 512
 """Scenes that a process keeps."""
 
@@ -115,13 +116,18 @@ def grid(
         columns: (engine, profile).
         steps: native steps [s]; none: that of each profile.
         changes: "key=value,value" texts; each engine plays every combination of those that it has.
+        seeds: 0 is the scene as it is; others perturb it (`scenes.perturbed_scene`), without a `source`.
         fixed: further fields that all cells share.
     """
     cells = [
-        Cell(scene, engine, profile, dt, changed, seed, repeat=repeat, **fixed)
+        Cell(scene, engine, profile, dt, changed, seed, repeat=repeat, **({"source": _source(seed)} | fixed))
         for scene, (engine, profile) in product(scenes, columns)
         for dt in (steps or (ENGINES[engine].profiles[profile],))
         for changed in combinations(engine, profile, changes)
         for seed, repeat in product(seeds, range(repeats))
     ]
     return list(dict.fromkeys(cells))
+
+
+def _source(seed: int) -> str:
+    return PERTURBED if seed else CATALOGUE

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -11,9 +12,10 @@ import pandas as pd
 
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.sweep.batch_pool import BatchPool
-from touchstone.reports.sweep.cells import Cell
+from touchstone.reports.sweep.cells import TIMING, Cell
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.store import Done, Store
+from touchstone.reports.sweep.timing_rounds import TimingRounds
 
 
 class Executor(Protocol):
@@ -25,6 +27,28 @@ class Executor(Protocol):
 
 def quietly(label: str, cells: int) -> None:
     """No progress."""
+
+
+def sweep_timed(
+    cells: Iterable[Cell], folder: Path, rounds: int, *, jobs: int | None = None, progress: Progress = quietly
+) -> pd.DataFrame:
+    """Measure all cells, then time those that ended well: alone on one core, interleaved, in `rounds` rounds.
+
+    Returns:
+        The rows of `sweep`, and those of the timing cells, whose column `measure` is TIMING.
+    """
+    asked = list(cells)
+    accuracy = sweep(asked, folder, jobs=jobs, progress=progress)
+    ended = set(accuracy[(accuracy.metric == "run") & (accuracy.outcome == "done")].cell)
+    timed = [
+        replace(cell, measure=TIMING, repeat=repeat)
+        for repeat in range(rounds)
+        for cell in dict.fromkeys(replace(cell, repeat=0) for cell in asked if hash_of(cell) in ended)
+    ]
+    if len(timed) < rounds * len(asked):
+        progress("not timed: the run did not end", rounds * len(asked) - len(timed))
+    timing = sweep(timed, folder, executor=TimingRounds, progress=progress)
+    return pd.concat([accuracy, timing], ignore_index=True)
 
 
 def sweep(

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.run.request import step_text
+from touchstone.reports.sweep.cells import TIMING
+from touchstone.reports.sweep.measures import FRAMES
 
 SHOWN = ("truth.position", "overlap.max", "energy.injected", "friction.stop", "friction.cone")
 """Metrics of the table, where any cell has them."""
@@ -19,17 +22,21 @@ KEYS = ("scenario", "engine", "profile", "settings", "dt", "seed")
 def show(frame: pd.DataFrame, console: Console) -> None:
     """Print the median over repeats of SHOWN; a cell that failed shows its reason."""
     metrics = [name for name in SHOWN if frame[frame.metric == name].value.notna().any()]
+    timed = (frame.measure == TIMING).any()
     table = Table(title=f"{frame.cell.nunique()} cells", title_justify="left", box=None, pad_edge=False)
-    for head in TEXTS:
+    seeded = frame.seed.nunique() > 1
+    for head in (*TEXTS, *(["seed"] if seeded else [])):
         table.add_column(head)
-    for head in ("step [s]", *map(_head, metrics)):
-        table.add_column(head, justify="right")
+    for head in ("step [s]", *map(_head, metrics), *(["frame [us]"] if timed else [])):
+        table.add_column(escape(head), justify="right", overflow="fold")
     table.add_column("outcome")
     for _, part in frame.groupby(list(KEYS), sort=False):
         first = part.iloc[0]
         values = [_value(part, name) for name in metrics]
+        values += [_frame_time(part[part.measure == TIMING])] if timed else []
         label = f"{first.profile} {first.settings}".strip()
-        table.add_row(first.scenario, first.engine, label, step_text(first["dt"]), *values, _outcome(part))
+        texts = [first.scenario, first.engine, label, *([str(first.seed)] if seeded else [])]
+        table.add_row(*texts, step_text(first["dt"]), *values, escape(_outcome(part)))
     console.print(table)
 
 
@@ -47,6 +54,18 @@ def _value(part: pd.DataFrame, metric: str) -> str:
     if values.empty:
         return "-"
     return f"{np.median(values) * _scale(metric)[1]:.3g}"
+
+
+def _frame_time(part: pd.DataFrame) -> str:
+    """Median over rounds of the mean time of the displayed frames that were timed, with the range [us]."""
+    per_cell = part[part.metric.isin(("run", FRAMES))].pivot_table(
+        index="cell", columns="metric", values="value"
+    )
+    if per_cell.empty or FRAMES not in per_cell:
+        return "-"
+    found = 1e6 * per_cell["run"] / per_cell[FRAMES]
+    spread = f" ({found.min():.3g}-{found.max():.3g})" if len(found) > 1 else ""
+    return f"{found.median():.3g}{spread}"
 
 
 def _outcome(part: pd.DataFrame) -> str:

@@ -21,6 +21,8 @@ import pytest
             ["fall", "--engine", "mujoco", "--set", "impratio=1,x"],
             "--set mujoco: impratio: found 'x' (valid: 0.001 to",
         ),
+        (["fall", "--seed", "0,x"], "--seed 0,x: found 'x', expected numbers such as 0,1,2"),
+        (["fall", "--timing", "--dask", "local"], "--timing --dask: times are measured on this machine"),
         (["fall", "--part", "3/3"], "--part 3/3: expected K/N with K from 0 to N - 1"),
     ],
 )
@@ -106,3 +108,22 @@ def test_the_line_of_an_answer_meets_its_tolerances(touchstone):
     assert code == 1
     assert out.startswith("nothing measured meets all; nearest miss: bullet ")
     assert "times too much" in out
+
+
+def test_seeds_and_times(touchstone):
+    """A seed perturbs the scene and has a line of its own; each cell is timed in as many rounds as asked."""
+    asked = ("sweep", "collide_sticks", "--engine", "mujoco", "--profile", "recommended", "--jobs", "1")
+    asked = (*asked, "--seed", "0,1", "--timing", "--repeats", "2")
+    code, out, err = touchstone(*asked, "--format", "csv", "--quiet")
+    assert code == 0, err
+    frame = pd.read_csv(StringIO(out))
+    runs = frame[frame.metric == "run"]
+    kinds = runs.measure.str.rpartition(":")[2].value_counts().to_dict()
+    assert kinds == {"accuracy": 2, "timing": 4}
+    assert runs[runs.measure.str.endswith("timing")].value.min() > 0
+    ends = frame[(frame.metric == "overlap.max") & frame.measure.str.endswith("accuracy")]
+    assert sorted(ends.seed) == [0, 1]
+    code, out, _ = touchstone(*asked)
+    assert code == 0
+    assert "frame [us]" in out
+    assert "seed" in out
