@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import pandas as pd
 
@@ -60,6 +61,20 @@ def run(
         return run_study(request, lambda label, frames: None)
 
 
+class HowOften(TypedDict, total=False):
+    """How often `sweep` measures a cell.
+
+    Attributes:
+        repeats: number of measurements of each cell; default 1.
+        seeds: 0 is the scene as it is; others move its bodies by 1e-6 m in a random direction of the seed.
+        timing: time each cell too, alone on one core, in `repeats` rounds; the rows' `measure` says so.
+    """
+
+    repeats: int
+    seeds: int | Iterable[int]
+    timing: bool
+
+
 def sweep(
     scenes: str | Iterable[str],
     engines: str | Iterable[str] | None = None,
@@ -67,11 +82,9 @@ def sweep(
     steps: float | Iterable[float] | None = None,
     changes: str | Iterable[str] = (),
     *,
-    seeds: int | Iterable[int] = 0,
-    timing: bool = False,
-    repeats: int = 1,
     jobs: int | None = None,
     out: str | Path | None = None,
+    **often: Unpack[HowOften],
 ) -> pd.DataFrame:
     """Measure every combination of scene, engine, profile, step and settings, in parallel.
 
@@ -81,11 +94,9 @@ def sweep(
         steps: native steps [s]; None: that of each profile.
         changes: "key=value,value" or "engine.key=value,value" (touchstone list settings); each engine plays
             every combination of those that it has.
-        seeds: 0 is the scene as it is; others move its bodies by 1e-6 m in a random direction of the seed.
-        timing: time each cell too, alone on one core, in `repeats` rounds; the rows' `measure` says so.
-        repeats: how often each cell is measured.
         jobs: processes; None: one per core.
         out: folder of the store. What it holds already is not measured again; None: nothing is kept.
+        often: `repeats`, `seeds` and `timing`, as in HowOften.
     Returns:
         A row per metric of each cell; column `outcome` says how a cell ended, a cell that failed has one row.
     Raises:
@@ -103,7 +114,10 @@ def sweep(
     asked = [] if steps is None else [steps] if isinstance(steps, float | int) else list(steps)
     for dt in asked:
         _check_step(dt, [catalogue()[name] for name in names])
-    chosen = [seeds] if isinstance(seeds, int) else list(seeds)
+    if unknown := often.keys() - HowOften.__annotations__.keys():
+        raise TypeError(f"sweep() got an unexpected keyword argument {min(unknown)!r}")
+    given, repeats, timing = often.get("seeds", 0), often.get("repeats", 1), often.get("timing", False)
+    chosen = [given] if isinstance(given, int) else list(given)
     if wrong := [seed for seed in chosen if not isinstance(seed, int) or seed < 0]:
         raise ValueError(f"seeds: found {wrong[0]!r}, expected whole numbers from 0 on")
     once = 1 if timing else repeats
