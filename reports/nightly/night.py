@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ import pandas as pd
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.cli.progress import SCENE, Progress
+from touchstone.reports.nightly.due import QUICK_SECONDS, due, rows_for_nights, studies
 from touchstone.reports.nightly.identity import identity, same_night
-from touchstone.reports.nightly.store import cache_folder
+from touchstone.reports.nightly.store import Night, cache_folder
 from touchstone.reports.results import table, write_beside
 from touchstone.reports.run.request import Request, Results
 from touchstone.reports.run.study import measure_scene
@@ -53,12 +55,16 @@ def measure(
     columns: tuple[tuple[str, str], ...],
     settings: Mapping[str, Any],
     progress: Progress,
+    before: Sequence[Night] = (),
 ) -> tuple[Measured, Path]:
-    """Measure the scenes that the night has not measured yet.
+    """Measure the scenes that the night has not measured yet, and the studies that are due.
 
+    Args:
+        before: nights of the store: they say which studies are due.
     Returns:
         The night, and its working folder, to be removed once the night is stored.
     """
+    start = time.monotonic()
     folder, facts = _folder(identity(settings))
     found = Measured(facts, table([]))
     missing = [scene for scene in chosen if not (folder / f"{scene.name}.json").exists()]
@@ -74,8 +80,37 @@ def measure(
         found.playback |= unit["playback"]
         found.settings |= unit["settings"]
         found.faults += unit["faults"]
+    frames += _measure_studies(found, folder, before, bool(settings.get("quick")), start, progress)
     found.frame = pd.concat(frames, ignore_index=True)
     return found, folder
+
+
+def _measure_studies(
+    found: Measured, folder: Path, before: Sequence[Night], quick: bool, start: float, progress: Progress
+) -> list[pd.DataFrame]:
+    """Tables of the studies that are due; one that fails is a fault, and due again the next night."""
+    left = QUICK_SECONDS - (time.monotonic() - start) if quick else inf
+    frames, took = [], {}
+    for study in due(studies(len(before), quick), before, str(found.identity["fingerprint"]), left):
+        kept, mark = folder / f"study-{study.name}.parquet", folder / f"study-{study.name}.json"
+        if not mark.exists():
+            progress(f"{SCENE}study {study.name}", 0)
+            began = time.monotonic()
+            try:
+                with scratch_folder() as scratch:
+                    frame = study.measure(scratch / "out", scratch, lambda label, steps: progress(label, 0))
+            except Exception as error:
+                reason = f"{type(error).__name__}: {error}".splitlines()[0]
+                found.faults.append(f"study {study.name} failed: {reason}")
+                continue
+            rows = rows_for_nights(frame)
+            write_beside(kept, lambda part, rows=rows: rows.to_parquet(part, index=False))  # type: ignore[misc]
+            text = json.dumps({"seconds": round(time.monotonic() - began, 1)})
+            write_beside(mark, lambda part, text=text: part.write_text(text, "utf-8"))  # type: ignore[misc]
+        frames.append(pd.read_parquet(kept))
+        took[study.name] = json.loads(mark.read_text("utf-8"))["seconds"]
+    found.identity["studies"] = took
+    return frames
 
 
 def _measure_scene(

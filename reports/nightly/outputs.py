@@ -17,7 +17,7 @@ from touchstone.reports.page import charts
 from touchstone.reports.page.content import BAD, GOOD, WARN, Content, reproduce, verdict_of
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
-from touchstone.reports.run.request import REFERENCE
+from touchstone.reports.run.request import REFERENCE, STUDY
 from touchstone.scenarios.catalogue import catalogue
 
 MOST_LINES = 20
@@ -91,7 +91,8 @@ def write_page(
         title=f"touchstone, night of {str(facts['started'])[:10]}",
         level=level,
         verdict=verdict,
-        frame=measured.frame,
+        frame=measured.frame[measured.frame.study == STUDY],
+        studies=measured.frame[measured.frame.study != STUDY],
         command="touchstone nightly" + (" --quick" if facts["settings"].get("quick") else ""),
         changes=listed(findings),
         identity=[*known.items(), *facts["versions"].items(), *facts["machine"].items()],

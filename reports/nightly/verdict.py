@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from touchstone.reports.nightly.due import OUTCOME, described
 from touchstone.reports.nightly.identity import changes
 from touchstone.reports.nightly.store import Night, Store
 from touchstone.reports.nightly.timing_verdict import WINDOW, step, warns
@@ -75,7 +76,9 @@ def _compared(key: Any, row: pd.Series) -> Finding | None:
         return None
     value, old = float(row["value"]), float(row["value_before"])
     moved = not np.isclose(value, old, rtol=SAME, atol=FLOOR, equal_nan=True)
-    text = f"{old:.4g} -> {value:.4g}"
+    text = f"{described(metric, old)} -> {described(metric, value)}"
+    if metric == OUTCOME and (now == "pass") != (before == "pass"):
+        return Finding(GONE if now == "pass" else REGRESSION, place, text)
     if now in ("fail", "error", "unjudged") and before not in (now, "fail"):
         return Finding(REGRESSION, place, f"{before or 'no limit'} -> {now}, {text}")
     if before == "known" and now != "known":
@@ -86,6 +89,31 @@ def _compared(key: Any, row: pd.Series) -> Finding | None:
     if before in ("fail", "error") and now not in ("fail", "error"):
         return Finding(GONE, place, f"{before} -> {now or 'no limit'}, {text}")
     return Finding(CHANGE, place, text) if moved else None
+
+
+def compared_with(
+    store: Store, nights: Sequence[Night], accepted: Night, scenes: pd.DataFrame
+) -> pd.DataFrame:
+    """Rows with which tonight's are compared: of the accepted night; of what it did not measure, such as a
+    study that was not due, those of the last night before it that did, or else the first one after it.
+
+    Args:
+        nights: earlier nights of the same hardware, in order.
+        scenes: study and scenario of what was measured tonight.
+    """
+    wanted = set(scenes[["study", "scenario"]].itertuples(index=False, name=None))
+    found = []
+    earlier = [night for night in nights if night.sequence < accepted.sequence]
+    later = [night for night in nights if night.sequence > accepted.sequence]
+    for night in (accepted, *reversed(earlier), *later):
+        if not wanted:
+            break
+        rows = store.query([night], "select * from rows")
+        keys = pd.MultiIndex.from_frame(rows[["study", "scenario"]])
+        kept = rows[keys.isin(list(wanted))]
+        wanted -= set(kept[["study", "scenario"]].itertuples(index=False, name=None))
+        found.append(kept)
+    return pd.concat(found, ignore_index=True)
 
 
 def histories(store: Store, nights: Sequence[Night], fingerprint: str) -> pd.DataFrame:

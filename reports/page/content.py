@@ -33,6 +33,7 @@ class Content:
         settings: "scene/engine/profile" -> manifest of the engine.
         summaries: scene -> its sentence.
         history: heading -> chart of nights, as SVG.
+        studies: long table of studies beside the scenes; None without.
     """
 
     title: str
@@ -46,6 +47,7 @@ class Content:
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     summaries: Mapping[str, str] = field(default_factory=dict)
     history: Mapping[str, str] = field(default_factory=dict)
+    studies: pd.DataFrame | None = None
 
     def columns(self) -> list[Column]:
         """The first column of each engine that played: its own profile."""

@@ -13,6 +13,7 @@ from string import Template
 
 from touchstone.reports.page import charts, matrix, sections
 from touchstone.reports.page.content import Content, rows_by_scene
+from touchstone.reports.page.studies import studies_part
 from touchstone.reports.results import rows_of
 from touchstone.reports.views.tables import LEGEND
 
@@ -54,6 +55,9 @@ def page(content: Content) -> str:
         sections.fold("Charts", sections.all_charts(content), "charts", True) if len(columns) > 1 else "",
         sections.fold("Nights", "".join(_figures(content.history)), "nights", True)
         if content.history
+        else "",
+        sections.fold("Hard cases and studies", studies_part(content.studies), "studies")
+        if content.studies is not None and len(content.studies)
         else "",
         sections.fold(
             "Broken limits and known failings", sections.failings(rows_of(content.frame)), "failings"

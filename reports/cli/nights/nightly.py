@@ -46,7 +46,7 @@ def nightly(
             with progress_for(
                 sum(s.frame_count for s in chosen) * len(columns), quiet, by_scene=True
             ) as progress:
-                measured, work = measure(chosen, columns, settings, progress)
+                measured, work = measure(chosen, columns, settings, progress, opened.nights())
             if measured.continued and not quiet:
                 print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
             before = opened.nights()
@@ -81,9 +81,9 @@ def _publish(
     accepted = _accepted(store, nights, night)
     findings = []
     if accepted is not None:
-        kept = store.query([accepted], "select * from rows")
-        scenes = set(measured.frame.scenario)  # a quick night has fewer scenes than a full one
-        findings += verdict.physics(measured.frame, kept[kept.scenario.isin(scenes)])
+        same = [one for one in nights if one is not night and one.identity.get("fingerprint") == fingerprint]
+        kept = verdict.compared_with(store, same, accepted, measured.frame)
+        findings += verdict.physics(measured.frame, kept)
     history = verdict.histories(store, nights, fingerprint)
     record = store.accepted()
     findings += verdict.timing(history, known_nights, int(record["sequence"]) if record else 0)

@@ -7,6 +7,7 @@ import json
 import pytest
 
 from touchstone.reports.nightly import night as module
+from touchstone.reports.nightly.due import Study
 from touchstone.reports.nightly.store import Store
 from touchstone.reports.results import rows_of
 from touchstone.scenarios.catalogue import catalogue
@@ -23,7 +24,15 @@ def program(monkeypatch, tmp_path, nights, capfd):
     monkeypatch.chdir(tmp_path)
     chosen = (catalogue()["fall"], catalogue()["slip"])
     monkeypatch.setattr(module, "scenes", lambda quick: chosen)
+    monkeypatch.setattr(module, "studies", lambda turn, quick: [Study("robustness", 2, 1.0, study)])
     played = []
+
+    def study(out, scratch, progress):
+        played.append("study")
+        if state.get("study") == "fails":
+            raise ValueError("no\nscenes")
+        found = nights.frame(scene="random", **state.get("frame", {}))
+        return found.assign(study="robustness")
 
     def measure_scene(request, scenario, folder, children, results, progress):
         played.append(scenario.name)
@@ -52,7 +61,7 @@ def test_a_killed_night_is_continued(program, tmp_path):
     code, _, err, played = program("nightly", "--quick", dies="slip")
     assert (code, played) == (130, ["fall", "slip"])
     code, out, err, played = program("nightly", "--quick")
-    assert (code, played) == (0, ["slip"])
+    assert (code, played) == (0, ["slip", "study"])
     assert "continued a night: 1 scenes were measured before" in err
     assert "First night on this hardware" in out
     assert len(Store("nights").nights()) == 1
@@ -70,7 +79,8 @@ def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
     code, out, err, _ = program("nightly", "--quick", frame=worse)
     assert code == 1
     assert "regression: fall mujoco recommended overlap.max: a known failing grew: 0.0015 -> 0.0016" in err
-    assert "2 confirmed regressions (mujoco)" in out
+    # the accepted night had no study: it is compared with the night before
+    assert "3 confirmed regressions (mujoco)" in out
     last = Store("nights").nights()[-1]
     page = tmp_path / "nights" / "pages" / last.run
     assert sorted(path.name for path in page.iterdir()) == [
@@ -84,6 +94,18 @@ def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
     code, out, *_ = program("accept", last.run, "--reason", "a trade")
     assert (code, out) == (0, f"accepted {last.run}: a trade\n")
     assert program("nightly", "--quick", frame=worse)[0] == 0
+
+
+def test_a_study_is_measured_when_it_is_due(program):
+    """Every second night; it is compared with the night that had it last; one that fails is due again."""
+    assert program("nightly", "--quick")[3] == ["fall", "slip", "study"]
+    assert program("nightly", "--quick")[3] == ["fall", "slip"]
+    code, _, err, played = program("nightly", "--quick", study="fails")
+    assert (code, played) == (70, ["fall", "slip", "study"])
+    assert "study robustness failed: ValueError: no\n" in err
+    code, _, err, played = program("nightly", "--quick", frame={"overlap": 3e-3, "verdict": "fail"})
+    assert (code, played) == (1, ["fall", "slip", "study"])
+    assert "regression: random mujoco recommended overlap.max: pass -> fail, 0.001 -> 0.003" in err
 
 
 def test_a_page_that_fails_leaves_the_night(program, monkeypatch):
