@@ -91,8 +91,8 @@ def step(values: Array) -> Step | None:
 
 
 def chance(before: Array, last: Array) -> float:
-    """Share of all choices of RECENT nights of both that look at least as much like a step as the last ones
-    [1]: the p-value of the permutation test.
+    """P-value of the permutation test: the share of all choices of RECENT nights whose likelihood ratio of a
+    step is no less than that of `last` [1].
 
     Args:
         before, last: times [s], positive; `last` holds RECENT of them.
