@@ -25,7 +25,7 @@ DAMAGED = (
     ValueError,
     TypeError,
     EOFError,
-    NotImplementedError,
+    NotImplementedError,  # zipfile: an unknown method of compression
     SyntaxError,  # a damaged header of an array is parsed as Python
     tokenize.TokenError,
     zipfile.BadZipFile,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, BodyFacts, Manifest, PairFacts, Settings, State
+from touchstone.adapters.contract import AdapterError, Array, BodyFacts, Manifest, PairFacts, Settings, State
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -45,8 +45,8 @@ class SimpleWorld:
         self._touched: list[tuple[int, int, Array, Array, float, Array]] = []
 
     def step(self) -> None:
-        """Advance by one native step."""
-        raise NotImplementedError("a world of your own defines `step`")
+        """Advance by one native step; raises AdapterError, because each engine defines its own."""
+        raise AdapterError(f"{self.engine}: {type(self).__name__} defines no step(self)")
 
     def push(self, a: int, b: int, point: Array, normal: Array, distance: float, impulse: Array) -> None:
         """Apply an impulse [N s] to b, and its reverse to a, at a world point; report it as a contact of this

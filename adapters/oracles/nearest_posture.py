@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.oracles.articulated import Articulated
 from touchstone.adapters.oracles.overlap import Pose, coal_shape, signed_distance
+from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import Piece, Scenario, Tracker
 
 FREE = 1e-6
@@ -97,6 +98,7 @@ class NearestPosture:
             starts: the first starts [rad]; random ones near each of these in turn complete them.
         """
         rest = range(len(self._link), len(self._body))
+        self._root_orientation = _wxyz(root[0])
         self._root, self._others = root, [_times(others[self._body[k]], self._place[k]) for k in rest]
         best, least = None, inf
         for k in range(STARTS):
@@ -130,9 +132,10 @@ class NearestPosture:
     def _near(self, posture: Array, kept: list[_Plane]) -> tuple[float, list[_Plane]]:
         """Depth of the deepest pair [m], and half-spaces of near pairs together with those kept."""
         tree = self._tree
-        configuration = tree.posture(self._root[1], _wxyz(self._root[0]), posture)
+        configuration = tree.posture(self._root[1], self._root_orientation, posture)
         pinocchio.computeJointJacobians(tree.model, tree.data, configuration)
         links = [(link.rotation, link.translation) for link in tree.data.oMi.tolist()[1:]]
+        self._origin = np.array([origin for _, origin in links])
         poses = [_times(links[k], own) for k, own in zip(self._link.tolist(), self._place)] + self._others
         depth, planes = 0.0, []
         now: dict[tuple[int, int], Array] = {}
@@ -176,11 +179,12 @@ class NearestPosture:
         for piece, point, sign in sides:
             rows = np.flatnonzero(piece < count)
             link = self._link[piece[rows]]
-            for k in np.unique(link).tolist():
-                own = rows[link == k]
+            moment = cross(point[rows] - self._origin[link], normal[rows])
+            wrench = np.hstack((normal[rows], moment))
+            for k in set(link.tolist()):
+                mine = link == k
                 jacobian = pinocchio.getJointJacobian(model, data, k + 1, axes)[:, 6:]
-                moment = np.cross(point[own] - data.oMi[k + 1].translation, normal[own])
-                slopes[own] += sign * np.hstack((normal[own], moment)) @ jacobian
+                slopes[rows[mine]] += sign * wrench[mine] @ jacobian
         return slopes
 
 

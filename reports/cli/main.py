@@ -131,7 +131,7 @@ def run(
         typer.Option("--set", help="KEY=VALUE or ENGINE.KEY=VALUE (touchstone list settings)."),
     ] = None,
     effects: Annotated[
-        str, typer.Option(help="auto: those that a scene calls for; all (without sleeping); or names.")
+        str, typer.Option(help="auto: those that a scene needs; all (without sleeping); or names.")
     ] = "auto",
     drive: Annotated[
         str, typer.Option(help="Of engines' hinges: native (their own position servo), torque or posed.")
@@ -273,7 +273,7 @@ def list_things(what: Listing, output: FormatOption = Format.table) -> None:
 @app.command()
 def show(
     scenario: str,
-    effects: Annotated[bool, typer.Option("--effects", help="Which effects it calls for, and why.")] = False,
+    effects: Annotated[bool, typer.Option("--effects", help="Which effects it needs, and why.")] = False,
     model_card: Annotated[
         bool, typer.Option("--model-card", help="The driven bodies as every engine holds them.")
     ] = False,

@@ -30,7 +30,7 @@ def assert_same(one, two) -> None:
 
 @pytest.mark.parametrize("name", SHORT)
 def test_plan_and_all_effects_are_one(registry: SimpleNamespace, name: str) -> None:
-    """Play a scene with all effects as with those that it calls for, to the bit."""
+    """Play a scene with all effects as with those that it needs, to the bit."""
     everything = Settings("balanced", FRAME, effects=PLANNED)
     whole = record(registry.engine("reference"), catalogue()[name], everything)
     assert_same(registry.played(name, "reference"), whole)

@@ -94,10 +94,9 @@ def cases(lab: SimpleNamespace) -> dict[str, tuple[Scenario, Scenario]]:
     }
 
 
-EFFECTS = (
-    *("gravity", "rotation", "restitution", "friction", "contact", "overlap_removal"),
-    *("virtual_coupling", "inverse_kinematics", "attraction", "reach_cones", "self_collision"),
-)
+OTHERS = ("sweep", "sleeping")
+"""Effects with tests of their own: `sweep` below, `sleeping` in `test_sleeping.py`."""
+EFFECTS = [effect for effect in PLANNED if effect not in OTHERS]
 
 
 def test_cones_bound_a_tracker_that_leaves_them(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
@@ -111,6 +110,7 @@ def test_cones_bound_a_tracker_that_leaves_them(lab: SimpleNamespace, registry: 
 def test_an_effect_that_alone_matters(lab: SimpleNamespace, registry: SimpleNamespace, effect: str) -> None:
     """Change the outcome by switching off what a scene needs, and not by switching on what it does not."""
     engine = registry.engine("reference")
+    assert effect in cases(lab), f"add scenes for {effect!r} to `cases`"
     matters, idle = cases(lab)[effect]
     stages = planned(matters).stages
     assert effect in stages

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.engines import plugin
 from touchstone.adapters.engines.entry import ENGINES, GROUP, Entry
+from touchstone.adapters.engines.simple_world import SimpleWorld
 from touchstone.adapters.registry import OURS, available, load, missing_reason, registered
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.play import play
@@ -145,3 +146,14 @@ def test_a_module_that_went_away_is_named(monkeypatch):
     """The reason why an engine of others is missing names its module, not an extra of ours."""
     monkeypatch.setitem(ENGINES, "gone", Entry("gone_away:Engine", "gone_away", {"default": 1 / 240}))
     assert missing_reason("gone") == "not installed (no module 'gone_away')"
+
+
+def test_a_world_that_cannot_step_is_named(lab) -> None:
+    """A world made from `SimpleWorld` without a step of its own is named in one line."""
+
+    class Still(SimpleWorld):
+        engine, version = "still", "1"
+
+    world = Still(lab.scene(lab.ball()), Settings("default", 1 / 240))
+    with pytest.raises(AdapterError, match=r"^still: Still defines no step\(self\)$"):
+        world.step()

@@ -36,7 +36,7 @@ def sliding(lab: SimpleNamespace, speed: float, duration: float) -> Scenario:
 
 
 def played(registry: SimpleNamespace, name: str, scene: Scenario, *effects: str) -> Recording:
-    """A scene with the effects named, or with those that it calls for."""
+    """A scene with the effects named, or with those that it needs."""
     return record(registry.engine(name), scene, replace(registry.settings(name), effects=effects or None))
 
 
