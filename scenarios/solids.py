@@ -20,6 +20,7 @@ from touchstone.scenarios.scenario import (
     Matrix,
     Piece,
     Quaternion,
+    Shape,
     Sphere,
     Vector,
     vector,
@@ -105,6 +106,31 @@ def hull_mass_properties(
     return total, vector(inside + centre), (rows[0], rows[1], rows[2])
 
 
+def _solid(
+    name: str,
+    kind: Kind,
+    material: str,
+    shape: Shape,
+    mass: float,
+    inertia: Matrix,
+    pose: tuple[Vector, Quaternion],
+    motion: Motion,
+) -> Body:
+    """A body of one piece whose origin is its centre of mass."""
+    return Body(
+        name,
+        kind,
+        material,
+        (Piece(name, shape),),
+        mass=mass,
+        inertia=inertia,
+        position=pose[0],
+        orientation=pose[1],
+        linear_velocity=motion.get("velocity", ORIGIN),
+        angular_velocity=motion.get("spin", ORIGIN),
+    )
+
+
 def ball(
     name: str,
     material: str,
@@ -139,18 +165,8 @@ def block(
     **motion: Unpack[Motion],
 ) -> Body:
     """A solid box of one body; half extents in m, mass in kg, then its state."""
-    return Body(
-        name,
-        kind,
-        material,
-        (Piece(name, Box(half_extents)),),
-        mass=mass,
-        inertia=box_inertia(mass, half_extents),
-        position=position,
-        orientation=orientation,
-        linear_velocity=motion.get("velocity", ORIGIN),
-        angular_velocity=motion.get("spin", ORIGIN),
-    )
+    inertia = box_inertia(mass, half_extents)
+    return _solid(name, kind, material, Box(half_extents), mass, inertia, (position, orientation), motion)
 
 
 def capsule(
@@ -165,17 +181,9 @@ def capsule(
     **motion: Unpack[Motion],
 ) -> Body:
     """A solid capsule along the body's z axis; radius and half length in m, mass in kg, then its state."""
-    return Body(
-        name,
-        kind,
-        material,
-        (Piece(name, Capsule(radius, half_length)),),
-        mass=mass,
-        inertia=capsule_inertia(mass, radius, half_length),
-        position=position,
-        orientation=orientation,
-        linear_velocity=motion.get("velocity", ORIGIN),
-        angular_velocity=motion.get("spin", ORIGIN),
+    inertia = capsule_inertia(mass, radius, half_length)
+    return _solid(
+        name, kind, material, Capsule(radius, half_length), mass, inertia, (position, orientation), motion
     )
 
 
@@ -190,18 +198,8 @@ def ellipsoid(
     **motion: Unpack[Motion],
 ) -> Body:
     """A solid ellipsoid; half axes in m, mass in kg, then its state."""
-    return Body(
-        name,
-        kind,
-        material,
-        (Piece(name, Ellipsoid(half_axes)),),
-        mass=mass,
-        inertia=ellipsoid_inertia(mass, half_axes),
-        position=position,
-        orientation=orientation,
-        linear_velocity=motion.get("velocity", ORIGIN),
-        angular_velocity=motion.get("spin", ORIGIN),
-    )
+    inertia = ellipsoid_inertia(mass, half_axes)
+    return _solid(name, kind, material, Ellipsoid(half_axes), mass, inertia, (position, orientation), motion)
 
 
 def hull(
@@ -223,18 +221,7 @@ def hull(
     """
     _, centre, inertia = hull_mass_properties(vertices, mass=mass)
     corners = tuple(vector(np.subtract(vertex, centre)) for vertex in vertices)
-    return Body(
-        name,
-        kind,
-        material,
-        (Piece(name, Hull(corners)),),
-        mass=mass,
-        inertia=inertia,
-        position=position,
-        orientation=orientation,
-        linear_velocity=motion.get("velocity", ORIGIN),
-        angular_velocity=motion.get("spin", ORIGIN),
-    )
+    return _solid(name, kind, material, Hull(corners), mass, inertia, (position, orientation), motion)
 
 
 def slab(

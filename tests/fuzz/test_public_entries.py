@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_world import FakeWorld
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from touchstone.adapters.contract import AdapterError, Manifest, Settings
+from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import RecordingError, load
 from touchstone.adapters.registry import load as load_engine
@@ -178,42 +179,21 @@ class Damaged:
             raise self.what
 
 
-class World:
+class World(FakeWorld):
     """Bodies stay where they are until the damage."""
 
-    def __init__(self, engine, scenario, chosen):
-        self.engine, self.scenario, self.chosen, self.steps = engine, scenario, chosen, 0
-
-    def drive(self, step):
-        pass
-
     def step(self):
-        self.steps += 1
-        if self.steps >= self.engine.when:
-            self.engine._fail("step")
+        super().step()
+        if self.steps >= self.fake.when:
+            self.fake._fail("step")
 
     def read(self, state):
         state.position[:] = [body.position for body in self.scenario.bodies]
-        if self.steps >= self.engine.when and hasattr(state, self.engine.where):
-            if isinstance(self.engine.what, np.ndarray):
-                setattr(state, self.engine.where, self.engine.what)
+        if self.steps >= self.fake.when and hasattr(state, self.fake.where):
+            if isinstance(self.fake.what, np.ndarray):
+                setattr(state, self.fake.where, self.fake.what)
             else:
-                getattr(state, self.engine.where)[...] = self.engine.what
-
-    def work(self):
-        return {}
-
-    def describe(self):
-        return Manifest("damaged", "1", self.chosen.profile, self.chosen.dt, {}, {}, ())
-
-    def stage_seconds(self):
-        return {}
-
-    def cross(self):
-        pass
-
-    def close(self):
-        pass
+                getattr(state, self.fake.where)[...] = self.fake.what
 
 
 STATES = ("position", "orientation", "linear_velocity", "angular_velocity")

@@ -6,8 +6,9 @@ import os
 import time
 
 import numpy as np
+from fake_world import FakeWorld
 
-from touchstone.adapters.contract import AdapterError, Manifest, Unsupported
+from touchstone.adapters.contract import AdapterError, Unsupported
 
 
 def load(name):
@@ -32,19 +33,13 @@ class Engine:
         return World(self.name, scenario, settings)
 
 
-class World:
+class World(FakeWorld):
     """Every body stays where it starts, but for the third step."""
 
-    def __init__(self, name, scenario, settings):
-        self.name, self.scenario, self.settings, self.steps = name, scenario, settings, 0
-
-    def drive(self, step):
-        pass
-
     def step(self):
-        self.steps += 1
+        super().step()
         if self.steps == 3:
-            match self.name:
+            match self.fake:
                 case "hangs":
                     time.sleep(600)
                 case "dies":
@@ -56,13 +51,13 @@ class World:
         bodies = self.scenario.bodies
         state.position[:] = [body.position for body in bodies]
         state.orientation[:] = [body.orientation for body in bodies]
-        if self.name == "stops" and self.steps < 3:
+        if self.fake == "stops" and self.steps < 3:
             state.linear_velocity[:] = [body.linear_velocity for body in bodies]
-        elif self.name == "stops":
+        elif self.fake == "stops":
             state.linear_velocity[:] = 0.0
         moving = np.array([body.kind == "simulated" for body in bodies])
         if self.steps >= 3:
-            match self.name:
+            match self.fake:
                 case "explodes":
                     state.linear_velocity[moving] = 1e3
                 case "creeps":
@@ -74,18 +69,6 @@ class World:
                 case "not finite":
                     state.linear_velocity[moving] = np.nan
 
-    def describe(self):
-        return Manifest(self.name, "1", self.settings.profile, self.settings.dt, {}, {}, ())
-
     def work(self):
-        told = {"gave_up": 0.0, "residual": 1e-3 if self.name == "stalls" else 1e-12}
-        return {} if self.name == "silent" else told
-
-    def stage_seconds(self):
-        return {}
-
-    def cross(self):
-        pass
-
-    def close(self):
-        pass
+        told = {"gave_up": 0.0, "residual": 1e-3 if self.fake == "stalls" else 1e-12}
+        return {} if self.fake == "silent" else told

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fake_world import FakeWorld
 
-from touchstone.adapters.contract import Manifest, Settings
+from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import load
 from touchstone.reports.studies.relations.play import NAMES, SPLIT, Task, compare
 from touchstone.reports.studies.relations.study import HELD, rows_of_task
@@ -27,24 +28,15 @@ class Drifting:
         return World(self.fault, scenario, settings)
 
 
-class World:
+class World(FakeWorld):
     """Bodies fall freely, exactly; the fault bends that."""
-
-    def __init__(self, fault, scenario, settings):
-        self.fault, self.scenario, self.settings, self.steps = fault, scenario, settings, 0
-
-    def drive(self, step):
-        pass
-
-    def step(self):
-        self.steps += 1
 
     def read(self, state):
         t = self.steps * self.settings.dt
         for k, body in enumerate(self.scenario.bodies):
             fall = np.array(self.scenario.acting_gravity) if body.kind == "simulated" else np.zeros(3)
             place = np.array(body.position) + np.array(body.linear_velocity) * t + fall * t * t / 2
-            match self.fault:
+            match self.fake:
                 case "has a west":
                     place[0] += 1e-3 * t
                 case "rounds places":
@@ -57,21 +49,6 @@ class World:
             state.orientation[k] = body.orientation
             state.linear_velocity[k] = np.array(body.linear_velocity) + fall * t
             state.angular_velocity[k] = body.angular_velocity
-
-    def work(self):
-        return {}
-
-    def describe(self):
-        return Manifest("fake", "1", self.settings.profile, self.settings.dt, {}, {}, ())
-
-    def stage_seconds(self):
-        return {}
-
-    def cross(self):
-        pass
-
-    def close(self):
-        pass
 
 
 BROKEN = {

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from fake_world import FakeWorld
 
-from touchstone.adapters.contract import AdapterError, Manifest, Unsupported
+from touchstone.adapters.contract import AdapterError, Unsupported
 
 HALF = 0.05
 
@@ -25,22 +26,16 @@ class Engine:
         return World(self.name, scenario, settings)
 
 
-class World:
+class World(FakeWorld):
     """The cube is moved as a function of the time."""
 
-    def __init__(self, name, scenario, settings):
-        self.name, self.scenario, self.settings, self.steps = name, scenario, settings, 0
-
-    def drive(self, step):
-        pass
-
     def step(self):
-        self.steps += 1
-        if self.name == "slow":
+        super().step()
+        if self.fake == "slow":
             end = time.process_time() + 0.02
             while time.process_time() < end:
                 pass
-        if self.name == "announces" and self.steps == 10:
+        if self.fake == "announces" and self.steps == 10:
             raise AdapterError("announces: 7 contacts are too many")
 
     def read(self, state):
@@ -52,15 +47,15 @@ class World:
         state.position[k, 2] += z
         state.position[k, 0] += x
         state.linear_velocity[k] = v
-        if self.name == "spins up":
+        if self.fake == "spins up":
             state.angular_velocity[k] = (0.0, 0.0, 200.0 * t)
-        if self.name == "lies about contacts":
+        if self.fake == "lies about contacts":
             state.add_contact(0, 1, np.zeros(3), np.array((0.0, 0.0, 1.0)), 0.0, np.array((0.0, 0.0, 1.0)))
 
     def _moved(self, t):
         """Height and velocity of the cube over its place of rest, and its way along x."""
         still = np.zeros(3)
-        match self.name:
+        match self.fake:
             case "sinks" | "sinks and says so":
                 return -0.04 * t, np.array((0.0, 0.0, -0.04)), 0.0
             case "lies about contacts":
@@ -88,16 +83,4 @@ class World:
         return 0.0, still, 0.0
 
     def work(self):
-        return {"gave_up": 1.0 if self.name == "sinks and says so" and self.steps == 3 else 0.0}
-
-    def describe(self):
-        return Manifest(self.name, "1", self.settings.profile, self.settings.dt, {}, {}, ())
-
-    def stage_seconds(self):
-        return {}
-
-    def cross(self):
-        pass
-
-    def close(self):
-        pass
+        return {"gave_up": 1.0 if self.fake == "sinks and says so" and self.steps == 3 else 0.0}
