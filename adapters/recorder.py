@@ -251,17 +251,14 @@ class Player:
             return
         timeless = np.isnan(rows["time"])
         rows["time"] = np.where(timeless, time, time + rows["time"])
+        bodies = np.concatenate((rows["body_a"], rows["body_b"]))
+        arm = np.concatenate((rows["position"],) * 2) - self._world_center(self._before, bodies)
         for moment, state in (("before", self._before), ("after", self._state)):
-            for side in ("a", "b"):
+            velocity = state.linear_velocity[bodies] + cross(state.angular_velocity[bodies], arm)
+            for side, own in (("a", velocity[: len(rows)]), ("b", velocity[len(rows) :])):
                 column = rows[f"velocity_{side}_{moment}"]
-                velocity = self._point_velocity(state, rows[f"body_{side}"], rows["position"])
-                column[:] = np.where(np.isnan(column), velocity, column)
+                column[:] = np.where(np.isnan(column), own, column)
         self._contacts.append(rows)
-
-    def _point_velocity(self, state: State, body: np.ndarray, point: Array) -> Array:
-        """World velocities of bodies at world points, for the poses at the step's start."""
-        arm = point - self._world_center(self._before, body)
-        return state.linear_velocity[body] + cross(state.angular_velocity[body], arm)
 
     def _world_center(self, state: State, body: np.ndarray) -> Array:
         return state.position[body] + turned(state.orientation[body], self._mass_center[body])

@@ -151,10 +151,16 @@ class Evidence:
 
     @cached_property
     def _coefficients(self) -> Array:
-        rows = self.recording.contacts
-        table = {pair: self.scenario.pair_coefficients(*pair) for pair in self.scenario.touching_pairs()}
-        asked = [table[(int(row["body_a"]), int(row["body_b"]))] for row in rows]
-        return np.array(asked).reshape(-1, 2)
+        met, which = self.met
+        return np.array([self.scenario.pair_coefficients(a, b) for a, b in met]).reshape(-1, 2)[which]
+
+    @cached_property
+    def met(self) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
+        """Body pairs that have contact rows, and the pair's index per row."""
+        rows, count = self.recording.contacts, len(self.kind)
+        codes = rows["body_a"].astype(np.int64) * count + rows["body_b"]
+        codes, which = np.unique(codes, return_inverse=True)
+        return [divmod(code, count) for code in codes.tolist()], which
 
     @cached_property
     def impulses(self) -> tuple[Array, Array]:

@@ -81,13 +81,13 @@ def friction_direction(evidence: Evidence) -> Values:
 
 def _sliding(evidence: Evidence) -> dict[str, Array]:
     """Rows that press and slide before and after, of pairs with friction; links have their root's name."""
-    rows = evidence.recording.contacts
     normal, _ = evidence.impulses
     before = np.linalg.norm(evidence.slip("before"), axis=1)
     after = np.linalg.norm(evidence.slip("after"), axis=1)
     sliding = np.minimum(before, after) > SLIDING_SPEED
     sliding &= (normal > evidence.least_impulse) & (evidence.friction > 0)
-    names = np.array([evidence.owner_pair(int(a), int(b)) for a, b in zip(rows["body_a"], rows["body_b"])])
+    met, which = evidence.met
+    names = np.array([evidence.owner_pair(a, b) for a, b in met], dtype=str)[which]
     found = {str(name): sliding & (names == name) for name in np.unique(names[sliding])}
     if not found:
         raise NotMeasured(f"no contact slides faster than {SLIDING_SPEED} m/s")
