@@ -38,6 +38,11 @@ def stability(
     quick: Annotated[
         bool, typer.Option("--quick", help="Three levels each, at the profiles' own steps.")
     ] = False,
+    sheet: Annotated[
+        int,
+        typer.Option(min=0, help="Also draw pictures of this many cells at random, without their classes."),
+    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the cells that --sheet draws.")] = 0,
     store: Annotated[Path, typer.Option(help="Store of measured cells, which are not played again.")] = STORE,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/stability-<time>).")] = None,
     output: FormatOption = Format.table,
@@ -58,7 +63,12 @@ def stability(
     folder = out or folder_of_now("stability-")
     require_judge()
     with resumable(store), measuring(len(plan.cells()), quiet, StoreError) as progress:
-        frame, _ = run(plan, folder, store, progress)
+        frame, results = run(plan, folder, store, progress)
+    if sheet:
+        from touchstone.reports.studies.stability.sheet import write_sheets
+
+        with measuring(sheet, quiet, StoreError) as progress:
+            write_sheets(results.played, sheet, seed, folder / "sheet", progress)
     ended(frame, show, folder, output, quiet, by_name=bool(engine))
 
 

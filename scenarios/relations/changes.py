@@ -88,17 +88,18 @@ def heavier(scenario: Scenario, factor: float) -> Scenario:
     return bare(scenario, bodies=bodies, trackers=trackers)
 
 
-def larger(scenario: Scenario, times: int) -> Scenario:
+def rescaled(scenario: Scenario, times: float) -> Scenario:
     """Scene whose lengths are `times`^2 as large and whose times are `times` as long, under the same gravity
-    (Froude's law): speeds are `times` as high. Its frame rate must be divisible by `times`.
+    (Froude's law): speeds are `times` as high.
 
     Raises:
-        ValueError: the frame rate is not divisible.
+        ValueError: the frame rate over `times` is not a whole number.
     """
-    if scenario.frame_rate % times:
-        raise ValueError(f"frame rate {scenario.frame_rate}: expected a multiple of {times}")
-    size = float(times * times)
-    bodies = tuple(_larger_body(one, size, float(times)) for one in scenario.bodies)
+    rate = scenario.frame_rate / times
+    if rate != round(rate):
+        raise ValueError(f"frame rate {scenario.frame_rate}: expected a multiple of {times:g}")
+    size = times * times
+    bodies = tuple(_rescaled_body(one, size, times) for one in scenario.bodies)
     joints = tuple(replace(one, position=_scaled(one.position, size)) for one in scenario.joints)
     trackers = tuple(
         replace(
@@ -117,13 +118,14 @@ def larger(scenario: Scenario, times: int) -> Scenario:
         joints=joints,
         trackers=trackers,
         duration=scenario.duration * times,
-        frame_rate=scenario.frame_rate // times,
+        frame_rate=round(rate),
     )
 
 
-def _larger_body(one: Body, size: float, times: float) -> Body:
+def _rescaled_body(one: Body, size: float, times: float) -> Body:
     pieces = tuple(
-        replace(p, shape=_larger_shape(p.shape, size), position=_scaled(p.position, size)) for p in one.pieces
+        replace(p, shape=_rescaled_shape(p.shape, size), position=_scaled(p.position, size))
+        for p in one.pieces
     )
     return replace(
         one,
@@ -136,7 +138,7 @@ def _larger_body(one: Body, size: float, times: float) -> Body:
     )
 
 
-def _larger_shape(shape: Shape, size: float) -> Shape:
+def _rescaled_shape(shape: Shape, size: float) -> Shape:
     match shape:
         case Sphere(radius):
             return Sphere(radius * size)
@@ -175,6 +177,37 @@ def with_stranger(scenario: Scenario) -> Scenario:
     """Scene with one more ball, far from everything and at rest where there is no gravity."""
     material = scenario.bodies[0].material
     return bare(scenario, bodies=(*scenario.bodies, ball("stranger", material, 0.05, 1.0, FAR)))
+
+
+def later(scenario: Scenario, frames: int) -> Scenario:
+    """Scene whose trackers hold their first pose for some displayed frames before they move."""
+    wait = frames / scenario.frame_rate
+    trackers = tuple(
+        replace(
+            one,
+            times=(0.0, *(wait + t for t in one.times)),
+            positions=(one.positions[0], *one.positions),
+            orientations=(one.orientations[0], *one.orientations),
+            angles=(one.angles[0], *one.angles),
+        )
+        for one in scenario.trackers
+    )
+    return bare(scenario, trackers=trackers, duration=scenario.duration + wait)
+
+
+def starts_at_rest(scenario: Scenario) -> bool:
+    """Whether a scene has trackers, none of which moves in its first frame, and no body has a velocity."""
+    first = 1 / scenario.frame_rate
+    still = all(
+        len({one.positions[k], one.positions[0]}) == 1
+        and len({one.orientations[k], one.orientations[0]}) == 1
+        and len({one.angles[k], one.angles[0]}) == 1
+        for one in scenario.trackers
+        for k, time in enumerate(one.times)
+        if time <= first
+    )
+    moves = any(any(body.linear_velocity) or any(body.angular_velocity) for body in scenario.bodies)
+    return bool(scenario.trackers) and still and not moves
 
 
 def pieces_reversed(scenario: Scenario) -> Scenario:

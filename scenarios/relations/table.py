@@ -1,7 +1,7 @@
 """Table of the relations: how a scene is changed, and how its motion must change with it.
 
 A point p of the original is at `scale` A p + `offset` in the changed scene, after `scale`^(1/2) as much time
-where `timed`. Body-fixed points change by `scale` L, L the mirror for the mirror image and 1 otherwise.
+and `wait` frames. Body-fixed points change by `scale` L, L the mirror for the mirror image and 1 otherwise.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ TURN = Rotation.from_rotvec((0.4, -0.9, 1.3))
 """A rotation about the vertical, and one about an axis of no symmetry [rad]."""
 OFFSET = (0.37, -1.21, 0.53)
 """Translation [m]."""
-FACTOR, TIMES = 8.0, 2
+FACTOR, TIMES = 8.0, 0.5
 """Factor of masses, and of times in Froude's law; powers of two scale floats exactly."""
+WAIT = 30
+"""Displayed frames by which a scene starts later [1]."""
 
 
 def _identity() -> Array:
@@ -42,7 +44,8 @@ class Relation:
     own: Array = field(default_factory=_identity)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scale: float = 1.0
-    times: int = 1
+    times: float = 1.0
+    wait: int = 0
     applies: Callable[[Scenario], bool] = lambda scenario: True
 
 
@@ -99,11 +102,18 @@ RELATIONS: dict[str, Relation] = {
         Relation("masses", "all masses times 8", lambda s: changes.heavier(s, FACTOR)),
         Relation(
             "froude",
-            "lengths times 4, times times 2",
-            lambda s: changes.larger(s, TIMES),
-            scale=float(TIMES**2),
+            "lengths a quarter, times a half, and settings in metres and seconds with them",
+            lambda s: changes.rescaled(s, TIMES),
+            scale=TIMES**2,
             times=TIMES,
-            applies=lambda s: s.frame_rate % TIMES == 0 and "gravity" in s.effects,
+            applies=lambda s: "gravity" in s.effects,
+        ),
+        Relation(
+            "later",
+            "trackers wait half a second before they move",
+            lambda s: changes.later(s, WAIT),
+            wait=WAIT,
+            applies=changes.starts_at_rest,
         ),
         Relation("stranger", "one more body that nothing meets", changes.with_stranger),
     )

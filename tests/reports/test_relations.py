@@ -8,10 +8,10 @@ from fake_world import FakeWorld
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import load
-from touchstone.reports.studies.relations.play import NAMES, SPLIT, Task, compare
+from touchstone.reports.studies.relations.play import NAMES, SPLIT, Task, _rescaled, compare
 from touchstone.reports.studies.relations.study import HELD, rows_of_task
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.relations.changes import larger
+from touchstone.scenarios.relations.changes import rescaled
 from touchstone.scenarios.relations.table import RELATIONS
 from touchstone.scenarios.validation import faults
 
@@ -64,7 +64,7 @@ BROKEN = {
 def test_a_fault_breaks_its_relations(fault):
     """A fault shows in the relations that it contradicts; a faultless engine holds all."""
     scene = catalogue()["collide_oblique"].reduced(effects=("gravity",))
-    found = compare(Drifting(fault), Task(scene, "fake", SETTINGS))
+    found = compare(Drifting(fault), Task(scene, "reference", SETTINGS))
     broken = {name for name, value in found.deviations.items() if value > 1e-12}
     assert broken >= BROKEN.get(fault, set())
     assert bool(broken) == bool(fault)
@@ -82,13 +82,32 @@ def test_changed_scenes_are_valid(name, relation):
 def test_froude_keeps_numbers_without_a_dimension():
     """g t^2 / l and v t / l stay."""
     scene = catalogue()["slide"]
-    large = larger(scene, 2)
+    large = rescaled(scene, 2.0)
     body, image = scene.bodies[1], large.bodies[1]
     assert large.duration == 2 * scene.duration
     assert image.pieces[0].shape.half_extents == tuple(4 * h for h in body.pieces[0].shape.half_extents)
     assert image.linear_velocity == tuple(2 * v for v in body.linear_velocity)
     with pytest.raises(ValueError, match="multiple of 7"):
-        larger(scene, 7)
+        rescaled(scene, 7.0)
+
+
+def test_settings_with_a_unit_grow_with_the_scene():
+    """A gap in metres falls to a quarter and a speed to a half where times fall to a half; counts stay."""
+    changed = _rescaled(Task(catalogue()["slide"], "reference", SETTINGS), 0.5)
+    assert changed.dt == SETTINGS.dt / 2
+    assert dict(text.split("=") for text in changed.changes) == {"v_rest": "0.025", "impact_gap": "1.25e-07"}
+
+
+def test_later_waits():
+    """Trackers hold their first pose, then do the same; scenes that move at once are left out."""
+    scene, relation = catalogue()["spring"], RELATIONS["later"]
+    assert relation.applies(scene)
+    tracker, image = scene.trackers[0], relation.change(scene).trackers[0]
+    wait = relation.wait / scene.frame_rate
+    assert image.times[:2] == (0.0, wait)
+    assert image.positions[:2] == (tracker.positions[0],) * 2
+    assert image.times[-1] == pytest.approx(tracker.times[-1] + wait)
+    assert not relation.applies(catalogue()["slide"])
 
 
 @pytest.mark.parametrize("name", ["fall", "stack", "collide_oblique"])

@@ -22,6 +22,7 @@ from touchstone.reports.studies.stability.rows import (
     silent_lines,
     table_of_cells,
 )
+from touchstone.reports.studies.stability.sheet import drawn, write_sheets
 from touchstone.reports.studies.stability.table import family_rows, show
 from touchstone.scenarios.difficulty.family import families, hard_names
 
@@ -122,3 +123,22 @@ def test_a_store_plays_nothing_twice(tmp_path):
     assert lines == ["finished before"]
     assert first[cells[0]].outcome.name == "ok"
     assert first[cells[0]].outcome.figures["overlap [m]"] < 1e-6
+
+
+def test_cells_for_the_eye_are_drawn_at_random_and_repeat():
+    """A seed draws the same cells again; cells without a run are left out."""
+    played = results(wedge_bullet=(170.0, "skipped")).played
+    cells = drawn(played, 10, 3)
+    assert len(set(cells)) == 10
+    assert cells == drawn(played, 10, 3) != drawn(played, 10, 4)
+    assert all(played[cell].outcome.name == "ok" for cell in drawn(played, 1000, 0))
+
+
+def test_sheets_show_runs_without_their_classes(tmp_path):
+    """The picture has a tile for each cell; its class and its command stand in a file of their own."""
+    cell = Cell("hard_needle_5", "reference", Settings("balanced", 1 / 60), 5.0)
+    played = {cell: Played(Outcome("ok"), cell.line)}
+    frame = write_sheets(played, 60, 0, tmp_path / "sheet", lambda label, cells: None)
+    assert frame[["number", "scene", "outcome"]].values.tolist() == [[1, "hard_needle_5", "ok"]]
+    assert sorted(path.name for path in (tmp_path / "sheet").iterdir()) == ["sheet-1.png", "sheet.csv"]
+    assert (tmp_path / "sheet" / "sheet-1.png").stat().st_size > 5000

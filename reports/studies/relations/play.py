@@ -9,8 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
+from touchstone.adapters.knobs import Range
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import settings_of
 from touchstone.scenarios.relations.changes import bare
 from touchstone.scenarios.relations.table import RELATIONS
 from touchstone.scenarios.scenario import Scenario, vector
@@ -23,6 +25,10 @@ SPLIT = "split"
 NAMES = (*RELATIONS, SPLIT)
 PERTURBATION = 1e-9
 """Displacement of each body by which the amplification is measured [m]."""
+POWERS = {"m": 2, "m/s": 1, "s": 1}
+"""Power of the ratio of times with which a setting of this unit grows in Froude's law."""
+STILL = 1e-6
+"""Distance that a body may move while trackers wait [m]."""
 ARM = 0.05
 """Distance of the body-fixed points that are compared from their body's origin [m]: orientations count."""
 
@@ -82,13 +88,27 @@ def _deviation(engine: Engine, task: Task, plain: Scenario, first: Recording, na
     if not relation.applies(plain):
         raise _NotApplied("does not apply to this scene")
     changed = relation.change(plain)
-    settings = replace(task.settings, dt=task.settings.dt * relation.times)
-    other = record(engine, changed, settings)
+    rescaled = _rescaled(task, relation.times) if relation.times != 1 else task.settings
+    other = record(engine, changed, rescaled)
     names = [body.name for body in changed.bodies]
     order = [names.index(body.name) for body in plain.bodies]
-    theirs = _points(other, changed, relation.own, relation.scale)[:, order]
+    theirs = _points(other, changed, relation.own, relation.scale)[relation.wait :, order]
+    if relation.wait and _distance(theirs[:1], _points(first, plain, np.eye(3), 1.0)[:1]) > STILL:
+        raise _NotApplied("bodies move while the trackers wait")
     back = (theirs - np.array(relation.offset)) @ relation.matrix / relation.scale
     return _distance(back, _points(first, plain, np.eye(3), 1.0))
+
+
+def _rescaled(task: Task, times: float) -> Settings:
+    """Settings of a run whose times are `times` as long and lengths `times`^2, those in m, m/s and s too."""
+    settings, known = task.settings, settings_of(task.engine)
+    given = dict(text.split("=", 1) for text in settings.changes)
+    for name, setting in known.items():
+        text = given.get(name, setting.profiles[known.column(settings.profile)])
+        if isinstance(setting, Range) and setting.unit in POWERS and text:
+            given[name] = repr(float(text) * times ** POWERS[setting.unit])
+    changes = known.changes(settings.profile, [f"{name}={value}" for name, value in given.items()])
+    return replace(settings, dt=settings.dt * times, changes=changes)
 
 
 def _split(engine: Engine, task: Task, plain: Scenario, first: Recording) -> float:

@@ -38,6 +38,10 @@ FAILED = "TOUCHSTONE_FAILED_RUNS"
 cell, so that a store can be moved."""
 
 
+KEPT = "TOUCHSTONE_KEPT_RUNS"
+"""Environment variable with the folder of the recordings of all runs, for `sheet`."""
+
+
 def scene(name: str, seed: int) -> Scenario:
     """Source of scenes: a hard scene by name."""
     return hard_scene(name)[0]
@@ -45,9 +49,11 @@ def scene(name: str, seed: int) -> Scenario:
 
 def outcome(cell: sweep_cells.Cell, scenario: Scenario, engine: Engine) -> Measured:
     """Measure of a cell: its outcome, the figures that decided it, its command and the hash of its states."""
-    folder = os.environ.get(FAILED)
+    failed, kept = os.environ.get(FAILED), os.environ.get(KEPT)
     mine = Cell(cell.scenario, cell.engine, cell.settings, float(cell.option("budget", "inf")))
-    return Measured(tuple(_rows(base_row(cell), play_cell(engine, mine, Path(folder) if folder else None))))
+    folder = kept or failed
+    played = play_cell(engine, mine, Path(folder) if folder else None, keep_all=kept is not None)
+    return Measured(tuple(_rows(base_row(cell), played)))
 
 
 def play_all(

@@ -47,6 +47,11 @@ class Cell:
             f"--dt {step}{effects}"
         )
 
+    @property
+    def file(self) -> str:
+        """Name of the cell's recording."""
+        return f"{self.scene}-{self.engine}-{self.settings.profile}-{self.settings.dt:.3g}.npz"
+
 
 @dataclass(frozen=True, slots=True)
 class Played:
@@ -58,18 +63,18 @@ class Played:
     state_hash: str = ""
 
 
-def play_cell(engine: Engine, cell: Cell, failures: Path | None = None) -> Played:
-    """Play a cell in this process and classify it; a failed run leaves its recording in `failures`."""
+def play_cell(engine: Engine, cell: Cell, folder: Path | None = None, keep_all: bool = False) -> Played:
+    """Play a cell in this process and classify it; a failed run, or every one, leaves its recording in
+    `folder`."""
     scenario, checks = hard_scene(cell.scene)
     start = perf_counter()
     outcome, recording = _play(engine, scenario, checks, cell.settings, cell.budget)
     if LEFT_BOUNDS in outcome.reason:
         cell = replace(cell, settings=replace(cell.settings, effects=PLANNED))
         outcome, recording = _play(engine, scenario, checks, cell.settings, cell.budget)
-    if failures is not None and recording is not None and outcome.name != "ok":
-        failures.mkdir(parents=True, exist_ok=True)
-        step = f"{cell.settings.dt:.3g}"
-        recording.save(failures / f"{cell.scene}-{cell.engine}-{cell.settings.profile}-{step}.npz")
+    if folder is not None and recording is not None and (keep_all or outcome.name != "ok"):
+        folder.mkdir(parents=True, exist_ok=True)
+        recording.save(folder / cell.file)
     digits = "" if recording is None else state_hash(recording)
     return Played(outcome, cell.line, perf_counter() - start, digits)
 

@@ -1,0 +1,179 @@
+"""Picture of runs: bodies at the start, in the middle and at the end, and what moves over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.outcome.measures import rotations
+from touchstone.reports.views.pictures import INK
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
+
+ACROSS = 4
+"""Cells in a row of a sheet."""
+MOMENTS = ("start", "middle", "end")
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Colours of bodies, in turn (Okabe and Ito)."""
+FIXED = "#D9D9D9"
+FLOOR = 1e-12
+"""Least value on a logarithmic axis."""
+MOST_WINDOW = 6.0
+"""Width of the window over that of the bodies at the start, at most [1]: what explodes leaves it."""
+_TURNS = np.linspace(0, 2 * np.pi, 13)[:-1]
+_RISE = np.linspace(-np.pi / 2, np.pi / 2, 9)
+BALL = np.array([(np.cos(t) * np.cos(r), np.sin(t) * np.cos(r), np.sin(r)) for t in _TURNS for r in _RISE])
+"""Points of the unit sphere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A run to look at; without a recording its process died or it was cut off."""
+
+    number: int
+    name: str
+    dt: float
+    scenario: Scenario
+    recording: Recording | None
+
+
+def sheet_picture(shown: Sequence[Shown], path: Path) -> None:
+    """Draw the runs in rows of ACROSS: three moments above, overlap and speed over time below."""
+    rows = -(-len(shown) // ACROSS)
+    with rc_context({"font.family": "DejaVu Sans", "font.size": 6}):
+        height = 2.4 * rows + 0.5
+        figure = Figure(figsize=(4.2 * ACROSS, height), dpi=110)
+        FigureCanvasAgg(figure)
+        grid = figure.add_gridspec(
+            rows,
+            ACROSS,
+            left=0.02,
+            right=0.995,
+            top=1 - 0.25 / height,
+            bottom=0.22 / height,
+            wspace=0.12,
+            hspace=0.28,
+        )
+        for k, one in enumerate(shown):
+            inner = grid[k // ACROSS, k % ACROSS].subgridspec(2, 3, height_ratios=(2.2, 1), wspace=0.05)
+            panels = [figure.add_subplot(inner[0, j]) for j in range(3)]
+            name = f"{one.number}  {one.name.removeprefix('hard_')}, 1/{round(1 / one.dt)} s"
+            panels[0].set_title(name, loc="left", fontsize=7.5, color=INK, fontweight="bold")
+            if one.recording is None:
+                panels[0].text(0.1, 0.5, "no recording", transform=panels[0].transAxes)
+                continue
+            _moments(panels, one.scenario, one.recording)
+            _series(figure.add_subplot(inner[1, :]), Evidence(one.recording, one.scenario))
+        figure.savefig(path, format="png", facecolor="white")
+
+
+def _moments(panels: Sequence[Axes], scenario: Scenario, run: Recording) -> None:
+    """Draw the bodies in the plane of the two axes along which they differ or move most; z is up."""
+    moving = [k for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
+    places = run.position[:, moving]
+    finite = places[np.isfinite(places).all(axis=2)]
+    start = np.concatenate(
+        [run.position[0, moving], *(p for k in moving for p in _pieces(scenario, run, k, 0))]
+    )
+    size = np.ptp(start, axis=0).max()
+    center = (start.min(axis=0) + start.max(axis=0)) / 2
+    finite = finite[(np.abs(finite - center) < MOST_WINDOW * size).all(axis=1)]
+    pad = size if len(moving) == 1 else 0.2 * size
+    low = np.minimum(start.min(axis=0), finite.min(axis=0) - pad / 2 if len(finite) else np.inf)
+    high = np.maximum(start.max(axis=0), finite.max(axis=0) + pad / 2 if len(finite) else -np.inf)
+    across = 0 if high[0] - low[0] >= high[1] - low[1] else 1
+    plane = [across, 2]
+    half = 0.58 * max((high - low)[plane].max(), 1e-9)
+    middle = (low + high)[plane] / 2
+    last = len(run.time) - 1
+    for axes, frame, moment in zip(panels, (0, last // 2, last), MOMENTS):
+        for k, body in enumerate(scenario.bodies):
+            color = FIXED if body.kind == "fixed" else COLORS[k % len(COLORS)]
+            for piece in _pieces(scenario, run, k, frame):
+                _fill(axes, piece[:, plane], color, body.kind == "fixed")
+        axes.set_xlim(middle[0] - half, middle[0] + half)
+        axes.set_ylim(middle[1] - half, middle[1] + half)
+        axes.set_aspect("equal")
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.text(0.03, 0.03, f"{moment}, {run.time[frame]:.3g} s", transform=axes.transAxes, color="#555555")
+    panels[2].text(
+        0.97, 0.03, f"{2 * half:.2g} m", transform=panels[2].transAxes, ha="right", color="#555555"
+    )
+
+
+def _fill(axes: Axes, points: Array, color: str, fixed: bool) -> None:
+    """Fill the convex hull of projected points."""
+    if not np.isfinite(points).all() or np.abs(points).max() > 1e9:
+        return
+    try:
+        border = points[ConvexHull(points).vertices]
+    except QhullError:
+        border = points
+    axes.add_patch(
+        Polygon(border, facecolor=color, edgecolor=INK, linewidth=0.4, alpha=1.0 if fixed else 0.55)
+    )
+
+
+def _pieces(scenario: Scenario, run: Recording, body: int, frame: int) -> list[Array]:
+    """World points (n, 3) [m] on the surface of each of a body's pieces in a frame."""
+    turn = run.orientation[frame, body]
+    usable = np.isfinite(turn).all() and np.linalg.norm(turn) > 0
+    turned = Rotation.from_quat(turn, scalar_first=True) if usable else Rotation.identity()
+    found = []
+    for piece in scenario.bodies[body].pieces:
+        own = Rotation.from_quat(piece.orientation, scalar_first=True).apply(_points(piece.shape))
+        found.append(turned.apply(own + np.array(piece.position)) + run.position[frame, body])
+    return found
+
+
+def _points(shape: Shape) -> Array:
+    """Points on a shape's surface (n, 3) [m]: corners, or enough of a curved one."""
+    match shape:
+        case Sphere(radius):
+            return radius * BALL
+        case Box(half):
+            return np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * np.array(half)
+        case Capsule(radius, half_length):
+            return radius * BALL + np.outer(np.sign(BALL[:, 2]), (0.0, 0.0, half_length))
+        case Ellipsoid(half):
+            return BALL * np.array(half)
+        case Hull(vertices):
+            return np.array(vertices)
+    raise TypeError(f"no outline of {type(shape).__name__}")
+
+
+def _series(axes: Axes, evidence: Evidence) -> None:
+    """Draw the deepest overlap, the largest speed and the largest rate of rotation over time."""
+    run = evidence.recording
+    moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
+    with np.errstate(all="ignore"):
+        lines = {
+            "speed [m/s]": (np.linalg.norm(run.linear_velocity[:, moving], axis=2).max(axis=1), "#0072B2"),
+            "turn [rad/s]": (np.linalg.norm(run.angular_velocity[:, moving], axis=2).max(axis=1), "#009E73"),
+        }
+        usable = np.isfinite(run.position).all() and rotations(evidence)
+        if usable and next(evidence.scenario.touching_pairs(), None) is not None:
+            lines["overlap [m]"] = (evidence.distances.overlap(), "#D55E00")
+    for name, (values, color) in lines.items():
+        kept = np.where(np.isfinite(values), np.clip(values, FLOOR, 1e15), np.nan)
+        axes.semilogy(run.time, kept, color=color, linewidth=0.9, label=name)
+    axes.set_ylim(bottom=1e-10)
+    axes.tick_params(length=1.5, labelsize=5, colors="#555555")
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 0.92), fontsize=5, frameon=False, ncols=3, borderpad=0.1
+    )
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
