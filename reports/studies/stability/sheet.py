@@ -25,7 +25,7 @@ from touchstone.scenarios.difficulty.family import hard_scene
 PER_SHEET = 20
 """Cells of one picture."""
 UNSEEN = ("skipped", "error")
-"""Classes without a run to look at."""
+"""Classes of cells that have no recording."""
 
 
 def drawn(played: Mapping[Cell, Played], count: int, seed: int) -> list[Cell]:

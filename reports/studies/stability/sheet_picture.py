@@ -40,7 +40,7 @@ BALL = np.array([(np.cos(t) * np.cos(r), np.sin(t) * np.cos(r), np.sin(r)) for t
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A run to look at; without a recording its process died or it was cut off."""
+    """A run that is drawn; it has no recording if its process died."""
 
     number: int
     name: str
