@@ -164,6 +164,9 @@ UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
 IMPULSE_CAP = 200
 """Impulses of one event."""
+REFLECTION_ROUNDS = 64
+"""Rounds of simultaneous impacts of an event after which all touching contacts act together: a row of as many
+balls passes an impulse on in so many rounds."""
 LANDING_DEPTH = 1e-7
 """Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
 LANDING_EVENTS = 128

@@ -6,7 +6,13 @@ EPA give the same result except for crossing cores, whose Minkowski difference h
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import CAPSULE, PARALLEL_SINE, SPHERE, TOUCHING_DISTANCE_SHARE
+from touchstone.reference_impl.core.conventions import (
+    CAPSULE,
+    MANIFOLD_HEIGHT,
+    PARALLEL_SINE,
+    SPHERE,
+    TOUCHING_DISTANCE_SHARE,
+)
 from touchstone.reference_impl.core.kernel import kernel
 
 
@@ -20,22 +26,78 @@ def have_segments(piece_a, piece_b):
 @kernel
 def segment_distance(piece_a, piece_b, out_pair):
     """Compute signed distance [m], normal A to B, and a witness on each piece; writes `out_pair` (PAIR)."""
-    u, v = _half_core(piece_a), _half_core(piece_b)
-    a, b = piece_a["world_position"], piece_b["world_position"]
-    c = (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+    u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
     s, t = _nearest_places(u, v, c)
-    # vector from A's nearest core point to B's
-    w = (t * v[0] - s * u[0] - c[0], t * v[1] - s * u[1] - c[1], t * v[2] - s * u[2] - c[2])
+    w = _core_vector(u, v, c, s, t)
     gap = sqrt(_dot(w, w))
     if gap <= TOUCHING_DISTANCE_SHARE * (sqrt(_dot(u, u)) + sqrt(_dot(v, v)) + sqrt(_dot(c, c))):
         w = _across(u, v, w)
-    length = sqrt(_dot(w, w))
+    _write_contact(piece_a, piece_b, u, v, s, t, w, out_pair)
+    out_pair["distance"] = gap - piece_a["radius"] - piece_b["radius"]
+
+
+@kernel
+def are_alongside(piece_a, piece_b, within):
+    """Whether the sides of two capsules face each other over some length.
+
+    Their distance is at most `within` [m] at both of its ends."""
+    if piece_a["kind"] != CAPSULE or piece_b["kind"] != CAPSULE:
+        return False
+    u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
+    (s, t), (p, q) = _facing_end(u, v, c, 1.0), _facing_end(u, v, c, -1.0)
+    if min(abs(s - p) * sqrt(_dot(u, u)), abs(t - q) * sqrt(_dot(v, v))) <= MANIFOLD_HEIGHT:
+        return False
+    for x, y in ((s, t), (p, q)):
+        w = _core_vector(u, v, c, x, y)
+        gap = sqrt(_dot(w, w))
+        if gap == 0 or gap - piece_a["radius"] - piece_b["radius"] > within:
+            return False
+    return True
+
+
+@kernel
+def contact_at_end(piece_a, piece_b, end, out_pair):
+    """Contact of two capsules at one end (1 or -1) of the length over which their sides face each other."""
+    u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
+    s, t = _facing_end(u, v, c, end)
+    _write_contact(piece_a, piece_b, u, v, s, t, _core_vector(u, v, c, s, t), out_pair)
+
+
+@kernel
+def _facing_end(u, v, c, end):
+    """Parameters on both cores of an end of the length over which they face each other.
+
+    It is an end of one core, and its nearest point on the other. `end` is that of B's core."""
+    s = _foot(u, end * v[0] - c[0], end * v[1] - c[1], end * v[2] - c[2])
+    if -1 < s < 1:
+        return s, end
+    return s, _foot(v, c[0] + s * u[0], c[1] + s * u[1], c[2] + s * u[2])
+
+
+@kernel
+def _between(piece_a, piece_b):
+    """Vector from B's centre to A's."""
+    a, b = piece_a["world_position"], piece_b["world_position"]
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
+def _core_vector(u, v, c, s, t):
+    """Vector from a point of A's core to one of B's."""
+    return t * v[0] - s * u[0] - c[0], t * v[1] - s * u[1] - c[1], t * v[2] - s * u[2] - c[2]
+
+
+@kernel
+def _write_contact(piece_a, piece_b, u, v, s, t, w, out_pair):
+    """Write the distance, normal and witnesses of core points with the vector w, or parallel to it, between
+    them; the distance is that of w."""
+    a, b, length = piece_a["world_position"], piece_b["world_position"], sqrt(_dot(w, w))
     n, r_a, r_b = out_pair["normal"], piece_a["radius"], piece_b["radius"]
     n[0], n[1], n[2] = w[0] / length, w[1] / length, w[2] / length
     for i in range(3):
         out_pair["point_a"][i] = a[i] + s * u[i] + r_a * n[i]
         out_pair["point_b"][i] = b[i] + t * v[i] - r_b * n[i]
-    out_pair["distance"] = gap - r_a - r_b
+    out_pair["distance"] = length - r_a - r_b
 
 
 @kernel

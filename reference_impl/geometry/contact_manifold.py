@@ -1,10 +1,10 @@
 """Contact manifold of two polyhedra: up to four points where a face touches a face, an edge or a corner.
 
-A capsule's side counts as an edge, its end as a corner.
+A capsule's side counts as an edge, its end as a corner. Two capsules side by side touch in two points.
 
-All computation uses the contact frame `state["mobility"]` (rows are its axes in the world): origin at A's
-witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of the reference face is
-z = p[0] x + p[1] y + p[2].
+The manifold of polyhedra is computed in the contact frame `state["mobility"]` (rows are its axes in the
+world): origin at A's witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of
+the reference face is z = p[0] x + p[1] y + p[2].
 """
 
 from math import sqrt
@@ -18,6 +18,7 @@ from touchstone.reference_impl.core.conventions import (
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.geometry.capsule_distance import are_alongside, contact_at_end
 
 NEVER = 1e300
 """Larger than any height [m]."""
@@ -27,12 +28,13 @@ EQUAL_AREA = 1e-9
 
 @kernel
 def expand_manifolds(pieces, vertices, pairs, touching, state):
-    """Write one row per manifold point of each touching pair of polyhedra; other pairs keep their witnesses.
+    """Write one row per manifold point of each touching pair of polyhedra, or of capsules side by side; other
+    pairs keep their witnesses.
 
     Args:
         pairs: `pairs[:touching]` touch. A pair's own row receives the deepest point. The other points are
             appended until `pairs` is full. Rows of one pair share `manifold`, the index of the first row, or
-            -1 for a pair with a round piece. `next_point` links these rows and ends with -1.
+            -1 for other pairs. `next_point` links these rows and ends with -1.
     Returns:
         Index after the last row.
     """
@@ -44,6 +46,13 @@ def expand_manifolds(pieces, vertices, pairs, touching, state):
         pair["level"] = 0.5
         if not is_polyhedral(a, b):
             pair["manifold"] = -1
+            if rows < len(pairs) and are_alongside(a, b, max(0.0, pair["distance"]) + TOUCH_DISTANCE):
+                pair["manifold"] = k
+                pairs[rows] = pair
+                contact_at_end(a, b, 1.0, pair)
+                contact_at_end(a, b, -1.0, pairs[rows])
+                pair["next_point"] = rows
+                rows += 1
             continue
         pair["manifold"] = k
         count, face_on_a = _clipped_feature(a, b, vertices, pair, state)

@@ -5,6 +5,10 @@ approaching contacts get impulses together, each by Newton's law for its own vel
 repeats until none approaches. Contacts that touch without approaching get no impulse. So a Newton's cradle
 passes its impulse from ball to ball, and a break of equal balls stays symmetric. The result does not depend
 on the order of bodies or contacts.
+
+A body that friction wedges between two others can pass an impulse to and fro with hardly any loss. After
+REFLECTION_ROUNDS, contacts that touch without approaching take part (Moreau 1988), and none approaches
+afterwards.
 """
 
 from math import sqrt
@@ -14,6 +18,7 @@ from touchstone.reference_impl.core.conventions import (
     IMPULSE_CAP,
     IMPULSES_TOGETHER,
     NO_FLOOR,
+    REFLECTION_ROUNDS,
     SETTLE_MIN,
 )
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
@@ -62,8 +67,8 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
         return _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time)
     v_rest = rest_speed(state)
     done = False
-    for _ in range(IMPULSE_CAP):
-        if not _find_impacts(bodies, pairs, count, v_rest, state):
+    for k in range(IMPULSE_CAP):
+        if not _find_impacts(bodies, pairs, count, v_rest, k >= REFLECTION_ROUNDS, state):
             done = True
             break
         strike_together(bodies, joints, drivers, pairs, count, state)
@@ -78,10 +83,11 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
 
 
 @kernel
-def _find_impacts(bodies, pairs, count, v_rest, state):
+def _find_impacts(bodies, pairs, count, v_rest, together, state):
     """Initialise the rows; returns whether any bounces.
 
-    A row that approaches too fast to rest gets its rebound speed as its floor; the others get NO_FLOOR.
+    A row that approaches too fast to rest gets its rebound speed as its floor. The others may close their gap
+    at most, if all contacts act together, or get NO_FLOOR.
     """
     slow, found = max(v_rest, APPROACH_MIN), False
     for k in range(count):
@@ -93,7 +99,7 @@ def _find_impacts(bodies, pairs, count, v_rest, state):
             begin_row(bodies, pair, e * speed)
             found = True
         else:
-            begin_row(bodies, pair, NO_FLOOR)
+            begin_row(bodies, pair, -pair["speculative_speed"] if together else NO_FLOOR)
     return found
 
 

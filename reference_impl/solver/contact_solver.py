@@ -15,6 +15,10 @@ exact: the remaining approach lets bodies sink. The frame records it as its resi
 A converged result can do positive work too, if friction stops a row that slid in the opposite direction
 before: the mean force then points along that sliding. In such an island friction opposes the mean sliding
 (v + u + W p) / 2 instead, and does no positive work.
+
+A body between two walls steeper than the friction cone cannot rebound: every impulse holds it. Coulomb's law
+with rebound speeds then has no solution, but without them it has one, if the walls stand still (Acary &
+Cadoux 2013). An island that finds no solution with rebound speeds does not rebound.
 """
 
 from math import inf
@@ -30,7 +34,7 @@ from touchstone.reference_impl.core.conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_TARGET,
 )
-from touchstone.reference_impl.core.counters import COUNT_SWEEPS, COUNT_UNCONVERGED
+from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_SWEEPS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import surface_velocity
@@ -88,6 +92,10 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     for k in range(solver["row_count"]):
         into_cone(rows[k])
     _solve_loaded(solver, state)
+    if solver["best_residual"] > RESIDUAL_ACCEPTED and _rebounds(solver):
+        state["counters"][COUNT_GUARDED] += 1
+        _stop_rebound(solver)
+        _solve_loaded(solver, state)
     if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
         reverse_slip(solver)
         _solve_loaded(solver, state)
@@ -103,6 +111,24 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
         state["residual_body_a"], state["residual_body_b"] = pair["body_a"], pair["body_b"]
     store_island(bodies, joints, drivers, pairs, state)
     return converged
+
+
+@kernel
+def _rebounds(solver):
+    """Whether a row has a rebound speed."""
+    for k in range(solver["row_count"]):
+        if solver["rows"][k]["floor"] > 0:
+            return True
+    return False
+
+
+@kernel
+def _stop_rebound(solver):
+    """Lower all rebound speeds to 0, and return to the warm start."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        row["floor"] = min(0.0, row["floor"])
+        copy_vector(row["start"], row["impulse"])
 
 
 @kernel
@@ -134,7 +160,8 @@ def _iterate(solver, state):
         take_best(solver)
         if solver["best_residual"] <= RESIDUAL_ACCEPTED:
             return
-    if state["dense_substep"] == 1:
+    # few sweeps where the rebound may be what leaves no solution
+    if state["dense_substep"] == 1 or _rebounds(solver):
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))
     else:
         _sweep(solver, state, max(MOST_SWEEPS, MOST_VISITS // rows))

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core.conventions import SIMULATED, TOUCH_DISTANCE
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
-from touchstone.scenarios.scenario import Body, Capsule, Hull, Piece
+from touchstone.scenarios.scenario import Body, Capsule, Hull, Piece, vector
 from touchstone.scenarios.solids import box_inertia, capsule_inertia
 
 HALF = (0.1, 0.08, 0.05)
@@ -391,3 +391,44 @@ def test_a_sliding_capsule_rolls_as_coulomb_says(lab: SimpleNamespace) -> None:
     np.testing.assert_allclose(body["velocity"], (0, rolling, 0), atol=1e-9)
     np.testing.assert_allclose(body["omega"], (-rolling / 0.05, 0, 0), atol=1e-7)
     assert abs(body["rotation"][2, 2]) < 1e-9
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("shift", "ends"), [(0.0, (-0.15, 0.15)), (0.2, (0.05, 0.15)), (-0.1, (-0.15, 0.05))]
+)
+def test_capsules_side_by_side_touch_at_the_ends_of_the_length_they_share(lab, turn, shift, ends) -> None:
+    """Give both ends, whichever capsule comes first and wherever it points to along its axis."""
+    apart = np.array((0.0, np.sin(turn), np.cos(turn)))
+    above = vector((0.1 + GAP) * apart + (shift, 0.0, 0.0))
+    for one, two in ((LYING, LYING), (LYING, quaternion(0.0, -np.pi / 2, 0.0))):
+        bodies = [capsule((0.0, 0.0, 0.0), one), replace(capsule(above, two), name="other")]
+        for ordered in (bodies, bodies[::-1]):
+            rows = rows_of(lab, *ordered)
+            touching = (rows["point_a"] + rows["point_b"]) / 2
+            np.testing.assert_allclose(np.sort(touching[:, 0]), ends, atol=ROUNDING)
+            np.testing.assert_allclose(rows["distance"], GAP, atol=ROUNDING)
+            normal = apart if ordered is bodies else -apart
+            np.testing.assert_allclose(rows["normal"], [normal] * 2, atol=ROUNDING)
+            assert rows["manifold"].tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(("tilt", "count"), [(0.0, 2), (1e-6, 2), (1e-4, 1), (0.5, 1)])
+def test_crossing_capsules_touch_in_one_point(lab: SimpleNamespace, tilt: float, count: int) -> None:
+    """Give one point unless both ends are near enough to touch."""
+    crossing = quaternion(0.0, np.pi / 2 + tilt, 0.0)
+    other = replace(capsule((0.0, 0.0, 0.1 + GAP + 0.15 * np.sin(tilt)), crossing), name="other")
+    assert len(rows_of(lab, capsule((0.0, 0.0, 0.0)), other)) == count
+
+
+def test_a_rod_lies_still_on_two_others(lab: SimpleNamespace) -> None:
+    """Rest in the groove between two rods on the ground, which friction keeps together."""
+    rods = [capsule((0.0, y, 0.05)) for y in (-0.05, 0.05)]
+    rods.append(capsule((0.02, 0.0, 0.05 + 0.1 * np.cos(np.pi / 6))))
+    named = [replace(rod, name=f"rod_{k}") for k, rod in enumerate(rods)]
+    world = lab.build(lab.scene(*named, lab.ground(), e=0.0, mu=0.5))
+    energies = lab.play(world, 60, energy)
+    assert speed(world) < 1e-9
+    assert_energy_never_rises(energies, 1e-12)
+    for rod, body in zip(named, world.bodies):
+        np.testing.assert_allclose(body["position"], rod.position, atol=2 * TOUCH_DISTANCE)
