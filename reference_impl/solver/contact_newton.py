@@ -48,20 +48,27 @@ from touchstone.reference_impl.solver.envelope import add_block, factorise, lay_
 
 
 @kernel
-def newton(solver, state):
-    """Improve an island's impulses until they reach RESIDUAL_TARGET or stall; stores them by `keep_best`."""
+def newton(solver, evenly, state):
+    """Improve an island's impulses until they reach RESIDUAL_TARGET or stall; stores them by `keep_best`.
+
+    Args:
+        evenly: all rows are as stiff as the stiffest. By their own mobility, the rows of a light body are too
+            soft for the load of a heavy one that it carries.
+    """
     work = lay_out(solver)
     if work < 0:
         return
     rows, count = solver["rows"], solver["row_count"]
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
-    last, stalled = solver["best_residual"], 0
+    last, stalled, heaviest = solver["best_residual"], 0, 0.0
+    for k in range(count):
+        heaviest = max(heaviest, rows[k]["mass"])
     compliance = min(COMPLIANCE_FIRST, sqrt(last))
     left = min(NEWTON_FACTORS, int(max(state["newton_work"], NEWTON_ALLOWANCE) / work))
     while left > 0:
         for k in range(count):
-            rows[k]["stiffness"] = rows[k]["mass"] / compliance
+            rows[k]["stiffness"] = (heaviest if evenly else rows[k]["mass"]) / compliance
             copy_vector(rows[k]["impulse"], rows[k]["centre"])
         used, solved = _solve_soft(solver, compliance * max(RESIDUAL_ROUNDING, INNER_SHARE * last))
         state["counters"][COUNT_FACTORS] += used

@@ -156,10 +156,11 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        newton(solver, state)
-        take_best(solver)
-        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
-            return
+        for evenly in (False, True):
+            newton(solver, evenly, state)
+            take_best(solver)
+            if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+                return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))

@@ -300,17 +300,33 @@ def test_a_cradle_passes_the_blow_on(lab: SimpleNamespace) -> None:
     np.testing.assert_allclose(world.bodies["velocity"][:, 0], (0, 0, 1, 0), atol=1e-12)
 
 
-def test_a_cap_that_is_hit_is_told(lab: SimpleNamespace) -> None:
-    """Count giving up when 200 impulses do not suffice: a grain between a wall and a ball a million times
-    heavier is hit about pi / 4 sqrt(1e6) times before the ball turns round."""
-    grain = lab.ball("grain", (0.0, 0.0, 0.0), mass=1e-6)
+def grain(lab: SimpleNamespace, *changes: str):
+    """A frame of a grain between a wall and a ball a million times heavier: one after the other, about
+    pi / 4 sqrt(1e6) impacts turn the ball round."""
+    small = lab.ball("grain", (0.0, 0.0, 0.0), mass=1e-6)
     heavy = lab.ball("heavy", (0.1, 0.0, 0.0), linear_velocity=(-1.0, 0.0, 0.0))
     wall = lab.block("wall", (1.0, 1.0, 1.0), (-1.05, 0.0, 0.0), kind="fixed")
-    world = lab.build(lab.scene(grain, heavy, wall, e=1.0, gravity=(0.0, 0.0, 0.0)))
+    scene = lab.scene(small, heavy, wall, e=1.0, gravity=(0.0, 0.0, 0.0))
+    world = lab.build(scene, "balanced", 1 / 60, *changes)
     lab.play(world, 1)
-    counted = lab.counters(world)
+    return world
+
+
+def test_a_cap_that_is_hit_is_counted(lab: SimpleNamespace) -> None:
+    """Count giving up when 200 impulses one after the other do not suffice."""
+    counted = lab.counters(grain(lab, "impulses=sequential"))
     assert counted["impulses"] >= 200
     assert counted["gave_up"] > 0
+
+
+def test_contacts_act_together_where_impacts_go_to_and_fro(lab: SimpleNamespace) -> None:
+    """Turn the ball round with its whole energy after 64 rounds, of which each moves the grain alone."""
+    world = grain(lab)
+    counted = lab.counters(world)
+    assert counted["gave_up"] == 0
+    assert counted["impulses"] <= 66
+    assert world.bodies[1]["velocity"][0] == pytest.approx(1.0, abs=1e-9)
+    assert world.bodies["velocity"][0] @ world.bodies["velocity"][0] * 1e-6 < 1e-9
 
 
 def test_the_log_balances_the_momentum(lab: SimpleNamespace) -> None:

@@ -117,9 +117,10 @@ def test_one_row_obeys_coulomb(seed: int) -> None:
         assert row["impulse"] @ row["normal"] > 0
 
 
+@pytest.mark.parametrize("evenly", [False, True])
 @pytest.mark.parametrize("friction", [1.0, 0.1])
 @pytest.mark.parametrize("seed", range(20))
-def test_newton_solves_chains(seed: int, friction: float) -> None:
+def test_newton_solves_chains(seed: int, friction: float, evenly: bool) -> None:
     """Reach Coulomb's law from no impulse, where friction holds a chain of bodies and where it slides."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(2, 8))
@@ -137,5 +138,5 @@ def test_newton_solves_chains(seed: int, friction: float) -> None:
     residual, _ = residual_of(solver)
     keep_best(solver, residual)
     state[0]["newton_work"] = 1e7
-    newton(solver, state[0])
+    newton(solver, evenly, state[0])
     assert solver["best_residual"] <= 1e-9
