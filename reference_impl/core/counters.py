@@ -25,6 +25,8 @@ COUNTERS = (
     "pairs.contacting",
     "sweeps",
     "factorisations",
+    "solves",
+    "solves.open",
     "cap.closing",
     "cap.hold_rounds",
     "cap.separation_sweeps",
@@ -38,6 +40,7 @@ COUNTERS = (
 
 Chains: `ik.rounds` counts rounds of overlap removal, of one link by CCD or of all chains by a posture QP;
 `posture_qp.solves` and `ccd.passes` the work of either; `ik.joints` the joints in these solves and passes.
+`solves`: islands whose contacts were solved; `solves.open`: those with a residual over RESIDUAL_OPEN.
 `pairs.contacting`: most pairs that touched or overlapped in one detection of the driven loop.
 
 Caps reached (`cap`), by the loop that ended early: bracketing of an impact (`_closing`), attempts at a
@@ -65,6 +68,8 @@ sweeps of the posture QP, its constraints, and passes of CCD."""
     COUNT_CONTACTING,
     COUNT_SWEEPS,
     COUNT_FACTORS,
+    COUNT_SOLVES,
+    COUNT_OPEN_SOLVES,
     CAP_CLOSING,
     CAP_HOLD_ROUNDS,
     CAP_SEPARATION_SWEEPS,

@@ -32,9 +32,16 @@ from touchstone.reference_impl.core.conventions import (
     MOST_SWEEPS,
     MOST_VISITS,
     RESIDUAL_ACCEPTED,
+    RESIDUAL_OPEN,
     RESIDUAL_TARGET,
 )
-from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_SWEEPS, COUNT_UNCONVERGED
+from touchstone.reference_impl.core.counters import (
+    COUNT_GUARDED,
+    COUNT_OPEN_SOLVES,
+    COUNT_SOLVES,
+    COUNT_SWEEPS,
+    COUNT_UNCONVERGED,
+)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import surface_velocity
@@ -100,6 +107,8 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
         reverse_slip(solver)
         _solve_loaded(solver, state)
     residual = solver["best_residual"]
+    state["counters"][COUNT_SOLVES] += 1
+    state["counters"][COUNT_OPEN_SOLVES] += residual > RESIDUAL_OPEN
     converged = residual <= RESIDUAL_ACCEPTED
     if not converged:
         make_passive(solver)

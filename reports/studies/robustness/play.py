@@ -53,7 +53,7 @@ EXPLODED = 1.0
 """Energy gained since the start, over U, from which a run counts as exploded [1]: it has doubled."""
 EXPLODED_SPEED = 30.0
 """Speed from which a run with a driven body counts as exploded [m/s]: ten times the fastest hand's."""
-COUNTERS = ("gave_up", "unconverged", "dropped_time", "parted_energy")
+COUNTERS = ("gave_up", "unconverged", "dropped_time", "parted_energy", "solves", "solves.open")
 """Counters of the reference for frames that were not resolved exactly; dropped_time in s, parted_energy in
 J."""
 UNSOLVED = 1e-7
@@ -112,6 +112,12 @@ class Assessment:
     residuals: tuple[float, ...] = ()  # of each frame [m/s]
     counters: tuple[float, ...] = (nan,) * len(COUNTERS)
     slowest: float = nan  # frame [s]
+
+    @property
+    def solves(self) -> tuple[float, float]:
+        """Number of contact solves, and of those with a residual over UNSOLVED."""
+        told = dict(zip(COUNTERS, self.counters))
+        return told["solves"], told["solves.open"]
 
     @property
     def residual(self) -> float:

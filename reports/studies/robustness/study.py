@@ -54,7 +54,9 @@ SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
 }
 UNITS = {"rise": "1", "residual": "m/s", "overlap": "m", "momentum": "1", "slowest": "s"}
 COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in OUTCOMES)
-METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts))
+OPEN = f"{STUDY}.solves.open"
+"""Metric: share of contact solves with a residual over UNSOLVED [1]."""
+METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts), OPEN)
 """Metrics of the study's rows; each name begins with the study's."""
 Run = tuple[Task, Assessment]
 
@@ -145,6 +147,10 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
         for part, percent in parts if len(values) else ():
             value = float(np.percentile(values, percent, method="higher"))
             rows.append(replace(base, metric=f"{STUDY}.{name}.{part}", value=value, unit=UNITS[name]))
+    solves, unsolved = (float(np.nansum(column)) for column in zip(*(one.solves for one in found)))
+    if solves > 0:
+        said = f"{unsolved:.0f} of {solves:.0f} contact solves leave more than {UNSOLVED:g} m/s"
+        rows.append(replace(base, metric=OPEN, value=unsolved / solves, unit="1", reason=said))
     return rows
 
 
