@@ -182,7 +182,6 @@ EFFECTS: tuple[Limit, ...] = (
     Limit("time.plan", 0.05, "a plan is made before anybody waits for it", "reference"),
 )
 ROBUSTNESS: tuple[Limit, ...] = tuple(
-    # Limits of the reference, over all kinds of random scenes.
     Limit(f"robustness.{metric}", largest, reason, "reference", "all", profile)
     for profile in ("balanced", "accurate")
     for metric, largest, reason in (
