@@ -39,6 +39,7 @@ from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.compare import compare
 from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.runs.versions import versions
+from touchstone.reports.cli.runs.view import view
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -79,6 +80,7 @@ app.command()(export)
 app.command()(compare)
 app.command()(judge)
 app.command()(versions)
+app.command()(view)
 
 
 class Listing(StrEnum):

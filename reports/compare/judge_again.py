@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from touchstone.adapters.contract import Settings
+from touchstone.adapters.recording import Recording
 from touchstone.adapters.workers.children import Job, Outcome
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.compare.stored import RunError, label_of, recordings_of
@@ -19,16 +20,21 @@ from touchstone.scenarios.files.read import scenario_of
 from touchstone.scenarios.scenario import Scenario, ScenarioError
 
 
+def scene_of(path: Path, recording: Recording) -> Scenario:
+    """The scene that a recording carries; raises RunError if it is of another version."""
+    try:
+        return scenario_of(json.loads(recording.scenario))
+    except (ScenarioError, TypeError, ValueError, KeyError) as error:
+        reason = f"{error}".partition("\n")[0]
+        raise RunError(f"{path}: its scene is of another version: {reason}") from error
+
+
 def outcomes_of(folder: Path) -> dict[str, list[Outcome]]:
     """Outcomes per scene, from the recordings of a run; raises RunError."""
     found: dict[str, list[Outcome]] = {}
     scenes: dict[str, Scenario] = {}
     for path, recording in recordings_of(folder):
-        try:
-            scenario = scenario_of(json.loads(recording.scenario))
-        except (ScenarioError, TypeError, ValueError, KeyError) as error:
-            reason = f"{error}".partition("\n")[0]
-            raise RunError(f"{path}: its scene is of another version: {reason}") from error
+        scenario = scene_of(path, recording)
         _, engine, label = label_of(path, recording)
         settings = Settings(label, float(recording.facts["dt"]))
         scenario = scenes.setdefault(scenario.name, scenario)

@@ -27,6 +27,8 @@ from touchstone.scenarios.scenario import Scenario
 
 QUICK_PROBES = ("fall", "bounce_e05", "slip", "slide", "incline_holds", "collide_oblique", "cradle", "stack")
 """Probes of a quick night: one of each kind."""
+QUICK_PROFILES = ("balanced", "recommended")
+"""Profiles of a quick night: one of each engine."""
 OLDEST = 20 * 3600.0
 """Age up to which an unfinished night is continued [s]."""
 

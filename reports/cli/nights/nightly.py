@@ -34,11 +34,11 @@ def nightly(
     quiet: QuietOption = False,
 ) -> None:
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
-    from touchstone.reports.nightly.night import measure, scenes
+    from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes
     from touchstone.reports.nightly.store import Store, StoreError
     from touchstone.reports.run.request import DEFAULT_PROFILES, columns_of
 
-    columns = columns_of(_engines(), DEFAULT_PROFILES[:2] if quick else DEFAULT_PROFILES)
+    columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
     try:
         with Store(store).opened() as opened:

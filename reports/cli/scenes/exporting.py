@@ -1,7 +1,8 @@
-"""`touchstone export`: a scene as MJCF, URDF, TOML or JSON."""
+"""`touchstone export`: a scene as MJCF, URDF, TOML or JSON; a recording as GLB, CSV or Parquet."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -13,27 +14,58 @@ from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
 
 class ExportFormat(StrEnum):
-    """Formats of scenes."""
+    """Formats of scenes, then of recordings."""
 
     mjcf = "mjcf"
     urdf = "urdf"
     toml = "toml"
     json = "json"
+    glb = "glb"
+    csv = "csv"
+    parquet = "parquet"
+
+
+OF_RECORDINGS = (ExportFormat.glb, ExportFormat.csv, ExportFormat.parquet)
+RECORDING = ".npz"
+
+
+class ExportTable(StrEnum):
+    """Tables of a recording."""
+
+    bodies = "bodies"
+    joints = "joints"
+    contacts = "contacts"
 
 
 def export(
-    scenario: Annotated[str, typer.Argument(help="Scene, or file of a scene.")],
-    form: Annotated[ExportFormat, typer.Option("--format", help="mjcf, urdf, toml or json.")],
+    scenario: Annotated[
+        str, typer.Argument(help="Scene, file of a scene, or recording (RUN/recordings/*.npz).")
+    ],
+    form: Annotated[
+        ExportFormat,
+        typer.Option(
+            "--format", help="Of a scene: mjcf, urdf, toml, json; of a recording: glb, csv, parquet."
+        ),
+    ],
     out: Annotated[
-        Path | None, typer.Option(help="File to write (urdf: folder); default: standard output (urdf: NAME).")
+        Path | None,
+        typer.Option(
+            help="File to write (urdf: folder); default: standard output (urdf, glb, parquet: NAME)."
+        ),
     ] = None,
+    rows: Annotated[
+        ExportTable, typer.Option("--table", help="Rows of a csv or parquet.")
+    ] = ExportTable.bodies,
     allow_paths: AllowPathsOption = False,
 ) -> None:
-    """Write a scene for an engine's own viewer, or as a scene file."""
+    """Write a scene for an engine's own viewer or as a file, or a recording as animated 3D file or table."""
     from touchstone.reports.output_folder import OutputError, output_folder
     from touchstone.reports.results import write_beside
     from touchstone.scenarios.files.write import scene_json, scene_toml
 
+    if form in OF_RECORDINGS or scenario.endswith(RECORDING):
+        _export_recording(Path(scenario), form, rows, out)
+        return
     chosen = scenarios_for([scenario], allow_paths=allow_paths)[0]
     if form is ExportFormat.urdf:
         from touchstone.adapters.robots.export_urdf import urdf_files
@@ -61,3 +93,53 @@ def export(
         stop(f"--out {out}: exists", BAD_INPUT)
     write_beside(out, lambda part: part.write_text(text, encoding="utf-8"))
     print(out)
+
+
+def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Path | None) -> None:
+    """Write a recording; what is none, and formats of scenes, exit with one line."""
+    from touchstone.adapters.recording import RecordingError, load
+    from touchstone.reports.compare.judge_again import scene_of
+    from touchstone.reports.compare.stored import RunError
+    from touchstone.reports.exports.glb import glb
+    from touchstone.reports.exports.tables import TABLES
+
+    valid = ", ".join(OF_RECORDINGS)
+    if form not in OF_RECORDINGS:
+        stop(f"--format {form}: is for scenes; of a recording: {valid}", BAD_INPUT)
+    if path.suffix != RECORDING:
+        stop(
+            f"{path}: --format {form} is for recordings, such as runs/TIME/recordings/NAME{RECORDING}",
+            BAD_INPUT,
+        )
+    if not path.is_file():
+        stop(f"{path}: no such recording", BAD_INPUT)
+    target = out or (None if form is ExportFormat.csv else Path(f"{path.stem}.{form}"))
+    if target is not None and target.exists():
+        stop(f"--out {target}: exists", BAD_INPUT)
+    try:
+        recording = load(path)
+        scene = scene_of(path, recording)
+    except (RecordingError, RunError) as error:
+        stop(str(error), BAD_INPUT)
+    if form is ExportFormat.glb:
+        data = glb(recording, scene)
+        assert target is not None
+        _written(target, lambda part: part.write_bytes(data))
+        return
+    table = TABLES[rows](recording, scene)
+    if target is None:
+        print(table.to_csv(index=False), end="")
+    elif form is ExportFormat.csv:
+        _written(target, lambda part: table.to_csv(part, index=False))
+    else:
+        _written(target, lambda part: table.to_parquet(part, index=False))
+
+
+def _written(target: Path, write: Callable[[Path], object]) -> None:
+    from touchstone.reports.results import write_beside
+
+    try:
+        write_beside(target, write)
+    except OSError as error:
+        stop(f"--out {target}: {error.strerror or error}", BAD_INPUT)
+    print(target)

@@ -96,6 +96,24 @@ def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
     assert program("nightly", "--quick", frame=worse)[0] == 0
 
 
+@pytest.mark.parametrize("options", [(), ("--quick",)])
+def test_every_engine_plays(program, monkeypatch, options):
+    """A night asks for all engines, quick or not."""
+    from touchstone.adapters.registry import DEFAULT_ENGINES
+
+    asked = []
+    original = module.measure_scene
+
+    def measure_scene(request, *others):
+        asked.append(request.columns)
+        return original(request, *others)
+
+    monkeypatch.setattr(module, "measure_scene", measure_scene)
+    assert program("nightly", *options)[0] == 0
+    assert all({engine for engine, _ in columns} >= set(DEFAULT_ENGINES) for columns in asked)
+    assert len(asked) == 2
+
+
 def test_a_study_is_measured_when_it_is_due(program):
     """Every second night; it is compared with the night that had it last; one that fails is due again."""
     assert program("nightly", "--quick")[3] == ["fall", "slip", "study"]

@@ -1,0 +1,132 @@
+"""A recording as animated binary glTF 2.0 (GLB), which Blender, Windows, macOS and web viewers open.
+
+glTF has y up; the root node turns our z up. A node per body carries its mesh; bodies that move have a
+translation and a rotation per frame, interpolated linearly.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from touchstone.adapters.recording import Recording
+from touchstone.reports.exports.meshes import body_mesh
+from touchstone.scenarios.scenario import Scenario
+
+FLOAT, ARRAY_BUFFER = 5126, 34962
+MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
+"""Numbers of the glTF 2.0 specification."""
+Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
+"""Rotation from z up to y up, xyzw."""
+COLORS = {
+    "fixed": [0.75, 0.75, 0.72, 1.0],
+    "driven": [0.93, 0.72, 0.55, 1.0],
+    "simulated": [0.0, 0.45, 0.7, 1.0],
+}
+"""Colour of a body by its kind, linear RGBA."""
+
+
+class _Buffer:
+    """Binary chunk with its views and accessors."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(self, values: np.ndarray, kind: str, vertices: bool = False) -> int:
+        """Append an array as float32; returns its accessor."""
+        floats = np.ascontiguousarray(values, "<f4")
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": floats.nbytes}
+        self.views.append(view | ({"target": ARRAY_BUFFER} if vertices else {}))
+        self.data += floats.tobytes()
+        table = floats.reshape(len(floats), -1)
+        self.accessors.append(
+            {
+                "bufferView": len(self.views) - 1,
+                "componentType": FLOAT,
+                "count": len(floats),
+                "type": kind,
+                "min": [float(x) for x in table.min(axis=0)],
+                "max": [float(x) for x in table.max(axis=0)],
+            }
+        )
+        return len(self.accessors) - 1
+
+
+def glb(recording: Recording, scenario: Scenario) -> bytes:
+    """The recording of a scene as a GLB file. Frames that are not finite end the animation."""
+    buffer = _Buffer()
+    poses = np.concatenate([recording.position, recording.orientation], axis=2)
+    finite: np.ndarray = np.isfinite(poses).all(axis=(1, 2))
+    frames = len(poses) if finite.all() else int(np.argmin(finite))
+    times = buffer.add(recording.time[:frames], "SCALAR")
+    kinds = list(COLORS)
+    nodes: list[dict[str, Any]] = []
+    meshes: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
+    samplers: list[dict[str, Any]] = []
+    for k, body in enumerate(scenario.bodies):
+        node: dict[str, Any] = {"name": body.name}
+        if body.pieces:
+            corners, normals = body_mesh(body)
+            attributes = {
+                "POSITION": buffer.add(corners, "VEC3", True),
+                "NORMAL": buffer.add(normals, "VEC3", True),
+            }
+            node["mesh"] = len(meshes)
+            primitive = {"attributes": attributes, "material": kinds.index(body.kind)}
+            meshes.append({"name": body.name, "primitives": [primitive]})
+        place, turn = recording.position[:frames, k], _continuous(recording.orientation[:frames, k])
+        if body.kind == "fixed":
+            place, turn = place[:1], turn[:1]
+        if len(place):
+            node |= {"translation": place[0].tolist(), "rotation": turn[0].tolist()}
+        nodes.append(node)
+        for path, values, kind in (("translation", place, "VEC3"), ("rotation", turn, "VEC4")):
+            if body.kind != "fixed" and frames:
+                samplers.append(
+                    {"input": times, "output": buffer.add(values, kind), "interpolation": "LINEAR"}
+                )
+                channels.append({"sampler": len(samplers) - 1, "target": {"node": k, "path": path}})
+    nodes.append({"name": scenario.name, "rotation": Z_UP, "children": list(range(len(nodes)))})
+    told: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "touchstone"},
+        "scene": 0,
+        "scenes": [{"nodes": [len(nodes) - 1]}],
+        "nodes": nodes,
+        "meshes": meshes,
+        "materials": [
+            {"name": kind, "pbrMetallicRoughness": {"baseColorFactor": color, "metallicFactor": 0.0}}
+            for kind, color in COLORS.items()
+        ],
+        "buffers": [{"byteLength": len(buffer.data)}],
+        "bufferViews": buffer.views,
+        "accessors": buffer.accessors,
+    }
+    if channels:
+        name = f"{scenario.name}, {recording.facts['engine']} {recording.facts['profile']}"
+        told["animations"] = [{"name": name, "channels": channels, "samplers": samplers}]
+    return _file(json.dumps(told, allow_nan=False).encode(), bytes(buffer.data))
+
+
+def _continuous(orientation: np.ndarray) -> np.ndarray:
+    """Quaternions (f, 4) as xyzw, with signs such that each is nearest to the one before."""
+    if not len(orientation):
+        return orientation
+    dots = np.einsum("fi,fi->f", orientation[1:], orientation[:-1])
+    signs = np.r_[1.0, np.cumprod(np.where(dots < 0, -1.0, 1.0))]
+    found: np.ndarray = (orientation * signs[:, None])[:, [1, 2, 3, 0]]
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def _file(text: bytes, data: bytes) -> bytes:
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    chunks = (
+        struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(data), BINARY_CHUNK) + data
+    )
+    return struct.pack("<III", MAGIC, VERSION, 12 + len(chunks)) + chunks
