@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 from rich.box import SIMPLE
@@ -12,6 +14,7 @@ from rich.text import Text
 
 from touchstone.adapters.recording import Recording
 from touchstone.reports.results import NOT_RUN, UNJUDGED, rows_of
+from touchstone.reports.views.fitted import fitted
 from touchstone.reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
 from touchstone.reports.views.losses import HEADS as LOSS_HEADS
 from touchstone.reports.views.losses import NOTE as LOSS_NOTE
@@ -34,10 +37,21 @@ NARROW = 112
 """Least width of plain output (files, pipes) in characters, which a table needs."""
 
 
+class FittingConsole(Console):
+    """A console that prints tables which are too wide in parts (`fitted`)."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print objects; tables fit the width."""
+        parts = [part for one in objects for part in (fitted(one, self) if isinstance(one, Table) else [one])]
+        super().print(*parts, **options)
+
+
 def console(**options: bool) -> Console:
-    """A console as wide as the terminal, or NARROW where there is none."""
-    probe = Console(**options)  # type: ignore[arg-type]
-    return probe if probe.is_terminal else Console(width=NARROW, **options)  # type: ignore[arg-type]
+    """A console as wide as the terminal; where there is none, as COLUMNS says, or NARROW."""
+    probe = FittingConsole(**options)  # type: ignore[arg-type]
+    if probe.is_terminal or os.environ.get("COLUMNS", "").isdigit():
+        return probe
+    return FittingConsole(width=NARROW, **options)  # type: ignore[arg-type]
 
 
 def table_of(title: str, heads: Sequence[str], left: int = 1, padding: Padding = (0, 1)) -> Table:

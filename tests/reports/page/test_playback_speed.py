@@ -1,0 +1,55 @@
+"""Frames a second of the player in a real browser, with the gallery's most complex scene."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import pytest
+
+from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.page.content import Content
+from touchstone.reports.page.page import pack_text, page
+from touchstone.reports.page.playback import packed
+from touchstone.reports.results import table
+from touchstone.scenarios.catalogue import catalogue
+
+pytestmark = pytest.mark.slow
+SCENE, SECONDS = "volley", 3
+REFRESH = 60.0
+"""Frames a second of a screen, at which headless Chromium also asks for frames."""
+SHARE = 0.95
+"""Share of these frames that must be drawn: the rest is the clock's."""
+PLAY = """async (seconds) => {
+  const player = window.touchstone.player, next = () => new Promise(requestAnimationFrame);
+  player.play(true);
+  for (let k = 0; k < 10; k++) await next();
+  const drawn = player.drawn, start = performance.now();
+  while (performance.now() < start + 1000 * seconds) await next();
+  const rate = (player.drawn - drawn) / (performance.now() - start) * 1000;
+  player.play(false);
+  return rate;
+}"""
+
+
+def test_the_gallery_plays_at_60_frames_a_second(chromium, registry, tmp_path, capsys):
+    """A person and balls on four panels: as many frames are drawn as the screen shows. Prints the rate."""
+    scenario = catalogue()[SCENE]
+    evidence = Evidence(registry.played(SCENE, "reference"), scenario)
+    played = {(engine, "recommended"): evidence for engine in ("reference", "dart", "bullet", "mujoco")}
+    text = page(
+        Content("speed", "good", "", table([]), playback={SCENE: pack_text(packed(scenario, played))})
+    )
+    path = tmp_path / "report.html"
+    path.write_text(text, "utf-8")
+    tab = chromium.new_context(viewport={"width": 1280, "height": 900}, offline=True).new_page()
+    tab.goto(f"file://{path}")
+    end = time.monotonic() + 30
+    while not tab.evaluate("Boolean(window.touchstone?.player?.drawn)") and time.monotonic() < end:
+        time.sleep(0.05)
+    rate = max(tab.evaluate(PLAY, SECONDS) for _ in range(3))
+    with capsys.disabled():
+        print(f"\n{SCENE}: {rate:.1f} frames a second")
+    if os.getloadavg()[0] > 0.5 * (os.cpu_count() or 1) and rate < SHARE * REFRESH:
+        pytest.skip(f"{rate:.0f} frames a second on a machine that is busy")
+    assert rate >= SHARE * REFRESH

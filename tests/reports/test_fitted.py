@@ -1,0 +1,70 @@
+"""Tables in narrow terminals: no number is cut off, words wrap."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.table import Table
+from rich.text import Text
+
+from touchstone.reports.results import Row, table
+from touchstone.reports.views.terminal import NARROW, FittingConsole, console, show
+
+COLUMNS = [("reference", "balanced"), ("reference", "paper")]
+COLUMNS += [
+    (engine, profile) for engine in ("dart", "bullet", "mujoco") for profile in ("recommended", "accurate")
+]
+
+
+def _printed(width, thing):
+    out = FittingConsole(file=io.StringIO(), width=width)
+    thing(out)
+    return out.file.getvalue()
+
+
+def _wide():
+    made = Table(title="a title")
+    made.add_column("scene", no_wrap=True)
+    for k in range(9):
+        made.add_column(f"engine {k}", justify="right", no_wrap=True)
+    for k in range(3):
+        made.add_row(f"a_scene_with_a_long_name_{k}", *(Text(f"{j}.{k} (1 to 2)") for j in range(9)))
+    return made
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 112])
+def test_no_number_is_cut_off(width):
+    """Every number is printed whole, in tables that fit the width; the title is printed once."""
+    text = _printed(width, lambda out: out.print(_wide()))
+    assert max(map(len, text.splitlines())) <= width
+    assert "…" not in text
+    assert all(f"{j}.{k} (1 to 2)" in text for j in range(9) for k in range(3))
+    assert text.count("a title") == 1
+
+
+def test_a_table_that_fits_is_one():
+    """Nothing changes where there is room."""
+    text = _printed(200, lambda out: out.print(_wide()))
+    assert text.count("a_scene_with_a_long_name_0") == 1
+
+
+def test_a_run_with_eight_columns_fits_80():
+    """The table of a run keeps its values, its legend and its marks."""
+    rows = [
+        Row("run", "slip", *column, 1 / 240, f"friction.{name}", 1234.5 + k, "1", subject="table-ball_22.5")
+        for k, column in enumerate(COLUMNS)
+        for name in ("deficit", "creep")
+    ]
+    text = _printed(80, lambda out: show(table(rows), out))
+    assert max(map(len, text.splitlines())) <= 80
+    assert "…" not in text
+    assert all(f"{1234.5 + k:.0f}" in text for k in range(1, len(COLUMNS)))
+
+
+def test_the_width_off_a_terminal(monkeypatch):
+    """COLUMNS decides, or a width that suits files."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert console().width == NARROW
+    monkeypatch.setenv("COLUMNS", "80")
+    assert console().width == 80
