@@ -13,8 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from touchstone.adapters.recording import Recording
+from touchstone.reports.console.fitted import fitted
 from touchstone.reports.results import NOT_RUN, UNJUDGED, rows_of
-from touchstone.reports.views.fitted import fitted
 from touchstone.reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
 from touchstone.reports.views.losses import HEADS as LOSS_HEADS
 from touchstone.reports.views.losses import NOTE as LOSS_NOTE
