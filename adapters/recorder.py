@@ -303,14 +303,14 @@ class Player:
 
     def _manifest(self) -> Manifest:
         """Manifest of the engine, with the plan."""
-        told = self.world.describe()
+        manifest = self.world.describe()
         if self._plan is None:
-            return told
+            return manifest
         effects = {
-            one.effect: f"{one.state}: {one.reason}{_beyond(told.engine, one)}"
+            one.effect: f"{one.state}: {one.reason}{_beyond(manifest.engine, one)}"
             for one in self._plan.decisions
         }
-        return dataclasses.replace(told, effects=effects)
+        return dataclasses.replace(manifest, effects=effects)
 
     def _time_crossing(self) -> Array:
         times = np.zeros(CROSSINGS)

@@ -94,11 +94,11 @@ def limits_of_file(path: Path) -> tuple[Limit, ...]:
     forbid = {"extra": "forbid"}
     one = create_model("Limit", __config__=forbid, metric=(str, ...), largest=(number, ...), **names)  # type: ignore
     model = create_model("Limits", __config__=forbid, limits=(tuple[one, ...], ...))  # type: ignore
-    data, faults, told = data_of_file(path, model)
+    data, faults, message_of = data_of_file(path, model)
     found = data.get("limits", ())
     for i, entry in enumerate(found):
         unknown = _unknown(entry["metric"], entry.get("engine", ""), entry.get("profile", ""))
         faults += [(placed(f"limits[{i}].{field}"), text) for field, text in unknown]
     if faults:
-        raise SceneFileError(told(faults))
+        raise SceneFileError(message_of(faults))
     return tuple(Limit(**{"reason": OF_FILE, **entry}) for entry in found)

@@ -60,9 +60,9 @@ def check(
                 output = Path(folder, f"output{number}.txt")
                 child = ChildProcess(_Checker, (name, loader, settings), output, patience)
             answer = child.ask("check", one)
-            told = f"in the check {one!r}"
+            place = f"in the check {one!r}"
             if child.failure is not None:
-                reason = child.failure[1].replace("during 'check'", told).replace("to 'check'", told)
+                reason = child.failure[1].replace("during 'check'", place).replace("to 'check'", place)
                 yield Report(one, (reason,))
                 if child.failure[0] != "error":
                     return

@@ -84,8 +84,8 @@ def _distance(
     elif abs(moved) > scenes.DEPTH and abs(found - asked - moved) <= REACH * scenes.DEPTH:
         yield f"contacts of pair {pair} are those of the step's end; the contract wants those of its start"
     else:
-        told = f"pair {pair} overlaps by {-found * 1e3:.4g} mm, placed to overlap by {-asked * 1e3:g} mm"
-        yield f"{told}: check half and full extents"
+        fault = f"pair {pair} overlaps by {-found * 1e3:.4g} mm, placed to overlap by {-asked * 1e3:g} mm"
+        yield f"{fault}: check half and full extents"
 
 
 def _impulse(
@@ -95,14 +95,14 @@ def _impulse(
     k = 1 if scenario.bodies[1].kind == "simulated" else 0
     change = scenario.bodies[k].mass * (after.linear_velocity[k] - before.linear_velocity[k])
     change = change if k == 1 else -change
-    told = after.contacts["impulse"].sum(axis=0)
+    reported = after.contacts["impulse"].sum(axis=0)
     size = float(np.linalg.norm(change))
     if size < 1e-9:
         yield f"pair {pair} meets at {scenes.SPEED:g} m/s and overlaps, but nothing stops it"
         return
-    if np.linalg.norm(told - change) <= BALANCE * size:
+    if np.linalg.norm(reported - change) <= BALANCE * size:
         return
-    ratio = float(told @ change) / size**2
+    ratio = float(reported @ change) / size**2
     if abs(ratio * bench.dt - 1) <= BALANCE:
         yield f"impulses of pair {pair} are forces: multiply by the step"
     elif abs(ratio / bench.dt - 1) <= BALANCE or abs(ratio) < 1e-9:

@@ -22,15 +22,15 @@ def manifest(bench: Bench) -> Iterator[str]:
 
 
 def _facts(bench: Bench, scenario: Scenario) -> Iterator[str]:
-    told = bench.manifest(scenario)
-    if told.dt and abs(told.dt / bench.dt - 1) > EQUAL:
-        yield f"the manifest states a step of {told.dt:.6g} s, asked {bench.dt:.6g} s"
-    if told.profile != bench.settings.profile:
-        yield f"the manifest states the profile {told.profile!r}, asked {bench.settings.profile!r}"
+    stated = bench.manifest(scenario)
+    if stated.dt and abs(stated.dt / bench.dt - 1) > EQUAL:
+        yield f"the manifest states a step of {stated.dt:.6g} s, asked {bench.dt:.6g} s"
+    if stated.profile != bench.settings.profile:
+        yield f"the manifest states the profile {stated.profile!r}, asked {bench.settings.profile!r}"
     for body in scenario.bodies:
         if body.kind == "fixed":
             continue
-        found = told.bodies.get(body.name)
+        found = stated.bodies.get(body.name)
         if found is None:
             yield f"the manifest has no body {body.name!r}"
             continue
@@ -43,7 +43,7 @@ def _facts(bench: Bench, scenario: Scenario) -> Iterator[str]:
         _names(scenario.bodies[a].name, scenario.bodies[b].name): scenario.pair_coefficients(a, b)
         for a, b in scenario.touching_pairs()
     }
-    found_pairs = {_names(pair.body_a, pair.body_b): pair for pair in told.pairs}
+    found_pairs = {_names(pair.body_a, pair.body_b): pair for pair in stated.pairs}
     for names, (e, mu) in asked.items():
         pair = found_pairs.get(names)
         if pair is None:

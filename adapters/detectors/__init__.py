@@ -129,8 +129,8 @@ class PythonBatch:
         for k, (query, found) in enumerate(zip(self._queries, self._found)):
             if isinstance(found, Failure):
                 failures[k] = found
-            elif not isinstance(query, Failure) and (told := query.read(found)) is not None:
-                distance[k], normal[k] = told
+            elif not isinstance(query, Failure) and (answer := query.read(found)) is not None:
+                distance[k], normal[k] = answer
         return Answers(distance, normal, failures)
 
     def close(self) -> None:

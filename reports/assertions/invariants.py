@@ -171,8 +171,8 @@ def unjudged(invariant: str, evidence: Evidence, reason: str) -> InvariantError:
 def source_of(evidence: Evidence) -> str:
     """Scene, engine, profile and step of a run, in one phrase."""
     facts = evidence.recording.facts
-    told = [facts["engine"], facts.get("profile", ""), f"step {step_text(float(facts['dt']))} s"]
-    return f"{evidence.scenario.name} ({', '.join(part for part in told if part)})"
+    parts = [facts["engine"], facts.get("profile", ""), f"step {step_text(float(facts['dt']))} s"]
+    return f"{evidence.scenario.name} ({', '.join(part for part in parts if part)})"
 
 
 def _require(invariant: str, asked: Invariant, evidence: Evidence) -> None:

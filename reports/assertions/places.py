@@ -71,9 +71,9 @@ def worst_contact(evidence: Evidence, values: Values) -> Place:
     k = int(excess.argmax())
     row = rows[k]
     across, bound = np.linalg.norm(tangential[k]), evidence.friction[k] * normal[k]
-    told = f"|j_t| = {across:.3g} N s, mu j_n = {bound:.3g} N s"
+    words = f"|j_t| = {across:.3g} N s, mu j_n = {bound:.3g} N s"
     return Place(
-        int(evidence.contact_frame[k]) + 1, _names(evidence, int(row["body_a"]), int(row["body_b"])), told
+        int(evidence.contact_frame[k]) + 1, _names(evidence, int(row["body_a"]), int(row["body_b"])), words
     )
 
 
@@ -87,8 +87,11 @@ def worst_bounce(evidence: Evidence, values: Values) -> Place:
         for bounce in bounces(evidence, (a, b)):
             off = abs(bounce.restitution - asked)
             if bounce.approach > BOUNCE_SPEED and off > worst:
-                told = f"{bounce.restitution:.3f} at {bounce.approach:.2f} m/s, asked {asked:g}"
-                worst, place = off, Place(int(bounce.time / evidence.frame) + 1, _names(evidence, a, b), told)
+                words = f"{bounce.restitution:.3f} at {bounce.approach:.2f} m/s, asked {asked:g}"
+                worst, place = (
+                    off,
+                    Place(int(bounce.time / evidence.frame) + 1, _names(evidence, a, b), words),
+                )
     return place
 
 

@@ -105,8 +105,8 @@ def _times(base: Row, column: Timed, frame_count: int) -> Iterator[Row]:
     for suffix, statistic in STATISTICS.items():
         found = restart_interval(column.times, statistic, every if suffix else chosen)
         row = replace(base, metric=f"time.frame{suffix}", unit="s", value=found.value)
-        told = f"{remark}{restarts} restart{'s' if restarts > 1 else ''}, contact in {len(chosen)} frames"
-        yield replace(row, low=found.low, high=found.high, reason=told)
+        reason = f"{remark}{restarts} restart{'s' if restarts > 1 else ''}, contact in {len(chosen)} frames"
+        yield replace(row, low=found.low, high=found.high, reason=reason)
 
 
 def duel(

@@ -28,6 +28,6 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         out.print(table)
     remarks = frame[(frame.metric == "scaling.time") & (frame.reason != "")]
     for (scenario, engine), part in remarks.groupby(["scenario", "engine"], sort=False):
-        told = ", ".join(f"{row.subject} {row.reason}" for row in rows_of(part))
-        out.print(f"{scenario}: {engine}: {told}", highlight=False)
+        reasons = ", ".join(f"{row.subject} {row.reason}" for row in rows_of(part))
+        out.print(f"{scenario}: {engine}: {reasons}", highlight=False)
     print_remarks(frame, out, NOTES)

@@ -43,8 +43,8 @@ def limit_text(row: Row | None) -> Text:
 def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> None:
     """Print notes, then every row that broke a limit, failed or was skipped, with its reason."""
     print_notes(notes, out)
-    told = frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]
-    for row in rows_of(told):
+    remarked = frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]
+    for row in rows_of(remarked):
         name = " ".join(filter(None, (row.scenario, row.metric, row.subject))) if row.metric != "run" else ""
         value = (
             f" {exact_number(row.value)}, limit {exact_number(row.limit)}" if row.limit == row.limit else ""

@@ -92,17 +92,17 @@ def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
     """The answer as text."""
     best, second = answer.best, answer.runner_up
     head = "cheapest" if answer.met else "nothing measured meets all; nearest miss"
-    found = [f"{head}: {told(best)}", f"  {margins(best, limits)}"]
+    found = [f"{head}: {words_of(best)}", f"  {margins(best, limits)}"]
     if second is not None:
         ratio = f", {second.time / best.time:.3g} times the time" if answer.met else ""
-        found.append(f"{'runner-up' if answer.met else 'next'}: {told(second)}{ratio}")
+        found.append(f"{'runner-up' if answer.met else 'next'}: {words_of(second)}{ratio}")
     if answer.other_engine is not None and answer.other_engine != second:
         other = answer.other_engine
-        found.append(f"next engine: {told(other)}, {other.time / best.time:.3g} times the time")
+        found.append(f"next engine: {words_of(other)}, {other.time / best.time:.3g} times the time")
     return [*found, f"again: {best.command}"]
 
 
-def told(setting: Setting) -> str:
+def words_of(setting: Setting) -> str:
     """A setting and its time."""
     from touchstone.reports.run.request import step_text
     from touchstone.reports.studies.work_precision.table import number

@@ -92,7 +92,7 @@ def setting_rows() -> list[dict[str, object]]:
                 if setting.name in (acting := table.values_of(profile)):
                     values.setdefault(acting[setting.name] or "by scene", []).append(profile)
             whole = sum(map(len, values.values())) == len(table.profiles)
-            told = (
+            shown = (
                 f"{value} ({', '.join(profiles)})" if len(values) > 1 or not whole else value
                 for value, profiles in values.items()
             )
@@ -101,7 +101,7 @@ def setting_rows() -> list[dict[str, object]]:
                     "engine": engine,
                     "setting": setting.name,
                     "values": setting.valid,
-                    "in the profiles": "; ".join(told),
+                    "in the profiles": "; ".join(shown),
                     "meaning": setting.summary,
                 }
             )
@@ -160,9 +160,9 @@ def truth_lines(scenario: Scenario) -> Iterator[str]:
                 ("w", arc.angular_velocity, "rad/s"),
                 ("dw/dt", arc.angular_acceleration, "rad/s^2"),
             )
-            told = [f"{name} = {_numbers(value)} {unit}" for name, value, unit in rates if any(value)]
+            shown = [f"{name} = {_numbers(value)} {unit}" for name, value, unit in rates if any(value)]
             at = f"truth {truth.body}: from {arc.start:.6g} s at {_numbers(arc.position)} m"
-            yield ", ".join([at, *(told or ["at rest"])])
+            yield ", ".join([at, *(shown or ["at rest"])])
         if len(truth.arcs) > ARCS_SHOWN:
             yield f"truth {truth.body}: {len(truth.arcs) - ARCS_SHOWN} arcs more"
 

@@ -170,8 +170,8 @@ def tell_failures(frame: pd.DataFrame) -> None:
 
     for row in rows_of(frame[frame.verdict.isin(["fail", "error"])]):
         what = f" {row.metric} {row.subject}".rstrip() + f" {row.value:.4g}, limit {row.limit:.4g}:"
-        told = row.reason if row.metric == "run" else f"{what.strip()} {row.reason}"
-        line = f"{row.verdict}: {row.scenario} {row.engine} {row.profile}: {told}"
+        reason = row.reason if row.metric == "run" else f"{what.strip()} {row.reason}"
+        line = f"{row.verdict}: {row.scenario} {row.engine} {row.profile}: {reason}"
         print(line, file=sys.stderr)
 
 

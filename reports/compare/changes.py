@@ -86,9 +86,9 @@ def _kind(row: dict[str, Any], allowed: tuple[Tolerance, ...]) -> tuple[str, str
         )
     before, after = RANK.get(row["verdict_a"], 0), RANK.get(row["verdict_b"], 0)
     if before != after:
-        told = row["reason_b"] if after > before else row["reason_a"]
+        reason = row["reason_b"] if after > before else row["reason_a"]
         words = [row[name] or "no verdict" for name in ("verdict_a", "verdict_b")]
-        return ("worse" if after > before else "better"), f"{' -> '.join(words)}: {told}"
+        return ("worse" if after > before else "better"), f"{' -> '.join(words)}: {reason}"
     a, b = row["value_a"], row["value_b"]
     if not (isfinite(a) and isfinite(b)):
         if isfinite(a) == isfinite(b):

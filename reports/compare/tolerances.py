@@ -63,9 +63,9 @@ def tolerances(path: Path | None) -> tuple[Tolerance, ...]:
     sizes = dict.fromkeys(("relative", "absolute"), (number, 0.0))
     one = create_model("Tolerance", __config__=forbid, metric=(str, ...), **sizes, **patterns)  # type: ignore
     model = create_model("Tolerances", __config__=forbid, tolerances=(tuple[one, ...], ...))  # type: ignore
-    data, faults, told = data_of_file(path, model)
+    data, faults, message_of = data_of_file(path, model)
     if faults:
-        raise SceneFileError(told(faults))
+        raise SceneFileError(message_of(faults))
     return (*DEFAULT, *(Tolerance(**entry) for entry in data["tolerances"]))
 
 

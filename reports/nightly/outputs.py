@@ -34,14 +34,14 @@ def sentence(frame: pd.DataFrame, findings: Sequence[Finding], compared: bool) -
     if counts[REGRESSION]:
         places = ", ".join(dict.fromkeys(one.place.split()[1] for one in findings if one.kind == REGRESSION))
         return BAD, f"{counts[REGRESSION]} confirmed regressions ({places}). {own}"
-    told = [
+    parts = [
         f"{counts[k]} {word}"
         for k, word in ((WARNING, "slower, unconfirmed"), (GONE, "gone"), (CHANGE, "changed"))
         if counts[k]
     ]
     if level == GOOD and (counts[WARNING] or counts[GONE]):
         level = WARN
-    return level, f"No regression{': ' + ', '.join(told) if told else ''}. {own}"
+    return level, f"No regression{': ' + ', '.join(parts) if parts else ''}. {own}"
 
 
 def listed(findings: Sequence[Finding]) -> list[str]:

@@ -148,11 +148,13 @@ class Store:
         facts = {**facts, "format": FORMAT, "sequence": before[-1].sequence + 1 if before else 1}
         rows = frame[(frame.verdict != "skipped") | (frame.metric == "run")][list(STORED)]
         schema = pa.Table.from_pandas(rows, preserve_index=False)
-        told = schema.replace_schema_metadata(
+        stamped = schema.replace_schema_metadata(
             {**(schema.schema.metadata or {}), KEY: json.dumps(facts).encode()}
         )
         path = self.folder / "runs" / f"{facts['sequence']:06d}-{facts['run']}.parquet"
-        write_beside(path, lambda part: pq.write_table(told, part, compression="zstd", compression_level=12))
+        write_beside(
+            path, lambda part: pq.write_table(stamped, part, compression="zstd", compression_level=12)
+        )
         self.push(path)
         return Night(path, facts)
 

@@ -59,15 +59,17 @@ def judge(recording: Recording, scenario: Scenario, checks: Checks, ended: str =
 
 def announcement(recording: Recording) -> str:
     """What the engine said of its unsolved frames; empty if nothing."""
-    told = []
+    parts = []
     for name, allowed in ANNOUNCED.items():
         columns = np.flatnonzero(recording.work_names == name)
         if len(columns):
             values = recording.work[:, columns[0]]
             beyond = np.flatnonzero(~(values <= allowed))
             if len(beyond):
-                told.append(f"{name} {values[beyond].max():.2g} in {len(beyond)} frames from {beyond[0] + 1}")
-    return ", ".join(told)
+                parts.append(
+                    f"{name} {values[beyond].max():.2g} in {len(beyond)} frames from {beyond[0] + 1}"
+                )
+    return ", ".join(parts)
 
 
 def _findings(evidence: Evidence, checks: Checks, ended: str, figures: dict[str, float]) -> Iterator[Finding]:

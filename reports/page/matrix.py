@@ -125,18 +125,18 @@ def facts(entry: Entry) -> dict[str, object]:
     """Details of a cell for its dialog."""
     row = entry.row
     unit = unit_of(row.metric) if row.metric in METRICS else ""
-    told = [("metric", f"{row.metric} {row.subject}".strip()), ("value", f"{entry.text} {unit}".strip())]
+    facts = [("metric", f"{row.metric} {row.subject}".strip()), ("value", f"{entry.text} {unit}".strip())]
     if row.metric in METRICS:
-        told.append(("definition", METRICS[row.metric].formula))
+        facts.append(("definition", METRICS[row.metric].formula))
     if isfinite(row.value):
-        told.append(("value [SI]", f"{row.value!r} {row.unit}"))
-    told += [("difference from the reference", f"{entry.apart}")]
+        facts.append(("value [SI]", f"{row.value!r} {row.unit}"))
+    facts += [("difference from the reference", f"{entry.apart}")]
     if isfinite(row.limit):
-        told.append(("limit [SI]", f"{row.limit:g} {row.unit}"))
-    told += [("verdict", row.verdict)] if row.verdict else []
-    told += [("reason", row.reason)] if row.reason else []
+        facts.append(("limit [SI]", f"{row.limit:g} {row.unit}"))
+    facts += [("verdict", row.verdict)] if row.verdict else []
+    facts += [("reason", row.reason)] if row.reason else []
     head = {"scene": row.scenario, "engine": row.engine, "profile": row.profile}
-    return {**head, "facts": told, "command": reproduce(row)}
+    return {**head, "facts": facts, "command": reproduce(row)}
 
 
 def table(

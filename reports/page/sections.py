@@ -79,7 +79,7 @@ def scene_part(content: Content, scene: str, rows: Sequence[Row]) -> str:
         for row in rows
         if row.metric == "run" and row.verdict in (*NOT_RUN, "error", "known")
     ]
-    told = "".join(f"<p class=remark>{escape(line)}</p>" for line in remarks)
+    remark_text = "".join(f"<p class=remark>{escape(line)}</p>" for line in remarks)
     play = ""
     if scene in content.playback:
         play = (
@@ -87,7 +87,7 @@ def scene_part(content: Content, scene: str, rows: Sequence[Row]) -> str:
         )
     summary = f"<p>{escape(content.summaries.get(scene, ''))}</p>"
     again = f"<p class=again><code>touchstone run {escape(scene)}</code></p>"
-    return fold(scene, summary + play + told + plain_table(heads, body, 2) + again, f"scene-{scene}")
+    return fold(scene, summary + play + remark_text + plain_table(heads, body, 2) + again, f"scene-{scene}")
 
 
 def failings(rows: Iterable[Row]) -> str:
@@ -164,9 +164,9 @@ def settings_part(settings: Mapping[str, Mapping[str, object]]) -> str:
     groups: dict[str, dict[str, dict[str, str]]] = {}
     for key, facts in settings.items():
         scene, engine, profile = key.split("/", 2)
-        told = facts.get("settings", {})
+        played_with = facts.get("settings", {})
         flat = {"version": facts.get("version", ""), "step [s]": facts.get("dt", "")}
-        flat |= told if isinstance(told, dict) else {}
+        flat |= played_with if isinstance(played_with, dict) else {}
         groups.setdefault(f"{engine} {profile}", {})[scene] = {
             name: str(value) for name, value in flat.items()
         }

@@ -49,15 +49,15 @@ def _class(row: Row | None) -> str:
 
 def _counts(rows: list[Row]) -> str:
     judged = [row for row in rows if row.verdict]
-    told = [row for row in judged if row.verdict in REMARKS]
+    remarks = [row for row in judged if row.verdict in REMARKS]
     counts = pd.Series([row.verdict for row in judged]).value_counts()
     text = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [
         [row.verdict, row.scenario, f"{row.engine} {row.profile}", f"{row.metric} {row.subject}".strip(),
          exact_number(row.value), row.reason]
-        for row in told[:MOST]
+        for row in remarks[:MOST]
     ]  # fmt: skip
     heads = ("verdict", "scene", "engine", "figure", "value", "reason")
     listed = plain_table(heads, lines, 6) if lines else ""
-    rest = f"<p>{len(told) - MOST} more.</p>" if len(told) > MOST else ""
+    rest = f"<p>{len(remarks) - MOST} more.</p>" if len(remarks) > MOST else ""
     return f"<p>{len(rows)} figures; {text or 'none is judged'}.</p>{listed}{rest}"

@@ -23,8 +23,8 @@ NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.dri
 def excused(row: Row, recording: Recording, scenario: Scenario, limits: Sequence[Limit] = ()) -> Row:
     """The row, judged; its verdict is `known` where it breaks a limit because a needed effect was disabled on
     request."""
-    told: dict[str, str] = recording.facts.get("effects", {})
-    removed = [effect for effect, state in told.items() if state.startswith("forced off")]
+    states: dict[str, str] = recording.facts.get("effects", {})
+    removed = [effect for effect, state in states.items() if state.startswith("forced off")]
     found = judged(row, scenario, limits)
     if not removed or found.verdict != "fail":
         return row

@@ -69,8 +69,8 @@ def _stages(recording: Recording, contact: NDArray[np.bool_]) -> str:
     some = recording.stage_seconds[contact[: len(recording.stage_seconds)]].sum(axis=0)
     if not some.sum() > 0:
         return ""
-    told = sorted(zip(some / some.sum(), recording.stage_names.tolist()), reverse=True)
-    return "with contact its time goes to " + ", ".join(f"{name} {100 * part:.0f} %" for part, name in told)
+    stages = sorted(zip(some / some.sum(), recording.stage_names.tolist()), reverse=True)
+    return "with contact its time goes to " + ", ".join(f"{name} {100 * part:.0f} %" for part, name in stages)
 
 
 def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run: bool) -> list[Row]:
@@ -88,8 +88,10 @@ def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run
             kind = kind_of(mine.label, theirs.label) if own else ""
             code, said = compared(mine.overlap, theirs.overlap)
             for row in _statistics(study, scenario, mine, theirs):
-                told = "; ".join(filter(None, (row.reason, said, "one run" if one_run else "")))
-                found.append((kind or theirs.label, replace(row, reason=told, reason_code=code), mine.stages))
+                remark = "; ".join(filter(None, (row.reason, said, "one run" if one_run else "")))
+                found.append(
+                    (kind or theirs.label, replace(row, reason=remark, reason_code=code), mine.stages)
+                )
     if is_foreign(scenario):
         return [row for _, row, _ in found]
     fastest: dict[tuple[str, str, str], float] = {}

@@ -123,8 +123,8 @@ def _stretch(
     times: dict[str, list[Times]] = {child.name: [] for child in children}
     for _ in range(turns):
         for child in children:
-            if (told := child.ask("time", passes)) is not None:
-                times[child.name].append(told)
+            if (taken := child.ask("time", passes)) is not None:
+                times[child.name].append(taken)
     for child in children:
         mine, answers = measured[child.name], child.ask("answers")
         progress(child.name, stretch.end - stretch.first)
@@ -134,5 +134,5 @@ def _stretch(
         if answers.held is not None:
             mine.held[part] = answers.held
         mine.failures.update({part.start + k: failure for k, failure in answers.failures.items()})
-        mine.seconds[part] = np.median(np.concatenate([told.query for told in times[child.name]]), axis=0)
-        mine.crossing += [told.crossing for told in times[child.name]]
+        mine.seconds[part] = np.median(np.concatenate([taken.query for taken in times[child.name]]), axis=0)
+        mine.crossing += [taken.crossing for taken in times[child.name]]

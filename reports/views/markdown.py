@@ -201,10 +201,10 @@ def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
         value = row.value if kind == "restitution" else asked * (1 - row.value)
         wanted[kind, row.subject] = asked
         lines.setdefault((kind, row.subject), {})[row.engine, row.profile] = number(value)
-    told = [column for column in columns if any(column in line for line in lines.values())]
-    heads = ["", "asked", *(f"{engine} {profile}" for engine, profile in told)]
+    shown = [column for column in columns if any(column in line for line in lines.values())]
+    heads = ["", "asked", *(f"{engine} {profile}" for engine, profile in shown)]
     rows = [
-        [f"{kind} {subject}", number(wanted[kind, subject]), *(line.get(column, "-") for column in told)]
+        [f"{kind} {subject}", number(wanted[kind, subject]), *(line.get(column, "-") for column in shown)]
         for (kind, subject), line in lines.items()
     ]
     return _markdown(heads, rows, 1) if rows else ["nothing bounces or slides"]

@@ -85,9 +85,9 @@ def _section(name: str, rows: list[Row], columns: list[Column], counts: Mapping[
     # Figures that stand out, and the first that is not 0: the distance from the truth, where there is one.
     figures = [metric for metric in measured if not metric.startswith("time.")]
     first = next((m for m in figures if any(abs(row.value) > SHOWN_AS_ZERO for row in found[m].values())), "")
-    told = [m for m in measured if m == first or any(row.verdict in NOT_MET for row in found[m].values())]
+    kept = [m for m in measured if m == first or any(row.verdict in NOT_MET for row in found[m].values())]
     lines = [
-        (metric, unit_of(metric), [_cell(found[metric].get(column)) for column in columns]) for metric in told
+        (metric, unit_of(metric), [_cell(found[metric].get(column)) for column in columns]) for metric in kept
     ]
     return Section(name, [_outcome(rows, column, counts) for column in columns], lines)
 

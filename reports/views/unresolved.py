@@ -28,7 +28,7 @@ def warning(base: Row, evidence: Evidence) -> str | None:
         base: a row of the run, for its engine, profile, scene and step.
         evidence: context of the run, whole or up to its failure.
     """
-    told = []
+    parts = []
     for metric, (counters, words) in KINDS.items():
         try:
             value = _value(evidence, metric)
@@ -37,8 +37,8 @@ def warning(base: Row, evidence: Evidence) -> str | None:
         row = judged(replace(base, metric=metric, value=value), evidence.scenario.tags)
         if row.verdict in ("fail", "known"):
             counters = cap_counters(evidence) if counters is CAPS else counters
-            told.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))
-    return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(told)}" if told else None
+            parts.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))
+    return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(parts)}" if parts else None
 
 
 def _value(evidence: Evidence, metric: str) -> float:

@@ -76,12 +76,12 @@ def data_of_file(path: Path, model: type[BaseModel]) -> tuple[dict[str, Any], li
     data, lines = document(path)
     found, faults = checked(data, model)
 
-    def told(all_faults: Iterable[Fault]) -> str:
+    def message_of(all_faults: Iterable[Fault]) -> str:
         found_lines = lines()
         rows = sorted((line_of(found_lines, place), named(place), text) for place, text in all_faults)
         return "\n".join(f"{path}:{line}: {where}: {text}" for line, where, text in rows)
 
-    return found, faults, told
+    return found, faults, message_of
 
 
 def named(place: Place) -> str:
@@ -102,7 +102,7 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
     Raises:
         SceneFileError: the file is not valid; names all faults at once, each with its line.
     """
-    data, faults, told = data_of_file(path, model_of(Scenario))
+    data, faults, message_of = data_of_file(path, model_of(Scenario))
     if data:
         data = {"name": path.stem, "summary": "", "tags": (), **data}
         if not NAME.fullmatch(data["name"]):
@@ -124,7 +124,7 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
             more = [(placed(where), text) for where, text in error.faults]
             faults += [one for one in more if one[0][:2] not in doubtful]
     if faults:
-        raise SceneFileError(told(faults))
+        raise SceneFileError(message_of(faults))
     return scenario
 
 

@@ -38,7 +38,7 @@ class Bodies:
     """The bodies of a scenario in the client `on`.
 
     Attributes:
-        told: settings of the profile; `sleep`: those of a base that may sleep.
+        parameters: settings of the profile; `sleep`: those of a base that may sleep.
         moments, axes: principal moments, and principal axes in the body frame (xyzw), per body.
         arm: centres of mass in the body frames (n, 3) [m].
         colliders: per body its (id, link) pairs; `body_of` is the inverse.
@@ -57,7 +57,7 @@ class Bodies:
         """`factors`: restitution and friction of each body; `drives`: of trackers that are not posed."""
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
         self._posed = settings.drive == "posed"
-        self.told = tables.told_of(settings.profile, settings.changes)
+        self.parameters = tables.parameters_of(settings.profile, settings.changes)
         self.sleep = tables.SLEEPING if settings.sleeping else {}
         self.moments, axes = zip(*(_principal_axes(body) for body in scenario.bodies))
         self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in scenario.bodies])
@@ -161,9 +161,9 @@ class Bodies:
         moments of inertia of the base and of the first `turned` links."""
         root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
-        told = self.told.base | (self.told.hull if has_hull else {})
-        told |= {} if root.kind == "driven" else self.sleep
-        pybullet.changeDynamics(number, BASE, **told, **self._on)
+        dynamics = self.parameters.base | (self.parameters.hull if has_hull else {})
+        dynamics |= {} if root.kind == "driven" else self.sleep
+        pybullet.changeDynamics(number, BASE, **dynamics, **self._on)
         for link, body in enumerate(bodies, start=BASE):
             restitution, friction = self._factors[body]
             own = {"restitution": restitution, "lateralFriction": friction, **LINK}

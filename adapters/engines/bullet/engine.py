@@ -84,8 +84,8 @@ class World:
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._native = settings.drive == "native"
         self._bodies = Bodies(scenario, settings, factors, self._drives, self._on)
-        self._told, self._axes, self._arm = self._bodies.told, self._bodies.axes, self._bodies.arm
-        pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._told.solver, **self._on)
+        self._parameters, self._axes, self._arm = self._bodies.parameters, self._bodies.axes, self._bodies.arm
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._parameters.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
         n, hinges = len(scenario.bodies), sum(len(tracker.joints) for tracker in scenario.trackers)
         self._to_body = Rotation.from_quat(self._axes).inv()
@@ -203,7 +203,7 @@ class World:
         for posed, hinges in self._posed:
             posed.show(self._moment, state, hinges)
         # A point that the solver skipped keeps the force of an earlier step.
-        farthest = self._told.base.get("contactProcessingThreshold", inf)
+        farthest = self._parameters.base.get("contactProcessingThreshold", inf)
         for point in pybullet.getContactPoints(**self._on):
             _, a, b, link_a, link_b, on_a, on_b, normal, distance, *forces = point
             push, pull_1, tangent_1, pull_2, tangent_2 = forces
@@ -218,14 +218,14 @@ class World:
 
     def describe(self) -> Manifest:
         """Manifest of all values that Bullet reports, and of settings without a getter as they were set."""
-        engine, told = BulletEngine(), pybullet.getPhysicsEngineParameters(**self._on)
+        engine, solver = BulletEngine(), pybullet.getPhysicsEngineParameters(**self._on)
         found = ReadBack(self._scenario, self._settings, self._bodies, self._on)
         return Manifest(
             engine=engine.name,
             version=engine.version(),
             profile=self._settings.profile,
-            dt=told["fixedTimeStep"],
-            settings=found.settings(told),
+            dt=solver["fixedTimeStep"],
+            settings=found.settings(solver),
             bodies=found.bodies(),
             pairs=found.pairs(),
             drives={t.root: drive.gains() for t, drive in zip(self._scenario.trackers, self._drives)},

@@ -61,8 +61,8 @@ class ReadBack:
             free += kinds.count(pybullet.JOINT_REVOLUTE)
         return free
 
-    def settings(self, told: dict[str, Scalar]) -> dict[str, Scalar]:
-        """Settings: those of the solver (`told`) and others as read back, the rest as set."""
+    def settings(self, solver: dict[str, Scalar]) -> dict[str, Scalar]:
+        """Settings: those of the solver (`solver`) and others as read back, the rest as set."""
         pybullet.syncBodyInfo(**self._on)  # getJointInfo reads a copy made before the limits were set
         links = [(m.id, k) for m in self._bodies.driven for k in range(len(m.bodies) - 1)]
         joints = [pybullet.getJointInfo(*link, **self._on) for link in links]
@@ -70,15 +70,15 @@ class ReadBack:
         rows = zip(facts, self._scenario.bodies)
         hulls = [fact for fact, body in rows if any(isinstance(p.shape, Hull) for p in body.pieces)]
         as_set = (
-            self._bodies.told.solver
-            | self._bodies.told.base
-            | self._bodies.told.hull
+            self._bodies.parameters.solver
+            | self._bodies.parameters.base
+            | self._bodies.parameters.hull
             | LINK
             | self._bodies.sleep
         )
         return {
-            **{f"{name} (read back)": value for name, value in told.items()},
-            **{f"{name} (as set)": value for name, value in as_set.items() if name not in told},
+            **{f"{name} (read back)": value for name, value in solver.items()},
+            **{f"{name} (as set)": value for name, value in as_set.items() if name not in solver},
             "rolling friction, largest (read back)": _largest(facts, 6),
             "spinning friction, largest (read back)": _largest(facts, 7),
             "contact damping, largest; -1 = rigid (read back)": _largest(facts, 8),

@@ -67,7 +67,7 @@ LINK: dict[str, int | float] = {"jointDamping": 0.0, "rollingFriction": 0.0, "sp
 # experimental, best to leave it 0/false" (createMultiBody). Damping and sleep are off under all profiles.
 
 
-class Told(NamedTuple):
+class Parameters(NamedTuple):
     """Settings of a profile for the solver, every base, and the base of a body with hulls."""
 
     solver: dict[str, int | float]
@@ -75,8 +75,8 @@ class Told(NamedTuple):
     hull: dict[str, int | float]
 
 
-DEFAULT = Told(SOLVER, MULTIBODY, {})
-ACCURATE = Told(
+DEFAULT = Parameters(SOLVER, MULTIBODY, {})
+ACCURATE = Parameters(
     solver=SOLVER
     | {
         # At four times the default rate, a quarter of the correction per step corrects at the same rate in
@@ -98,10 +98,10 @@ ACCURATE = Told(
 )
 
 
-def told_of(profile: str, changes: Iterable[str]) -> Told:
+def parameters_of(profile: str, changes: Iterable[str]) -> Parameters:
     """Settings of a profile with its changes ("key=value")."""
-    told = ACCURATE if profile == entry.ACCURATE else DEFAULT
-    return told._replace(solver=told.solver | SETTINGS.numbers(changes))
+    chosen = ACCURATE if profile == entry.ACCURATE else DEFAULT
+    return chosen._replace(solver=chosen.solver | SETTINGS.numbers(changes))
 
 
 class Part(NamedTuple):

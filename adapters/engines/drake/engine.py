@@ -183,8 +183,8 @@ class World:
             root = self._bodies[drive.links[0]]
             pose, moved = self._pose(root), plant.EvalBodySpatialVelocityInWorld(context, root)
             turn = pose.rotation().ToQuaternion().wxyz()
-            told = drive.wrench(step, pose.translation(), turn, moved.translational(), moved.rotational())
-            self._force[k], self._torque[k] = told
+            wrench = drive.wrench(step, pose.translation(), turn, moved.translational(), moved.rotational())
+            self._force[k], self._torque[k] = wrench
             applied = ExternallyAppliedSpatialForce()
             applied.body_index, applied.p_BoBq_B = root.index(), np.zeros(3)
             applied.F_Bq_W = SpatialForce(tau=self._torque[k], f=self._force[k])

@@ -125,28 +125,28 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
         add_pairs(spec, scenario, settings, explicit)
         return
     found = contact_filter(scenario)
-    for k, told in found.geoms.items():
+    for k, chosen in found.geoms.items():
         for geom in bodies[k].geoms:
-            _set_geom(geom, told, settings)
+            _set_geom(geom, chosen, settings)
     for a, b in found.excluded:
         spec.add_exclude(bodyname1=bodies[a].name, bodyname2=bodies[b].name)
     add_pairs(spec, scenario, settings, found.explicit)
 
 
-def _set_geom(geom: Any, told: GeomFilter, settings: Settings) -> None:
+def _set_geom(geom: Any, chosen: GeomFilter, settings: Settings) -> None:
     """Set masks and contact parameters of a geom."""
-    e, mu = told.coefficients
-    geom.contype, geom.conaffinity, geom.priority = told.contype, told.conaffinity, told.priority
+    e, mu = chosen.coefficients
+    geom.contype, geom.conaffinity, geom.priority = chosen.contype, chosen.conaffinity, chosen.priority
     geom.condim, geom.friction, geom.solref = 3 if mu > 0 else 1, (mu, 0.0, 0.0), solref_of(e, settings)
     geom.solimp = SETTINGS.numbers(settings.changes).get("solimp", geom.solimp)
 
 
 def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable[tuple[int, int]]) -> None:
     """Add an explicit pair for every two geoms of pairs of bodies; MuJoCo uses it instead of masks."""
-    told: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     if settings.profile == ACCURATE:
-        told = {"solimp": ACCURATE_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
-    told |= {k: v for k, v in SETTINGS.numbers(settings.changes).items() if k == "solimp"}
+        options = {"solimp": ACCURATE_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
+    options |= {k: v for k, v in SETTINGS.numbers(settings.changes).items() if k == "solimp"}
     for a, b in pairs:
         e, mu = scenario.pair_coefficients(a, b)
         for first in range(len(scenario.bodies[a].pieces)):
@@ -157,7 +157,7 @@ def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable
                     condim=3 if mu > 0 else 1,
                     friction=(mu, mu, 0.0, 0.0, 0.0),
                     solref=solref_of(e, settings),
-                    **told,
+                    **options,
                 )
 
 

@@ -293,11 +293,11 @@ class World:
 
     def _pair_facts(self) -> tuple[PairFacts, ...]:
         """Coefficients per touching pair of bodies; all pairs of their geoms are equal by construction."""
-        told = contact_parameters(self._model)
+        parameters = contact_parameters(self._model)
         facts = []
         for a, b in self._scenario.touching_pairs():
             bodies = int(self._body[a]), int(self._body[b])
-            size, solref, mu = told[min(bodies), max(bodies)]
+            size, solref, mu = parameters[min(bodies), max(bodies)]
             names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
             facts.append(PairFacts(*names, restitution_of(solref, self._settings), mu if size > 1 else 0.0))
         return tuple(facts)

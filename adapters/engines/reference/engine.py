@@ -235,9 +235,9 @@ class _World:
 
     def stage_seconds(self) -> Mapping[str, float]:
         """Time per stage since the last call [s]."""
-        told = dict(zip(counters.STAGES, self._stages.tolist()))
+        seconds = dict(zip(counters.STAGES, self._stages.tolist()))
         self._stages[:] = 0.0
-        return told
+        return seconds
 
     def work(self) -> Mapping[str, float]:
         """Work counters of the last frame, and what it left unresolved (INEXACT)."""

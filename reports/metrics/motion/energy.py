@@ -98,8 +98,8 @@ def energy_ledger(evidence: Evidence) -> Values:
     drive = _work_of_driven_contacts(evidence)[-1]
     energy = mechanical_energy(evidence, evidence.simulated)
     correction = energy[-1] - energy[0] - friction - restitution - drive
-    told = {"friction": friction, "restitution": restitution, "drive": drive, "correction": correction}
-    return {name: float(value) for name, value in told.items()}
+    parts = {"friction": friction, "restitution": restitution, "drive": drive, "correction": correction}
+    return {name: float(value) for name, value in parts.items()}
 
 
 def _stores(evidence: Evidence, bodies: list[int]) -> Array:

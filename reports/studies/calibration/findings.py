@@ -59,10 +59,10 @@ def _bullet_steps(values: Values, frame: pd.DataFrame) -> str:
     drops = [r for r in rows_of(frame[frame.metric == "restitution.drop"]) if r.engine == "bullet"]
     if not drops:
         return ""
-    told = ", ".join(f"{r.value:.2f} at {step_text(r.dt)} s" for r in drops)
+    found = ", ".join(f"{r.value:.2f} at {step_text(r.dt)} s" for r in drops)
     accurate = values(("bullet", "accurate"), "sphere-box", "restitution.achieved", "e=1 v=1")
     return (
-        f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {told}. Contacts "
+        f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {found}. Contacts "
         f"are found before bodies touch, within {BULLET_MARGIN:.0%} of their size ({1e3 * _margin():g} mm "
         "here), and brake a body so that it just arrives at the end of the step; what speed it has left is "
         "what bounces. Long steps jump over that margin; they gain by position correction and by a step "

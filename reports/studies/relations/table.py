@@ -48,5 +48,5 @@ def show(frame: pd.DataFrame, out: Console) -> None:
 
 
 def _meanings() -> list[str]:
-    told = [f"{one.name}: {one.summary}" for one in RELATIONS.values()]
-    return [*told, f"{SPLIT}: a run in two parts, the second from the state in the middle"]
+    summaries = [f"{one.name}: {one.summary}" for one in RELATIONS.values()]
+    return [*summaries, f"{SPLIT}: a run in two parts, the second from the state in the middle"]

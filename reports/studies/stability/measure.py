@@ -138,11 +138,11 @@ def _played(cell: Cell, rows: pd.DataFrame) -> Played:
         reason = str(rows.reason.iloc[0])
         return Played(Outcome("timed out" if reason.startswith("hung") else "error", reason), cell.line)
     figures = rows[rows.metric == FIGURE]
-    told = by_metric[OUTCOME]
+    outcome_row = by_metric[OUTCOME]
     return Played(
         Outcome(
-            str(told["subject"]),
-            str(told["reason"]),
+            str(outcome_row["subject"]),
+            str(outcome_row["reason"]),
             str(by_metric[UNDER]["subject"]),
             dict(zip(figures.subject, figures.value.astype(float))),
         ),

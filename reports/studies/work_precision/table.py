@@ -114,11 +114,11 @@ def _ladder(ladder: pd.DataFrame, console: Console) -> None:
             if not 1 / LADDER_SHOWN < after / before < LADDER_SHOWN:
                 values = f"{number(row.before, row.unit)} -> {number(row.after, row.unit)}"
                 moved.append((abs(_log(after / before)), f"{row.scenario} {row.quantity} {values}"))
-        told = [text for _, text in sorted(moved, reverse=True)]
-        more = f"; {len(told) - 3} more" if len(told) > 3 else ""
+        texts = [text for _, text in sorted(moved, reverse=True)]
+        more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
         times = part.drop_duplicates("scenario").time_ratio
         shown.add_row(
-            str(change), str(towards), f"{times.median():.2f} x", "; ".join(told[:3]) + more or "none"
+            str(change), str(towards), f"{times.median():.2f} x", "; ".join(texts[:3]) + more or "none"
         )
     console.print(shown)
 
