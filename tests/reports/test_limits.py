@@ -53,7 +53,32 @@ def limits(monkeypatch):
     return put
 
 
-@pytest.mark.parametrize("entry", [*LIMITS, *KNOWN], ids=lambda entry: entry.metric)
+def each_of(entries):
+    """Check all entries of an engine in one test: as single tests, thousands of entries take ten seconds.
+
+    Faults name their entries.
+    """
+    groups: dict[str, list] = {}
+    for entry in entries:
+        groups.setdefault(entry.engine or "all engines", []).append(entry)
+
+    def decorate(check):
+        def test(engine):
+            faults = []
+            for entry in groups[engine]:
+                try:
+                    check(entry)
+                except (AssertionError, LookupError) as error:
+                    faults.append(f"{entry}: {type(error).__name__}: {error}")
+            assert faults == []
+
+        test.__doc__ = check.__doc__
+        return pytest.mark.parametrize("engine", groups)(test)
+
+    return decorate
+
+
+@each_of([*LIMITS, *KNOWN])
 def test_every_entry_names_what_exists(entry):
     """Metric, engine, scene or tag, and profile of every limit and known failing exist; reasons are lines."""
     spread = tuple(f"{name}.spread" for name in METRICS if name.startswith("events."))
@@ -101,14 +126,14 @@ def test_hinge_speeds_are_those_of_the_trackers(scene):
     assert fastest <= HINGE_SPEED[scene] < fastest + 0.1
 
 
-@pytest.mark.parametrize("limit", [*LIMITS, *KNOWN], ids=lambda limit: limit.metric)
+@each_of([*LIMITS, *KNOWN])
 def test_reasons_are_lines(limit):
     """Every limit has its reason, on one line."""
     assert len(limit.reason) > 8
     assert "\n" not in limit.reason
 
 
-@pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: limit.metric)
+@each_of(LIMITS)
 def test_limits_are_of_metrics_with_a_direction(limit):
     """A limit bounds a size from above: never of a metric that is better higher, never negative."""
     assert limit.largest >= 0
@@ -116,7 +141,7 @@ def test_limits_are_of_metrics_with_a_direction(limit):
     assert metric is None or metric.better == "lower"
 
 
-@pytest.mark.parametrize("known", KNOWN, ids=lambda known: f"{known.engine} {known.metric}")
+@each_of(KNOWN)
 def test_known_failings_say_how_to_see_them(known):
     """Every known failing names one engine and a command that shows it, and a limit it breaks exists."""
     assert known.engine in OF_THE_PROJECT

@@ -62,10 +62,11 @@ def _bullet_steps(values: Values, frame: pd.DataFrame) -> str:
     found = ", ".join(f"{r.value:.2f} at {step_text(r.dt)} s" for r in drops)
     accurate = values(("bullet", "accurate"), "sphere-box", "restitution.achieved", "e=1 v=1")
     return (
-        f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {found}. Contacts "
-        f"are found before bodies touch, within {BULLET_MARGIN:.0%} of their size ({1e3 * _margin():g} mm "
-        "here), and brake a body so that it just arrives at the end of the step; what speed it has left is "
-        "what bounces. Long steps jump over that margin; they gain by position correction and by a step "
+        f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {found}. "
+        "Contacts are found before bodies touch, within "
+        f"{BULLET_MARGIN:.0%} of their size ({1e3 * _margin():g} mm here), and brake a body "
+        "so that it just arrives at the end of the step; what speed it has left is what bounces. Long steps "
+        "jump over that margin; they gain by position correction and by a step "
         "without gravity. contactProcessingThreshold = 0 (accurate) takes the margin away: e = 1 returns "
         f"{accurate:.2f} at 1 m/s. Bodies of shifted pieces (compounds) have no margin to begin with"
     )
