@@ -14,7 +14,7 @@ from touchstone.reports.nightly.night import Measured
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import CHANGE, GONE, REGRESSION, WARNING, Finding
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import BAD, GOOD, WARN, Content, reproduce, verdict_of
+from touchstone.reports.page.content import BAD, GOOD, WARN, Content, counted, reproduce, verdict_of
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.run.request import REFERENCE, STUDY
@@ -33,7 +33,7 @@ def sentence(frame: pd.DataFrame, findings: Sequence[Finding], compared: bool) -
         return level, f"First night on this hardware, nothing to compare with. {own}"
     if counts[REGRESSION]:
         places = ", ".join(dict.fromkeys(one.place.split()[1] for one in findings if one.kind == REGRESSION))
-        return BAD, f"{counts[REGRESSION]} confirmed regressions ({places}). {own}"
+        return BAD, f"{counted(counts[REGRESSION], 'confirmed regression')} ({places}). {own}"
     parts = [
         f"{counts[k]} {word}"
         for k, word in ((WARNING, "slower, unconfirmed"), (GONE, "gone"), (CHANGE, "changed"))

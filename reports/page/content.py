@@ -65,18 +65,26 @@ def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
     known, unjudged = int(counts.get("known", 0)), int(counts.get(UNJUDGED, 0))
     met = int(counts.get("pass", 0))
     missing = sorted(set(frame.engine[(frame.metric == "run") & frame.verdict.isin(NOT_RUN[1:])]))
-    rest = [f"{known} known failings"] if known else []
+    rest = [counted(known, "known failing")] if known else []
     rest += [f"{unjudged} not judged"] if unjudged else []
     rest += [f"{', '.join(missing)} did not play"] if missing else []
     tail = f" ({', '.join(rest)})" if rest else ""
     if fails or errors:
         broken = frame[frame.verdict.isin(["fail", "error"])]
         who = ", ".join(f"{name} {count}" for name, count in broken.engine.value_counts().items())
-        what = [f"{fails} limits broken" if fails else "", f"{errors} runs failed" if errors else ""]
-        return BAD, f"{' and '.join(filter(None, what))}: {who}; {met} limits met{tail}."
+        what = [
+            f"{counted(fails, 'limit')} broken" if fails else "",
+            f"{counted(errors, 'run')} failed" if errors else "",
+        ]
+        return BAD, f"{' and '.join(filter(None, what))}: {who}; {counted(met, 'limit')} met{tail}."
     if not met:
         return WARN, f"Nothing was judged{tail}."
     return (WARN if unjudged or missing else GOOD), f"All {met} limits met{tail}."
+
+
+def counted(count: int, word: str) -> str:
+    """A number of things, in the plural where it is due."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def reproduce(row: Row) -> str:

@@ -23,7 +23,8 @@ def studies_part(frame: pd.DataFrame) -> str:
     parts = []
     for study in dict.fromkeys(frame.study):
         rows = rows_of(frame[frame.study == study])
-        parts.append(f"<h3>{escape(str(study))}</h3>{_hard(rows) if study == HARD else _counts(rows)}")
+        title, body = ("hard cases", _hard(rows)) if study == HARD else (str(study), _counts(rows))
+        parts.append(f"<h3>{escape(title)}</h3>{body}")
     return "".join(parts)
 
 
@@ -35,7 +36,8 @@ def _hard(rows: list[Row]) -> str:
     for scene in dict.fromkeys(row.scenario for row in rows):
         cells = [found.get((scene, *column)) for column in columns]
         lines.append([scene, *(_class(cell) for cell in cells)])
-    words = "; ".join(f"{name}: {text}" for name, text in CLASSES.items())
+    seen = {_class(row) for row in rows}
+    words = "; ".join(f"{name}: {text}" for name, text in CLASSES.items() if name in seen)
     return (
         f"<p>{survived} of {len(rows)} hard cases survived. <code>touchstone run SCENE --engine NAME</code> "
         f"plays one.</p>{plain_table(('case', *(' '.join(one) for one in columns)), lines, len(columns) + 1)}"

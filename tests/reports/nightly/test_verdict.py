@@ -78,7 +78,7 @@ def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
     frame = pd.concat([nights.frame(), nights.frame(verdict="fail", scene="slip")], ignore_index=True)
     findings = [Finding(REGRESSION, f"slip mujoco {EVIL}", EVIL), Finding(WARNING, "a mujoco b", "slow")]
     level, sentence = outputs.sentence(frame, findings, True)
-    assert (level, sentence.startswith("1 confirmed regressions (mujoco). 1 limits broken")) == ("bad", True)
+    assert (level, sentence.startswith("1 confirmed regression (mujoco). 1 limit broken")) == ("bad", True)
     summary = tmp_path / "summary.md"
     summary.write_text("before\n")
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))

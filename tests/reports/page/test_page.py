@@ -122,8 +122,8 @@ def test_every_row_has_its_command(profile, dt, line):
 @pytest.mark.parametrize(
     ("verdicts", "level", "start"),
     [
-        (["pass", "pass", "known"], "good", "All 2 limits met (1 known failings)."),
-        (["pass", "fail", "error"], "bad", "1 limits broken and 1 runs failed: dart 2; 1 limits met."),
+        (["pass", "pass", "known"], "good", "All 2 limits met (1 known failing)."),
+        (["pass", "fail", "error"], "bad", "1 limit broken and 1 run failed: dart 2; 1 limit met."),
         (["", "skipped"], "warn", "Nothing was judged."),
         (["pass", "unjudged"], "warn", "All 1 limits met (1 not judged)."),
     ],
@@ -139,3 +139,23 @@ def test_a_slow_reference_is_listed_among_the_failings():
     row = Row("run", "ball_snip", "reference", "balanced", 1 / 60, "ratio.time.p99", 3.0, "1")
     text = failings([replace(row, limit=0.3, verdict="fail", reason="slower than before")])
     assert "ratio.time.p99 (balanced): ball_snip 3" in text
+
+
+def test_studies_are_shown_as_text(made):
+    """Hard cases as a table of classes with what each means; of other studies, counts and what is broken."""
+    from touchstone.reports.page.studies import studies_part
+
+    hard = ("stability", "hard_mass_1e6", "mujoco", "recommended", 1 / 540, "stability.outcome")
+    other = ("relations", "fall", "dart", "recommended", 1 / 1020, "relations.turned")
+    rows = [
+        Row(*hard, 5.0, verdict="", reason="exploded: 3 m/s"),
+        Row(*other, 0.5, verdict="fail", reason=made.evil),
+        Row(*other, 0.1, verdict="pass", subject="b"),
+    ]
+    text = studies_part(table(rows))
+    assert "0 of 1 hard cases survived" in text
+    assert "exploded: more energy or speed than the scene has" in text
+    assert "auto-reset" not in text
+    assert "2 figures; 1 fail, 1 pass." in text
+    assert made.evil not in text
+    assert "&lt;img" in text
