@@ -30,8 +30,10 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 FIXED = "#D9D9D9"
 FLOOR = 1e-12
 """Least value on a logarithmic axis."""
-MOST_WINDOW = 6.0
-"""Width of the window over that of the bodies at the start, at most [1]: what explodes leaves it."""
+MOST_WINDOW = 12.0
+"""Width of a window that holds all of the motion, over that of the bodies at the start, at most [1]."""
+TINY = 1e-12
+"""Least size of what is drawn [m]."""
 _TURNS = np.linspace(0, 2 * np.pi, 13)[:-1]
 _RISE = np.linspace(-np.pi / 2, np.pi / 2, 9)
 BALL = np.array([(np.cos(t) * np.cos(r), np.sin(t) * np.cos(r), np.sin(r)) for t in _TURNS for r in _RISE])
@@ -80,38 +82,50 @@ def sheet_picture(shown: Sequence[Shown], path: Path) -> None:
 
 
 def _moments(panels: Sequence[Axes], scenario: Scenario, run: Recording) -> None:
-    """Draw the bodies in the plane of the two axes along which they differ or move most; z is up."""
+    """Draw the bodies in the plane of z and the axis along which they move more.
+
+    The window holds all of the motion; where it is too wide for that, each follows the bodies at its moment.
+    """
     moving = [k for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
-    places = run.position[:, moving]
-    finite = places[np.isfinite(places).all(axis=2)]
-    start = np.concatenate(
-        [run.position[0, moving], *(p for k in moving for p in _pieces(scenario, run, k, 0))]
-    )
-    size = np.ptp(start, axis=0).max()
-    center = (start.min(axis=0) + start.max(axis=0)) / 2
-    finite = finite[(np.abs(finite - center) < MOST_WINDOW * size).all(axis=1)]
-    pad = size if len(moving) == 1 else 0.2 * size
-    low = np.minimum(start.min(axis=0), finite.min(axis=0) - pad / 2 if len(finite) else np.inf)
-    high = np.maximum(start.max(axis=0), finite.max(axis=0) + pad / 2 if len(finite) else -np.inf)
-    across = 0 if high[0] - low[0] >= high[1] - low[1] else 1
-    plane = [across, 2]
-    half = 0.58 * max((high - low)[plane].max(), 1e-9)
-    middle = (low + high)[plane] / 2
     last = len(run.time) - 1
-    for axes, frame, moment in zip(panels, (0, last // 2, last), MOMENTS):
+    frames = (0, last // 2, last)
+    shapes = [np.concatenate(_moving(scenario, run, moving, frame)) for frame in frames]
+    size = max(float(np.ptp(shapes[0], axis=0).max()), TINY)
+    places = run.position[:, moving]
+    seen = [shape[np.isfinite(shape).all(axis=1)] for shape in shapes]
+    seen.append(places[np.isfinite(places).all(axis=2)])
+    path = np.concatenate(seen)
+    ways = np.ptp(path, axis=0)
+    plane = [0 if ways[0] >= ways[1] else 1, 2]
+    follows = ways.max() > MOST_WINDOW * size
+    for axes, frame, moment, shape in zip(panels, frames, MOMENTS, seen):
         for k, body in enumerate(scenario.bodies):
             color = FIXED if body.kind == "fixed" else COLORS[k % len(COLORS)]
             for piece in _pieces(scenario, run, k, frame):
                 _fill(axes, piece[:, plane], color, body.kind == "fixed")
+        held = shape if follows and len(shape) else path
+        middle = (held.min(axis=0) + held.max(axis=0))[plane] / 2
+        extent = float(np.ptp(held, axis=0)[plane].max())
+        half = 0.6 * max(min(extent, MOST_WINDOW * size), 2 * size if follows else 0.0, TINY)
         axes.set_xlim(middle[0] - half, middle[0] + half)
         axes.set_ylim(middle[1] - half, middle[1] + half)
         axes.set_aspect("equal")
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.text(0.03, 0.03, f"{moment}, {run.time[frame]:.3g} s", transform=axes.transAxes, color="#555555")
-    panels[2].text(
-        0.97, 0.03, f"{2 * half:.2g} m", transform=panels[2].transAxes, ha="right", color="#555555"
-    )
+        text = f"{moment}, {run.time[frame]:.3g} s"
+        if moment == "end":
+            text += f" of {scenario.duration:.3g} s"
+        axes.text(0.03, 0.03, text, transform=axes.transAxes, color="#555555")
+        width = f"{2 * half:.2g} m wide"
+        if follows and len(shape):
+            x, z = (shape.mean(axis=0) - seen[0].mean(axis=0))[plane]
+            width += f", at {x:+.2g}, {z:+.2g} m"
+        axes.text(0.97, 0.91, width, transform=axes.transAxes, ha="right", color="#555555")
+
+
+def _moving(scenario: Scenario, run: Recording, moving: Sequence[int], frame: int) -> list[Array]:
+    """World points on the surfaces of moving bodies in a frame [m]."""
+    return [run.position[frame, moving], *(p for k in moving for p in _pieces(scenario, run, k, frame))]
 
 
 def _fill(axes: Axes, points: Array, color: str, fixed: bool) -> None:
