@@ -119,8 +119,8 @@ def _moments(panels: Sequence[Axes], scenario: Scenario, run: Recording) -> None
         width = f"{2 * half:.2g} m wide"
         if follows and len(shape):
             x, z = (shape.mean(axis=0) - seen[0].mean(axis=0))[plane]
-            width += f", at {x:+.2g}, {z:+.2g} m"
-        axes.text(0.97, 0.91, width, transform=axes.transAxes, ha="right", color="#555555")
+            width += f"\nat {x:+.2g}, {z:+.2g} m"
+        axes.text(0.97, 0.97, width, transform=axes.transAxes, ha="right", va="top", color="#555555")
 
 
 def _moving(scenario: Scenario, run: Recording, moving: Sequence[int], frame: int) -> list[Array]:
