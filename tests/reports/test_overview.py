@@ -10,7 +10,7 @@ from rich.console import Console
 from touchstone.reports.results import Row, table
 from touchstone.reports.views.overview import TOTALS, overview
 from touchstone.reports.views.tables import MARKS
-from touchstone.reports.views.terminal import IN_FULL, show
+from touchstone.reports.views.terminal import SCENES_IN_FULL, show
 
 COLUMNS = (("reference", "balanced", 1 / 60), ("dart", "recommended", 1 / 1020))
 
@@ -149,11 +149,11 @@ def test_hidden_columns_are_left_out():
 
 
 def test_many_scenes_are_shown_at_a_glance():
-    """Up to IN_FULL scenes each have their whole table; one more turns them into one overview."""
-    for count in (IN_FULL, IN_FULL + 1):
+    """Up to SCENES_IN_FULL scenes each have their whole table; one more turns them into one overview."""
+    for count in (SCENES_IN_FULL, SCENES_IN_FULL + 1):
         rows = [row(f"scene_{k}", 0, "truth.position", 0.5, verdict="pass") for k in range(count)]
         text = StringIO()
         show(table(rows), Console(file=text, width=112))
-        assert ("1 of 1" in text.getvalue()) == (count > IN_FULL)
+        assert ("1 of 1" in text.getvalue()) == (count > SCENES_IN_FULL)
         assert text.getvalue().count("truth.position") == count
-        assert text.getvalue().count("metric") == (0 if count > IN_FULL else count)
+        assert text.getvalue().count("metric") == (0 if count > SCENES_IN_FULL else count)

@@ -112,6 +112,7 @@ void main() {
   world = turned(turn, position) + place; n = turned(turn, normal); color = tint;
   depth = distance(world, eye); gl_Position = camera * vec4(world, 1.0);
 }`;
+const LEAST_DETAIL = 0.25;
 const SOLID_FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 n; in vec4 color; in float depth; in vec3 world;
@@ -177,6 +178,7 @@ class Player {
     this.time = 0;
     this.playing = false;
     this.speed = 1;
+    this.detail = 1;
     this.contacts = true;
     this.drawn = 0;
     this.gl = this.canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
@@ -312,7 +314,7 @@ class Player {
   draw() {
     const gl = this.gl;
     if (!gl || !this.scene || !this.room) return;
-    const scale = Math.min(window.devicePixelRatio || 1, 2);
+    const scale = Math.min(window.devicePixelRatio || 1, 2) * (this.playing ? this.detail : 1);
     const width = Math.round(this.canvas.clientWidth * scale), height = Math.round(this.canvas.clientHeight * scale);
     if (!width || !height) return;
     if (this.canvas.width !== width || this.canvas.height !== height) {
@@ -329,7 +331,8 @@ class Player {
     this.scene.engines.forEach((one, k) => {
       const w = Math.floor(width / columns), h = Math.floor(height / rows);
       const x = (k % columns) * w, y = height - (Math.floor(k / columns) + 1) * h;
-      const cell = [x, y, w - (k % columns < columns - 1 ? scale : 0), h - (Math.floor(k / columns) ? 0 : scale * (rows > 1))];
+      const gap = Math.max(1, Math.round(scale));
+      const cell = [x, y, w - (k % columns < columns - 1 ? gap : 0), h - (Math.floor(k / columns) ? 0 : gap * (rows > 1))];
       gl.viewport(...cell);
       gl.scissor(...cell);
       gl.clearColor(...this.sky, 1);
@@ -398,6 +401,7 @@ class Player {
 
   tick(now) {
     if (this.playing && this.scene) {
+      this.adapt(now - (this.before ?? now));
       const passed = Math.min(0.1, (now - (this.before ?? now)) / 1000);
       this.time += passed * this.scene.rate * this.speed;
       if (this.time > this.frames - 1) this.time = 0;
@@ -405,6 +409,15 @@ class Player {
     }
     this.before = now;
     requestAnimationFrame((next) => this.tick(next));
+  }
+
+  // Lower the resolution of a player that does not reach 50 frames a second; a still picture has all pixels.
+  adapt(passed) {
+    this.pace = this.pace === undefined ? passed : 0.8 * this.pace + 0.2 * passed;
+    this.settled = (this.settled ?? 0) + 1;
+    if (this.settled < 6 || this.pace <= 20 || this.detail <= LEAST_DETAIL) return;
+    this.detail = Math.max(LEAST_DETAIL, this.detail * 0.8);
+    this.settled = 0;
   }
 
   seek(frame) {
@@ -417,6 +430,7 @@ class Player {
     const button = this.root.querySelector("[data-do=play]");
     button.textContent = on ? "Pause" : "Play";
     button.setAttribute("aria-pressed", on);
+    if (!on) this.draw();
   }
 
   show() {

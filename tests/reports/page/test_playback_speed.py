@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 
 import pytest
@@ -23,17 +22,27 @@ SHARE = 0.95
 PLAY = """async (seconds) => {
   const player = window.touchstone.player, next = () => new Promise(requestAnimationFrame);
   player.play(true);
-  for (let k = 0; k < 10; k++) await next();
+  for (let k = 0; k < 60; k++) await next();
   const drawn = player.drawn, start = performance.now();
   while (performance.now() < start + 1000 * seconds) await next();
   const rate = (player.drawn - drawn) / (performance.now() - start) * 1000;
   player.play(false);
-  return rate;
+  const told = player.gl.getExtension("WEBGL_debug_renderer_info"), costs = [], byte = new Uint8Array(4);
+  for (let k = 0; k < 40; k++) {
+    const begin = performance.now();
+    player.seek(k * player.frames / 41);
+    costs.push(performance.now() - begin);
+    player.gl.readPixels(0, 0, 1, 1, player.gl.RGBA, player.gl.UNSIGNED_BYTE, byte);
+  }
+  costs.sort((a, b) => a - b);
+  const renderer = told ? player.gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : "";
+  return { rate, cost: costs[10], renderer, detail: player.detail };
 }"""
 
 
 def test_the_gallery_plays_at_60_frames_a_second(chromium, registry, tmp_path, capsys):
-    """A person and balls on four panels: as many frames are drawn as the screen shows. Prints the rate."""
+    """A person and balls on four panels: the script leaves time for 60 frames a second, and as many are drawn
+    where a graphics processor draws them. Prints rate and cost."""
     scenario = catalogue()[SCENE]
     evidence = Evidence(registry.played(SCENE, "reference"), scenario)
     played = {(engine, "recommended"): evidence for engine in ("reference", "dart", "bullet", "mujoco")}
@@ -47,9 +56,13 @@ def test_the_gallery_plays_at_60_frames_a_second(chromium, registry, tmp_path, c
     end = time.monotonic() + 30
     while not tab.evaluate("Boolean(window.touchstone?.player?.drawn)") and time.monotonic() < end:
         time.sleep(0.05)
-    rate = max(tab.evaluate(PLAY, SECONDS) for _ in range(3))
+    found = max((tab.evaluate(PLAY, SECONDS) for _ in range(2)), key=lambda one: one["rate"])
     with capsys.disabled():
-        print(f"\n{SCENE}: {rate:.1f} frames a second")
-    if os.getloadavg()[0] > 0.5 * (os.cpu_count() or 1) and rate < SHARE * REFRESH:
-        pytest.skip(f"{rate:.0f} frames a second on a machine that is busy")
-    assert rate >= SHARE * REFRESH
+        print(
+            f"\n{SCENE}: {found['rate']:.1f} frames a second, {found['cost']:.2f} ms of script a frame, "
+            f"resolution {found['detail']:.2f}, {found['renderer']}"
+        )
+    assert found["cost"] < 1000 / REFRESH
+    if "SwiftShader" in found["renderer"] and found["rate"] < SHARE * REFRESH:
+        pytest.skip(f"a renderer in software draws {found['rate']:.0f} frames a second")
+    assert found["rate"] >= SHARE * REFRESH
