@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from touchstone.adapters.engines.entry import ENGINES
 from touchstone.adapters.recording import RecordingError, load
 from touchstone.reports.compare.judge_again import scene_of
 from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
@@ -17,12 +18,27 @@ from touchstone.reports.page.playback import packed
 
 
 def scenes_of(run: Path) -> dict[str, dict[Column, Path]]:
-    """Recordings of a run by scene and (engine, profile); raises RunError."""
+    """Recordings of a run by scene and (engine, profile), engines in the order of the registry; raises
+    RunError."""
     found: dict[str, dict[Column, Path]] = {}
     for path, recording in recordings_of(run):
         scene, engine, label = label_of(path, recording)
         found.setdefault(scene, {})[engine, label] = path
-    return found
+    order = {name: k for k, name in enumerate(ENGINES)}
+    return {
+        scene: dict(sorted(columns.items(), key=lambda item: order.get(item[0][0], len(order))))
+        for scene, columns in found.items()
+    }
+
+
+def own_columns(columns: Mapping[Column, Path]) -> dict[Column, Path]:
+    """One column of each engine: its own profile, or the first that was played."""
+    found: dict[str, Column] = {}
+    for column in columns:
+        own = next(iter(ENGINES[column[0]].profiles)) if column[0] in ENGINES else ""
+        if column[0] not in found or column[1] == own:
+            found[column[0]] = column
+    return {column: columns[column] for column in found.values()}
 
 
 def scene_page(run: Path, scene: str, columns: Mapping[Column, Path]) -> str:

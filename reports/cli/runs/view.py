@@ -19,7 +19,7 @@ def view(
     run: Annotated[Path, typer.Argument(help="Folder of a run, with its recordings.")],
     scenario: Annotated[str, typer.Argument(help="Scene of the run (default: its first).")] = "",
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
-    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: all).")] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: each engine's own).")] = None,
     out: Annotated[Path | None, typer.Option(help="Page to write (default: RUN/view-SCENE.html).")] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
 ) -> None:
@@ -28,7 +28,7 @@ def view(
     Writes one page that needs no network, from the recordings, and opens it.
     """
     from touchstone.reports.compare.stored import RunError
-    from touchstone.reports.page.scene_page import scene_page, scenes_of
+    from touchstone.reports.page.scene_page import own_columns, scene_page, scenes_of
     from touchstone.reports.results import write_beside
 
     try:
@@ -41,6 +41,8 @@ def view(
             columns = {column: path for column, path in columns.items() if column[place] in kept}
         if not columns:
             stop(f"{run}: no recording of {name} fits --engine and --profile", BAD_INPUT)
+        if not profile:
+            columns = own_columns(columns)
         require_judge()
         shown = dict(list(columns.items())[:MOST])
         if len(columns) > MOST:

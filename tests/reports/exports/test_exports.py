@@ -181,3 +181,20 @@ def test_wrong_arguments_are_one_line(touchstone, stored, arguments, said):
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert said in err
     assert sorted(stored.rglob("*")) == before
+
+
+def test_the_page_shows_each_engine_in_its_own_profile():
+    """Of several profiles, the engine's own; without it, the first that was played."""
+    from pathlib import Path
+
+    from touchstone.reports.page.scene_page import own_columns
+
+    played = [
+        ("reference", "paper"),
+        ("reference", "balanced"),
+        ("dart", "accurate"),
+        ("mine", "a"),
+        ("mine", "b"),
+    ]
+    found = own_columns({column: Path("x") for column in played})
+    assert list(found) == [("reference", "balanced"), ("dart", "accurate"), ("mine", "a")]
