@@ -25,12 +25,12 @@ def test_a_run_is_judged_again(old, tmp_path):
     assert tables[0][columns].equals(tables[1][columns])
     assert json.loads((tmp_path / "new" / "manifest.json").read_text())["judged"] == "old"
     code, out, _ = old("compare", "old", "new")
-    assert (code, "0 worse" in out) == (0, True)
+    assert (code, " 0 worse" in out) == (0, True)
     (tmp_path / "l.toml").write_text('[[limits]]\nmetric = "work"\nlargest = 0\n')
     code, _, _ = old("judge", "old", "--limits", "l.toml", "--metric", "wor*", "--out", "strict", "--quiet")
     assert code == 1
     code, out, _ = old("compare", "old", "strict", "--metric", "work")
-    assert (code, "0 worse" in out) == (1, False)
+    assert (code, " 0 worse" in out) == (1, False)
     code, out, _ = old("compare", "old", "strict", "--metric", "work", "--format", "csv")
     assert out.startswith("kind,study,scenario,engine,")
     assert "pass: limit of the file" not in out
