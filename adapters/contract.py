@@ -24,7 +24,9 @@ Array = NDArray[np.float64]
 Scalar = str | int | float | bool
 
 CONTACT_CAPACITY = 65_536
-"""Maximum number of contact points per step; overflow raises an error instead of dropping points."""
+"""Least capacity for contact points per step; overflow raises an error instead of dropping points."""
+CONTACTS_PER_BODY = 512
+"""Capacity for contact points per body and step in large scenes: the reference logs all substeps."""
 
 DRIVES = ("native", "torque", "posed")
 """Ways to drive an engine's hinges: by the engine's own position servo (default), by explicit torques held
@@ -149,6 +151,11 @@ class Manifest:
     freedom: int = 0  # degrees of freedom of all simulated and driven bodies
 
 
+def contact_capacity(scenario: Scenario) -> int:
+    """Largest number of contact points that a step of a scenario may have."""
+    return max(CONTACT_CAPACITY, CONTACTS_PER_BODY * len(scenario.bodies))
+
+
 def contact_overflow(capacity: int) -> str:
     """Message for a step whose contact points exceed the capacity."""
     return f"more than {capacity} contact points in one step: the scene has too many contacts to record"
@@ -174,7 +181,7 @@ class State:
         self.force = np.full((t, 3), np.nan)
         self.torque = np.full((t, 3), np.nan)
         self.hinge_torque = np.full(j, np.nan)
-        self.contacts = np.zeros(CONTACT_CAPACITY, dtype=CONTACT_FIELDS)
+        self.contacts = np.zeros(contact_capacity(scenario), dtype=CONTACT_FIELDS)
         self.contact_count = 0
 
     def clear_contacts(self) -> None:
@@ -186,8 +193,8 @@ class State:
     ) -> None:
         """Append one contact point. `normal` points from body a to body b and `impulse` acts on b; both are
         flipped if a comes after b in the scenario."""
-        if self.contact_count == CONTACT_CAPACITY:
-            raise AdapterError(contact_overflow(CONTACT_CAPACITY))
+        if self.contact_count == len(self.contacts):
+            raise AdapterError(contact_overflow(len(self.contacts)))
         sign = 1.0 if a < b else -1.0
         row = self.contacts[self.contact_count]
         row["body_a"], row["body_b"] = min(a, b), max(a, b)

@@ -317,7 +317,7 @@ def test_too_many_contacts_are_an_error(scenario):
 
 def test_too_many_contacts_name_the_frame(engine, scenario, settings, monkeypatch):
     """A full contact buffer ends the run with one line that names the frame."""
-    monkeypatch.setattr("touchstone.adapters.contract.CONTACT_CAPACITY", 0)
+    monkeypatch.setattr("touchstone.adapters.contract.contact_capacity", lambda _: 0)
     with pytest.raises(RunEnded) as end:
         record(engine, scenario, settings)
     reason = "more than 0 contact points in one step: the scene has too many contacts to record"

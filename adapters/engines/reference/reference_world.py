@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.contract import Unsupported, contact_capacity
 from touchstone.adapters.engines.reference.support_table import hull_rows, hull_width
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
@@ -19,7 +19,6 @@ from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
 
 KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
-CONTACT_CAPACITY = 65_536
 PAIRS_PER_PIECE = 32
 """Pair capacity per piece in large scenes: a sphere among equal spheres has 12 neighbours, which count at the
 start and again at the end of a substep."""
@@ -50,7 +49,7 @@ def translate(scenario: Scenario) -> World:
         drivers=_drivers(scenario),
         vertices=vertices,
         pairs=np.zeros(pair_capacity(scenario), PAIR),
-        contacts=np.zeros(CONTACT_CAPACITY, CONTACT),
+        contacts=np.zeros(contact_capacity(scenario), CONTACT),
         state=np.zeros(1, STATE),
     )
     world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
