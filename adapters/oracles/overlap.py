@@ -27,6 +27,12 @@ MARGIN = 0.02
 """Distance within which pieces are candidates [m]: wider than the collision margin of any engine."""
 TOLERANCE = 1e-8
 """coal's GJK and EPA tolerance [m]: a hundredth of the 1e-6 m that is required of a depth."""
+FINER_TOLERANCE = 1e-9
+"""coal's tolerance in a further query of a doubtful pair [m]."""
+COARSER_TOLERANCE = 1e-7
+"""coal's tolerance in a further query of a pair of which it failed [m]."""
+FAILED = -1e300
+"""Signed distance below which coal's EPA failed [m]: it returns the most negative number."""
 DOUBTFUL = 1e-4
 """Depth above which a pair is queried in both orders [m]: exact engines rarely overlap by as much."""
 ITERATIONS = 1000
@@ -153,31 +159,42 @@ def signed_distance(
     """Signed distance [m], normal A to B and midpoint of the witnesses of two posed coal shapes.
 
     coal's EPA may end at a face of the difference that is not the nearest. Each face bounds the depth from
-    above, so deep overlaps are queried in both orders and the shallower result is returned.
+    above, so deep overlaps are queried in both orders and the shallower result is returned. Of nearly
+    touching pieces EPA may end at the opposite face, which a query with a finer tolerance corrects, or fail,
+    which one with a coarser tolerance corrects.
     """
-    value, normal, middle = _asked(shape_a, pose_a, shape_b, pose_b)
-    if value < -DOUBTFUL:
-        other, reverse, place = _asked(shape_b, pose_b, shape_a, pose_a)
+    value, normal, middle = _asked(shape_a, pose_a, shape_b, pose_b, TOLERANCE)
+    for least, tolerance in (
+        (-DOUBTFUL, TOLERANCE),
+        (-DOUBTFUL, FINER_TOLERANCE),
+        (FAILED, COARSER_TOLERANCE),
+    ):
+        if value > least:
+            continue
+        other, reverse, place = _asked(shape_b, pose_b, shape_a, pose_a, tolerance)
         if other > value:
-            return other, -reverse, place
+            value, normal, middle = other, -reverse, place
     return value, normal, middle
 
 
-def _asked(shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose) -> tuple[float, Array, Array]:
+def _asked(
+    shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose, tolerance: float
+) -> tuple[float, Array, Array]:
     """Signed distance, normal and midpoint from one query."""
     result = coal.DistanceResult()
+    request = _request(tolerance)
     value = coal.distance(
-        shape_a, coal.Transform3s(*pose_a), shape_b, coal.Transform3s(*pose_b), _request(), result
+        shape_a, coal.Transform3s(*pose_a), shape_b, coal.Transform3s(*pose_b), request, result
     )
     middle = (np.array(result.getNearestPoint1()) + np.array(result.getNearestPoint2())) / 2
     return float(value), np.array(result.normal), middle
 
 
 @cache
-def _request() -> coal.DistanceRequest:
+def _request(tolerance: float) -> coal.DistanceRequest:
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
-    request.gjk_tolerance = request.epa_tolerance = TOLERANCE
+    request.gjk_tolerance = request.epa_tolerance = tolerance
     request.gjk_max_iterations = request.epa_max_iterations = ITERATIONS
     return request
 

@@ -345,3 +345,23 @@ def test_closed_forms_are_exact():
         middle = found.point[0] @ n
         assert middle == pytest.approx((ends[0] - ends[1]) / 2, abs=TIGHT)
     assert closed > 1000
+
+
+@pytest.mark.parametrize(
+    ("height", "tilt"),
+    [
+        # at some places coal's EPA ends at the lower side of the slab
+        (0.5500000060629131, 7.570835163441521e-09),
+        # at some, it fails
+        (0.5500000201737203, -9.910084064836355e-08),
+    ],
+)
+def test_a_box_that_touches_a_slab_has_no_deep_overlap(height, tilt):
+    """Move a box over a slab within rounding, tilted by some nanoradians, where coal alone finds metres."""
+    slab, box = Box((10.0, 10.0, 0.5)), Box((0.4, 0.35, 0.55))
+    turn = Rotation.from_quat((1.0, 1e-14, tilt, 0.0), scalar_first=True)
+    below = ((0.0, 0.0, -0.5), Rotation.identity())
+    for x in np.linspace(1.0, 1.5, 300):
+        distance, normal, _ = apart(slab, below, box, ((x, 0.0, height), turn))
+        assert distance == pytest.approx(0.0, abs=TIGHT)
+        assert normal[2] > 0.99
