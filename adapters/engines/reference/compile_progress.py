@@ -13,7 +13,7 @@ NOTE = "compile_seconds.txt"
 LOCK = "compiling"
 """File in the kernel cache that is locked while its kernels compile; its time stamp is the start."""
 USUAL_SECONDS = 60.0
-"""Compilation time where this machine has not compiled an earlier version [s]; see `docs/decisions.md`."""
+"""Compilation time where this machine has not compiled an earlier version [s]."""
 KNOWN_SHARE = 0.1
 """Share of the kernels from which on the compilation's own pace counts [1]."""
 ROUNDED = 5
