@@ -19,7 +19,7 @@ from touchstone.scenarios.effects import PLANNED
 class Limit:
     """Largest allowed absolute value [SI unit] of a metric, for an engine, scenario or tag, profile and
     subject ("" = every one). The most specific limit wins; among equals the last. `by_construction`: the
-    method meets it whatever it simulates, so meeting it is weak evidence."""
+    method meets it whatever it simulates, so meeting it says little."""
 
     metric: str
     largest: float

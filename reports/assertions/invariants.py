@@ -33,7 +33,7 @@ from touchstone.reports.assertions.places import (
     worst_contact,
 )
 from touchstone.reports.limits import limit_of
-from touchstone.reports.metrics.context import Evidence, Value, Values
+from touchstone.reports.metrics.context import Context, Value, Values
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured_of
 from touchstone.reports.run.request import step_text
@@ -48,7 +48,7 @@ KEPT = 8
 VELOCITIES = ("linear_velocity", "angular_velocity")
 AUDITS = ("contact.impulse_balance", "contact.impulse_balance.driven")
 
-_recent: OrderedDict[int, tuple[Recording, Evidence]] = OrderedDict()
+_recent: OrderedDict[int, tuple[Recording, Context]] = OrderedDict()
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,32 +122,32 @@ def check(
 ) -> float:
     """Measure and judge an invariant of INVARIANTS; returns the value or raises InvariantError."""
     asked = INVARIANTS[invariant]
-    evidence = evidence_of(run, scenario)
-    _require(invariant, asked, evidence)
+    context = context_of(run, scenario)
+    _require(invariant, asked, context)
     findings = []
     for metric in asked.metrics:
         rows = [
-            row for row in _rows(evidence, metric) if isfinite(row.value) or row.value in (np.inf, -np.inf)
+            row for row in _rows(context, metric) if isfinite(row.value) or row.value in (np.inf, -np.inf)
         ]
         if not rows and metric == asked.metrics[0]:
-            reasons = [row.reason for row in _rows(evidence, metric) if row.reason]
-            raise unjudged(invariant, evidence, reasons[0] if reasons else "nothing was measured")
+            reasons = [row.reason for row in _rows(context, metric) if row.reason]
+            raise unjudged(invariant, context, reasons[0] if reasons else "nothing was measured")
         if rows:
-            findings.append(_finding(evidence, asked, rows, limit))
+            findings.append(_finding(context, asked, rows, limit))
     return settled(tuple(findings))
 
 
-def evidence_of(run: Recording, scenario: Scenario | None = None) -> Evidence:
+def context_of(run: Recording, scenario: Scenario | None = None) -> Context:
     """Context of a run's metrics, kept for the last KEPT runs."""
     kept = _recent.get(id(run))
     if kept is not None and kept[0] is run and (scenario is None or kept[1].scenario is scenario):
         _recent.move_to_end(id(run))
         return kept[1]
-    evidence = Evidence(run, scenario or scenario_of(run))
-    _recent[id(run)] = (run, evidence)
+    context = Context(run, scenario or scenario_of(run))
+    _recent[id(run)] = (run, context)
     while len(_recent) > KEPT:
         _recent.popitem(last=False)
-    return evidence
+    return context
 
 
 def scenario_of(run: Recording) -> Scenario:
@@ -163,84 +163,84 @@ def scenario_of(run: Recording) -> Scenario:
     return KNOWN_SCENARIOS[run.scenario]
 
 
-def unjudged(invariant: str, evidence: Evidence, reason: str) -> InvariantError:
+def unjudged(invariant: str, context: Context, reason: str) -> InvariantError:
     """The error of an assertion that could not be judged."""
-    return InvariantError(f"{source_of(evidence)}: {invariant} could not be judged: {reason}")
+    return InvariantError(f"{source_of(context)}: {invariant} could not be judged: {reason}")
 
 
-def source_of(evidence: Evidence) -> str:
+def source_of(context: Context) -> str:
     """Scene, engine, profile and step of a run, in one phrase."""
-    facts = evidence.recording.facts
+    facts = context.recording.facts
     parts = [facts["engine"], facts.get("profile", ""), f"step {step_text(float(facts['dt']))} s"]
-    return f"{evidence.scenario.name} ({', '.join(part for part in parts if part)})"
+    return f"{context.scenario.name} ({', '.join(part for part in parts if part)})"
 
 
-def _require(invariant: str, asked: Invariant, evidence: Evidence) -> None:
+def _require(invariant: str, asked: Invariant, context: Context) -> None:
     """Raise where the run ended before its scene, or lacks what the invariant needs."""
-    run = evidence.recording
+    run = context.recording
     if run.ended:
-        raise unjudged(invariant, evidence, f"the run ended before its scene: {run.ended}")
+        raise unjudged(invariant, context, f"the run ended before its scene: {run.ended}")
     for name in asked.needs:
         if name == "contacts":
             absent = run.facts.get("contacts") is False
         else:
             absent = bool(np.isnan(getattr(run, name)).any())
         if absent:
-            raise unjudged(invariant, evidence, f"{name} was not given")
+            raise unjudged(invariant, context, f"{name} was not given")
 
 
-def _rows(evidence: Evidence, metric: str) -> list[Row]:
+def _rows(context: Context, metric: str) -> list[Row]:
     """Rows of a metric; those that use impulses only after the audit of these."""
-    facts = evidence.recording.facts
+    facts = context.recording.facts
     engine = "" if facts["engine"] == ARRAYS else facts["engine"]
-    base = Row("assert", evidence.scenario.name, engine, facts.get("profile", ""), float(facts["dt"]), "run")
-    found = measured_of(base, evidence, (metric,), AUDITS if metric == "friction.cone" else ())
+    base = Row("assert", context.scenario.name, engine, facts.get("profile", ""), float(facts["dt"]), "run")
+    found = measured_of(base, context, (metric,), AUDITS if metric == "friction.cone" else ())
     return [row for row in found if row.metric == metric]
 
 
-def _finding(evidence: Evidence, asked: Invariant, rows: list[Row], limit: float | None) -> Finding:
+def _finding(context: Context, asked: Invariant, rows: list[Row], limit: float | None) -> Finding:
     worst = max(rows, key=lambda row: abs(row.value))
-    largest, reason = (limit, "as given") if limit is not None else _limit(evidence, worst)
+    largest, reason = (limit, "as given") if limit is not None else _limit(context, worst)
     values: Values = {row.subject: Value(row.value, row.reason) for row in rows}
     broken = not abs(worst.value) <= largest
-    place = asked.locate(evidence, values) if broken else Place()
-    time = None if place.frame is None else float(evidence.recording.time[place.frame])
+    place = asked.locate(context, values) if broken else Place()
+    time = None if place.frame is None else float(context.recording.time[place.frame])
     return Finding(
         worst.metric,
         worst.value,
         worst.unit,
         largest,
         reason,
-        source_of(evidence),
+        source_of(context),
         place,
         time,
-        _shown_by(evidence, worst, place),
+        _shown_by(context, worst, place),
     )
 
 
-def _limit(evidence: Evidence, row: Row) -> tuple[float, str]:
+def _limit(context: Context, row: Row) -> tuple[float, str]:
     """The limit of a row and its reason: of its scene, tags and engine, or else that of the probes."""
-    found = limit_of(row, evidence.scenario.tags)
+    found = limit_of(row, context.scenario.tags)
     if found is None and row.metric == "energy.injected":
-        r, bodies = evidence.recording, [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
+        r, bodies = context.recording, [k for k, kind in enumerate(context.kind) if kind != "fixed"]
         moving = np.einsum(
-            "fni,fni,n->f", r.linear_velocity[:, bodies], r.linear_velocity[:, bodies], evidence.mass[bodies]
+            "fni,fni,n->f", r.linear_velocity[:, bodies], r.linear_velocity[:, bodies], context.mass[bodies]
         )
         largest = ENERGY_SHARE * float(moving.max()) / 2
         return largest, f"{ENERGY_SHARE:.0%} of the largest kinetic energy"
-    found = found or limit_of(row, (*evidence.scenario.tags, "probe"))
+    found = found or limit_of(row, (*context.scenario.tags, "probe"))
     if found is None or isnan(found.largest):
-        raise unjudged(row.metric, evidence, "the scene has no limit for it: pass limit=")
+        raise unjudged(row.metric, context, "the scene has no limit for it: pass limit=")
     return found.largest, found.reason
 
 
-def _shown_by(evidence: Evidence, row: Row, place: Place) -> str:
+def _shown_by(context: Context, row: Row, place: Place) -> str:
     """The command or the expression that shows a value."""
-    facts, scene = evidence.recording.facts, evidence.scenario.name
+    facts, scene = context.recording.facts, context.scenario.name
     if facts["engine"] != ARRAYS and scene in catalogue():
         column = f"--engine {asked_as(facts['engine'])} --profile {facts['profile']}"
         return f"touchstone run {scene} {column} --metric {row.metric}"
     if place.frame is None or not place.bodies:
         return ""
-    indices = [evidence.scenario.body_index(name) for name in place.bodies]
+    indices = [context.scenario.body_index(name) for name in place.bodies]
     return f"position[{place.frame}, {indices}]"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from touchstone.adapters.recording import Recording
-from touchstone.reports.assertions.invariants import evidence_of, source_of
+from touchstone.reports.assertions.invariants import context_of, source_of
 from touchstone.reports.assertions.outcome import Finding, InvariantError, Place, settled
 from touchstone.scenarios.scenario import Scenario
 
@@ -20,8 +20,8 @@ FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joi
 
 def assert_deterministic(first: Recording, second: Recording, scenario: Scenario | None = None) -> float:
     """Two runs of one scene are equal to the bit, contacts included; returns 0."""
-    evidence = evidence_of(first, scenario)
-    source = source_of(evidence)
+    context = context_of(first, scenario)
+    source = source_of(context)
     _require_ended(first, second, "determinism", source)
     if first.position.shape != second.position.shape:
         raise InvariantError(f"{source}: the runs have {len(first.time)} and {len(second.time)} frames")
@@ -32,7 +32,7 @@ def assert_deterministic(first: Recording, second: Recording, scenario: Scenario
         if not same.all():
             frame, k = np.argwhere(~same)[0][:2]
             if place.frame is None or frame < place.frame:
-                body = () if name.startswith("joint") else (evidence.scenario.bodies[int(k)].name,)
+                body = () if name.startswith("joint") else (context.scenario.bodies[int(k)].name,)
                 place = Place(int(frame), body, f"the first difference, in {name}")
             worst = max(worst, float(np.nanmax(np.abs(one - two))))
     if place.frame is None and not _same_contacts(first, second):
@@ -61,10 +61,10 @@ def assert_order_independent(
 ) -> float:
     """Bodies of the same name move equally, to within the limit [m], in two runs whose scenes differ in the
     order of their bodies only."""
-    evidence, other = evidence_of(first, scenario), evidence_of(second, reordered)
-    source = source_of(evidence)
+    context, other = context_of(first, scenario), context_of(second, reordered)
+    source = source_of(context)
     _require_ended(first, second, "order independence", source)
-    names = [body.name for body in evidence.scenario.bodies]
+    names = [body.name for body in context.scenario.bodies]
     theirs = [body.name for body in other.scenario.bodies]
     if sorted(names) != sorted(theirs):
         raise InvariantError(f"{source}: the scenes do not have the same bodies")

@@ -21,7 +21,7 @@ from touchstone.reports.bench.frame_table import show
 from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take, played
 from touchstone.reports.bootstrap import RATIO, STATISTICS, mean, restart_interval, restart_ratio
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.decomposition import factor_rows
@@ -85,7 +85,7 @@ def rows_of_scene(scenario: Scenario, takes: Mapping[tuple[str, str, str], Take]
             continue
         overlap = next(
             row
-            for row in measured_of(base, Evidence(take.first, scenario), (OVERLAP,))
+            for row in measured_of(base, Context(take.first, scenario), (OVERLAP,))
             if row.metric == OVERLAP
         )
         yield overlap

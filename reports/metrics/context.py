@@ -68,7 +68,7 @@ class Metric:
     name: str
     unit: str
     better: Literal["lower", "higher", "none"]
-    measure: Callable[[Evidence], Values]
+    measure: Callable[[Context], Values]
     shown: tuple[str, float] | None = None
 
     @property
@@ -77,7 +77,7 @@ class Metric:
         return (self.measure.__doc__ or "").strip().splitlines()[0]
 
 
-class Evidence:
+class Context:
     """A recording and its scene; bodies by index, conventions as in `adapters/contract.py`."""
 
     def __init__(self, recording: Recording, scenario: Scenario) -> None:

@@ -6,52 +6,52 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.scenarios.avatar.chains import hinge_axes, shortest_rotations
 from touchstone.scenarios.scenario import Joint, ReachCone
 
 
-def joint_limit(evidence: Evidence) -> Values:
+def joint_limit(context: Context) -> Values:
     """Largest excess of a hinge over its limits [rad]."""
-    names = _hinges(evidence)
+    names = _hinges(context)
     if not names:
         raise NotMeasured("the scene has no joints")
-    return _worst_joint(limit_excess(evidence), [joint.name for joint in names])
+    return _worst_joint(limit_excess(context), [joint.name for joint in names])
 
 
-def joint_cone(evidence: Evidence) -> Values:
+def joint_cone(context: Context) -> Values:
     """Largest angle by which a bone leaves its reach cone, or a ball joint its range of twist [rad]."""
-    cones = [cone for chain in evidence.scenario.chains for cone in chain.cones]
+    cones = [cone for chain in context.scenario.chains for cone in chain.cones]
     if not cones:
         raise NotMeasured("the scene has no reach cones")
-    excess = np.column_stack([cone_excess(evidence, cone) for cone in cones])
+    excess = np.column_stack([cone_excess(context, cone) for cone in cones])
     return _worst_joint(excess, [cone.joints[0].removesuffix("_1") for cone in cones])
 
 
-def joint_speed(evidence: Evidence) -> Values:
+def joint_speed(context: Context) -> Values:
     """Largest speed of a hinge, by its change of angle between frames [rad/s]."""
-    names = _hinges(evidence)
+    names = _hinges(context)
     if not names:
         raise NotMeasured("the scene has no joints")
-    speed = np.abs(np.diff(evidence.recording.joint_angle, axis=0)) / evidence.frame
+    speed = np.abs(np.diff(context.recording.joint_angle, axis=0)) / context.frame
     return _worst_joint(speed, [joint.name for joint in names])
 
 
-def limit_excess(evidence: Evidence) -> Array:
+def limit_excess(context: Context) -> Array:
     """Excess of every hinge over its limits (f, j) [rad]; 0 within."""
-    hinges, angle = _hinges(evidence), evidence.recording.joint_angle
+    hinges, angle = _hinges(context), context.recording.joint_angle
     low = np.array([joint.lower for joint in hinges])
     high = np.array([joint.upper for joint in hinges])
     return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
 
-def cone_excess(evidence: Evidence, cone: ReachCone) -> Array:
+def cone_excess(context: Context, cone: ReachCone) -> Array:
     """Excess of a ball joint over its cone or its range of twist (f,) [rad], the larger of the two."""
-    names = [joint.name for joint in _hinges(evidence)]
+    names = [joint.name for joint in _hinges(context)]
     columns = [names.index(name) for name in cone.joints]
-    by_name = {joint.name: joint for joint in evidence.scenario.joints}
+    by_name = {joint.name: joint for joint in context.scenario.joints}
     axes = hinge_axes(tuple(by_name[name] for name in cone.joints))
-    turned = Rotation.from_euler("XYZ", evidence.recording.joint_angle[:, columns])
+    turned = Rotation.from_euler("XYZ", context.recording.joint_angle[:, columns])
     rest, center = np.array((0.0, 0.0, 1.0)), np.array(cone.center) @ axes
     bone = turned.apply(rest)
     swung = shortest_rotations(center, bone) * shortest_rotations(rest, center[None])[0]
@@ -81,10 +81,10 @@ def _outside(bone: Array, center: Array, corners: Array) -> Array:
     return np.where(inside, 0.0, distance)
 
 
-def _hinges(evidence: Evidence) -> list[Joint]:
+def _hinges(context: Context) -> list[Joint]:
     """The hinges in the order of the recording's columns."""
-    by_name = {joint.name: joint for joint in evidence.scenario.joints}
-    return [by_name[name] for tracker in evidence.scenario.trackers for name in tracker.joints]
+    by_name = {joint.name: joint for joint in context.scenario.joints}
+    return [by_name[name] for tracker in context.scenario.trackers for name in tracker.joints]
 
 
 def _worst_joint(values: Array, names: list[str]) -> Values:

@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 
 from touchstone.adapters.recording import Recording
-from touchstone.reports.metrics.context import Evidence, Value, Values
+from touchstone.reports.metrics.context import Context, Value, Values
 
 STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
 """Fields of a recording that are hashed, in this order."""
@@ -26,7 +26,7 @@ def state_hash(recording: Recording) -> str:
     return found.hexdigest()[:16]
 
 
-def state_hashed(evidence: Evidence) -> Values:
+def state_hashed(context: Context) -> Values:
     """Hash of all states of all frames, as a number; its digits are the remark [1]."""
-    digits = state_hash(evidence.recording)
+    digits = state_hash(context.recording)
     return {"": Value(float(int(digits[:DIGITS], 16)), digits)}

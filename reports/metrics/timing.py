@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Values
+from touchstone.reports.metrics.context import Context, NotMeasured, Values
 from touchstone.reports.metrics.solver import UNRESOLVED
 
 STATISTICS: dict[str, tuple[str, float]] = {
@@ -17,44 +17,44 @@ STATISTICS: dict[str, tuple[str, float]] = {
 }
 
 
-def time_frame(statistic: str) -> Callable[[Evidence], Values]:
+def time_frame(statistic: str) -> Callable[[Context], Values]:
     """The metric of one statistic of the wall time per displayed frame."""
     name, percentile = STATISTICS[statistic]
 
-    def measure(evidence: Evidence) -> Values:
-        return {"": float(np.percentile(evidence.recording.time_frame, percentile))}
+    def measure(context: Context) -> Values:
+        return {"": float(np.percentile(context.recording.time_frame, percentile))}
 
     measure.__doc__ = f"{name} over the frames of the native step calls of a displayed frame [s]."
     return measure
 
 
-def time_drive(evidence: Evidence) -> Values:
+def time_drive(context: Context) -> Values:
     """Median time per displayed frame to set commands from Python [s]; the reference's frame includes it."""
-    return {"": float(np.median(evidence.recording.time_drive))}
+    return {"": float(np.median(context.recording.time_drive))}
 
 
-def time_read(evidence: Evidence) -> Values:
+def time_read(context: Context) -> Values:
     """Median time per displayed frame to read the state out [s]; in no other figure."""
-    return {"": float(np.median(evidence.recording.time_read))}
+    return {"": float(np.median(context.recording.time_read))}
 
 
-def time_crossing(evidence: Evidence) -> Values:
+def time_crossing(context: Context) -> Values:
     """Median time of an empty call into the engine [s]."""
-    return {"": float(np.median(evidence.recording.time_crossing))}
+    return {"": float(np.median(context.recording.time_crossing))}
 
 
-def time_share(evidence: Evidence) -> Values:
+def time_share(context: Context) -> Values:
     """Share of each stage in the time of all stages that the engine reports [1]."""
-    r = evidence.recording
+    r = context.recording
     total = r.stage_seconds.sum()
     if not len(r.stage_names) or total == 0:
         raise NotMeasured("the engine tells no stages")
     return {str(name): float(r.stage_seconds[:, k].sum() / total) for k, name in enumerate(r.stage_names)}
 
 
-def work(evidence: Evidence) -> Values:
+def work(context: Context) -> Values:
     """Mean per displayed frame of each counter of the engine [1]."""
-    r = evidence.recording
+    r = context.recording
     if not len(r.work_names):
         raise NotMeasured("the engine counts nothing")
     counted = [(k, str(name)) for k, name in enumerate(r.work_names) if name not in UNRESOLVED]

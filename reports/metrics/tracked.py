@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.metrics.context import Evidence, judging
+from touchstone.reports.metrics.context import Context, judging
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.scenario import Scenario, Tracker
 
@@ -23,13 +23,13 @@ KEPT_SCENES = 4
 """Number of scenes whose tracked depths are cached: the columns of a scene are judged in sequence."""
 
 
-def pressed(evidence: Evidence, tracker: Tracker) -> dict[int, Mask]:
+def pressed(context: Context, tracker: Tracker) -> dict[int, Mask]:
     """Mask (f,) of pressed frames, per body that a tracker presses links of its driven body into [bool].
 
     The body is fixed, or driven too (a link of the same driven body where these may touch). Raises
     JudgeMissing where the overlap oracle cannot be imported.
     """
-    scenario, frames = evidence.scenario, len(evidence.recording.time)
+    scenario, frames = context.scenario, len(context.recording.time)
     links = set(scenario.links(tracker))
     found: dict[int, Mask] = {}
     for (a, b), depth in tracked_depths(scenario).items():

@@ -13,7 +13,7 @@ import numpy as np
 
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.contacts.passages import passages
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.outcome import measures
 from touchstone.reports.outcome.classes import CLASSES, SILENT, Outcome
 from touchstone.scenarios.difficulty.checks import Checks
@@ -43,10 +43,10 @@ def judge(recording: Recording, scenario: Scenario, checks: Checks, ended: str =
     """
     if len(recording.time) < 2 and not ended:
         return Outcome("timed out", "cut off in the first frame")
-    evidence = Evidence(recording, scenario)
+    context = Context(recording, scenario)
     figures: dict[str, float] = {}
     with np.errstate(all="ignore"):
-        found = list(_findings(evidence, checks, ended, figures))
+        found = list(_findings(context, checks, ended, figures))
     order = list(CLASSES)
     name, reason = min(found, key=lambda one: order.index(one[0]), default=("ok", ""))
     said = announcement(recording)
@@ -72,7 +72,7 @@ def announcement(recording: Recording) -> str:
     return ", ".join(parts)
 
 
-def _findings(evidence: Evidence, checks: Checks, ended: str, figures: dict[str, float]) -> Iterator[Finding]:
+def _findings(context: Context, checks: Checks, ended: str, figures: dict[str, float]) -> Iterator[Finding]:
     """All classes that apply, each with its reason; fills `figures`."""
     if ended:
         if "not finite" in ended:
@@ -81,30 +81,30 @@ def _findings(evidence: Evidence, checks: Checks, ended: str, figures: dict[str,
             yield "exploded", ended
         else:
             yield "gave up", ended
-    if not measures.finite(evidence):
+    if not measures.finite(context):
         yield "non-finite", "a value of the state is not finite"
         return
-    if not measures.rotations(evidence):
+    if not measures.rotations(context):
         yield "non-finite", "an orientation is no unit quaternion"
         return
-    frame = measures.reset_frame(evidence)
+    frame = measures.reset_frame(context)
     if frame is not None:
         yield "auto-reset", f"all bodies are back at their start in frame {frame}"
-    yield from _energy(evidence, checks, figures)
-    yield from _crossings(evidence, checks)
-    yield from _overlap(evidence, checks, figures)
-    if len(evidence.recording.time) > evidence.scenario.frame_count:
-        yield from _rest(evidence, checks, figures)
-        yield from _ends(evidence, checks)
-    error, body = measures.truth_error(evidence)
+    yield from _energy(context, checks, figures)
+    yield from _crossings(context, checks)
+    yield from _overlap(context, checks, figures)
+    if len(context.recording.time) > context.scenario.frame_count:
+        yield from _rest(context, checks, figures)
+        yield from _ends(context, checks)
+    error, body = measures.truth_error(context)
     figures["position error [m]"] = error
     if error > checks.position:
         yield "inaccurate", f"{body!r} is {error:.2g} m off its closed form (tolerance {checks.position:g} m)"
 
 
-def _energy(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
-    gain, loss = measures.energy_change(evidence)
-    change, speed = measures.momentum_change(evidence), measures.top_speed(evidence)
+def _energy(context: Context, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
+    gain, loss = measures.energy_change(context)
+    change, speed = measures.momentum_change(context), measures.top_speed(context)
     figures |= {"energy gain [1]": gain, "energy loss [1]": loss, "speed [m/s]": speed}
     figures["momentum change [1]"] = change
     if checks.energy < inf and not isnan(gain) and not gain <= EXPLODED:
@@ -119,25 +119,25 @@ def _energy(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> It
         yield "inaccurate", f"momentum changes by {change:.2g} of its sum (tolerance {checks.momentum:g})"
 
 
-def _crossings(evidence: Evidence, checks: Checks) -> Iterator[Finding]:
-    bodies = evidence.scenario.bodies
+def _crossings(context: Context, checks: Checks) -> Iterator[Finding]:
+    bodies = context.scenario.bodies
     for wall in checks.walls:
-        crossing = measures.wall_crossing(evidence, wall)
+        crossing = measures.wall_crossing(context, wall)
         if crossing:
             k, before, behind = crossing
-            quick = (behind - before) * evidence.frame <= QUICK
+            quick = (behind - before) * context.frame <= QUICK
             name = "tunnelled" if quick else "sink-through"
             yield name, f"{bodies[k].name!r} crosses a wall between frames {before} and {behind}"
-    for passage in passages(evidence)[:1]:
+    for passage in passages(context)[:1]:
         names = " through ".join(repr(bodies[k].name) for k in (passage.a, passage.b))
         yield "tunnelled", f"{names} at {passage.time:.3f} s"
 
 
-def _overlap(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
-    found = measures.depths(evidence)
+def _overlap(context: Context, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
+    found = measures.depths(context)
     figures["overlap [m]"] = max((float(depth.max()) for depth in found.values()), default=0.0)
-    inner, names = measures.inner_radii(evidence), [body.name for body in evidence.scenario.bodies]
-    late = evidence.recording.time >= checks.parted_by - 1e-9
+    inner, names = measures.inner_radii(context), [body.name for body in context.scenario.bodies]
+    late = context.recording.time >= checks.parted_by - 1e-9
     for (a, b), depth in found.items():
         allowed = np.where(late, 0.0, depth[0]) if checks.parted_by > 0 else np.full(len(depth), 0.0)
         allowed = np.full(len(depth), depth[0]) if checks.parted_by == inf else allowed
@@ -151,11 +151,11 @@ def _overlap(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> I
             yield "inaccurate", f"{pair} overlap by {depth.max():.2g} m (tolerance {checks.overlap:g} m)"
 
 
-def _rest(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
-    found = measures.rest(evidence, checks)
+def _rest(context: Context, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
+    found = measures.rest(context, checks)
     if not found:
         return
-    seconds = float(evidence.recording.time[-1]) - checks.rest_from
+    seconds = float(context.recording.time[-1]) - checks.rest_from
     figures["creep [m]"] = max(way for way, _ in found.values())
     figures["jitter [m/s]"] = max(speed for _, speed in found.values())
     for name, (way, speed) in found.items():
@@ -166,14 +166,14 @@ def _rest(evidence: Evidence, checks: Checks, figures: dict[str, float]) -> Iter
             yield what, f"{name!r} moves {way:.2g} m in {seconds:g} s of rest (tolerance {checks.creep:g} m)"
 
 
-def _ends(evidence: Evidence, checks: Checks) -> Iterator[Finding]:
+def _ends(context: Context, checks: Checks) -> Iterator[Finding]:
     if checks.tracked < inf:
-        error, link = measures.tracking_error(evidence)
+        error, link = measures.tracking_error(context)
         if not error <= checks.tracked:
             yield "inaccurate", f"{link!r} ends {error:.2g} m off its tracked place"
     for region in checks.regions:
-        k = evidence.scenario.body_index(region.body)
-        end = evidence.recording.position[-1, k]
+        k = context.scenario.body_index(region.body)
+        end = context.recording.position[-1, k]
         if not ((np.array(region.low) <= end) & (end <= np.array(region.high))).all():
             place = ", ".join(f"{value:.3g}" for value in end)
             yield "inaccurate", f"{region.body!r} ends at ({place}) m, outside of its region"

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED, Motions, extent
-from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.motion.energy import mechanical_energy
 from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
 from touchstone.scenarios.avatar.kinematics import tracked_poses
@@ -30,20 +30,20 @@ JUMP = 3.0
 """Factor over the displacement that velocities and gravity explain, from which a body jumped [1]."""
 
 
-def finite(evidence: Evidence) -> bool:
+def finite(context: Context) -> bool:
     """Whether all values of all frames are finite."""
-    return all(bool(np.isfinite(getattr(evidence.recording, name)).all()) for name in STATES)
+    return all(bool(np.isfinite(getattr(context.recording, name)).all()) for name in STATES)
 
 
-def rotations(evidence: Evidence) -> bool:
+def rotations(context: Context) -> bool:
     """Whether all orientations of all frames are unit quaternions, to UNIT."""
-    sizes = np.linalg.norm(evidence.recording.orientation, axis=-1)
+    sizes = np.linalg.norm(context.recording.orientation, axis=-1)
     return bool((np.abs(sizes - 1) <= UNIT).all())
 
 
-def reset_frame(evidence: Evidence) -> int | None:
+def reset_frame(context: Context) -> int | None:
     """First frame at which all simulated bodies jump back to where, and as fast as, they started."""
-    r, bodies = evidence.recording, evidence.simulated
+    r, bodies = context.recording, context.simulated
     if len(r.time) < 3 or not bodies:
         return None
     x, v = r.position[:, bodies], r.linear_velocity[:, bodies]
@@ -54,60 +54,60 @@ def reset_frame(evidence: Evidence) -> int | None:
     was_away = (away > RETURNED * first).any(axis=1)
     speed = np.linalg.norm(v, axis=2)
     step = np.linalg.norm(np.diff(x, axis=0), axis=2)
-    fall = float(np.linalg.norm(evidence.gravity)) * evidence.frame
-    explained = (np.minimum(speed[1:], speed[:-1]) + fall) * evidence.frame + LEAST_WAY
+    fall = float(np.linalg.norm(context.gravity)) * context.frame
+    explained = (np.minimum(speed[1:], speed[:-1]) + fall) * context.frame + LEAST_WAY
     jumped = (step > JUMP * explained).any(axis=1)
     found = np.flatnonzero(back[1:] & was_away[:-1] & jumped)
     return int(found[0]) + 1 if len(found) else None
 
 
-def available_energy(evidence: Evidence) -> float:
+def available_energy(context: Context) -> float:
     """Kinetic energy at the start plus sum(m g h), with h the height of a centre over the lowest of them plus
     the inner radius of that body [J]."""
-    bodies = evidence.simulated
-    first = evidence.mass_centers[0]
-    size = float(np.linalg.norm(evidence.gravity))
-    kinetic = float(mechanical_energy(evidence, bodies)[0])
-    kinetic += sum(float(evidence.mass[k] * first[k] @ evidence.gravity) for k in bodies)
+    bodies = context.simulated
+    first = context.mass_centers[0]
+    size = float(np.linalg.norm(context.gravity))
+    kinetic = float(mechanical_energy(context, bodies)[0])
+    kinetic += sum(float(context.mass[k] * first[k] @ context.gravity) for k in bodies)
     if size == 0 or not bodies:
         return kinetic
-    up = -evidence.gravity / size
-    inner = inner_radii(evidence)
+    up = -context.gravity / size
+    inner = inner_radii(context)
     heights = {k: float(first[k] @ up) for k in bodies}
     bottom = min(height - max(inner[k], LEAST_HEIGHT) for k, height in heights.items())
-    return kinetic + sum(float(evidence.mass[k]) * size * (heights[k] - bottom) for k in bodies)
+    return kinetic + sum(float(context.mass[k]) * size * (heights[k] - bottom) for k in bodies)
 
 
-def energy_change(evidence: Evidence) -> tuple[float, float]:
+def energy_change(context: Context) -> tuple[float, float]:
     """Largest gain and largest loss of the energy of simulated bodies since the start over the available
     energy [1]; NaN where a driver does work."""
-    if evidence.scenario.trackers or not evidence.simulated:
+    if context.scenario.trackers or not context.simulated:
         return nan, nan
-    energy = mechanical_energy(evidence, evidence.simulated)
-    there = available_energy(evidence)
+    energy = mechanical_energy(context, context.simulated)
+    there = available_energy(context)
     if not there > 0:
         return nan, nan
     change = (energy - energy[0]) / there
     return float(change.max()), float(-change.min())
 
 
-def momentum_change(evidence: Evidence) -> float:
+def momentum_change(context: Context) -> float:
     """Largest change of linear or angular momentum of an isolated scene over its sum [1]; NaN for others."""
     found = []
     for measure in (momentum_linear, momentum_angular):
         with suppress(NotMeasured):
-            found += [float(value) for value in measure(evidence).values()]  # type: ignore[arg-type]
+            found += [float(value) for value in measure(context).values()]  # type: ignore[arg-type]
     return max(found, default=nan)
 
 
-def top_speed(evidence: Evidence) -> float:
+def top_speed(context: Context) -> float:
     """Largest speed of a body [m/s]."""
-    return float(np.linalg.norm(evidence.recording.linear_velocity, axis=2).max())
+    return float(np.linalg.norm(context.recording.linear_velocity, axis=2).max())
 
 
-def tracking_error(evidence: Evidence) -> tuple[float, str]:
+def tracking_error(context: Context) -> tuple[float, str]:
     """Largest distance of a link's origin from its tracked place in the last frame [m], and its name."""
-    scenario, r, found = evidence.scenario, evidence.recording, [(nan, "")]
+    scenario, r, found = context.scenario, context.recording, [(nan, "")]
     for tracker in scenario.trackers:
         places, _ = tracked_poses(scenario, tracker, r.time[-1:])
         for k, link in enumerate(scenario.links(tracker)):
@@ -116,53 +116,53 @@ def tracking_error(evidence: Evidence) -> tuple[float, str]:
     return max(found[1:], default=found[0])
 
 
-def inner_radii(evidence: Evidence) -> dict[int, float]:
+def inner_radii(context: Context) -> dict[int, float]:
     """Radius of the largest inscribed ball of each body's pieces, by body index [m]; inf without pieces."""
-    motions = Motions(evidence)
+    motions = Motions(context)
     return {
         k: max((extent(motions, k, piece).inner for piece in body.pieces), default=inf)
-        for k, body in enumerate(evidence.scenario.bodies)
+        for k, body in enumerate(context.scenario.bodies)
     }
 
 
-def outer_radii(evidence: Evidence) -> dict[int, float]:
+def outer_radii(context: Context) -> dict[int, float]:
     """Distance of each body's farthest point from its centre of mass, by body index [m]."""
-    motions = Motions(evidence)
+    motions = Motions(context)
     return {
         k: max((extent(motions, k, piece).reach for piece in body.pieces), default=0.0)
-        for k, body in enumerate(evidence.scenario.bodies)
+        for k, body in enumerate(context.scenario.bodies)
     }
 
 
-def depths(evidence: Evidence) -> dict[tuple[int, int], Array]:
+def depths(context: Context) -> dict[tuple[int, int], Array]:
     """Depth of every body pair per frame (f,) [m]; infinite where the oracle knows only that one is inside
     the other."""
     found = {}
-    for pair, distance in evidence.distances.distance.items():
+    for pair, distance in context.distances.distance.items():
         depth = np.maximum(0.0, -distance)
         found[pair] = np.where(depth < UNBOUNDED, depth, inf)
     return found
 
 
-def truth_error(evidence: Evidence) -> tuple[float, str]:
+def truth_error(context: Context) -> tuple[float, str]:
     """Largest distance of a centre of mass from its closed form [m], and the body's name; NaN without."""
     found = [
         (
-            float(np.linalg.norm(evidence.mass_centers[:, k] - truth.position, axis=1).max()),
-            evidence.scenario.bodies[k].name,
+            float(np.linalg.norm(context.mass_centers[:, k] - truth.position, axis=1).max()),
+            context.scenario.bodies[k].name,
         )
-        for k, truth in evidence.truths.items()
+        for k, truth in context.truths.items()
     ]
     return max(found, default=(nan, ""))
 
 
-def wall_crossing(evidence: Evidence, wall: Wall) -> tuple[int, int, int] | None:
+def wall_crossing(context: Context, wall: Wall) -> tuple[int, int, int] | None:
     """First body whose centre crosses a wall: its index, the last frame in which it was its inner radius in
     front of it, and the first frame behind; None if there is none."""
-    bodies = [evidence.scenario.body_index(name) for name in wall.bodies] or evidence.simulated
-    inner, best = inner_radii(evidence), None
+    bodies = [context.scenario.body_index(name) for name in wall.bodies] or context.simulated
+    inner, best = inner_radii(context), None
     for k in bodies:
-        side = (evidence.mass_centers[:, k] - np.array(wall.point)) @ np.array(wall.normal)
+        side = (context.mass_centers[:, k] - np.array(wall.point)) @ np.array(wall.normal)
         behind = np.flatnonzero(side < 0)
         if len(behind):
             before = np.flatnonzero(side[: behind[0]] >= 0.9 * inner[k])
@@ -171,23 +171,23 @@ def wall_crossing(evidence: Evidence, wall: Wall) -> tuple[int, int, int] | None
     return best
 
 
-def rest(evidence: Evidence, checks: Checks) -> dict[str, tuple[float, float]]:
+def rest(context: Context, checks: Checks) -> dict[str, tuple[float, float]]:
     """Displacement [m] and root mean square surface speed [m/s] of each simulated body at rest, by name.
 
     Both count the rotation at the body's farthest point.
     """
-    r = evidence.recording
+    r = context.recording
     late = r.time >= checks.rest_from - 1e-9
     if late.sum() < 2:
         return {}
-    outer = outer_radii(evidence)
+    outer = outer_radii(context)
     found = {}
-    for k in evidence.simulated:
-        centers = evidence.mass_centers[late, k]
+    for k in context.simulated:
+        centers = context.mass_centers[late, k]
         turns = Rotation.from_quat(r.orientation[late, k], scalar_first=True)
         turned = float((turns[-1] * turns[0].inv()).magnitude())
         way = float(np.linalg.norm(centers[-1] - centers[0])) + outer[k] * turned
         speed = np.linalg.norm(r.linear_velocity[late, k], axis=1)
         speed = speed + outer[k] * np.linalg.norm(r.angular_velocity[late, k], axis=1)
-        found[evidence.scenario.bodies[k].name] = (way, float(np.sqrt(np.mean(speed**2))))
+        found[context.scenario.bodies[k].name] = (way, float(np.sqrt(np.mean(speed**2))))
     return found

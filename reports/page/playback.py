@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
 
 FINEST_STEP = 1e-4
@@ -39,7 +39,7 @@ FORCE_STEPS = 1000.0
 INT16 = 32767
 
 
-def packed(scenario: Scenario, played: Mapping[tuple[str, str], Evidence]) -> dict[str, Any]:
+def packed(scenario: Scenario, played: Mapping[tuple[str, str], Context]) -> dict[str, Any]:
     """Header and blocks of a scene.
 
     Args:
@@ -66,14 +66,14 @@ def packed(scenario: Scenario, played: Mapping[tuple[str, str], Evidence]) -> di
             }
             for body in scenario.bodies
         ],
-        "engines": [_engine(key, evidence, moving, middle, step) for key, evidence in played.items()],
+        "engines": [_engine(key, context, moving, middle, step) for key, context in played.items()],
         **_disagreement(scenario, played),
     }
 
 
-def _extent(played: Mapping[tuple[str, str], Evidence], moving: list[int]) -> tuple[Array, float]:
+def _extent(played: Mapping[tuple[str, str], Context], moving: list[int]) -> tuple[Array, float]:
     """Middle of what moves [m] (3,), and the largest distance from it along an axis [m]."""
-    paths = [evidence.recording.position[:, moving].reshape(-1, 3) for evidence in played.values()]
+    paths = [context.recording.position[:, moving].reshape(-1, 3) for context in played.values()]
     points = np.concatenate([*paths, np.zeros((0, 3))])
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
@@ -82,7 +82,7 @@ def _extent(played: Mapping[tuple[str, str], Evidence], moving: list[int]) -> tu
     return middle, float(min(FARTHEST, np.abs(points - middle).max()))
 
 
-def _size(played: Mapping[tuple[str, str], Evidence], moving: list[int]) -> float:
+def _size(played: Mapping[tuple[str, str], Context], moving: list[int]) -> float:
     """Radius about the middle in which moving bodies mostly are [m], for the camera."""
     first = next(iter(played.values())).recording.position[:, moving].reshape(-1, 3)
     if not len(first):
@@ -119,16 +119,16 @@ def _triangles(vertices: Array) -> list[float]:
 
 
 def _engine(
-    key: tuple[str, str], evidence: Evidence, moving: list[int], middle: Array, step: float
+    key: tuple[str, str], context: Context, moving: list[int], middle: Array, step: float
 ) -> dict[str, Any]:
-    recording = evidence.recording
+    recording = context.recording
     frames = len(recording.time)
     place = np.clip((recording.position[:, moving] - middle) / step, -INT16, INT16)
     pose = np.concatenate([place, _continuous(recording.orientation[:, moving]) * INT16], axis=2)
     channels = np.rint(np.nan_to_num(pose)).astype(np.int16).transpose(2, 1, 0)
-    depths = _depths(evidence)
+    depths = _depths(context)
     deepest = depths.max(axis=0) if len(depths) else np.zeros(frames)
-    counts, contacts = _contacts(evidence, middle, step)
+    counts, contacts = _contacts(context, middle, step)
     block = b"".join(
         (
             np.diff(channels, axis=2, prepend=np.int16(0)).astype("<i2").tobytes(),
@@ -138,7 +138,7 @@ def _engine(
             contacts.astype("<i2").tobytes(),
         )
     )
-    where = _deepest_point(evidence, int(np.argmax(deepest)))
+    where = _deepest_point(context, int(np.argmax(deepest)))
     return {
         "engine": key[0],
         "profile": key[1],
@@ -159,11 +159,11 @@ def _continuous(quaternions: Array) -> Array:
     return np.concatenate([quaternions[:1], quaternions[1:] * signs[:, :, None]])
 
 
-def _depths(evidence: Evidence) -> Array:
+def _depths(context: Context) -> Array:
     """Overlap of every body with its deepest partner (n, f) [m]; all zero where nothing measures it."""
-    found = np.zeros((len(evidence.scenario.bodies), len(evidence.recording.time)))
+    found = np.zeros((len(context.scenario.bodies), len(context.recording.time)))
     try:
-        distance = evidence.distances.distance
+        distance = context.distances.distance
     except Exception:  # the oracle is missing: the rows of the run say so
         return found
     for pair, values in distance.items():
@@ -177,10 +177,10 @@ def _coded(depths: Array) -> np.ndarray:
     return np.where(depths > SHALLOWEST, np.clip(1 + DEPTH_STEPS * decades, 1, 255), 0).astype(np.uint8)
 
 
-def _deepest_point(evidence: Evidence, frame: int) -> list[float] | None:
+def _deepest_point(context: Context, frame: int) -> list[float] | None:
     """World point of the deepest overlap of a frame [m]."""
     try:
-        distances = evidence.distances
+        distances = context.distances
     except Exception:
         return None
     pair = min(distances.distance, key=lambda p: distances.distance[p][frame], default=None)
@@ -189,17 +189,17 @@ def _deepest_point(evidence: Evidence, frame: int) -> list[float] | None:
     return [round(float(x), 4) for x in distances.point[pair][frame]]
 
 
-def _contacts(evidence: Evidence, middle: Array, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _contacts(context: Context, middle: Array, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Number of contacts per frame (f,), and the contacts (7, c) of the last native step of each.
 
     The force is the impulse over the native step.
     """
-    recording, rows = evidence.recording, evidence.recording.contacts
+    recording, rows = context.recording, context.recording.contacts
     frames = len(recording.time)
     counts = np.zeros(frames, dtype=np.int64)
     if not len(rows):
         return counts, np.zeros((7, 0), dtype=np.int16)
-    shown = evidence.contact_frame + 1  # a contact acts in the step that ends with the frame
+    shown = context.contact_frame + 1  # a contact acts in the step that ends with the frame
     dt = float(recording.facts["dt"])
     last = np.full(frames, -np.inf)
     np.maximum.at(last, shown, np.floor(rows["time"] / dt + 1e-6))
@@ -216,14 +216,14 @@ def _contacts(evidence: Evidence, middle: Array, step: float) -> tuple[np.ndarra
     return counts, np.rint(np.clip(np.nan_to_num(columns), -INT16, INT16)).astype(np.int16)
 
 
-def _disagreement(scenario: Scenario, played: Mapping[tuple[str, str], Evidence]) -> dict[str, Any]:
+def _disagreement(scenario: Scenario, played: Mapping[tuple[str, str], Context]) -> dict[str, Any]:
     """Per frame, the largest distance between two engines' positions of one simulated body [m], and the frame
     and body of the largest of all."""
     free = [k for k, body in enumerate(scenario.bodies) if body.kind == "simulated"]
-    frames = min((len(evidence.recording.time) for evidence in played.values()), default=0)
+    frames = min((len(context.recording.time) for context in played.values()), default=0)
     if len(played) < 2 or not free or not frames:
         return {"apart": [], "apart_frame": 0, "apart_body": ""}
-    places = np.array([evidence.recording.position[:frames][:, free] for evidence in played.values()])
+    places = np.array([context.recording.position[:frames][:, free] for context in played.values()])
     spread = np.zeros((frames, len(free)))
     for a in range(len(places)):
         for b in range(a):

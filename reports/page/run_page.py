@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from touchstone.reports.machine import machine, origin
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.page.content import Content, verdict_of
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from touchstone.reports.run.request import Request, Results
 
 
-def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Evidence]) -> dict[str, str]:
+def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Context]) -> dict[str, str]:
     """The recordings of a scene for the page, each engine in its first profile that played."""
     own: dict[str, tuple[str, str]] = {}
     for column in played:

@@ -11,7 +11,7 @@ from touchstone.adapters.engines.entry import ENGINES
 from touchstone.adapters.recording import RecordingError, load
 from touchstone.reports.compare.judge_again import scene_of
 from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.page.content import Column, Content, verdict_of
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
@@ -53,7 +53,7 @@ def scene_page(run: Path, scene: str, columns: Mapping[Column, Path]) -> str:
             recording = load(path)
         except RecordingError as error:
             raise RunError(str(error)) from error
-        played[column] = Evidence(recording, scene_of(path, recording))
+        played[column] = Context(recording, scene_of(path, recording))
     scenario = next(iter(played.values())).scenario
     frame = table_of(run)
     chosen = pd.MultiIndex.from_frame(frame[["engine", "profile"]]).isin(list(columns))

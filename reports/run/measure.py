@@ -10,7 +10,7 @@ from touchstone.adapters.recording import Recording
 from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
 from touchstone.reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
-from touchstone.reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
+from touchstone.reports.metrics.context import Context, JudgeMissing, NotMeasured, Value
 from touchstone.reports.metrics.motion.events import subjects
 from touchstone.reports.own_limits import judged
 from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
@@ -35,14 +35,14 @@ def excused(row: Row, recording: Recording, scenario: Scenario, limits: Sequence
 def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence[str] = ()) -> list[Row]:
     """One row per metric and subject of a recording: all metrics, or the named ones and those that they
     need."""
-    return measured_of(base, Evidence(recording, scenario), only)
+    return measured_of(base, Context(recording, scenario), only)
 
 
 def measured_of(
-    base: Row, evidence: Evidence, only: Sequence[str] = (), needed: Sequence[str] = NEEDED
+    base: Row, context: Context, only: Sequence[str] = (), needed: Sequence[str] = NEEDED
 ) -> list[Row]:
     """`measured`, from a shared context; `needed` are the metrics that judge the named ones."""
-    scenario = evidence.scenario
+    scenario = context.scenario
     rows: list[Row] = []
     asked = {name.removesuffix(".spread") for name in only} | set(needed if only else METRICS)
     for metric in METRICS.values():
@@ -53,7 +53,7 @@ def measured_of(
             rows.append(replace(row, verdict="skipped", reason="a heap has hundreds of pairs at a time"))
             continue
         try:
-            values = metric.measure(evidence)
+            values = metric.measure(context)
         except NotMeasured as reason:
             verdict = UNJUDGED if isinstance(reason, JudgeMissing) else "skipped"
             rows.append(replace(row, verdict=verdict, reason=str(reason)))
@@ -65,7 +65,7 @@ def measured_of(
             number, remark = (value.value, value.reason) if isinstance(value, Value) else (value, "")
             verdict = "skipped" if isnan(number) and remark else ""
             rows.append(replace(row, subject=subject, value=number, reason=remark, verdict=verdict))
-    return _audited(_expected(rows, scenario), evidence)
+    return _audited(_expected(rows, scenario), context)
 
 
 def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
@@ -90,14 +90,14 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
     return found
 
 
-def _audited(rows: list[Row], evidence: Evidence) -> list[Row]:
+def _audited(rows: list[Row], context: Context) -> list[Row]:
     """Reject impulse metrics where the impulses do not balance the motion, or where the balance is unknown.
     Mark metrics that use impulses on driven bodies which no audit covers."""
     rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
     rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
     audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}
     doubtful = set()
-    for pair in driven_pairs(evidence):
+    for pair in driven_pairs(context):
         one, _, two = pair.partition("-")
         # Impulses between links of one body cancel in the sum over its links.
         if one == two or not {one, two} & audited:

@@ -14,7 +14,7 @@ from touchstone.adapters.contract import DRIVES, Settings
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, changes_of
 from touchstone.reports.limits import Limit
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.results import Row
 from touchstone.reports.views.unresolved import warning
@@ -77,9 +77,9 @@ class Results:
             reason = f"{type(error).__name__}: {error}".splitlines()[0]
             self.faults.append(f"{what} could not be written; results are stored: {reason}")
 
-    def warn(self, base: Row, evidence: Evidence) -> None:
+    def warn(self, base: Row, context: Context) -> None:
         """Store the warning of a run, if it has one."""
-        line = warning(base, evidence)
+        line = warning(base, context)
         self.warnings += [line] if line else []
 
 

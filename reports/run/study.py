@@ -13,7 +13,7 @@ from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.reports.cli.progress import SCENE, Progress
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.own_limits import judged
@@ -114,7 +114,7 @@ def judge_outcomes(
     rows: list[Row] = []
     several = len({outcome.job.engine for outcome in outcomes}) > 1
     played: dict[tuple[str, str], Recording] = {}
-    seen: dict[tuple[str, str], Evidence] = {}
+    seen: dict[tuple[str, str], Context] = {}
     for outcome in outcomes:
         job = outcome.job
         label = job.settings.label
@@ -123,19 +123,19 @@ def judge_outcomes(
             rows.append(replace(base, verdict=outcome.status, reason=outcome.reason))
             if outcome.recorded:
                 recording = results.ended[scenario.name, job.engine, label] = load(job.recording)
-                seen[job.engine, label] = Evidence(recording, scenario)
+                seen[job.engine, label] = Context(recording, scenario)
                 results.warn(base, seen[job.engine, label])
             continue
         progress(f"{job.engine} {label}: judge", 0)
         recording = load(job.recording)
         played[job.engine, label] = recording
         results.recordings[scenario.name, job.engine, label] = recording
-        evidence = seen[job.engine, label] = Evidence(recording, scenario)
-        found = measured_of(base, evidence, request.metrics)
+        context = seen[job.engine, label] = Context(recording, scenario)
+        found = measured_of(base, context, request.metrics)
         if several:
-            results.courses[scenario.name, job.engine, label] = course(evidence)
+            results.courses[scenario.name, job.engine, label] = course(context)
         rows += [excused(row, recording, scenario, request.limits) for row in found]
-        results.warn(base, evidence)
+        results.warn(base, context)
     results.write("playback", lambda: results.playback.update(packed_scene(scenario, seen)))
     rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
     return [judged(row, scenario, request.limits) for row in rows]

@@ -10,7 +10,7 @@ import numpy as np
 from touchstone.adapters.contract import Array, Engine
 from touchstone.adapters.recorder import frame_seconds, ready, record
 from touchstone.adapters.recording import Recording, RunEnded
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured_of
 from touchstone.reports.sweep.cells import Cell
@@ -69,11 +69,11 @@ def accuracy(cell: Cell, scenario: Scenario, engine: Engine) -> Measured:
     """
     recording, note = _record(cell, scenario, engine)
     base = base_row(cell)
-    evidence = Evidence(recording, scenario)
+    context = Context(recording, scenario)
     names = tuple(filter(None, cell.option("metrics").split("+"))) or METRICS
-    rows = [row for row in measured_of(base, evidence, names) if row.metric in names]
+    rows = [row for row in measured_of(base, context, names) if row.metric in names]
     seconds = recording.time_frame
-    centers = evidence.mass_centers[:, moving(scenario)]
+    centers = context.mass_centers[:, moving(scenario)]
     facts = [
         replace(base, metric="run", value=float(seconds.sum()), unit="s", reason=note),
         replace(base, metric=FRAMES, value=len(seconds), unit="s"),

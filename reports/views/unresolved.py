@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from touchstone.reports.limits import judged
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Value
+from touchstone.reports.metrics.context import Context, NotMeasured, Value
 from touchstone.reports.metrics.solver import CAPS, RESIDUAL, cap_counters, worst_place
 from touchstone.reports.results import Row
 
@@ -19,29 +19,29 @@ KINDS = {
 """Metric -> its counters, and the warning's texts of its size and its worst place."""
 
 
-def warning(base: Row, evidence: Evidence) -> str | None:
+def warning(base: Row, context: Context) -> str | None:
     """One line with engine, profile, scene, frame and pair of everything that a run left unresolved beyond
     its limit, known failings and scenes without limits included; None if there is nothing, or if the engine
     does not report it.
 
     Args:
         base: a row of the run, for its engine, profile, scene and step.
-        evidence: context of the run, whole or up to its failure.
+        context: context of the run, whole or up to its failure.
     """
     parts = []
     for metric, (counters, words) in KINDS.items():
         try:
-            value = _value(evidence, metric)
+            value = _value(context, metric)
         except NotMeasured:
             return None
-        row = judged(replace(base, metric=metric, value=value), evidence.scenario.tags)
+        row = judged(replace(base, metric=metric, value=value), context.scenario.tags)
         if row.verdict in ("fail", "known"):
-            counters = cap_counters(evidence) if counters is CAPS else counters
-            parts.append(words.format(f"{value:.3g}", worst_place(evidence, *counters)))
+            counters = cap_counters(context) if counters is CAPS else counters
+            parts.append(words.format(f"{value:.3g}", worst_place(context, *counters)))
     return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(parts)}" if parts else None
 
 
-def _value(evidence: Evidence, metric: str) -> float:
+def _value(context: Context, metric: str) -> float:
     """Value of a metric of KINDS for the whole run."""
-    found = METRICS[metric].measure(evidence)[""]
+    found = METRICS[metric].measure(context)[""]
     return found.value if isinstance(found, Value) else found

@@ -13,7 +13,7 @@ from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import DEFAULT_ENGINES, ENGINES, load, registered
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import PairCoefficients
@@ -99,7 +99,7 @@ def test_lagged_friction_leaves_the_cone(profile, least, most):
     """The default approximation bounds friction by the normal force of the step before; TAMSI does not."""
     scenario = catalogue()["slip"]
     run = record(load("drake"), scenario, settings(profile))
-    found = METRICS["friction.cone"].measure(Evidence(run, scenario))[""]
+    found = METRICS["friction.cone"].measure(Context(run, scenario))[""]
     assert least <= getattr(found, "value", found) <= most
 
 

@@ -8,7 +8,7 @@ import pytest
 from touchstone.adapters.contract import Settings, State
 from touchstone.adapters.recorder import record
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
@@ -116,16 +116,16 @@ def test_contact_takes_energy_from_a_driven_hand(registry: SimpleNamespace, name
     """Gain no energy beyond what the servos put in, through a slap at 1 m/s that bends the fingers back."""
     scenario, settings = slap(1.0), Settings("equal-step", EQUAL)
     run = record(registry.engine(name), scenario, settings)
-    evidence = Evidence(run, scenario)
+    context = Context(run, scenario)
     assert len(run.contacts) > 20
-    worst = max(evidence_row(evidence))
+    worst = max(measured_row(context))
     # the hand meets the table with 0.2 J
     assert worst < 0.02
 
 
-def evidence_row(evidence: Evidence) -> list[float]:
+def measured_row(context: Context) -> list[float]:
     """Energy injected over any window [J], by body."""
-    found = METRICS["energy.injected"].measure(evidence)
+    found = METRICS["energy.injected"].measure(context)
     return [getattr(value, "value", value) for value in found.values()]
 
 

@@ -8,7 +8,7 @@ import pytest
 from touchstone.adapters.engines.reference.settings import PROFILES
 from touchstone.adapters.oracles.overlap import measure
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.posture import cone_excess, limit_excess
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue, tagged
@@ -39,11 +39,11 @@ def test_every_frame_is_free_or_counted(registry, scene: str, profile: str) -> N
 @pytest.mark.parametrize("scene", SCENES)
 def test_limits_and_cones_are_kept(registry, scene: str, profile: str) -> None:
     """Bend no joint beyond its limits and swing no bone out of its reach cone."""
-    evidence = Evidence(registry.played(scene, "reference", profile), catalogue()[scene])
-    assert limit_excess(evidence).max() == 0
-    cones = [cone for chain in evidence.scenario.chains for cone in chain.cones]
+    context = Context(registry.played(scene, "reference", profile), catalogue()[scene])
+    assert limit_excess(context).max() == 0
+    cones = [cone for chain in context.scenario.chains for cone in chain.cones]
     for cone in cones:
-        assert cone_excess(evidence, cone).max() <= ROUNDING
+        assert cone_excess(context, cone).max() <= ROUNDING
 
 
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])

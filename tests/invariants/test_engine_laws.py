@@ -13,7 +13,7 @@ from touchstone.adapters.contract import Settings, State
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.families.rod import CLEARANCE
 from touchstone.scenarios.scenario import ORIGIN, PairCoefficients, Scenario
@@ -146,8 +146,8 @@ def test_mujoco_lifts_a_sliding_cube(registry, rate):
 @pytest.mark.parametrize(("name", "factor"), [("mujoco", 1 / sqrt(2)), ("dart", sqrt(2)), ("bullet", 1.0)])
 def test_friction_at_45_degrees(registry, name, factor):
     """As they come, MuJoCo's pyramid gives mu / sqrt 2, DART's two directions mu sqrt 2, Bullet's cone mu."""
-    evidence = Evidence(registry.played("slip", name, "default"), catalogue()["slip"])
-    deficit = METRICS["friction.deficit"].measure(evidence)["table-ball_45"]
+    context = Context(registry.played("slip", name, "default"), catalogue()["slip"])
+    deficit = METRICS["friction.deficit"].measure(context)["table-ball_45"]
     assert 1 - deficit == pytest.approx(factor, rel=0.001)
 
 

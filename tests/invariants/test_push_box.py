@@ -12,7 +12,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.metrics.contacts.sliding import friction_coast
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.families.push_box import STOP
@@ -66,11 +66,11 @@ def test_only_the_chains_keep_hands_from_pushing():
 @pytest.mark.parametrize(("engine", "profile"), [("bullet", "recommended"), ("reference", "balanced")])
 def test_friction_stops_the_box(registry, engine, profile):
     """Let it coast for v^2 / (2 mu g) after the last push, within 5 %."""
-    evidence = Evidence(registry.played("push_box", engine, profile), catalogue()["push_box"])
-    assert abs(friction_coast(evidence)["box"]) < 0.05
+    context = Context(registry.played("push_box", engine, profile), catalogue()["push_box"])
+    assert abs(friction_coast(context)["box"]) < 0.05
 
 
 def test_a_box_that_slides_flat_coasts_as_the_closed_form_says():
     """Within 1 % on the reference without chains: the box turns a little, and is let go within a frame."""
-    evidence = Evidence(without_chains(), catalogue()["push_box"])
-    assert abs(friction_coast(evidence)["box"]) < 0.01
+    context = Context(without_chains(), catalogue()["push_box"])
+    assert abs(friction_coast(context)["box"]) < 0.01

@@ -12,7 +12,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.metrics.contacts.passages import passages
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.gallery import TABLE_TOP, gallery
 from touchstone.scenarios.materials import TABLE_1
@@ -65,7 +65,7 @@ def known(profile: str, *speeds: float) -> list:
 )
 def test_a_fast_hand_stays_on_its_table(profile, speed):
     """No part of a hand passes through its table."""
-    assert passages(Evidence(played(speed, profile), slap(speed))) == []
+    assert passages(Context(played(speed, profile), slap(speed))) == []
 
 
 @pytest.mark.parametrize("speed", [2.5, 3.0, 6.0])
@@ -75,7 +75,7 @@ def test_the_judge_sees_where_the_hand_is(speed):
         recording = played(speed, profile)
         links = slice(1, None)
         under = recording.position[-1, links, 2].min() < TABLE_TOP - 0.04
-        found = passages(Evidence(recording, slap(speed)))
+        found = passages(Context(recording, slap(speed)))
         assert bool(found) == bool(under)
 
 
@@ -89,7 +89,7 @@ def shot(speed: float, half: float, profile: str) -> tuple[int, float]:
     scenario = Scenario(name="shot", summary="a shot", tags=(), bodies=(plate, thrown), **fields)
     settings = Settings(profile, ENGINES["reference"].profiles[profile])
     recording = record(load("reference"), scenario, settings)
-    return len(passages(Evidence(recording, scenario))), float(recording.position[-1, 1, 2])
+    return len(passages(Context(recording, scenario))), float(recording.position[-1, 1, 2])
 
 
 SHOTS = [(speed, half) for speed in (6.0, 30.0, 300.0, 3000.0) for half in (5e-4, 0.02)]
@@ -121,4 +121,4 @@ def test_random_fast_scenes_have_no_passage(kind, seed):
     recording = record(
         load("reference"), scenario, Settings("balanced", ENGINES["reference"].profiles["balanced"])
     )
-    assert passages(Evidence(recording, scenario)) == []
+    assert passages(Context(recording, scenario)) == []

@@ -9,7 +9,7 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import mechanical_energy
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.random_scenes.bodies import random_orientation, random_shape, scattered, solid
@@ -128,6 +128,6 @@ def test_towers_stand_for_a_minute(registry, name: str, profile: str) -> None:
     scene = replace(scene, truths=resting)
     recording = record(registry.engine("reference"), scene, Settings(profile, FRAME))
     assert np.linalg.norm(recording.position - recording.position[0], axis=2).max() <= 1e-6
-    evidence = Evidence(recording, scene)
-    energy = mechanical_energy(evidence, evidence.simulated)
+    context = Context(recording, scene)
+    energy = mechanical_energy(context, context.simulated)
     assert (energy - np.minimum.accumulate(energy)).max() <= 1e-9 * energy[0]

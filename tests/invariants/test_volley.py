@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
@@ -69,8 +69,8 @@ def test_a_hit_obeys_newtons_law(scene, hits, profile, ball):
 @pytest.mark.parametrize("profile", SWEPT)
 def test_the_balls_momenta_balance(registry, scene, profile):
     """Account for every change of a ball's momentum by gravity and by the impulses on it."""
-    evidence = Evidence(registry.played("volley", "reference", profile), scene)
-    found = METRICS["contact.impulse_balance"].measure(evidence)
+    context = Context(registry.played("volley", "reference", profile), scene)
+    found = METRICS["contact.impulse_balance"].measure(context)
     assert set(found) == set(BALLS)
     assert max(found.values()) < 1e-9  # rounding, and the solver's tolerance
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.closed_form import motion
 
 G = 9.81
@@ -57,7 +57,7 @@ def ideal(recordings, scenario, **columns):
 
 def value(name, recording, scenario):
     """What a metric says: subject -> value."""
-    return dict(METRICS[name].measure(Evidence(recording, scenario)))
+    return dict(METRICS[name].measure(Context(recording, scenario)))
 
 
 @pytest.fixture(scope="session")

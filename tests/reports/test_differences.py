@@ -10,7 +10,7 @@ import pytest
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course, course
 from touchstone.reports.results import Row, table
 from touchstone.reports.run.request import Request, Results, columns_of
@@ -170,10 +170,10 @@ def test_pictures_of_one_scene_and_of_all(names, tmp_path, recordings):
 def test_courses_end_in_their_metric(registry):
     """Have the metric as the largest value of its course, whatever the subject."""
     scenario, recording = catalogue()["ball_snip"], registry.played("ball_snip", "reference")
-    evidence = Evidence(recording, scenario)
-    found = course(evidence)
+    context = Context(recording, scenario)
+    found = course(context)
     assert found.time is recording.time
     assert set(found.values) == {("overlap.max", ""), ("energy.injected", "simulated")}
     for (metric, subject), values in found.values.items():
         assert len(values) == len(recording.time)
-        assert values.max() == METRICS[metric].measure(evidence)[subject]
+        assert values.max() == METRICS[metric].measure(context)[subject]

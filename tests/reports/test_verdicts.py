@@ -138,7 +138,7 @@ def test_a_fast_engine_without_overlap_is_not_judged(resting, judged, monkeypatc
     """The ratio of times has no verdict while nobody knows whether the faster one overlaps more."""
     scenario, sound = resting
 
-    def fails(evidence):
+    def fails(context):
         raise JudgeMissing("no coal")
 
     broken = replace(metrics.METRICS["overlap.max"], measure=fails)
@@ -156,7 +156,7 @@ def test_a_fast_engine_without_overlap_is_not_judged(resting, judged, monkeypatc
 def test_a_limit_of_a_metric_that_throws_is_an_error(resting, judged, monkeypatch):
     """A metric that fails is an error with its reason, never a pass."""
     scenario, sound = resting
-    broken = replace(metrics.METRICS["overlap.max"], measure=lambda evidence: 1 / 0)
+    broken = replace(metrics.METRICS["overlap.max"], measure=lambda context: 1 / 0)
     monkeypatch.setitem(metrics.METRICS, "overlap.max", broken)
     found = judged(scenario, ours=sound, theirs=sound)
     assert found["mujoco", "overlap.max", ""].verdict == "error"

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
 from touchstone.reports.metrics.motion.ballistic_arcs import OPEN_GAP, Bounce, Gap, bounces, gap_of
 from touchstone.scenarios.scenario import ORIGIN, Body, Sphere
 
@@ -29,45 +29,45 @@ REFERENCE_SPEED = 1.4
 """Speed after a fall of 0.1 m, the scale of violations of the impact law [m/s]."""
 
 
-def impulse_balance(evidence: Evidence) -> Values:
+def impulse_balance(context: Context) -> Values:
     """Sum over frames of |sum J - (m dv - m g h)| over the sum of |m dv - m g h|, per simulated body."""
-    rows = evidence.recording.contacts
-    frames = len(evidence.recording.time) - 1
-    frame = evidence.contact_frame
+    rows = context.recording.contacts
+    frames = len(context.recording.time) - 1
+    frame = context.contact_frame
     found = {}
-    for body in evidence.simulated:
+    for body in context.simulated:
         felt = np.zeros((frames, 3))
         for side, sign in (("a", -1.0), ("b", 1.0)):
             mine = rows[f"body_{side}"] == body
             np.add.at(felt, frame[mine], sign * rows["impulse"][mine])
-        change = evidence.mass[body] * np.diff(evidence.recording.linear_velocity[:, body], axis=0)
-        change -= evidence.mass[body] * evidence.gravity * evidence.frame
+        change = context.mass[body] * np.diff(context.recording.linear_velocity[:, body], axis=0)
+        change -= context.mass[body] * context.gravity * context.frame
         total = np.linalg.norm(change, axis=1).sum()
-        if total > UNTOUCHED * evidence.mass[body] * _pace(evidence, body):
+        if total > UNTOUCHED * context.mass[body] * _pace(context, body):
             residual = np.linalg.norm(felt - change, axis=1).sum()
-            found[evidence.scenario.bodies[body].name] = float(residual / total)
+            found[context.scenario.bodies[body].name] = float(residual / total)
     if not found:
         raise NotMeasured("no simulated body is touched")
-    return worst(found) if "heap" in evidence.scenario.tags else found
+    return worst(found) if "heap" in context.scenario.tags else found
 
 
-def impulse_balance_driven(evidence: Evidence) -> Values:
+def impulse_balance_driven(context: Context) -> Values:
     """Sum over frames of |sum J - (d sum m v - drive)| over the sum of |d sum m v - drive|, per driven body.
 
     The sums are over its links; the drive is the impulse on its root. Hinges and their servos act within the
     body, and driven bodies feel no gravity.
     """
-    rows, r = evidence.recording.contacts, evidence.recording
+    rows, r = context.recording.contacts, context.recording
     found = {}
-    for k, tracker in enumerate(evidence.scenario.trackers):
-        links = np.array(evidence.scenario.links(tracker))
+    for k, tracker in enumerate(context.scenario.trackers):
+        links = np.array(context.scenario.links(tracker))
         in_a, in_b = np.isin(rows["body_a"], links), np.isin(rows["body_b"], links)
         if not (in_a ^ in_b).any():
             continue
         felt = np.zeros((len(r.time) - 1, 3))
         for mine, sign in ((in_a & ~in_b, -1.0), (in_b & ~in_a, 1.0)):
-            np.add.at(felt, evidence.contact_frame[mine], sign * rows["impulse"][mine])
-        momentum = np.einsum("l,flk->fk", evidence.mass[links], r.linear_velocity[:, links])
+            np.add.at(felt, context.contact_frame[mine], sign * rows["impulse"][mine])
+        momentum = np.einsum("l,flk->fk", context.mass[links], r.linear_velocity[:, links])
         change = np.diff(momentum - r.driver_impulse[:, k], axis=0)
         if np.isnan(change).any():
             raise NotMeasured(UNDRIVEN)
@@ -78,53 +78,53 @@ def impulse_balance_driven(evidence: Evidence) -> Values:
     return found
 
 
-def driven_pairs(evidence: Evidence) -> set[str]:
+def driven_pairs(context: Context) -> set[str]:
     """Pairs with a driven body, or of two of its links, that press; links have their root's name."""
-    rows = evidence.recording.contacts
-    driven = np.array([kind == "driven" for kind in evidence.kind])
-    pressing = evidence.impulses[0] > 0
+    rows = context.recording.contacts
+    driven = np.array([kind == "driven" for kind in context.kind])
+    pressing = context.impulses[0] > 0
     mine = rows[(driven[rows["body_a"]] | driven[rows["body_b"]]) & pressing]
     met = set(zip(mine["body_a"].tolist(), mine["body_b"].tolist()))
-    return {evidence.owner_pair(*pair) for pair in met}
+    return {context.owner_pair(*pair) for pair in met}
 
 
-def _pace(evidence: Evidence, body: int) -> float:
+def _pace(context: Context, body: int) -> float:
     """Largest speed of a body plus the speed that gravity gives it over the run [m/s]."""
-    r = evidence.recording
+    r = context.recording
     fastest = np.linalg.norm(r.linear_velocity[:, body], axis=1).max()
-    return float(fastest + np.linalg.norm(evidence.gravity) * r.time[-1])
+    return float(fastest + np.linalg.norm(context.gravity) * r.time[-1])
 
 
-def restitution_achieved(evidence: Evidence) -> Values:
+def restitution_achieved(context: Context) -> Values:
     """-v_n+ / v_n- of central impacts, from the free arcs before and after [1]."""
     return {
         name: Value(bounce.restitution, f"asked {asked:g}, approach {bounce.approach:.2f} m/s")
-        for name, bounce, asked in _judged(evidence)
+        for name, bounce, asked in _judged(context)
     }
 
 
-def restitution_error(evidence: Evidence) -> Values:
+def restitution_error(context: Context) -> Values:
     """Largest |achieved - requested| restitution of the same impacts [1]; truth 0."""
-    return {"": max(abs(bounce.restitution - asked) for _, bounce, asked in _judged(evidence))}
+    return {"": max(abs(bounce.restitution - asked) for _, bounce, asked in _judged(context))}
 
 
-def _judged(evidence: Evidence) -> list[tuple[str, Bounce, float]]:
+def _judged(context: Context) -> list[tuple[str, Bounce, float]]:
     found = []
-    for (a, b), distance in evidence.distances.distance.items():
-        if not (_followed(distance) and _central(evidence, a, b)):
+    for (a, b), distance in context.distances.distance.items():
+        if not (_followed(distance) and _central(context, a, b)):
             continue
-        fast = [bounce for bounce in bounces(evidence, (a, b)) if bounce.approach > BOUNCE_SPEED]
-        asked = evidence.scenario.pair_coefficients(a, b)[0]
-        found += [(f"{evidence.pair_name(a, b)} #{k + 1}", bounce, asked) for k, bounce in enumerate(fast)]
+        fast = [bounce for bounce in bounces(context, (a, b)) if bounce.approach > BOUNCE_SPEED]
+        asked = context.scenario.pair_coefficients(a, b)[0]
+        found += [(f"{context.pair_name(a, b)} #{k + 1}", bounce, asked) for k, bounce in enumerate(fast)]
     if not found:
         raise NotMeasured(f"no bounce faster than {BOUNCE_SPEED} m/s")
     return found
 
 
-def _central(evidence: Evidence, a: int, b: int) -> bool:
+def _central(context: Context, a: int, b: int) -> bool:
     """Whether impacts pass through the centres of the moving bodies, along a fixed direction."""
-    moving = [evidence.scenario.bodies[k] for k in (a, b) if evidence.kind[k] != "fixed"]
-    normal = evidence.distances.normal[a, b]
+    moving = [context.scenario.bodies[k] for k in (a, b) if context.kind[k] != "fixed"]
+    normal = context.distances.normal[a, b]
     turned = np.linalg.norm(np.cross(normal, normal[0]), axis=1).max()
     return all(map(_is_ball, moving)) and bool(turned <= TURNED)
 
@@ -139,10 +139,10 @@ def _followed(distance: Array) -> bool:
     return bool(np.isfinite(distance).all())
 
 
-def complementarity(evidence: Evidence) -> Values:
+def complementarity(context: Context) -> Values:
     """Sum of j_n |v_n+ - e max(0, -v_n-)| over the sum of j_n times 1.4 m/s [1]; truth 0."""
-    rows = evidence.recording.contacts
-    normal, _ = evidence.impulses
+    rows = context.recording.contacts
+    normal, _ = context.impulses
     pressing = np.maximum(normal, 0.0)
     if not pressing.any():
         raise NotMeasured("no contact presses")
@@ -150,11 +150,11 @@ def complementarity(evidence: Evidence) -> Values:
         np.einsum("ij,ij->i", rows[f"velocity_b_{m}"] - rows[f"velocity_a_{m}"], rows["normal"])
         for m in ("before", "after")
     )
-    breach = np.abs(after - evidence.restitution * np.maximum(0.0, -before))
+    breach = np.abs(after - context.restitution * np.maximum(0.0, -before))
     return {"": float(pressing @ breach / (REFERENCE_SPEED * pressing.sum()))}
 
 
-def at_distance(evidence: Evidence) -> Values:
+def at_distance(context: Context) -> Values:
     """Mean of the pair's gap by the oracle at each contact, weighted by its impulse [m]; truth 0.
 
     The position of a body that is hit at a distance follows from its free arc, forward to the first contact
@@ -162,28 +162,28 @@ def at_distance(evidence: Evidence) -> Values:
     steps of 1/240 s. Contacts of driven bodies are excluded: each engine moves those in its own way within a
     frame.
     """
-    rows = evidence.recording.contacts
-    normal, _ = evidence.impulses
-    driven = np.array(evidence.kind) == "driven"
+    rows = context.recording.contacts
+    normal, _ = context.impulses
+    driven = np.array(context.kind) == "driven"
     pressing = np.where(driven[rows["body_a"]] | driven[rows["body_b"]], 0.0, np.maximum(normal, 0.0))
     if not pressing.any():
         raise NotMeasured("no contact presses")
-    first, last = _ends(evidence)
+    first, last = _ends(context)
     gaps = np.zeros(len(rows))
     for a, b in sorted(set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))):
         mine = (rows["body_a"] == a) & (rows["body_b"] == b)
-        g = gap_of(evidence, [(a, b)])
+        g = gap_of(context, [(a, b)])
         gaps[mine] = _gap_at(
-            evidence, g, rows["time"][mine], evidence.contact_frame[mine], first[mine], last[mine]
+            context, g, rows["time"][mine], context.contact_frame[mine], first[mine], last[mine]
         )
     return {"": float(pressing @ np.maximum(0.0, gaps) / pressing.sum())}
 
 
-def _ends(evidence: Evidence) -> tuple[Mask, Mask]:
+def _ends(context: Context) -> tuple[Mask, Mask]:
     """Per contact row, whether it is the first and whether the last of its frame for both bodies."""
-    rows, frame = evidence.recording.contacts, evidence.contact_frame
-    frames, bodies = len(evidence.recording.time), len(evidence.scenario.bodies)
-    moving = np.array(evidence.kind) != "fixed"
+    rows, frame = context.recording.contacts, context.contact_frame
+    frames, bodies = len(context.recording.time), len(context.scenario.bodies)
+    moving = np.array(context.kind) != "fixed"
     first, last = np.full((frames, bodies), np.inf), np.full((frames, bodies), -np.inf)
     for side in ("body_a", "body_b"):
         np.minimum.at(first, (frame, rows[side]), rows["time"])
@@ -195,16 +195,16 @@ def _ends(evidence: Evidence) -> tuple[Mask, Mask]:
     return is_first, is_last
 
 
-def _gap_at(evidence: Evidence, g: Gap, time: Array, frame: Array, first: Mask, last: Mask) -> Array:
+def _gap_at(context: Context, g: Gap, time: Array, frame: Array, first: Mask, last: Mask) -> Array:
     """Gap at times within frames: the smaller of the free arc's, where one leads to the contact, and the
     linear interpolation between two touching frames (hops fit between them); zero between two contacts of a
     frame."""
-    since = time - evidence.recording.time[frame]
+    since = time - context.recording.time[frame]
     before, after = (
         g.gap[k] + g.rate[k] * t + g.pull[k] * t * t / 2
-        for k, t in ((frame, since), (frame + 1, since - evidence.frame))
+        for k, t in ((frame, since), (frame + 1, since - context.frame))
     )
-    line = g.gap[frame] + (g.gap[frame + 1] - g.gap[frame]) * since / evidence.frame
+    line = g.gap[frame] + (g.gap[frame + 1] - g.gap[frame]) * since / context.frame
     touching = np.maximum(g.gap[frame], g.gap[frame + 1]) < OPEN_GAP
     arc = np.select([first, last], [before, after], np.where(touching, np.inf, 0.0))
     return np.where(touching, np.minimum(line, np.maximum(0.0, arc)), arc)

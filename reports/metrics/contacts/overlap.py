@@ -6,7 +6,7 @@ import numpy as np
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.passages import passages
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.tracked import Mask, pressed
 
 REST_SPEED = 1e-2
@@ -17,64 +17,64 @@ FEWEST = 5
 """Least number of frames of a median [1]."""
 
 
-def overlap_max(evidence: Evidence) -> Values:
+def overlap_max(context: Context) -> Values:
     """Deepest convex-pair depth of any frame [m]."""
-    return {"": float(overlap_depth(evidence).max())}
+    return {"": float(overlap_depth(context).max())}
 
 
-def overlap_p95(evidence: Evidence) -> Values:
+def overlap_p95(context: Context) -> Values:
     """95th percentile over the frames of the deepest convex-pair depth [m]."""
-    return {"": float(np.percentile(overlap_depth(evidence), 95))}
+    return {"": float(np.percentile(overlap_depth(context), 95))}
 
 
-def overlap_depth(evidence: Evidence) -> Array:
+def overlap_depth(context: Context) -> Array:
     """Deepest convex-pair depth per frame (f,) [m]."""
-    if not evidence.distances.distance:
+    if not context.distances.distance:
         raise NotMeasured("no two bodies may touch")
-    return evidence.distances.overlap()
+    return context.distances.overlap()
 
 
-def overlap_time(evidence: Evidence) -> Values:
+def overlap_time(context: Context) -> Values:
     """Sum over body pairs of the deepest depth, integrated over the run [m s]."""
-    depths = [np.maximum(0.0, -d) for d in evidence.distances.distance.values()]
-    return {"": float(np.sum(depths) * evidence.frame)}
+    depths = [np.maximum(0.0, -d) for d in context.distances.distance.values()]
+    return {"": float(np.sum(depths) * context.frame)}
 
 
-def contact_gap(evidence: Evidence) -> Values:
+def contact_gap(context: Context) -> Values:
     """Median signed distance of a body at rest, or pressed by its tracker, to its support [m]; truth 0.
 
     Covers a simulated body that rests on a fixed one; and a driven body, by its nearest link, in the frames
     in which its tracker has a link inside a fixed or driven body.
     """
-    found = {**_resting_gaps(evidence), **_pressed_gaps(evidence)}
+    found = {**_resting_gaps(context), **_pressed_gaps(context)}
     if not found:
         raise NotMeasured("no body rests on a fixed one, and none is pressed")
     return found
 
 
-def _resting_gaps(evidence: Evidence) -> dict[str, float]:
+def _resting_gaps(context: Context) -> dict[str, float]:
     found = {}
-    for body in evidence.simulated:
-        speed = np.linalg.norm(evidence.recording.linear_velocity[:, body], axis=1)
-        for (a, b), distance in evidence.distances.distance.items():
+    for body in context.simulated:
+        speed = np.linalg.norm(context.recording.linear_velocity[:, body], axis=1)
+        for (a, b), distance in context.distances.distance.items():
             other = b if a == body else a
-            if body not in (a, b) or evidence.kind[other] != "fixed":
+            if body not in (a, b) or context.kind[other] != "fixed":
                 continue
             resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
             if resting.sum() >= FEWEST:
-                found[evidence.pair_name(a, b)] = float(np.median(distance[resting]))
+                found[context.pair_name(a, b)] = float(np.median(distance[resting]))
     return found
 
 
-def _pressed_gaps(evidence: Evidence) -> dict[str, float]:
+def _pressed_gaps(context: Context) -> dict[str, float]:
     """Gaps between each driven body and each body that it is pressed into; links have their root's name."""
     gaps: dict[str, list[tuple[Array, Mask]]] = {}
-    for tracker in evidence.scenario.trackers:
-        links = evidence.scenario.links(tracker)
-        for other, deep in pressed(evidence, tracker).items():
+    for tracker in context.scenario.trackers:
+        links = context.scenario.links(tracker)
+        for other, deep in pressed(context, tracker).items():
             pairs = [(min(link, other), max(link, other)) for link in links if link != other]
-            near = [evidence.distances.distance[p] for p in pairs if p in evidence.distances.distance]
-            name = evidence.owner_pair(*sorted((links[0], other)))
+            near = [context.distances.distance[p] for p in pairs if p in context.distances.distance]
+            name = context.owner_pair(*sorted((links[0], other)))
             gaps.setdefault(name, []).append((np.min(near, axis=0), deep))
     found = {}
     for name, sides in gaps.items():
@@ -85,13 +85,13 @@ def _pressed_gaps(evidence: Evidence) -> dict[str, float]:
     return found
 
 
-def overlap_tunnelled(evidence: Evidence) -> Values:
+def overlap_tunnelled(context: Context) -> Values:
     """Number of times a body passed through a fixed or moving one and was apart on its other side [1]."""
-    if not any(True for _ in evidence.scenario.touching_pairs()):
+    if not any(True for _ in context.scenario.touching_pairs()):
         raise NotMeasured("no two bodies may touch")
-    found = passages(evidence)
+    found = passages(context)
     if not found:
         return {"": 0.0}
     first = found[0]
-    names = [evidence.scenario.bodies[k].name for k in (first.a, first.b)]
+    names = [context.scenario.bodies[k].name for k in (first.a, first.b)]
     return {"": Value(float(len(found)), f"first {' through '.join(names)} at {first.time:.3f} s")}

@@ -22,7 +22,7 @@ import numpy as np
 
 from touchstone.reports.metrics.contacts.swept_boxes import Motions, Pair, Sample, Step
 from touchstone.reports.metrics.contacts.swept_pairs import SweptPairs
-from touchstone.reports.metrics.context import Evidence, judging
+from touchstone.reports.metrics.context import Context, judging
 
 THROUGH = 0.5
 """Least depth of a passage over the sum of both pieces' inner radii [1]; shallower contact is a graze. A ball
@@ -46,18 +46,18 @@ class Passage:
     time: float
 
 
-def passages(evidence: Evidence) -> list[Passage]:
+def passages(context: Context) -> list[Passage]:
     """All passages of a recording in order of time; pieces of two bodies that pass together count once.
 
     Raises JudgeMissing where the overlap oracle cannot be imported.
     """
     with judging():
         import touchstone.adapters.oracles.overlap  # noqa: F401
-    motions = Motions(evidence)
+    motions = Motions(context)
     found: list[tuple[float, float, Passage]] = []
-    for pair, steps in SweptPairs(evidence, motions).pairs(THROUGH):
-        for start, end, middle in _through(evidence, pair, set(steps.tolist())):
-            found.append((start, end, Passage(*pair.bodies, middle * evidence.frame)))
+    for pair, steps in SweptPairs(context, motions).pairs(THROUGH):
+        for start, end, middle in _through(context, pair, set(steps.tolist())):
+            found.append((start, end, Passage(*pair.bodies, middle * context.frame)))
     kept: list[tuple[float, float, Passage]] = []
     for start, end, passage in sorted(found, key=lambda row: row[2].time):
         same = (k for k in kept if (k[2].a, k[2].b) == (passage.a, passage.b))
@@ -66,7 +66,7 @@ def passages(evidence: Evidence) -> list[Passage]:
     return [passage for _, _, passage in kept]
 
 
-def _through(evidence: Evidence, pair: Pair, steps: set[int]) -> Iterator[tuple[float, float, float]]:
+def _through(context: Context, pair: Pair, steps: set[int]) -> Iterator[tuple[float, float, float]]:
     """Start, end and middle [frames] of every passage of a pair that can be deep in those steps."""
     level = -ENTERED * pair.thickness
     for samples in _encounters(pair, steps, level):
@@ -77,7 +77,7 @@ def _through(evidence: Evidence, pair: Pair, steps: set[int]) -> Iterator[tuple[
         if inside[0].normal @ inside[-1].normal >= 0:
             continue
         recorded = any(sample.time == floor(sample.time) for sample in inside)
-        if recorded or _sure(evidence, pair, floor(deepest.time), deepest):
+        if recorded or _sure(context, pair, floor(deepest.time), deepest):
             yield samples[0].time, samples[-1].time, deepest.time
 
 
@@ -103,9 +103,9 @@ def _encounters(pair: Pair, steps: set[int], level: float) -> Iterator[list[Samp
                 yield samples[one : two + 1]
 
 
-def _sure(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
+def _sure(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
     """Whether the bodies certainly passed through each other between two frames in which they are apart."""
-    if _cannot_go_round(evidence, pair, frame, deepest):
+    if _cannot_go_round(context, pair, frame, deepest):
         return True
     motions, (a, b) = pair.motions, pair.bodies
     before = _entry(pair, (motions.onward(a, frame), motions.onward(b, frame)))
@@ -114,8 +114,8 @@ def _sure(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
     after = _entry(pair, (motions.backward(a, frame + 1), motions.backward(b, frame + 1)))
     if after is not None:
         return bool(before.normal @ after.normal < 0)
-    rows = evidence.recording.contacts
-    reported = (rows["body_a"] == a) & (rows["body_b"] == b) & (evidence.contact_frame == frame)
+    rows = context.recording.contacts
+    reported = (rows["body_a"] == a) & (rows["body_b"] == b) & (context.contact_frame == frame)
     return not reported.any()
 
 
@@ -125,7 +125,7 @@ def _entry(pair: Pair, steps: tuple[Step, Step]) -> Sample | None:
     return next((sample for sample in pair.samples(steps, level) if sample.distance <= level), None)
 
 
-def _cannot_go_round(evidence: Evidence, pair: Pair, frame: int, deepest: Sample) -> bool:
+def _cannot_go_round(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
     """Whether a path round the obstacle is longer than the bodies' speeds allow.
 
     Such a path passes the deepest point of the chord at a distance of at least the depth there. Paths are
@@ -149,6 +149,6 @@ def _cannot_go_round(evidence: Evidence, pair: Pair, frame: int, deepest: Sample
             one, two = (motions.point_velocity(body, at, place) for body in pair.bodies)
             speeds.append(float(np.linalg.norm(one - two)))
     ahead, rest = (float(np.linalg.norm(y - x)) for x, y in pairwise(seen))
-    fastest = max(speeds) + float(np.linalg.norm(evidence.gravity)) * evidence.frame
-    budget = max(fastest * evidence.frame, ahead + rest) * SPARE
+    fastest = max(speeds) + float(np.linalg.norm(context.gravity)) * context.frame
+    budget = max(fastest * context.frame, ahead + rest) * SPARE
     return hypot(ahead, deepest.distance) + hypot(rest, deepest.distance) > budget

@@ -6,48 +6,48 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Values, worst
 from touchstone.scenarios.scenario import Body, Box, Piece
 
 LAST = 0.5
 """Length of the end of a run over which speeds are averaged [s]: a brief push does not end rest."""
 
 
-def rest_speed(evidence: Evidence) -> Values:
+def rest_speed(context: Context) -> Values:
     """Largest distance of a body from its place half a second before the end, over that time [m/s]."""
-    _require(evidence)
-    c, names = evidence.mass_centers, [body.name for body in evidence.scenario.bodies]
-    before = c[-1 - round(LAST / evidence.frame)]
+    _require(context)
+    c, names = context.mass_centers, [body.name for body in context.scenario.bodies]
+    before = c[-1 - round(LAST / context.frame)]
     away = np.linalg.norm(c[-1] - before, axis=1) / LAST
-    return worst({names[k]: float(away[k]) for k in evidence.simulated})
+    return worst({names[k]: float(away[k]) for k in context.simulated})
 
 
-def rest_lost(evidence: Evidence) -> Values:
+def rest_lost(context: Context) -> Values:
     """Number of bodies that end outside the bounding box of the fixed ones [1]."""
-    _require(evidence)
-    corners = np.concatenate([_corners(body) for body in evidence.scenario.bodies if body.kind == "fixed"])
-    end = evidence.mass_centers[-1, evidence.simulated]
+    _require(context)
+    corners = np.concatenate([_corners(body) for body in context.scenario.bodies if body.kind == "fixed"])
+    end = context.mass_centers[-1, context.simulated]
     inside = (end > corners.min(axis=0)) & (end < corners.max(axis=0))
     return {"": float((~inside.all(axis=1)).sum())}
 
 
-def rest_moved(evidence: Evidence) -> Values:
+def rest_moved(context: Context) -> Values:
     """Largest distance of the centre of mass of a resting body from its closed form [m]; truth 0."""
     found = {}
-    for truth in evidence.scenario.truths:
+    for truth in context.scenario.truths:
         if truth.arcs and not any(any((*arc.velocity, *arc.acceleration)) for arc in truth.arcs):
-            body = evidence.scenario.body_index(truth.body)
-            error = evidence.mass_centers[:, body] - evidence.truths[body].position
+            body = context.scenario.body_index(truth.body)
+            error = context.mass_centers[:, body] - context.truths[body].position
             found[truth.body] = float(np.linalg.norm(error, axis=1).max())
     if not found:
         raise NotMeasured("by the scene's truth no body rests all the time")
     return worst(found)
 
 
-def _require(evidence: Evidence) -> None:
-    if "settles" not in evidence.scenario.tags:
+def _require(context: Context) -> None:
+    if "settles" not in context.scenario.tags:
         raise NotMeasured("nothing has to come to rest")
-    if len(evidence.recording.time) <= evidence.scenario.frame_count:
+    if len(context.recording.time) <= context.scenario.frame_count:
         raise NotMeasured("the end was not played")
 
 

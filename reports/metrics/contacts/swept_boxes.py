@@ -21,7 +21,7 @@ from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 if TYPE_CHECKING:
-    from touchstone.reports.metrics.context import Evidence
+    from touchstone.reports.metrics.context import Context
 
 STEPS_PER_THICKNESS = 16
 """Number of samples of a motion through two pieces, per sum of their inner radii [1]."""
@@ -62,10 +62,10 @@ class Extent:
 class Motions:
     """The motions of all bodies of a recording between its frames."""
 
-    def __init__(self, evidence: Evidence) -> None:
-        self._recording, self.frame = evidence.recording, evidence.frame
-        self.bodies = evidence.scenario.bodies
-        self.center = evidence.mass_centers
+    def __init__(self, context: Context) -> None:
+        self._recording, self.frame = context.recording, context.frame
+        self.bodies = context.scenario.bodies
+        self.center = context.mass_centers
         turns = Rotation.from_quat(self._recording.orientation.reshape(-1, 4), scalar_first=True)
         frames, count = self._recording.orientation.shape[:2]
         self.rotation = turns.as_matrix().reshape(frames, count, 3, 3)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.swept_boxes import Motions, Pair, extent
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
 
 LARGE_TURN = 1.0
@@ -26,9 +26,9 @@ LARGE_TURN = 1.0
 class SweptPairs:
     """The pieces of a scene over a recording, with the bounds of their motions."""
 
-    def __init__(self, evidence: Evidence, motions: Motions) -> None:
+    def __init__(self, context: Context, motions: Motions) -> None:
         self._motions = motions
-        bodies = evidence.scenario.bodies
+        bodies = context.scenario.bodies
         self.pieces: list[tuple[int, Piece]] = []
         self.pieces += [(k, piece) for k, body in enumerate(bodies) for piece in body.pieces]
         self._body = np.array([k for k, _ in self.pieces], dtype=int)
@@ -44,7 +44,7 @@ class SweptPairs:
         # A centre off the mass centre moves on an arc; this is the arc's distance from the chord.
         self._bulge = offset * _bulge(self._angle)
         self._may_touch = np.zeros((len(bodies), len(bodies)), dtype=bool)
-        for a, b in evidence.scenario.touching_pairs():
+        for a, b in context.scenario.touching_pairs():
             self._may_touch[a, b] = self._may_touch[b, a] = True
         self._moving = np.array([body.kind != "fixed" for body in bodies])[self._body]
         self._extents: dict[tuple[int, int], tuple[Array, Array]] = {}

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 
 TOUCH_GAP = 1e-4
 """Gap below which bodies touch [m]."""
@@ -50,9 +50,9 @@ class Gap:
     pull: Array
 
 
-def gap_of(evidence: Evidence, pairs: list[tuple[int, int]]) -> Gap:
+def gap_of(context: Context, pairs: list[tuple[int, int]]) -> Gap:
     """The gap of the nearest of several body pairs, per frame."""
-    d = evidence.distances
+    d = context.distances
     stacked = np.array([d.distance[pair] for pair in pairs])
     nearest = stacked.argmin(axis=0)
     frames = np.arange(stacked.shape[1])
@@ -60,8 +60,8 @@ def gap_of(evidence: Evidence, pairs: list[tuple[int, int]]) -> Gap:
     rates, pulls = [], []
     for a, b in pairs:
         point = d.point[(a, b)]
-        velocity = [evidence.surface_velocity(k, point) for k in (a, b)]
-        pull = [_free_acceleration(evidence, k, v) for k, v in zip((a, b), velocity)]
+        velocity = [context.surface_velocity(k, point) for k in (a, b)]
+        pull = [_free_acceleration(context, k, v) for k, v in zip((a, b), velocity)]
         rates.append(velocity[1] - velocity[0])
         pulls.append(pull[1] - pull[0])
     rate = np.einsum("fi,fi->f", np.array(rates)[nearest, frames], normal)
@@ -69,18 +69,18 @@ def gap_of(evidence: Evidence, pairs: list[tuple[int, int]]) -> Gap:
     return Gap(stacked.min(axis=0), rate, pull)
 
 
-def _free_acceleration(evidence: Evidence, body: int, velocity: Array) -> Array:
-    if evidence.kind[body] == "simulated":
-        return np.tile(evidence.gravity, (len(velocity), 1))
+def _free_acceleration(context: Context, body: int, velocity: Array) -> Array:
+    if context.kind[body] == "simulated":
+        return np.tile(context.gravity, (len(velocity), 1))
     change = np.zeros_like(velocity)
-    if evidence.kind[body] == "driven":
-        change[1:] = np.diff(velocity, axis=0) / evidence.frame
+    if context.kind[body] == "driven":
+        change[1:] = np.diff(velocity, axis=0) / context.frame
     return change
 
 
-def bounces(evidence: Evidence, pair: tuple[int, int]) -> list[Bounce]:
+def bounces(context: Context, pair: tuple[int, int]) -> list[Bounce]:
     """Contacts between two free frames (a soft one may last several), with speeds from the free arcs."""
-    g, h = gap_of(evidence, [pair]), evidence.frame
+    g, h = gap_of(context, [pair]), context.frame
     free = np.flatnonzero(g.gap > TOUCH_GAP).tolist()
     found = []
     for k, m in pairwise(free):
@@ -89,7 +89,7 @@ def bounces(evidence: Evidence, pair: tuple[int, int]) -> list[Bounce]:
             continue
         approach = _at_contact(g.rate[k] + g.pull[k] * closing, g.pull[k])
         departure = _at_contact(g.rate[m] + g.pull[m] * opening, g.pull[m])
-        found.append(Bounce(evidence.recording.time[k] + closing, approach, departure))
+        found.append(Bounce(context.recording.time[k] + closing, approach, departure))
     return found
 
 
@@ -98,9 +98,9 @@ def _at_contact(rate: float, pull: float) -> float:
     return float(np.sqrt(max(0.0, rate * rate - 2 * pull * TOUCH_GAP)))
 
 
-def first_closing(evidence: Evidence, g: Gap, start: float) -> float:
+def first_closing(context: Context, g: Gap, start: float) -> float:
     """First time after `start` at which the gap closes to TOUCH_GAP [s]; NaN if never."""
-    h, time = evidence.frame, evidence.recording.time
+    h, time = context.frame, context.recording.time
     for k in range(len(g.gap) - 1):
         if time[k + 1] < start or g.gap[k] <= TOUCH_GAP:
             continue
@@ -115,14 +115,14 @@ def first_closing(evidence: Evidence, g: Gap, start: float) -> float:
     return float("nan")
 
 
-def last_opening(evidence: Evidence, g: Gap) -> float:
+def last_opening(context: Context, g: Gap) -> float:
     """Time at which the gap last opens past OPEN_GAP [s]; NaN if it never does or is closed at the end."""
     closed = np.flatnonzero(g.gap <= OPEN_GAP)
     if not len(closed) or closed[-1] + 1 >= len(g.gap):
         return float("nan")
     k = int(closed[-1])
     share = (OPEN_GAP - g.gap[k]) / (g.gap[k + 1] - g.gap[k])
-    return float(evidence.recording.time[k] + share * evidence.frame)
+    return float(context.recording.time[k] + share * context.frame)
 
 
 def _closing(g: Gap, k: int, h: float) -> float | None:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Value, Values
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.posture import limit_excess
 
 STORING = 1e-4
@@ -15,38 +15,38 @@ STORING_ANGLE = 1e-3
 """Excess over a joint's limit from which a soft limit may do so [rad]: 1e-4 m at the end of a hand."""
 
 
-def energy_gain(evidence: Evidence) -> Values:
+def energy_gain(context: Context) -> Values:
     """Largest E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1].
 
     In a scene without a closed form the divisor is the kinetic energy at the start. Frames in which a soft
     contact stores energy are excluded, as in `energy.injected`.
     """
-    return {"": float(_change(evidence).max())}
+    return {"": float(_change(context).max())}
 
 
-def energy_loss(evidence: Evidence) -> Values:
+def energy_loss(context: Context) -> Values:
     """Least E - E_0 over the largest kinetic energy of the truth, in scenes tagged `conservative` [1]."""
-    return {"": float(_change(evidence).min())}
+    return {"": float(_change(context).min())}
 
 
-def _change(evidence: Evidence) -> Array:
-    if "conservative" not in evidence.scenario.tags:
+def _change(context: Context) -> Array:
+    if "conservative" not in context.scenario.tags:
         raise NotMeasured("not tagged conservative: friction, impacts or a drive do work")
-    energy = mechanical_energy(evidence, evidence.simulated)
-    energy[_stores(evidence, evidence.simulated)] = np.nan
+    energy = mechanical_energy(context, context.simulated)
+    energy[_stores(context, context.simulated)] = np.nan
     kinetic = np.zeros(len(energy))
-    r = evidence.recording
-    for k in () if evidence.truths else evidence.simulated:
+    r = context.recording
+    for k in () if context.truths else context.simulated:
         kinetic += _kinetic(
-            evidence, k, r.linear_velocity[:1, k], r.orientation[:1, k], r.angular_velocity[:1, k]
+            context, k, r.linear_velocity[:1, k], r.orientation[:1, k], r.angular_velocity[:1, k]
         )
-    for k, truth in evidence.truths.items():
-        kinetic += _kinetic(evidence, k, truth.velocity, truth.orientation, truth.angular_velocity)
+    for k, truth in context.truths.items():
+        kinetic += _kinetic(context, k, truth.velocity, truth.orientation, truth.angular_velocity)
     free = energy[np.isfinite(energy)]
     return np.asarray((free - free[0]) / kinetic.max())
 
 
-def energy_injected(evidence: Evidence) -> Values:
+def energy_injected(context: Context) -> Values:
     """Largest rise over any window of S = K + U - W, with W the work done by the drive [J].
 
     Passive contact can only lower S, but a soft contact stores energy while it is compressed. A window
@@ -58,54 +58,54 @@ def energy_injected(evidence: Evidence) -> Values:
     work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
     """
     found: dict[str, float | Value] = {
-        subject: float(np.max(rise)) for subject, rise in energy_rise(evidence).items()
+        subject: float(np.max(rise)) for subject, rise in energy_rise(context).items()
     }
-    if evidence.scenario.trackers and "all" not in found:
+    if context.scenario.trackers and "all" not in found:
         found = {"all": Value(np.nan, "the drive is kinematic: its work is not known"), **found}
     return found
 
 
-def energy_rise(evidence: Evidence) -> dict[str, Array]:
+def energy_rise(context: Context) -> dict[str, Array]:
     """Rise of S above its running minimum, per subject of `energy.injected` and per frame (f,) [J]."""
     found: dict[str, Array] = {}
-    work = evidence.recording.driver_work
-    if evidence.scenario.trackers and not np.isnan(work).any():
-        moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
-        stores = _stores(evidence, moving) | (limit_excess(evidence).max(axis=1, initial=0.0) > STORING_ANGLE)
-        found["all"] = _rise(mechanical_energy(evidence, moving) - work, stores)
-    if evidence.simulated:
-        simulated = mechanical_energy(evidence, evidence.simulated) - _work_of_driven_contacts(evidence)
-        found["simulated"] = _rise(simulated, _stores(evidence, evidence.simulated))
+    work = context.recording.driver_work
+    if context.scenario.trackers and not np.isnan(work).any():
+        moving = [k for k, kind in enumerate(context.kind) if kind != "fixed"]
+        stores = _stores(context, moving) | (limit_excess(context).max(axis=1, initial=0.0) > STORING_ANGLE)
+        found["all"] = _rise(mechanical_energy(context, moving) - work, stores)
+    if context.simulated:
+        simulated = mechanical_energy(context, context.simulated) - _work_of_driven_contacts(context)
+        found["simulated"] = _rise(simulated, _stores(context, context.simulated))
     return found
 
 
-def energy_ledger(evidence: Evidence) -> Values:
+def energy_ledger(context: Context) -> Values:
     """Energy that simulated bodies gain over the run, per mechanism [J], where the engine reports it.
 
     friction, restitution: J . (v- + v+) / 2 along the contact plane and along its normal, v of B relative to
     A, without contacts of driven bodies. drive: the work of those. correction: the remaining change of K + U,
     due to pose correction and integration. Truth: only drive is above zero.
     """
-    if evidence.recording.facts["engine"] != "reference":
+    if context.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
-    rows, kind = evidence.recording.contacts, np.array(evidence.kind)
+    rows, kind = context.recording.contacts, np.array(context.kind)
     free = (kind[rows["body_a"]] != "driven") & (kind[rows["body_b"]] != "driven")
-    normal, tangential = evidence.impulses
+    normal, tangential = context.impulses
     mean = rows["velocity_b_before"] - rows["velocity_a_before"]
     mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
     friction = np.einsum("ij,ij->i", tangential, mean)[free].sum()
     restitution = (normal * np.einsum("ij,ij->i", rows["normal"], mean))[free].sum()
-    drive = _work_of_driven_contacts(evidence)[-1]
-    energy = mechanical_energy(evidence, evidence.simulated)
+    drive = _work_of_driven_contacts(context)[-1]
+    energy = mechanical_energy(context, context.simulated)
     correction = energy[-1] - energy[0] - friction - restitution - drive
     parts = {"friction": friction, "restitution": restitution, "drive": drive, "correction": correction}
     return {name: float(value) for name, value in parts.items()}
 
 
-def _stores(evidence: Evidence, bodies: list[int]) -> Array:
+def _stores(context: Context, bodies: list[int]) -> Array:
     """Mask of the frames in which a body overlaps by more than STORING: a soft contact stores energy."""
-    stores = np.zeros(len(evidence.recording.time), dtype=bool)
-    for (a, b), distance in evidence.distances.distance.items():
+    stores = np.zeros(len(context.recording.time), dtype=bool)
+    for (a, b), distance in context.distances.distance.items():
         if a in bodies or b in bodies:
             stores |= distance < -STORING
     return stores
@@ -116,40 +116,38 @@ def _rise(s: Array, stores: Array) -> Array:
     return np.asarray(np.where(stores, 0.0, s - lowest))
 
 
-def mechanical_energy(evidence: Evidence, bodies: list[int]) -> Array:
+def mechanical_energy(context: Context, bodies: list[int]) -> Array:
     """Kinetic and potential energy per frame (f,) [J]; driven bodies feel no gravity."""
-    r = evidence.recording
+    r = context.recording
     energy = np.zeros(len(r.time))
     for k in bodies:
-        energy += _kinetic(
-            evidence, k, r.linear_velocity[:, k], r.orientation[:, k], r.angular_velocity[:, k]
-        )
-        if evidence.kind[k] == "simulated":
-            energy -= evidence.mass[k] * evidence.mass_centers[:, k] @ evidence.gravity
+        energy += _kinetic(context, k, r.linear_velocity[:, k], r.orientation[:, k], r.angular_velocity[:, k])
+        if context.kind[k] == "simulated":
+            energy -= context.mass[k] * context.mass_centers[:, k] @ context.gravity
     return energy
 
 
-def _kinetic(evidence: Evidence, body: int, velocity: Array, orientation: Array, omega: Array) -> Array:
+def _kinetic(context: Context, body: int, velocity: Array, orientation: Array, omega: Array) -> Array:
     """Kinetic energy of a body per frame (f,) [J]."""
-    moving = evidence.mass[body] * np.einsum("fi,fi->f", velocity, velocity)
-    return np.asarray((moving + np.einsum("fi,fi->f", omega, spin(evidence, body, orientation, omega))) / 2)
+    moving = context.mass[body] * np.einsum("fi,fi->f", velocity, velocity)
+    return np.asarray((moving + np.einsum("fi,fi->f", omega, spin(context, body, orientation, omega))) / 2)
 
 
-def spin(evidence: Evidence, body: int, orientation: Array, omega: Array) -> Array:
+def spin(context: Context, body: int, orientation: Array, omega: Array) -> Array:
     """Angular momentum I w of a body per frame (f, 3), world axes [kg m^2/s]."""
     turned = Rotation.from_quat(orientation, scalar_first=True)
-    inertia = np.array(evidence.scenario.bodies[body].inertia)
+    inertia = np.array(context.scenario.bodies[body].inertia)
     return np.asarray(turned.apply(turned.inv().apply(omega) @ inertia))
 
 
-def _work_of_driven_contacts(evidence: Evidence) -> Array:
+def _work_of_driven_contacts(context: Context) -> Array:
     """Work that driven bodies have done on simulated ones by the end of each frame (f,) [J]."""
-    rows = evidence.recording.contacts
-    kind = np.array(evidence.kind)
+    rows = context.recording.contacts
+    kind = np.array(context.kind)
     work = np.zeros(len(rows))
     for side, other, sign in (("a", "b", -1.0), ("b", "a", 1.0)):
         chosen = (kind[rows[f"body_{side}"]] == "simulated") & (kind[rows[f"body_{other}"]] == "driven")
         mean = (rows[f"velocity_{side}_before"] + rows[f"velocity_{side}_after"]) / 2
         work += np.where(chosen, sign * np.einsum("ij,ij->i", rows["impulse"], mean), 0.0)
-    by_frame = np.bincount(evidence.contact_frame + 1, weights=work, minlength=len(evidence.recording.time))
+    by_frame = np.bincount(context.contact_frame + 1, weights=work, minlength=len(context.recording.time))
     return np.cumsum(by_frame)

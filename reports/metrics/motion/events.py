@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from touchstone.reports.metrics.context import ROUNDING, Evidence, NotMeasured, Values
+from touchstone.reports.metrics.context import ROUNDING, Context, NotMeasured, Values
 from touchstone.reports.metrics.motion.ballistic_arcs import (
     OPEN_GAP,
     TOUCH_GAP,
@@ -25,11 +25,11 @@ PARTED = 0.1
 """Least duration of a separation [s]: an engine's contact may open for a moment."""
 
 
-def event_time(event: str) -> Callable[[Evidence], Values]:
+def event_time(event: str) -> Callable[[Context], Values]:
     """The metric of an event's time."""
 
-    def measure(evidence: Evidence) -> Values:
-        return {subject: _time(evidence, e) for subject, e in _expected(evidence, event).items()}
+    def measure(context: Context) -> Values:
+        return {subject: _time(context, e) for subject, e in _expected(context, event).items()}
 
     measure.__doc__ = {
         "touch": "Time at which the pair's gap first closes to 1e-4 m [s].",
@@ -42,15 +42,15 @@ def event_time(event: str) -> Callable[[Evidence], Values]:
     return measure
 
 
-def event_place(event: str) -> Callable[[Evidence], Values]:
+def event_place(event: str) -> Callable[[Context], Values]:
     """The metric of a body's distance from its start at an event."""
 
-    def measure(evidence: Evidence) -> Values:
+    def measure(context: Context) -> Values:
         found = {}
-        for subject, e in _expected(evidence, event).items():
-            path = evidence.recording.position[:, evidence.scenario.body_index(e.body)]
-            time = _time(evidence, e)
-            now = [np.interp(time, evidence.recording.time, path[:, axis]) for axis in range(2)]
+        for subject, e in _expected(context, event).items():
+            path = context.recording.position[:, context.scenario.body_index(e.body)]
+            time = _time(context, e)
+            now = [np.interp(time, context.recording.time, path[:, axis]) for axis in range(2)]
             found[subject] = float(np.hypot(now[0] - path[0, 0], now[1] - path[0, 1]))
         return found
 
@@ -70,64 +70,64 @@ def subjects(scenario: Scenario) -> dict[tuple[str, str], Expectation]:
     return found
 
 
-def _expected(evidence: Evidence, event: str) -> dict[str, Expectation]:
-    wanted = {subject: e for (name, subject), e in subjects(evidence.scenario).items() if name == event}
+def _expected(context: Context, event: str) -> dict[str, Expectation]:
+    wanted = {subject: e for (name, subject), e in subjects(context.scenario).items() if name == event}
     if not wanted:
         raise NotMeasured(f"the scene expects no {event}")
     return wanted
 
 
-def _time(evidence: Evidence, expectation: Expectation) -> float:
-    gap = gap_of(evidence, evidence.expected_pairs[(expectation.body, expectation.other)])
+def _time(context: Context, expectation: Expectation) -> float:
+    gap = gap_of(context, context.expected_pairs[(expectation.body, expectation.other)])
     match expectation.event:
         case "touch":
-            return first_closing(evidence, gap, 0.0)
+            return first_closing(context, gap, 0.0)
         case "leave":
-            return last_opening(evidence, gap)
+            return last_opening(context, gap)
         case "roll":
-            return _roll(evidence, expectation)
+            return _roll(context, expectation)
         case "land":
-            leaves = [_time(evidence, e) for e in evidence.scenario.expectations if e.event == "leave"]
-            return first_closing(evidence, gap, max(leaves, default=0.0))
+            leaves = [_time(context, e) for e in context.scenario.expectations if e.event == "leave"]
+            return first_closing(context, gap, max(leaves, default=0.0))
         case "meet":
-            open_before = _at(evidence, gap, expectation.earliest) > TOUCH_GAP
-            return first_closing(evidence, gap, expectation.earliest) if open_before else float("nan")
+            open_before = _at(context, gap, expectation.earliest) > TOUCH_GAP
+            return first_closing(context, gap, expectation.earliest) if open_before else float("nan")
         case "part":
-            return _parting(evidence, gap, expectation.earliest)
+            return _parting(context, gap, expectation.earliest)
 
 
-def _at(evidence: Evidence, gap: Gap, time: float) -> float:
+def _at(context: Context, gap: Gap, time: float) -> float:
     """The gap in the last frame up to `time` [m]."""
-    return float(gap.gap[np.searchsorted(evidence.recording.time, time + ROUNDING, side="right") - 1])
+    return float(gap.gap[np.searchsorted(context.recording.time, time + ROUNDING, side="right") - 1])
 
 
-def _parting(evidence: Evidence, gap: Gap, start: float) -> float:
+def _parting(context: Context, gap: Gap, start: float) -> float:
     """First time after `start` at which the gap opens past PART_GAP and stays open for PARTED [s]. NaN if
     there is none, or if the gap is open for PARTED from `start`."""
-    time, frames = evidence.recording.time, round(PARTED / evidence.frame)
+    time, frames = context.recording.time, round(PARTED / context.frame)
     is_open = gap.gap > PART_GAP
     first = int(np.searchsorted(time, start + ROUNDING, side="right")) - 1
     if is_open[first : first + 1 + frames].all():
         return float("nan")
     for k in np.flatnonzero(~is_open[:-1] & is_open[1:] & (time[1:] > start)).tolist():
         if is_open[k + 1 : k + 1 + frames].all():
-            return float(time[k] + evidence.frame * (PART_GAP - gap.gap[k]) / (gap.gap[k + 1] - gap.gap[k]))
+            return float(time[k] + context.frame * (PART_GAP - gap.gap[k]) / (gap.gap[k + 1] - gap.gap[k]))
     return float("nan")
 
 
-def _roll(evidence: Evidence, expectation: Expectation) -> float:
-    pair = evidence.expected_pairs[(expectation.body, expectation.other)][0]
-    d, r = evidence.distances, evidence.recording
+def _roll(context: Context, expectation: Expectation) -> float:
+    pair = context.expected_pairs[(expectation.body, expectation.other)][0]
+    d, r = context.distances, context.recording
     point, normal = d.point[pair], d.normal[pair]
-    slip = evidence.surface_velocity(pair[1], point) - evidence.surface_velocity(pair[0], point)
+    slip = context.surface_velocity(pair[1], point) - context.surface_velocity(pair[0], point)
     slip -= np.einsum("fi,fi->f", slip, normal)[:, None] * normal
     speed = np.linalg.norm(slip, axis=1)
-    touches = [_time(evidence, e) for e in evidence.scenario.expectations if e.event == "touch"]
+    touches = [_time(context, e) for e in context.scenario.expectations if e.event == "touch"]
     slid = False
     for k in range(len(r.time) - 1):
         if r.time[k] < max(touches, default=0.0) or d.distance[pair][k + 1] > OPEN_GAP:
             continue
         slid = slid or bool(speed[k] > ROLL_SLIP)
         if slid and speed[k + 1] <= ROLL_SLIP < speed[k]:
-            return float(r.time[k] + evidence.frame * (speed[k] - ROLL_SLIP) / (speed[k] - speed[k + 1]))
+            return float(r.time[k] + context.frame * (speed[k] - ROLL_SLIP) / (speed[k] - speed[k + 1]))
     return float("nan")

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Values
+from touchstone.reports.metrics.context import Context, NotMeasured, Values
 from touchstone.reports.metrics.motion.ballistic_arcs import bounces
 from touchstone.scenarios.closed_form import flips
 from touchstone.scenarios.scenario import Arc
@@ -15,16 +15,16 @@ SHORTEST_ARC_FRAMES = 2.0
 """Least length of an arc that surely has a displayed frame near its middle [frames]."""
 
 
-def bounce_height(evidence: Evidence) -> Values:
+def bounce_height(context: Context) -> Values:
     """Height of each bounce of two frames or more against the closed form [relative]; -1 if there is none."""
     found = {}
-    for truth in evidence.scenario.truths:
-        body, g = evidence.scenario.body_index(truth.body), float(np.linalg.norm(evidence.gravity))
-        asked = _heights(truth.arcs, g, evidence.frame)
+    for truth in context.scenario.truths:
+        body, g = context.scenario.body_index(truth.body), float(np.linalg.norm(context.gravity))
+        asked = _heights(truth.arcs, g, context.frame)
         if not asked:
             continue
-        fixed = next(k for k, kind in enumerate(evidence.kind) if kind == "fixed")
-        seen = bounces(evidence, (min(body, fixed), max(body, fixed)))
+        fixed = next(k for k, kind in enumerate(context.kind) if kind == "fixed")
+        seen = bounces(context, (min(body, fixed), max(body, fixed)))
         for k, height in enumerate(asked):
             reached = seen[k].departure ** 2 / (2 * g) if k < len(seen) else 0.0
             found[f"#{k + 1}"] = reached / height - 1
@@ -39,25 +39,25 @@ def _heights(arcs: tuple[Arc, ...], g: float, frame: float) -> list[float]:
     return [speed**2 / (2 * g) for speed in speeds if 2 * speed / g >= SHORTEST_ARC_FRAMES * frame]
 
 
-def rotation_flip(evidence: Evidence) -> Values:
+def rotation_flip(context: Context) -> Values:
     """Largest error of the times at which a free top flips [s]; a missed flip counts until the end."""
     found = {}
-    for truth in evidence.scenario.truths:
+    for truth in context.scenario.truths:
         if truth.law == "torque_free":
-            asked = flips(evidence.scenario, truth)
-            seen = _flips_seen(evidence, evidence.scenario.body_index(truth.body))
-            seen = np.append(seen, np.full(max(0, len(asked) - len(seen)), evidence.scenario.duration))
+            asked = flips(context.scenario, truth)
+            seen = _flips_seen(context, context.scenario.body_index(truth.body))
+            seen = np.append(seen, np.full(max(0, len(asked) - len(seen)), context.scenario.duration))
             found[truth.body] = float(np.max(np.abs(seen[: len(asked)] - asked)))
     if not found:
         raise NotMeasured("the scene has no free top")
     return found
 
 
-def _flips_seen(evidence: Evidence, body: int) -> np.ndarray:
+def _flips_seen(context: Context, body: int) -> np.ndarray:
     """Times at which the rate about the middle axis is zero, between frames by Euler's equations."""
-    inertia = np.array(evidence.scenario.bodies[body].inertia)
+    inertia = np.array(context.scenario.bodies[body].inertia)
     moments, axes = np.linalg.eigh(inertia)
-    turned = Rotation.from_quat(evidence.recording.orientation[:, body], scalar_first=True)
-    w = turned.inv().apply(evidence.recording.angular_velocity[:, body]) @ axes
+    turned = Rotation.from_quat(context.recording.orientation[:, body], scalar_first=True)
+    w = turned.inv().apply(context.recording.angular_velocity[:, body]) @ axes
     slope = (moments[2] - moments[0]) / moments[1] * w[:, 2] * w[:, 0] * np.linalg.det(axes)
-    return np.asarray(CubicHermiteSpline(evidence.recording.time, w[:, 1], slope).roots(extrapolate=False))
+    return np.asarray(CubicHermiteSpline(context.recording.time, w[:, 1], slope).roots(extrapolate=False))

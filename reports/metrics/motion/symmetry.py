@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from touchstone.reports.metrics.context import Evidence, NotMeasured, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Values, worst
 
 SAME_PLACE = 1e-9
 """Distance within which a body starts at the mirror image of another's place [m]: rounding."""
@@ -12,20 +12,20 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 """Reflection x -> -x."""
 
 
-def symmetry_mirror(evidence: Evidence) -> Values:
+def symmetry_mirror(context: Context) -> Values:
     """Largest difference of a body's velocity from the mirror image of its partner's [m/s]; truth 0.
 
     In scenes tagged `symmetric`, whose mirror plane is x = 0. A body's partner starts at the mirror image of
     its place; on the mirror plane it is the body itself.
     """
-    if "symmetric" not in evidence.scenario.tags:
+    if "symmetric" not in context.scenario.tags:
         raise NotMeasured("not tagged symmetric: the scene is not its own mirror image")
-    bodies, names = evidence.simulated, [body.name for body in evidence.scenario.bodies]
-    start = evidence.mass_centers[0, bodies]
+    bodies, names = context.simulated, [body.name for body in context.scenario.bodies]
+    start = context.mass_centers[0, bodies]
     apart = np.linalg.norm(start[:, None] * MIRROR - start, axis=2)
     partner, nearest = apart.argmin(axis=1), apart.min(axis=1)
     if nearest.max() > SAME_PLACE:
         raise NotMeasured(f"{names[bodies[int(nearest.argmax())]]} has no mirror image at the start")
-    velocity = evidence.recording.linear_velocity[:, bodies]
+    velocity = context.recording.linear_velocity[:, bodies]
     error = np.linalg.norm(velocity[:, partner] - velocity * MIRROR, axis=2).max(axis=0)
     return worst({names[body]: float(error[k]) for k, body in enumerate(bodies)})

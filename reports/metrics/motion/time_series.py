@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.overlap import overlap_depth
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import energy_rise
 
-_OVER_TIME: dict[str, Callable[[Evidence], dict[str, Array]]] = {
-    "overlap.max": lambda evidence: {"": overlap_depth(evidence)},
+_OVER_TIME: dict[str, Callable[[Context], dict[str, Array]]] = {
+    "overlap.max": lambda context: {"": overlap_depth(context)},
     "energy.injected": energy_rise,
 }
 
@@ -24,13 +24,13 @@ class Course:
     values: dict[tuple[str, str], Array]
 
 
-def course(evidence: Evidence) -> Course:
+def course(context: Context) -> Course:
     """Time series of `overlap.max` [m] and `energy.injected` [J], without metrics that cannot be measured."""
     found: dict[tuple[str, str], Array] = {}
     for metric, measure in _OVER_TIME.items():
         try:
-            values = measure(evidence)
+            values = measure(context)
         except Exception:  # the metric's row holds the reason
             continue
         found |= {(metric, subject): value for subject, value in values.items()}
-    return Course(evidence.recording.time, found)
+    return Course(context.recording.time, found)

@@ -24,7 +24,7 @@ from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, illustrate, save, save_manifest, table
 from touchstone.reports.run.request import step_text
@@ -139,13 +139,13 @@ def rows_of_scene(scenario: Scenario, folder: Path, children: Children, progress
                 if outcome.status != "skipped" or rung is None:
                     played.pop(engine, None)
                 continue
-            evidence = Evidence(load(outcome.job.recording), scenario)
-            way = _way(evidence)
-            bodies = list(evidence.truths)
+            context = Context(load(outcome.job.recording), scenario)
+            way = _way(context)
+            bodies = list(context.truths)
             played[engine][dt] = Course(
-                evidence.mass_centers[:, bodies] / way, evidence.recording.orientation[:, bodies]
+                context.mass_centers[:, bodies] / way, context.recording.orientation[:, bodies]
             )
-            motions = evidence.truths.values()
+            motions = context.truths.values()
             truth = Course(
                 np.stack([m.position for m in motions], axis=1) / way,
                 np.stack([m.orientation for m in motions], axis=1),
@@ -183,9 +183,9 @@ def _ended(scenario: Scenario, outcome: Outcome) -> Row:
     return replace(row, verdict=outcome.status, reason=outcome.reason)
 
 
-def _way(evidence: Evidence) -> float:
+def _way(context: Context) -> float:
     """The longest path of any body in closed form [m]; 1 m where nothing moves."""
-    ways = [np.linalg.norm(m.position - m.position[0], axis=1).max() for m in evidence.truths.values()]
+    ways = [np.linalg.norm(m.position - m.position[0], axis=1).max() for m in context.truths.values()]
     return float(max(ways)) or 1.0
 
 

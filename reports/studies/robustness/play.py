@@ -21,7 +21,7 @@ from touchstone.adapters.workers.pool import EngineProcess, Slot
 from touchstone.reports.metrics.contacts.overlap import overlap_depth
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED
-from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.motion.energy import STORING, mechanical_energy
 from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
 from touchstone.scenarios.random_scenes import random_scene
@@ -189,14 +189,14 @@ def _judged(
     recording: Recording, scenario: Scenario, bounds: Bounds, outcome: str, reason: str
 ) -> Assessment:
     """Class and figures of a run; `outcome` is the class if already known."""
-    evidence = Evidence(recording, scenario)
+    context = Context(recording, scenario)
     states = ("position", "orientation", "linear_velocity", "angular_velocity")
     finite = all(bool(np.isfinite(getattr(recording, name)).all()) for name in states)
     names = recording.work_names.tolist()
     columns = {name: recording.work[:, k] for k, name in enumerate(names)}
     told = "residual" in columns
     found = {
-        "bodies": len(evidence.simulated),
+        "bodies": len(context.simulated),
         "frames": len(recording.time) - 1,
         "residuals": tuple(columns["residual"].tolist()) if told else (),
         "counters": tuple(float(columns[name].sum()) if name in columns else nan for name in COUNTERS),
@@ -205,17 +205,17 @@ def _judged(
     if not finite:
         return Assessment(outcome or "not finite", reason, **found)  # type: ignore[arg-type]
     alone = not any(True for _ in scenario.touching_pairs())
-    depth = np.zeros(len(recording.time)) if alone else overlap_depth(evidence)
+    depth = np.zeros(len(recording.time)) if alone else overlap_depth(context)
     depth = np.where(depth < UNBOUNDED, depth, inf)
-    rise, gain = _energy(evidence, depth)
-    speed = float(np.abs(recording.linear_velocity[:, evidence.simulated]).max())
+    rise, gain = _energy(context, depth)
+    speed = float(np.abs(recording.linear_velocity[:, context.simulated]).max())
     exploded = speed > EXPLODED_SPEED if scenario.trackers else gain > EXPLODED
     found |= {
         "rise": rise,
         "gain": gain,
         "overlap": float(depth.max()),
-        "passages": float(len(passages(evidence))),
-        "momentum": _momentum(evidence),
+        "passages": float(len(passages(context))),
+        "momentum": _momentum(context),
     }
     residual = max(found["residuals"], default=0.0)  # type: ignore[call-overload]
     breaks = {
@@ -230,26 +230,26 @@ def _judged(
     return Assessment((classes or ["ok"])[0], reason, **found)  # type: ignore[arg-type]
 
 
-def _energy(evidence: Evidence, depth: Array) -> tuple[float, float]:
+def _energy(context: Context, depth: Array) -> tuple[float, float]:
     """Largest rise in a frame and largest gain since the start, both over U [1]; NaN where a driver does
     work.
 
     A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise.
     """
-    if evidence.scenario.trackers:
+    if context.scenario.trackers:
         return nan, nan
-    energy = mechanical_energy(evidence, evidence.simulated)
+    energy = mechanical_energy(context, context.simulated)
     rises = np.where(depth[:-1] > STORING, 0.0, np.diff(energy))
-    u = available(evidence.scenario)
+    u = available(context.scenario)
     return max(0.0, float(rises.max(initial=0.0))) / u, float((energy - energy[0]).max()) / u
 
 
-def _momentum(evidence: Evidence) -> float:
+def _momentum(context: Context) -> float:
     """Largest change of linear or angular momentum of an isolated scene [1]; NaN for others."""
     found = []
     for measure in (momentum_linear, momentum_angular):
         with suppress(NotMeasured):
-            found += [float(value) for value in measure(evidence).values()]  # type: ignore[arg-type]
+            found += [float(value) for value in measure(context).values()]  # type: ignore[arg-type]
     return max(found, default=nan)
 
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.outcome.measures import rotations
 from touchstone.reports.views.pictures import INK
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
@@ -77,7 +77,7 @@ def sheet_picture(shown: Sequence[Shown], path: Path) -> None:
                 panels[0].text(0.1, 0.5, "no recording", transform=panels[0].transAxes)
                 continue
             _moments(panels, one.scenario, one.recording)
-            _series(figure.add_subplot(inner[1, :]), Evidence(one.recording, one.scenario))
+            _series(figure.add_subplot(inner[1, :]), Context(one.recording, one.scenario))
         figure.savefig(path, format="png", facecolor="white")
 
 
@@ -169,18 +169,18 @@ def _points(shape: Shape) -> Array:
     raise TypeError(f"no outline of {type(shape).__name__}")
 
 
-def _series(axes: Axes, evidence: Evidence) -> None:
+def _series(axes: Axes, context: Context) -> None:
     """Draw the deepest overlap, the largest speed and the largest rate of rotation over time."""
-    run = evidence.recording
-    moving = [k for k, kind in enumerate(evidence.kind) if kind != "fixed"]
+    run = context.recording
+    moving = [k for k, kind in enumerate(context.kind) if kind != "fixed"]
     with np.errstate(all="ignore"):
         lines = {
             "speed [m/s]": (np.linalg.norm(run.linear_velocity[:, moving], axis=2).max(axis=1), "#0072B2"),
             "turn [rad/s]": (np.linalg.norm(run.angular_velocity[:, moving], axis=2).max(axis=1), "#009E73"),
         }
-        usable = np.isfinite(run.position).all() and rotations(evidence)
-        if usable and next(evidence.scenario.touching_pairs(), None) is not None:
-            lines["overlap [m]"] = (evidence.distances.overlap(), "#D55E00")
+        usable = np.isfinite(run.position).all() and rotations(context)
+        if usable and next(context.scenario.touching_pairs(), None) is not None:
+            lines["overlap [m]"] = (context.distances.overlap(), "#D55E00")
     for name, (values, color) in lines.items():
         kept = np.where(np.isfinite(values), np.clip(values, FLOOR, 1e15), np.nan)
         axes.semilogy(run.time, kept, color=color, linewidth=0.9, label=name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.motion.ballistic_arcs import TOUCH_GAP, bounces, first_closing, gap_of
 from touchstone.scenarios.scenario import Expectation
 
@@ -16,7 +16,7 @@ HEIGHT = 1.0
 
 @pytest.fixture(scope="module")
 def drop(lab, recordings, known):
-    """Evidence of a ball dropped from HEIGHT that bounces with e, asked to have 0.6, for a duration."""
+    """Context of a ball dropped from HEIGHT that bounces with e, asked to have 0.6, for a duration."""
 
     def build(e, duration=1.5, height=HEIGHT):
         expected = (Expectation("land", "ball", "ground", 0.0, duration),)
@@ -35,7 +35,7 @@ def drop(lab, recordings, known):
 def test_bounces_have_their_time_and_restitution(drop, known, e):
     """Every bounce of a ball is found at its time, with its speeds and its restitution."""
     recording, scenario = drop(e)
-    found = bounces(Evidence(recording, scenario), (0, 1))
+    found = bounces(Context(recording, scenario), (0, 1))
     impact = (2 * HEIGHT * known.g) ** 0.5
     fall = impact / known.g
     times = [fall]
@@ -104,13 +104,13 @@ def test_the_nearest_of_several_pairs_counts(lab, recordings):
     positions[:, 2, 0] = np.linspace(0.2, 0.8, 7)
     velocities = np.zeros_like(positions)
     velocities[:, 2, 0] = 6.0
-    evidence = Evidence(
+    context = Context(
         recordings.recording(scenario, position=positions, linear_velocity=velocities), scenario
     )
-    g = gap_of(evidence, [(0, 2), (1, 2)])
+    g = gap_of(context, [(0, 2), (1, 2)])
     assert g.gap == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.3, 0.2, 0.1], abs=1e-7)
     assert g.rate == pytest.approx([6.0] * 4 + [-6.0] * 3, abs=1e-6) or g.rate == pytest.approx(
         [6.0] * 3 + [-6.0] * 4, abs=1e-6
     )
     # without gravity the last frames' arc would close a frame later
-    assert np.isnan(first_closing(evidence, g, 0.0))
+    assert np.isnan(first_closing(context, g, 0.0))

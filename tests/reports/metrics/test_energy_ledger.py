@@ -8,7 +8,7 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
-from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.motion.energy import energy_ledger
 
 FRAME = 1 / 60
@@ -18,7 +18,7 @@ ROUNDING = 1e-12
 
 def ledger(registry: SimpleNamespace, scene) -> dict[str, float]:
     recording = record(registry.engine("reference"), scene, Settings("balanced", FRAME))
-    return dict(energy_ledger(Evidence(recording, scene)))
+    return dict(energy_ledger(Context(recording, scene)))
 
 
 def test_a_bounce_loses_by_restitution(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
@@ -46,4 +46,4 @@ def test_engines_tell_no_mechanisms(registry: SimpleNamespace, recordings: Simpl
     """Be measured on the reference alone."""
     scene = lab.scene(lab.ground(), lab.ball())
     with pytest.raises(NotMeasured, match="only the reference"):
-        energy_ledger(Evidence(recordings.recording(scene), scene))
+        energy_ledger(Context(recordings.recording(scene), scene))

@@ -10,7 +10,7 @@ import pytest
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import IMPULSE_METRICS, METRICS, SOLVER_METRICS, posture_optimum
-from touchstone.reports.metrics.context import Evidence, JudgeMissing, NotMeasured, Value
+from touchstone.reports.metrics.context import Context, JudgeMissing, NotMeasured, Value
 from touchstone.scenarios.catalogue import catalogue, tagged
 
 UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad", "rad/s"}
@@ -66,10 +66,10 @@ def test_every_metric_runs_over_a_real_recording(registry, monkeypatch, engine, 
     """Each metric gives finite values, or says in one line why not."""
     monkeypatch.setattr(posture_optimum, "FRAMES", 2)
     missed = {}
-    evidence = Evidence(registry.played(scene, engine), catalogue()[scene])
+    context = Context(registry.played(scene, engine), catalogue()[scene])
     for name, metric in METRICS.items():
         try:
-            values = metric.measure(evidence)
+            values = metric.measure(context)
         except NotMeasured as reason:
             missed[name] = str(reason)
             continue
@@ -94,10 +94,10 @@ def test_every_metric_runs_over_a_real_recording(registry, monkeypatch, engine, 
 def test_a_missing_oracle_is_told(registry, monkeypatch):
     """Without coal what needs distances is not judged, with the line that installs it; the rest is."""
     scene = catalogue()["ball_snip"]
-    evidence = Evidence(registry.played("ball_snip", "reference"), scene)
+    context = Context(registry.played("ball_snip", "reference"), scene)
     monkeypatch.delitem(sys.modules, "touchstone.adapters.oracles.overlap", raising=False)
     monkeypatch.setitem(sys.modules, "coal", None)
     for name in ("overlap.max", "overlap.tunnelled", "contact.gap"):
         with pytest.raises(JudgeMissing, match="pip install --force-reinstall touchstone"):
-            METRICS[name].measure(evidence)
-    assert METRICS["friction.cone.point"].measure(evidence)[""] < 1e-12  # Coulomb's inequality, to rounding
+            METRICS[name].measure(context)
+    assert METRICS["friction.cone.point"].measure(context)[""] < 1e-12  # Coulomb's inequality, to rounding

@@ -10,7 +10,7 @@ import pytest
 
 from touchstone.adapters.driven_poses import driven_pieces
 from touchstone.reports.metrics.contacts.passages import passages
-from touchstone.reports.metrics.context import Evidence, Value
+from touchstone.reports.metrics.context import Context, Value
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.gallery import TABLE_HALF
 from touchstone.scenarios.materials import TABLE_1
@@ -35,7 +35,7 @@ def plate(lab, half, **fields):
 
 def counted(recordings, scenario, **columns):
     """The passages of a recording; where a body moves, its velocity may be given."""
-    return len(passages(Evidence(recordings.recording(scenario, **columns), scenario)))
+    return len(passages(Context(recordings.recording(scenario, **columns), scenario)))
 
 
 def moving(scenario, index, position, velocity=0.0, orientation=None, spin=0.0):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics import posture_optimum
-from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 
@@ -45,6 +45,6 @@ def test_the_pressed_frames_are_the_trackers(registry):
     """The frames that are judged follow from the tracker, whatever is shown."""
     scenario, recording = catalogue()["wall_push"], registry.played("wall_push", "reference")
     away = replace(recording, position=recording.position + (0.0, 5.0, 0.0))
-    ours, theirs = (posture_optimum._person(Evidence(r, scenario))[1] for r in (recording, away))
+    ours, theirs = (posture_optimum._person(Context(r, scenario))[1] for r in (recording, away))
     assert len(ours) > 30
     np.testing.assert_array_equal(ours, theirs)

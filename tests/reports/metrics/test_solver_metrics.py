@@ -9,7 +9,7 @@ from touchstone.reports import limits
 from touchstone.reports.known_failures.table import Known
 from touchstone.reports.limits import judged
 from touchstone.reports.metrics import METRICS, SOLVER_METRICS
-from touchstone.reports.metrics.context import Evidence, NotMeasured
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.solver import CAPS, Place, worst_place
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured_of
@@ -25,8 +25,8 @@ FRAMES = 6
 
 
 @pytest.fixture
-def evidence(lab, recordings):
-    """Evidence of three bodies over six frames with counters given per frame: {frame: {name: value}}."""
+def context(lab, recordings):
+    """Context of three bodies over six frames with counters given per frame: {frame: {name: value}}."""
 
     def build(told=None, contacts=(), names=NAMES):
         bodies = (lab.ground(), lab.ball("one"), lab.ball("two", (0.0, 1.0, 1.0)))
@@ -37,21 +37,21 @@ def evidence(lab, recordings):
                 work[frame - 1, names.index(name)] = value
         rows = recordings.contacts(*contacts)
         recording = recordings.recording(scenario, work_names=np.array(names), work=work, contacts=rows)
-        return Evidence(recording, scenario)
+        return Context(recording, scenario)
 
     return build
 
 
-def rows_of(evidence, profile="balanced", engine="reference"):
+def rows_of(context, profile="balanced", engine="reference"):
     """The judged rows of the solver's metrics."""
     base = Row("run", "scene", engine, profile, 1 / 60, "run")
-    found = measured_of(base, evidence, SOLVER_METRICS)
+    found = measured_of(base, context, SOLVER_METRICS)
     return [judged(row, ()) for row in found if row.metric in SOLVER_METRICS]
 
 
-def warned(evidence, profile="balanced", engine="reference"):
+def warned(context, profile="balanced", engine="reference"):
     """The warning of a run."""
-    return warning(Row("run", "scene", engine, profile, 1 / 60, "run"), evidence)
+    return warning(Row("run", "scene", engine, profile, 1 / 60, "run"), context)
 
 
 UNRESOLVED = {
@@ -64,9 +64,9 @@ TOUCH = {"time": 5.5 / 60, "body_a": 0, "body_b": 2, "distance": -1e-3}
 SHALLOW = {"time": 5.5 / 60, "body_a": 0, "body_b": 1, "distance": 0.0}
 
 
-def test_sizes_add_up_and_residuals_do_not(evidence):
+def test_sizes_add_up_and_residuals_do_not(context):
     """Take the largest residual and the sums of time, energy and caps, each with its worst frame and pair."""
-    told = evidence(UNRESOLVED, (SHALLOW, TOUCH))
+    told = context(UNRESOLVED, (SHALLOW, TOUCH))
     found = {name: METRICS[name].measure(told)[""] for name in SOLVER_METRICS}
     assert {name: value.value for name, value in found.items()} == pytest.approx(
         {
@@ -85,32 +85,32 @@ def test_sizes_add_up_and_residuals_do_not(evidence):
     }
 
 
-def test_a_new_cap_is_counted_and_shown(evidence):
+def test_a_new_cap_is_counted_and_shown(context):
     """A counter of a single cap is part of the sum and of the remark, whichever engine adds it."""
-    told = evidence({3: {"cap.posture_qp": 4, "lost": 1}}, names=(*NAMES, "cap.posture_qp"))
+    told = context({3: {"cap.posture_qp": 4, "lost": 1}}, names=(*NAMES, "cap.posture_qp"))
     (found,) = METRICS["solver.caps"].measure(told).values()
     assert (found.value, found.reason) == (5, "lost 1, cap.posture_qp 4; most in frame 3")
     assert "caps reached: 5, most in frame 3" in warned(told)
 
 
-def test_a_resolved_run_is_zero_and_says_nothing(evidence):
+def test_a_resolved_run_is_zero_and_says_nothing(context):
     """Give plain zeros that meet their limits, and no warning."""
-    told = evidence()
+    told = context()
     assert [METRICS[name].measure(told) for name in SOLVER_METRICS] == [{"": 0.0}] * 4
     rows = rows_of(told)
     assert [row.verdict for row in rows] == ["pass"] * 4
     assert warned(told) is None
 
 
-def test_energy_taken_away_by_parting_counts_too(evidence):
+def test_energy_taken_away_by_parting_counts_too(context):
     """Judge parting that lowers bodies by its size."""
-    rows = {row.metric: row for row in rows_of(evidence({3: {"parted_energy": -0.1}}))}
+    rows = {row.metric: row for row in rows_of(context({3: {"parted_energy": -0.1}}))}
     assert rows["solver.parted_energy"].verdict == "fail"
 
 
-def test_other_engines_do_not_tell(evidence):
+def test_other_engines_do_not_tell(context):
     """Measure nothing where the engine counts nothing of it, and warn of nothing."""
-    told = evidence(names=("contacts",))
+    told = context(names=("contacts",))
     for name in SOLVER_METRICS:
         with pytest.raises(NotMeasured, match="does not report"):
             METRICS[name].measure(told)
@@ -119,12 +119,12 @@ def test_other_engines_do_not_tell(evidence):
     assert warned(told, "recommended", "mujoco") is None
 
 
-def test_one_line_names_scene_profile_frame_and_pair(evidence):
+def test_one_line_names_scene_profile_frame_and_pair(context):
     """Tell all that breaks a limit in one line: how large it is, in which frame, between which bodies."""
-    told = evidence({2: UNRESOLVED[2] | {"unconverged": 0}})
+    told = context({2: UNRESOLVED[2] | {"unconverged": 0}})
     line = warned(told)
     assert line == "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two)"
-    told = evidence(UNRESOLVED, (SHALLOW, TOUCH))
+    told = context(UNRESOLVED, (SHALLOW, TOUCH))
     assert warned(told) == (
         "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two); "
         "0.003 s were not simulated, most of it in frame 4 (ground, one); "
@@ -133,19 +133,19 @@ def test_one_line_names_scene_profile_frame_and_pair(evidence):
     )
 
 
-def test_known_failings_are_warned_of(evidence, monkeypatch):
+def test_known_failings_are_warned_of(context, monkeypatch):
     """Warn of what is known to fail as well: the numbers of the run are no better for it."""
     known = Known("solver.dropped_time", "reference", "it drops")
     monkeypatch.setattr(limits, "KNOWN", (known,))
     monkeypatch.setattr(limits, "bound_of", lambda row: 0.02)
-    told = evidence({2: {"dropped_time": 0.01}})
+    told = context({2: {"dropped_time": 0.01}})
     assert [row.verdict for row in rows_of(told)] == ["pass", "known", "pass", "pass"]
     assert "0.01 s were not simulated, most of it in frame 2" in str(warned(told))
 
 
-def test_a_frame_without_contacts_has_no_pair(evidence):
+def test_a_frame_without_contacts_has_no_pair(context):
     """Name the frame alone where no contact tells a pair."""
-    assert worst_place(evidence({3: {"gave_up": 1}}), *CAPS) == Place(3, None)
+    assert worst_place(context({3: {"gave_up": 1}}), *CAPS) == Place(3, None)
     assert str(Place(3, None)) == "frame 3"
 
 
@@ -158,14 +158,14 @@ def test_every_scene_has_a_limit(profile, name):
         assert judged(row, scenario.tags).verdict in ("fail", "known")
 
 
-def test_the_papers_own_way_is_no_failing(evidence):
+def test_the_papers_own_way_is_no_failing(context):
     """Let `paper` hold contacts in turn: 1e-4 m/s, parting and caps are its method, dropped time is not."""
-    told = evidence({1: {"residual": 9e-5, "parted_energy": 1.0, "unconverged": 5}})
+    told = context({1: {"residual": 9e-5, "parted_energy": 1.0, "unconverged": 5}})
     assert warned(told, "paper") is None
-    told = evidence({1: {"residual": 2e-4, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 1e-3}})
+    told = context({1: {"residual": 2e-4, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 1e-3}})
     assert [row.metric for row in rows_of(told, "paper") if row.verdict == "fail"] == list(SOLVER_METRICS[:2])
 
 
-def test_sizes_are_no_work(evidence):
+def test_sizes_are_no_work(context):
     """Keep sizes and bodies out of the table of counts."""
-    assert set(METRICS["work"].measure(evidence(UNRESOLVED))) == {"contacts", *CAPS}
+    assert set(METRICS["work"].measure(context(UNRESOLVED))) == {"contacts", *CAPS}

@@ -52,11 +52,11 @@ def test_fresh_processes_and_their_number_do_not_change_the_hash(recording, tmp_
 def test_the_metric_holds_the_digits(recording):
     """A float holds the first digits exactly, and the remark all of them."""
 
-    class Evidence:
+    class Context:
         pass
 
-    evidence = Evidence()
-    evidence.recording = recording
-    found = state_hashed(evidence)[""]
+    context = Context()
+    context.recording = recording
+    found = state_hashed(context)[""]
     assert found.reason == state_hash(recording)
     assert f"{int(found.value):0{DIGITS}x}" == found.reason[:DIGITS]

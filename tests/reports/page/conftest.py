@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.page.content import Content, verdict_of
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
@@ -53,7 +53,7 @@ def made(lab, recordings):
                 for k in range(DEEPEST, DEEPEST + 5)
             )
         )
-        played[engine, profile] = Evidence(
+        played[engine, profile] = Context(
             recordings.recording(scenario, position=places, contacts=hit), scenario
         )
     rows = []

@@ -68,15 +68,15 @@ def test_data_are_text(made):
 def test_recordings_survive_packing(made):
     """Positions to half a step, orientations to half of 1/32767, depths and contacts, as the player reads."""
     record = made.record
-    for packed, evidence in zip(record["engines"], made.played.values()):
+    for packed, context in zip(record["engines"], made.played.values()):
         block = zlib.decompress(base64.b64decode(packed["data"]))
         f, m, n = packed["frames"], len(record["moving"]), len(record["bodies"])
         pose = np.frombuffer(block, "<i2", 7 * m * f).reshape(7, m, f).astype(int).cumsum(axis=2)
         places = pose[:3].transpose(2, 1, 0) * record["step"] + record["middle"]
-        kept = evidence.recording.position[:, record["moving"]]
+        kept = context.recording.position[:, record["moving"]]
         assert np.abs(places - kept).max() <= 0.51 * record["step"]
         turned = pose[3:].transpose(2, 1, 0) / INT16
-        assert np.abs(turned - evidence.recording.orientation[:, record["moving"]]).max() <= 0.51 / INT16
+        assert np.abs(turned - context.recording.orientation[:, record["moving"]]).max() <= 0.51 / INT16
         at = 7 * m * f * 2 + n * f
         deepest = np.frombuffer(block, "<f4", f, at)
         assert packed["worst"] == int(np.argmax(deepest))

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from touchstone.reports.metrics.context import Evidence
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.page.content import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
@@ -44,8 +44,8 @@ def test_the_gallery_plays_at_60_frames_a_second(chromium, registry, tmp_path, c
     """A person and balls on four panels: the script leaves time for 60 frames a second, and as many are drawn
     where a graphics processor draws them. Prints rate and cost."""
     scenario = catalogue()[SCENE]
-    evidence = Evidence(registry.played(SCENE, "reference"), scenario)
-    played = {(engine, "recommended"): evidence for engine in ("reference", "dart", "bullet", "mujoco")}
+    context = Context(registry.played(SCENE, "reference"), scenario)
+    played = {(engine, "recommended"): context for engine in ("reference", "dart", "bullet", "mujoco")}
     text = page(
         Content("speed", "good", "", table([]), playback={SCENE: pack_text(packed(scenario, played))})
     )
