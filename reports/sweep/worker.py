@@ -35,7 +35,7 @@ def _processor() -> str:
     return machine()["processor"]
 
 
-_engines: dict[str, Engine] = {}
+_engines: dict[tuple[Loader, str], Engine] = {}
 
 
 def play(cells: Sequence[Cell], loader: Loader = load) -> list[Done]:
@@ -50,12 +50,13 @@ def play_one(cell: Cell, loader: Loader = load) -> Done:
         if loader is load and not installed(cell.engine):
             return failed(cell, MISSING, missing_reason(cell.engine))
         scenario = scene_of(cell.source, cell.scenario, cell.seed)
-        engine = _engines.get(cell.engine) or loader(cell.engine)
-        if cell.engine not in _engines:
+        key = loader, cell.engine
+        engine = _engines.get(key) or loader(cell.engine)
+        if key not in _engines:
             # Compiled code is loaded only now. What the engine refuses is for the measure to say.
             with suppress(AdapterError):
                 warm_up(engine, scenario, cell.settings)
-                _engines[cell.engine] = engine
+                _engines[key] = engine
         found: Measured = named(cell.measure)(cell, scenario, engine)
     except Exception as error:
         status, reason = failure_of(error)

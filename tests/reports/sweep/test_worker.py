@@ -26,4 +26,4 @@ def test_the_measure_decides_what_a_refused_warm_up_means(fakes):
     assert play_one(cell, lambda name: Choosy()).outcome == "done"
     assert worker._engines == {}
     assert play_one(cell, load).outcome == "done"
-    assert list(worker._engines) == ["mujoco"]
+    assert list(worker._engines) == [(load, "mujoco")]
