@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from math import isfinite, isnan
+from math import inf, isfinite, isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,31 +78,31 @@ def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run
     comparison, the ratio to the fastest engine is judged.
 
     Args:
-        one_run: the times are from one run: a ratio near its limit gets no verdict.
+        one_run: the times are from one run, which leaves some ratios without verdict (`judged_time`).
     """
-    found: list[tuple[str, Row, str]] = []
+    found: list[tuple[str, Row, str, float]] = []
     ours = [column for column in columns if column.engine == REFERENCE]
     for mine, theirs in product(ours, (column for column in columns if column.engine != REFERENCE)):
         if (mine.profile == EQUAL_PROFILE) == (theirs.profile == EQUAL_PROFILE):
             own = mine.at_own_step and theirs.at_own_step
             kind = kind_of(mine.label, theirs.label) if own else ""
             code, said = compared(mine.overlap, theirs.overlap)
+            frames = len(pair_frames(mine, theirs)[2]) if one_run else inf
             for row in _statistics(study, scenario, mine, theirs):
                 remark = "; ".join(filter(None, (row.reason, said, "one run" if one_run else "")))
-                found.append(
-                    (kind or theirs.label, replace(row, reason=remark, reason_code=code), mine.stages)
-                )
+                row = replace(row, reason=remark, reason_code=code)
+                found.append((kind or theirs.label, row, mine.stages, frames))
     if is_foreign(scenario):
-        return [row for _, row, _ in found]
+        return [row for _, row, _, _ in found]
     fastest: dict[tuple[str, str, str], float] = {}
-    for kind, row, _ in found:
+    for kind, row, _, _ in found:
         key = (row.profile, kind, row.metric)
         fastest[key] = max(fastest.get(key, 0.0), row.value)
     return [
-        _judged(kind, row, stages, scenario, one_run)
+        _judged(kind, row, stages, scenario, frames)
         if row.value == fastest[row.profile, kind, row.metric]
         else row
-        for kind, row, stages in found
+        for kind, row, stages, frames in found
     ]
 
 
@@ -132,9 +132,9 @@ def _statistics(study: str, scenario: Scenario, mine: Timed, theirs: Timed) -> I
         )
 
 
-def _judged(kind: str, row: Row, stages: str, scenario: Scenario, one_run: bool) -> Row:
+def _judged(kind: str, row: Row, stages: str, scenario: Scenario, frames: float) -> Row:
     """The row with the verdict on its time; it fails where the reference's overlap is larger."""
-    found = judged_time(kind, row, scenario.tags, stages, one_run)
+    found = judged_time(kind, row, scenario.tags, stages, frames)
     if isnan(found.limit):
         return row
     if row.reason_code == DEEPER:

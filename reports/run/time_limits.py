@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
+from math import inf
 from pathlib import Path
 
 import pandas as pd
@@ -45,6 +46,8 @@ MARGIN = 1.5
 """Largest ratio of a limit to the measured value [1], so that a slowdown shows."""
 CLOSE = 1.25
 """Factor around a limit within which one run decides nothing [1]: runs differ by about 10 %."""
+LEAST_FRAMES = 10
+"""Least number of frames whose times one run may judge [1]: an impact of a probe lasts one."""
 FILE = Path(__file__).with_suffix(".csv")
 KEYS = ("scenario", "profile", "kind", "metric")
 Key = tuple[str, str, str, str]
@@ -60,13 +63,14 @@ def kind_of(profile: str, label: str) -> str:
     return POSED if posed else OWN
 
 
-def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, one_run: bool) -> Row:
+def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, frames: float = inf) -> Row:
     """The row with its limit and verdict: `known` where it misses its target and no limit on its growth.
 
     Args:
         stages: where the reference's time goes, for a target that is missed.
-        one_run: no verdict within CLOSE of the limit, and none on a 99th percentile, which the machine's
-            interruptions decide in the frames of one run.
+        frames: number of frames of a single run; inf: several restarts. A single run gets no verdict within
+            CLOSE of the limit, on fewer than LEAST_FRAMES, or on a 99th percentile, which the machine's
+            interruptions decide.
     """
     measured = _measured().get((row.scenario, row.profile, kind, row.metric))
     target = _target(row, kind, tags)
@@ -77,7 +81,7 @@ def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, one_run
     limit = max(limits) if missed else min(limits)
     said = f"{kind}, against the fastest; {row.reason}"
     close = limit / CLOSE < row.value < limit * CLOSE
-    if one_run and (close or row.metric.endswith(".p99")):
+    if frames < inf and (close or frames < LEAST_FRAMES or row.metric.endswith(".p99")):
         command = f"touchstone bench frame {row.scenario}"
         why = f"too close to {limit:.2g} for one run" if close else "no verdict from one run"
         return replace(row, reason=f"{said}: {why}, {command} decides")

@@ -156,7 +156,7 @@ def test_one_run_decides_no_close_call(monkeypatch) -> None:
         "run", "ball_snip", "reference", "balanced", 1 / 60, RATIO, subject="dart recommended"
     )
     for value, verdict in ((0.11, "pass"), (0.13, ""), (0.18, ""), (0.19, "fail")):
-        row = time_limits.judged_time("own steps", replace(base, value=value), ("gallery",), "", True)
+        row = time_limits.judged_time("own steps", replace(base, value=value), ("gallery",), "", 100)
         assert row.verdict == verdict
         assert ("touchstone bench frame ball_snip decides" in row.reason) == (verdict == "")
 
@@ -166,10 +166,20 @@ def test_one_run_decides_no_99th_percentile() -> None:
     base = time_limits.Row(
         "run", "ball_snip", "reference", "balanced", 1 / 60, f"{RATIO}.p99", subject="dart recommended"
     )
-    for one_run, verdict in ((True, ""), (False, "fail")):
-        row = time_limits.judged_time("own steps", replace(base, value=3.0), ("gallery",), "", one_run)
+    for frames, verdict in ((100, ""), (np.inf, "fail")):
+        row = time_limits.judged_time("own steps", replace(base, value=3.0), ("gallery",), "", frames)
         assert row.verdict == verdict
-        assert ("no verdict from one run" in row.reason) == one_run
+        assert ("no verdict from one run" in row.reason) == (verdict == "")
+
+
+def test_one_run_decides_nothing_on_few_frames() -> None:
+    """Leave a ratio over the one frame of an impact without verdict."""
+    base = time_limits.Row(
+        "run", "fall", "reference", "balanced", 1 / 60, RATIO, 4.0, subject="bullet recommended"
+    )
+    for frames, verdict in ((1, ""), (9, ""), (10, "fail"), (np.inf, "fail")):
+        row = time_limits.judged_time("own steps", base, ("probe",), "", frames)
+        assert row.verdict == verdict
 
 
 def test_a_failed_column_says_why(registry, shown) -> None:
