@@ -1,11 +1,15 @@
 """Overlap removal for driven bodies: by translation, for chains by inverse kinematics; if both fail, the body
 returns towards its last free pose."""
 
+from math import sqrt
+
 from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
 from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.chains.chain_overlap_removal import free_chains, shuffle_chains
 from touchstone.reference_impl.core.conventions import (
+    DETECTION_DISCRETE,
+    DETOUR,
     DRIVEN,
     FIXED,
     LONGEST_SHIFT,
@@ -142,7 +146,7 @@ def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover
         (end, free): index after the last pair, and whether `mover` is free.
     """
     driver, shift = drivers[d], state["shift"]
-    previous, marked = 0.0, 0
+    previous, marked, first = 0.0, 0, 0.0
     for rounds in range(REMOVAL_ROUNDS + 1):
         pose_moved(bodies, joints, driver)
         end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
@@ -164,7 +168,24 @@ def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover
         state["counters"][COUNT_ROUNDS] += 1
         for i in range(3):
             driver["position"][i] += shift[i]
+        if rounds == 0:
+            first = deepest
+        if state["detection"] != DETECTION_DISCRETE and _is_detour(driver, first):
+            break
     return end, False
+
+
+@kernel
+def _is_detour(driver, deepest):
+    """Whether a driver's translation since entry is longer than its way back and DETOUR times the depth.
+
+    It may then lead through other bodies: only the motion before the removal was swept.
+    """
+    back = away = 0.0
+    for i in range(3):
+        back += (driver["entry_position"][i] - driver["free_position"][i]) ** 2
+        away += (driver["entry_position"][i] - driver["position"][i]) ** 2
+    return driver["has_free"] == 1 and sqrt(away) > sqrt(back) + DETOUR * deepest
 
 
 @kernel
