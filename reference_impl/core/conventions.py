@@ -105,8 +105,8 @@ REMOVAL_ROUNDS = 32
 VANISHING_SHIFT = 1e-3
 """|PD| over the largest depth below which opposing normals cancel [1]."""
 DETOUR = 2.0
-"""Translation of a driver beyond its way back, over the largest depth at entry, from which it may lead through
-other bodies [1]."""
+"""Translation of a driver beyond its way back, over the largest depth at entry, from which it may lead
+through other bodies [1]."""
 LONGEST_SHIFT = 100.0
 """|x| over the largest depth above which normals count as opposing [1]: within 1.1 degrees of opposition."""
 STALL_ROUNDS = 8
