@@ -21,8 +21,8 @@ from touchstone.reports.run.request import EQUAL_PROFILE, REFERENCE
 from touchstone.reports.run.time_limits import judged_time, kind_of
 from touchstone.scenarios.scenario import Scenario
 
-FRAMES = "ratio.frames"
-"""Metric: number of frames in which one of the two has a contact."""
+FRAMES, MEDIAN = "ratio.frames", f"{RATIO}.median"
+"""Metrics: number of frames in which one of the two has a contact; ratio of the medians over all frames."""
 DEEPER, NO_DEEPER, UNCOMPARED = "deeper", "no-deeper", "uncompared"
 """Reason codes of a ratio of times: the reference overlaps more than the other, no more, or nobody knows."""
 SAME_DEPTH = 1e-8
@@ -98,8 +98,9 @@ def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run
     for kind, row, _, _ in found:
         key = (row.profile, kind, row.metric)
         fastest[key] = max(fastest.get(key, 0.0), row.value)
+    medians = {(row.profile, row.subject): row.value for _, row, _, _ in found if row.metric == MEDIAN}
     return [
-        _judged(kind, row, stages, scenario, frames)
+        _judged(kind, row, stages, scenario, frames, medians.get((row.profile, row.subject), inf))
         if row.value == fastest[row.profile, kind, row.metric]
         else row
         for kind, row, stages, frames in found
@@ -132,9 +133,9 @@ def _statistics(study: str, scenario: Scenario, mine: Timed, theirs: Timed) -> I
         )
 
 
-def _judged(kind: str, row: Row, stages: str, scenario: Scenario, frames: float) -> Row:
+def _judged(kind: str, row: Row, stages: str, scenario: Scenario, frames: float, median: float) -> Row:
     """The row with the verdict on its time; it fails where the reference's overlap is larger."""
-    found = judged_time(kind, row, scenario.tags, stages, frames)
+    found = judged_time(kind, row, scenario.tags, stages, frames, median)
     if isnan(found.limit):
         return row
     if row.reason_code == DEEPER:

@@ -63,7 +63,14 @@ def kind_of(profile: str, label: str) -> str:
     return POSED if posed else OWN
 
 
-def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, frames: float = inf) -> Row:
+def judged_time(
+    kind: str,
+    row: Row,
+    tags: tuple[str, ...],
+    stages: str,
+    frames: float = inf,
+    median: float = inf,
+) -> Row:
     """The row with its limit and verdict: `known` where it misses its target and no limit on its growth.
 
     Args:
@@ -71,6 +78,8 @@ def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, frames:
         frames: number of frames of a single run; inf: several restarts. A single run gets no verdict within
             CLOSE of the limit, on fewer than LEAST_FRAMES, or on a 99th percentile, which the machine's
             interruptions decide.
+        median: ratio of the medians. A single run whose mean alone is beyond the limit gets no verdict: one
+            interruption of some milliseconds doubles a mean.
     """
     measured = _measured().get((row.scenario, row.profile, kind, row.metric))
     target = _target(row, kind, tags)
@@ -81,7 +90,8 @@ def judged_time(kind: str, row: Row, tags: tuple[str, ...], stages: str, frames:
     limit = max(limits) if missed else min(limits)
     said = f"{kind}, against the fastest; {row.reason}"
     close = limit / CLOSE < row.value < limit * CLOSE
-    if frames < inf and (close or frames < LEAST_FRAMES or row.metric.endswith(".p99")):
+    few = frames < LEAST_FRAMES or row.metric.endswith(".p99") or median <= limit < row.value
+    if frames < inf and (close or few):
         command = f"touchstone bench frame {row.scenario}"
         why = f"too close to {limit:.2g} for one run" if close else "no verdict from one run"
         return replace(row, reason=f"{said}: {why}, {command} decides")

@@ -182,6 +182,16 @@ def test_one_run_decides_nothing_on_few_frames() -> None:
         assert row.verdict == verdict
 
 
+def test_one_run_decides_nothing_on_an_interruption() -> None:
+    """Leave a mean that its median does not confirm without verdict."""
+    base = time_limits.Row(
+        "run", "push_box", "reference", "balanced", 1 / 60, RATIO, 0.4, subject="mujoco recommended"
+    )
+    for frames, median, verdict in ((240, 0.07, ""), (240, 0.35, "fail"), (np.inf, 0.07, "fail")):
+        row = time_limits.judged_time("own steps", base, ("gallery",), "", frames, median)
+        assert row.verdict == verdict
+
+
 def test_a_failed_column_says_why(registry, shown) -> None:
     """Show the reason of a column that failed, and all others."""
     takes = taken(registry)
