@@ -32,9 +32,9 @@ def expand_manifolds(pieces, vertices, pairs, touching, state):
     pairs keep their witnesses.
 
     Args:
-        pairs: `pairs[:touching]` touch. A pair's own row receives the deepest point. The other points are
-            appended until `pairs` is full. Rows of one pair share `manifold`, the index of the first row, or
-            -1 for other pairs. `next_point` links these rows and ends with -1.
+        pairs: `pairs[:touching]` touch. The own row of a pair of polyhedra receives the deepest point. The
+            other points are appended until `pairs` is full. Rows of one pair share `manifold`, the index of
+            the first row, or -1 for other pairs. `next_point` links these rows and ends with -1.
     Returns:
         Index after the last row.
     """

@@ -1,7 +1,8 @@
-"""Recordings whose metrics are known in closed form."""
+"""The program called in an empty folder; recordings whose metrics are known in closed form."""
 
 from __future__ import annotations
 
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,23 @@ RADIUS = 0.05
 """Of the ball of `lab.ball` [m]."""
 SLOWEST = 1e-3
 """Speed of the slowest bounce [m/s]."""
+
+
+@pytest.fixture
+def touchstone(monkeypatch, capfd, tmp_path):
+    """Call the program in this process, in an empty folder: (exit code, stdout, stderr)."""
+    from touchstone.reports.cli import main as cli
+
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["touchstone", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return (end.value.code or 0, *capfd.readouterr())
+
+    return call
 
 
 def bouncing(times, height, restitution):

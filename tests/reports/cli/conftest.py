@@ -1,33 +1,15 @@
-"""The program called in an empty folder, and what it leaves there."""
+"""What the program plays, and what it leaves in a folder."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 
 from touchstone.adapters.workers.children import Outcome
-from touchstone.reports.cli import main as cli
 from touchstone.reports.run import study
 from touchstone.scenarios.catalogue import built, scene
 from touchstone.scenarios.families import ball_snip as snip
-
-
-@pytest.fixture
-def touchstone(monkeypatch, capfd, tmp_path):
-    """Call the program in this process, in an empty folder: (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["touchstone", *map(str, arguments)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capfd.readouterr()
-        return end.value.code or 0, out, err
-
-    return call
 
 
 @pytest.fixture

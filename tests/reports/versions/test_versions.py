@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 import zipfile
 from pathlib import Path
 
@@ -63,23 +62,6 @@ def released(monkeypatch, tmp_path, cache):
     entry = Entry("fake_adapter:Engine", "fake_physics", {"default": 1 / 240}, "fake-physics")
     monkeypatch.setitem(ENGINES, "faked", entry)
     return wheels
-
-
-@pytest.fixture
-def touchstone(monkeypatch, capfd, tmp_path):
-    """Call the program in an empty folder: (exit code, stdout, stderr)."""
-    from touchstone.reports.cli import main as cli
-
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["touchstone", *map(str, arguments)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return (end.value.code or 0, *capfd.readouterr())
-
-    return call
 
 
 def _arguments(*versions):
