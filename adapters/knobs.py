@@ -120,13 +120,13 @@ Setting = Choice | Range | Numbers
 
 class Table(Mapping[str, Setting]):
     """Settings of an engine by name, in the order of the table; `profiles` are its columns. `idle`: setting
-    -> another setting and its value with which the first does nothing."""
+    -> another setting and its values with which the first does nothing."""
 
     def __init__(
         self,
         profiles: Iterable[str],
         rows: Iterable[Setting],
-        idle: Mapping[str, tuple[str, str]] | None = None,
+        idle: Mapping[str, tuple[str, ...]] | None = None,
     ) -> None:
         self.profiles = tuple(profiles)
         self._rows = {row.name: row for row in rows}
@@ -149,8 +149,8 @@ class Table(Mapping[str, Setting]):
 
     def is_idle(self, name: str, values: Mapping[str, Any]) -> bool:
         """Whether a setting does nothing among these values of all settings."""
-        other, value = self._idle.get(name, ("", ""))
-        return bool(other) and values[other] == value
+        other, *idle = self._idle.get(name, ("",))
+        return bool(other) and values[other] in idle
 
     def values_of(self, profile: str) -> dict[str, str]:
         """Values in a profile of the settings that do something there."""
@@ -185,8 +185,10 @@ class Table(Mapping[str, Setting]):
         values = {name: split(found.get(name, plain[name]))[1] for name in self}
         for name in found:
             if self.is_idle(name, values):
-                other = "=".join(self._idle[name])
-                raise SettingError(f"{name}: does nothing with {other}, as in profile {profile}")
+                other = self._idle[name][0]
+                raise SettingError(
+                    f"{name}: does nothing with {other}={values[other]}, as in profile {profile}"
+                )
         return tuple(found[name] for name in self if name in found and found[name] != plain[name])
 
     def numbers(self, changed: Iterable[str]) -> dict[str, Any]:

@@ -38,6 +38,11 @@ def guarded(program: Callable[[], int | None]) -> NoReturn:
         what, context = " ".join(error.format_message().split()), getattr(error, "ctx", None)
         command = context.command_path if context else "touchstone"
         stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
+    except SystemExit as end:
+        # typer turns a closed pipe into an exit of its own, with the code of a broken limit
+        if isinstance(end.__context__, BrokenPipeError):
+            _end_output(end.__context__)
+        raise
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except OSError as error:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import shutil
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import inf
 
 from touchstone.scenarios.scenario import Scenario, Vector
 
@@ -18,7 +22,7 @@ LAWS = {
 
 
 def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
-    """Print rows as a table, JSON or CSV."""
+    """Print rows as JSON, CSV or a table, which wraps words where a terminal is narrower."""
     heads = list(rows[0]) if rows else []
     if output == "json":
         print(json.dumps(list(rows), indent=1))
@@ -28,8 +32,35 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
         writer.writerows(rows)
     else:
         widths = {head: max(len(head), *(len(str(row[head])) for row in rows)) for head in heads}
+        if sum(widths.values()) + 2 * (len(heads) - 1) > _room():
+            _show_wrapped(rows)
+            return
         for row in ({head: head for head in heads}, *rows):
             print("  ".join(f"{row[head]!s:{widths[head]}}" for head in heads).rstrip())
+
+
+def _room() -> float:
+    """Width of the terminal, or as COLUMNS says; without both, as in a pipe, lines may be of any length."""
+    width = os.environ.get("COLUMNS", "")
+    if not sys.stdout.isatty() and not width.isdigit():
+        return inf
+    return shutil.get_terminal_size().columns
+
+
+def _show_wrapped(rows: Sequence[Mapping[str, object]]) -> None:
+    """Print rows as a table in which words wrap and numbers do not."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from touchstone.reports.views.terminal import console
+
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="")
+    for head in rows[0]:
+        number = all(isinstance(row[head], int | float) for row in rows)
+        table.add_column(Text(head), justify="right" if number else "left", no_wrap=number, overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(str(value)) for value in row.values()))
+    console().print(table)
 
 
 def scenario_rows() -> list[dict[str, object]]:
@@ -119,10 +150,12 @@ def failing_rows() -> list[dict[str, object]]:
             "rows": sum(known.engine == engine for known in KNOWN),
             "scenes": len({known.scenario for known in KNOWN if known.engine == engine}),
             "of the harness": sum(known.harness for known in KNOWN if known.engine == engine),
-            **{
-                profile: sum(known.engine == engine and known.profile == profile for known in KNOWN)
-                for profile in ("balanced", "paper", "recommended", "default", "accurate")
-            },
+            "in the profiles": "; ".join(
+                f"{profile} {count}"
+                for profile, count in Counter(
+                    known.profile for known in KNOWN if known.engine == engine
+                ).most_common()
+            ),
         }
         for engine in dict.fromkeys(known.engine for known in KNOWN)
     ]

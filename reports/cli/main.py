@@ -38,6 +38,7 @@ from touchstone.reports.cli.options import (
 from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.compare import compare
 from touchstone.reports.cli.runs.judge import judge
+from touchstone.reports.cli.runs.tolerances import tolerances
 from touchstone.reports.cli.runs.versions import versions
 from touchstone.reports.cli.runs.view import view
 from touchstone.reports.cli.scenes.chosen import (
@@ -78,6 +79,7 @@ app.command()(schema)
 app.command("import")(import_robot)
 app.command()(export)
 app.command()(compare)
+app.command()(tolerances)
 app.command()(judge)
 app.command()(versions)
 app.command()(view)

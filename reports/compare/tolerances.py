@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from math import inf, isinf
+from functools import cache
+from math import isinf
 from pathlib import Path
 from typing import Annotated
 
@@ -32,18 +33,16 @@ class Tolerance:
         return isinf(self.relative) or abs(b - a) <= self.absolute + self.relative * max(abs(a), abs(b))
 
 
-DEFAULT = (
-    # Engines repeat their values to the bit on one machine; others round otherwise.
-    Tolerance("*", relative=1e-6, absolute=1e-9),
-    # Two runs of the same code on a busy machine.
-    Tolerance("time.*", relative=0.5, absolute=1e-5),
-    Tolerance("time.frame.p9?", relative=inf),
-    Tolerance("time.frame.max", relative=inf),
-    Tolerance("time.share", relative=inf),
-    Tolerance("ratio.time*", relative=0.5),
-    Tolerance("ratio.time.p99", relative=inf),
-)
-"""Tolerances unless a file says otherwise; medians of times may double, their tails are noise."""
+FILE = Path(__file__).with_name("times.toml")
+"""Tolerances of times as `measured_times.py` measures them."""
+FIGURES = Tolerance("*", relative=1e-6, absolute=1e-9)
+"""Of all figures but times: engines repeat them to the bit on one machine; others round otherwise."""
+
+
+@cache
+def default() -> tuple[Tolerance, ...]:
+    """Tolerances unless a file says otherwise: FIGURES, then the measured ones of times."""
+    return (FIGURES, *_of_file(FILE))
 
 
 def tolerances(path: Path | None) -> tuple[Tolerance, ...]:
@@ -53,8 +52,10 @@ def tolerances(path: Path | None) -> tuple[Tolerance, ...]:
     Raises:
         SceneFileError: the file is not valid; one line per fault.
     """
-    if path is None:
-        return DEFAULT
+    return default() if path is None else (*default(), *_of_file(path))
+
+
+def _of_file(path: Path) -> tuple[Tolerance, ...]:
     from pydantic import Field, Strict, create_model
 
     number = Annotated[float, Strict(), Field(ge=0)]
@@ -66,7 +67,7 @@ def tolerances(path: Path | None) -> tuple[Tolerance, ...]:
     data, faults, message_of = data_of_file(path, model)
     if faults:
         raise SceneFileError(message_of(faults))
-    return (*DEFAULT, *(Tolerance(**entry) for entry in data["tolerances"]))
+    return tuple(Tolerance(**entry) for entry in data["tolerances"])
 
 
 def tolerance_of(all_of_them: tuple[Tolerance, ...], metric: str, engine: str, scenario: str) -> Tolerance:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -55,8 +56,13 @@ def svg_of(chart: Any) -> str:
     text = str(convert.vegalite_to_svg(plain.to_dict()))
     text = text.replace(f'"{INK}"', '"var(--ink)"').replace(f'"{FAINT}"', '"var(--line)"')
     for engine, color in colors().items():
-        text = text.replace(f'"{color}"', f'"var(--engine-{engine})"')
+        text = text.replace(f'"{color}"', f'"var({variable(engine)})"')
     return text.replace("<svg ", '<svg role="img" ', 1)
+
+
+def variable(engine: str) -> str:
+    """Name of the CSS variable that holds an engine's colour."""
+    return "--engine-" + re.sub(r"[^\w-]", "_", engine)
 
 
 def colors() -> dict[str, str]:

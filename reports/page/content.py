@@ -88,9 +88,13 @@ def counted(count: int, word: str) -> str:
 
 
 def reproduce(row: Row) -> str:
-    """The command that measures a row again."""
+    """The command that measures a row again; for `ENGINE==VERSION` that of the version."""
     profile, *changes = row.profile.split(", ")
-    words = ["touchstone run", row.scenario, f"--engine {row.engine}", f"--profile {profile}"]
+    engine, _, version = row.engine.partition("==")
+    words = ["touchstone run", row.scenario, f"--engine {engine}", f"--profile {profile}"]
+    if version:
+        words[0] = "touchstone versions"
+        return " ".join([*words, f"--version {version}"])
     for change in changes:
         key, _, value = change.partition("=")
         words.append(

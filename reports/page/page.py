@@ -112,7 +112,7 @@ def _asset(name: str) -> str:
 def _colors() -> str:
     """Colours of the engines in the page; black becomes the colour of the text."""
     shown = {name: "var(--ink)" if color == "#000000" else color for name, color in charts.colors().items()}
-    rules = [f"--engine-{name}: {color};" for name, color in shown.items()]
+    rules = [f"{charts.variable(name)}: {color};" for name, color in shown.items()]
     marks = [
         f'[data-engine="{name}"] {{ --engine: {color}; stroke: {color}; }}' for name, color in shown.items()
     ]

@@ -23,7 +23,7 @@ from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.bootstrap import Ratio, mean, restart_ratio
 from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.compare.changes import changes
-from touchstone.reports.compare.tolerances import DEFAULT, Tolerance
+from touchstone.reports.compare.tolerances import Tolerance
 from touchstone.reports.metrics.state import state_hash
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.request import Request, Results
@@ -32,7 +32,7 @@ from touchstone.scenarios.scenario import Scenario
 
 SAME = 1e-2
 """Relative change of a figure that counts as none [1]."""
-ALLOWED = (*DEFAULT, Tolerance("*", SAME, 1e-9), Tolerance("time*", np.inf), Tolerance("state.hash", np.inf))
+ALLOWED = (Tolerance("*", SAME, 1e-9), Tolerance("time*", np.inf), Tolerance("state.hash", np.inf))
 """Tolerances of figures; times are compared over several rounds instead, states by their distance."""
 
 

@@ -10,8 +10,9 @@ import pytest
 
 from touchstone.adapters.conformance.check import check
 from touchstone.adapters.contract import Settings, Unsupported
+from touchstone.adapters.knobs import SettingError
 from touchstone.adapters.recorder import record
-from touchstone.adapters.registry import DEFAULT_ENGINES, ENGINES, load, registered
+from touchstone.adapters.registry import DEFAULT_ENGINES, ENGINES, changes_of, load, registered, settings_of
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.catalogue import catalogue
@@ -21,6 +22,21 @@ from touchstone.scenarios.scenario import PairCoefficients
 pytest.importorskip("pydrake", reason="drake is not installed (pip install 'touchstone[drake]')")
 DT = 1 / 1020
 G = 9.81
+READ_BACK = {
+    # profile, change, key of the manifest, value
+    (
+        "point",
+        "approximation=similar",
+        "discrete_contact_approximation",
+        "DiscreteContactApproximation.kSimilar",
+    ),
+    ("point", "approximation=tamsi", "discrete_contact_solver", "DiscreteContactSolver.kTamsi"),
+    ("point", "point_stiffness=2e7", "point_stiffness", 2e7),
+    ("tamsi", "hunt_crossley_dissipation=3", "hunt_crossley_dissipation", 3.0),
+    ("sap", "relaxation_time=0.01", "relaxation_time", 0.01),
+    ("point", "stiction_tolerance=1e-4", "stiction_tolerance (as set)", 1e-4),
+    ("sap", "sap_near_rigid_threshold=0", "sap_near_rigid_threshold", 0.0),
+}
 
 
 @pytest.fixture(autouse=True)
@@ -40,6 +56,34 @@ def settings(profile: str = "point") -> Settings:
 def test_it_plays_only_when_it_is_named():
     """Drake is not among the engines that play by default."""
     assert "drake" not in DEFAULT_ENGINES
+
+
+@pytest.mark.parametrize(("profile", "text", "key", "value"), sorted(READ_BACK, key=str))
+def test_a_setting_reaches_drake(profile, text, key, value):
+    """The manifest holds the value as Drake reports it; the profile's own value changes nothing."""
+    changes = changes_of("drake", profile, (text,))
+    world = load("drake").build(catalogue()["slip"], replace(settings(profile), changes=changes))
+    world.step()
+    assert world.describe().settings[key] == value
+    world.close()
+    own = settings_of("drake").values_of(profile)
+    assert changes_of("drake", profile, [f"{name}={one}" for name, one in own.items()]) == ()
+
+
+def test_every_setting_of_drake_is_read_back_here():
+    """READ_BACK has every setting; one without effect is refused with its reason."""
+    assert {text.partition("=")[0] for _, text, *_ in READ_BACK} == set(settings_of("drake"))
+    with pytest.raises(SettingError, match="relaxation_time: does nothing with approximation=lagged"):
+        changes_of("drake", "point", ("relaxation_time=0.01",))
+
+
+def test_a_contact_is_as_stiff_as_its_geometries():
+    """Both geometries give in series: a load of m sinks by m g / 5e5 N/m under Drake's defaults."""
+    scenario = catalogue()["bounce_e0"]
+    ball = next(body for body in scenario.bodies if body.kind == "simulated")
+    run = record(load("drake"), scenario, settings())
+    depth = -run.contacts["distance"][run.contacts["time"] > scenario.duration - 0.05]
+    assert depth == pytest.approx(ball.mass * G / 5e5, rel=0.02)
 
 
 @pytest.mark.slow

@@ -11,4 +11,5 @@ ENTRY = Entry(
     color="#56B4E9",
     marker="v",
     extra="touchstone[drake]",
+    settings="touchstone.adapters.engines.drake.settings:SETTINGS",
 )

@@ -8,10 +8,11 @@ times dt is the impulse. Friction is combined harmonically (2 f g / (f + g)); th
 Profiles: contacts are points (`ContactModel.kPoint`), one for each pair of pieces, at Drake's default step of
 1 ms. `point` has Drake's default approximation (`lagged`: Hunt-Crossley dissipation, friction bounded by the
 normal force of the step before), `sap` the convex approximation that gives the SAP solver its name, `tamsi`
-the TAMSI solver. Stiffness and dissipation are Drake's defaults: near-rigid contact, or 1 mm of penetration
-allowance where an approximation has a stiffness. None is called `recommended`: for faces Drake's
-documentation recommends hydroelastic contact, whose pressure field has no points with distances as the
-contract wants them. https://drake.mit.edu/doxygen_cxx/group__multibody__simulation.html
+the TAMSI solver, which Drake deprecates. Stiffness and dissipation are the defaults of SceneGraph: 1e6 N/m of
+each geometry, thus 5e5 N/m of a contact, whatever the masses; 50 s/m of Hunt-Crossley dissipation, or 0.1 s
+of relaxation under `sap`. None is called `recommended`: for faces Drake's documentation recommends
+hydroelastic contact, whose pressure field has no points with distances as the contract wants them.
+https://drake.mit.edu/doxygen_cxx/group__multibody__simulation.html
 """
 
 from __future__ import annotations
@@ -27,8 +28,6 @@ from pydrake.multibody.math import SpatialForce, SpatialVelocity
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     CalcContactFrictionFromSurfaceProperties,
-    ContactModel,
-    DiscreteContactApproximation,
     ExternallyAppliedSpatialForce,
 )
 from pydrake.systems.analysis import Simulator
@@ -44,28 +43,25 @@ from touchstone.adapters.contract import (
     State,
     Unsupported,
 )
-from touchstone.adapters.engines.drake import ENTRY, SAP, TAMSI
+from touchstone.adapters.engines.drake import ENTRY, TAMSI
 from touchstone.adapters.engines.drake.model import (
     Geometries,
     add_hinge,
     add_pieces,
     add_servos,
+    approximation_of,
     check_restitution,
+    contact_facts,
     filter_pairs,
     harmonic_factors,
     inertia_of,
+    set_contact_model,
     transform,
 )
 from touchstone.adapters.material_combine import frictions
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import Scenario
-
-APPROXIMATION = {
-    SAP: DiscreteContactApproximation.kSap,
-    TAMSI: DiscreteContactApproximation.kTamsi,
-}
-"""Discrete approximation of a profile; `lagged`, Drake's default, for the others."""
 
 
 class DrakeEngine:
@@ -79,7 +75,7 @@ class DrakeEngine:
         require_profile(self.name, settings)
         if settings.drive == "posed" and scenario.trackers:
             raise Unsupported("drake: no kinematic links in a discrete plant; choose --drive native")
-        if settings.profile == TAMSI and scenario.trackers and settings.drive == "native":
+        if approximation_of(settings) == TAMSI and scenario.trackers and settings.drive == "native":
             raise Unsupported("drake: TAMSI has no position servos; choose the profile point")
         check_restitution(scenario)
         return World(scenario, settings)
@@ -111,9 +107,7 @@ class World:
 
     def _build(self, scene_graph: Any) -> None:
         scenario, settings, plant = self._scenario, self._settings, self._plant
-        plant.set_contact_model(ContactModel.kPoint)
-        approximation = APPROXIMATION.get(settings.profile, DiscreteContactApproximation.kLagged)
-        plant.set_discrete_contact_approximation(approximation)
+        set_contact_model(plant, scene_graph, settings)
         plant.mutable_gravity_field().set_gravity_vector(np.array(scenario.acting_gravity))
         factors = harmonic_factors(scenario, frictions(scenario))
         driven = [plant.AddModelInstance(f"driven {k}") for k in range(len(scenario.trackers))]
@@ -135,7 +129,7 @@ class World:
         filter_pairs(plant, scene_graph, scenario, geometries)
         self._add_drives()
         plant.Finalize()
-        self._inspector = scene_graph.model_inspector()
+        self._inspector, self._scene_graph = scene_graph.model_inspector(), scene_graph
         self._driven = driven
 
     def _add_drives(self) -> None:
@@ -296,11 +290,7 @@ class World:
     def _facts(self) -> dict[str, Scalar]:
         plant = self._plant
         return {
-            "contact_model": str(plant.get_contact_model()),
-            "discrete_contact_approximation": str(plant.get_discrete_contact_approximation()),
-            "discrete_contact_solver": str(plant.get_discrete_contact_solver()),
-            "contact_penalty_time_scale": float(plant.get_contact_penalty_method_time_scale()),
-            "restitution": "none: Drake has no coefficient of restitution",
+            **contact_facts(plant, self._scene_graph, self._settings),
             "gravity_vector": str(plant.gravity_field().gravity_vector().tolist()),
             "actuators": int(plant.num_actuators()),
             "collision_shapes": len(self._index),

@@ -12,13 +12,15 @@ from pydrake.geometry import (
     Capsule,
     CollisionFilterDeclaration,
     Convex,
+    DefaultProximityProperties,
     Ellipsoid,
     GeometrySet,
     ProximityProperties,
+    SceneGraphConfig,
     Sphere,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import CoulombFriction
+from pydrake.multibody.plant import ContactModel, CoulombFriction, DiscreteContactApproximation
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
     PdControllerGains,
@@ -28,7 +30,8 @@ from pydrake.multibody.tree import (
 )
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, Unsupported
+from touchstone.adapters.contract import Array, Scalar, Settings, Unsupported
+from touchstone.adapters.engines.drake.settings import SETTINGS
 from touchstone.adapters.material_combine import MIX_TOLERANCE, Pairs, restitutions
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios import scenario as shapes
@@ -40,6 +43,52 @@ restitution. That of the materials of Table 1; a body then keeps 9 % of the ener
 scene is about bounces, and is refused."""
 Geometries = dict[int, list[Any]]
 """Ids of the geometries per body."""
+APPROXIMATIONS = {
+    "tamsi": DiscreteContactApproximation.kTamsi,
+    "sap": DiscreteContactApproximation.kSap,
+    "similar": DiscreteContactApproximation.kSimilar,
+    "lagged": DiscreteContactApproximation.kLagged,
+}
+OF_GEOMETRIES = ("point_stiffness", "hunt_crossley_dissipation", "relaxation_time")
+"""Settings that are default properties of geometries."""
+
+
+def approximation_of(settings: Settings) -> str:
+    """Name of the contact approximation of a profile and its changes."""
+    changed = dict(text.split("=") for text in settings.changes)
+    return changed.get("approximation", SETTINGS["approximation"].profiles[SETTINGS.column(settings.profile)])
+
+
+def set_contact_model(plant: Any, scene_graph: Any, settings: Settings) -> None:
+    """Point contact with the approximation of the profile, and the changed settings."""
+    changed = SETTINGS.numbers(settings.changes)
+    plant.set_contact_model(ContactModel.kPoint)
+    plant.set_discrete_contact_approximation(APPROXIMATIONS[approximation_of(settings)])
+    if "stiction_tolerance" in changed:
+        plant.set_stiction_tolerance(changed["stiction_tolerance"])
+    if "sap_near_rigid_threshold" in changed:
+        plant.set_sap_near_rigid_threshold(changed["sap_near_rigid_threshold"])
+    properties = DefaultProximityProperties()
+    for name in OF_GEOMETRIES:
+        if name in changed:
+            setattr(properties, name, changed[name])
+    scene_graph.set_config(SceneGraphConfig(default_proximity_properties=properties))
+
+
+def contact_facts(plant: Any, scene_graph: Any, settings: Settings) -> dict[str, Scalar]:
+    """Settings of contacts as read back from Drake; it has no getter of the stiction tolerance."""
+    properties = scene_graph.get_config().default_proximity_properties
+    changed = SETTINGS.numbers(settings.changes)
+    tolerance = changed.get("stiction_tolerance", SETTINGS["stiction_tolerance"].profiles[0])
+    return {
+        "contact_model": str(plant.get_contact_model()),
+        "discrete_contact_approximation": str(plant.get_discrete_contact_approximation()),
+        "discrete_contact_solver": str(plant.get_discrete_contact_solver()),
+        **{name: float(getattr(properties, name)) for name in OF_GEOMETRIES},
+        "stiction_tolerance (as set)": float(tolerance),
+        "sap_near_rigid_threshold": float(plant.get_sap_near_rigid_threshold()),
+        "restitution": "none: Drake has no coefficient of restitution",
+    }
 
 
 def transform(position: Array, orientation: Array) -> RigidTransform:

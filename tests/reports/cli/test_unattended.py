@@ -94,6 +94,16 @@ def test_closed_or_full_streams_are_no_traceback(closed, tmp_path):
     assert "Traceback" not in done.stderr
 
 
+def test_a_reader_that_stops_and_a_full_output_have_their_codes():
+    """`| head` is exit 141 in silence, a full standard output exit 2 with one line."""
+    running = program("list", "scenarios", stdout=subprocess.PIPE)
+    running.stdout.close()  # as head does after its lines
+    assert (running.wait(), running.stderr.read()) == (141, "")
+    line = f'"{sys.executable}" -c "{CALL}" list scenarios > /dev/full'
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (2, "touchstone: standard output: No space left on device\n")
+
+
 def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_path):
     """A fault of the program is exit 70 and one line that names the file of its traceback."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

@@ -90,6 +90,18 @@ def test_an_update_that_changes_physics_is_told(touchstone, released, tmp_path):
     assert set(changed.version) == {LIGHTER}
     assert "worse" in set(changed.kind)
     assert (tmp_path / "found" / LIGHTER / "recordings" / "fall-faked-default.npz").exists()
+    # `view` shows the versions side by side, in the order of the command
+    code, out, err = touchstone("view", "found", "fall", "--no-open")
+    assert (code, out, err) == (0, "found/view-fall.html\n", "")
+    text = Path("found/view-fall.html").read_text("utf-8")
+    names = [f"faked=={version}" for version in ("1.0", SAME, LIGHTER)]
+    places = [text.index(f'data-engine="{name}"') for name in names]
+    assert places == sorted(places)
+    assert f"touchstone versions fall --engine faked --profile default --version {LIGHTER}" in text
+    assert not set(names) & set(ENGINES)
+    code, _, err = touchstone("view", "found", "fall", "--engine", "faked", "--no-open")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "did you mean 'faked==" in err
     assert not list(environments_folder().glob(".*"))
 
 

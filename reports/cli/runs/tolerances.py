@@ -1,0 +1,49 @@
+"""`touchstone tolerances`: how far apart the times of runs of one program are."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from touchstone.reports.cli.options import BAD_INPUT, stop
+
+
+def tolerances(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs of one program on one machine.")],
+    out: Annotated[
+        Path | None, typer.Option(help="TOML file to write for `compare --tolerance` (default: none).")
+    ] = None,
+) -> None:
+    """Measure how far apart times are between runs of one program: the tolerances of `compare` here."""
+    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.compare.measured_times import differences, toml_of
+    from touchstone.reports.compare.stored import RunError, table_of
+    from touchstone.reports.results import write_beside
+
+    names = [str(run) for run in dict.fromkeys(runs)]
+    if len(names) < 2:
+        stop(f"{names[0]}: name two runs or more", BAD_INPUT)
+    try:
+        found = differences({name: table_of(Path(name)) for name in names})
+    except RunError as error:
+        stop(str(error), BAD_INPUT)
+    show_rows([_shown(row) for row in found.to_dict("records")], "table")
+    if out is not None:
+        try:
+            write_beside(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
+        except OSError as error:
+            stop(f"--out {out}: {error.strerror or error}", BAD_INPUT)
+        print(out)
+
+
+def _shown(row: Mapping[Hashable, Any]) -> dict[str, object]:
+    """A row with its shares in per cent."""
+    texts = {
+        name: f"{100 * row[name]:.3g} %" if isfinite(row[name]) else "not judged"
+        for name in ("median", "largest", "tolerance")
+    }
+    return {"metric": row["metric"], "rows": row["rows"], **texts}
