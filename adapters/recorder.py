@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from math import inf
 from resource import RUSAGE_SELF, RUSAGE_THREAD, getrusage
 from time import perf_counter, process_time
@@ -40,6 +41,7 @@ CROSSINGS = 200
 """Empty calls timed per run."""
 
 
+@lru_cache(maxsize=16)
 def scenario_json(scenario: Scenario) -> str:
     """A scenario as JSON text."""
     return json.dumps(dataclasses.asdict(scenario), allow_nan=False)

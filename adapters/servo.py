@@ -16,10 +16,14 @@ step as well; where that loop diverges without any contact, the scene is refused
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array, Unsupported
+from touchstone.adapters.vector_products import rotation_between, rotation_matrix
 from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.scenario import Scenario, Tracker
@@ -32,6 +36,48 @@ STABLE_GAIN = 2.0
 damper (R) whose force is held over a step [1]."""
 POSTURES_PER_SECOND = 10
 """Rate at which a tracker's postures are sampled for the hinges' inertia [1/s]: fast ones take 0.1 s."""
+KEPT = 32
+"""Trackers whose inertia a process keeps."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartingBody:
+    """A tracker's driven body in its first posture, and the inertia of its servo, which no step changes.
+
+    Attributes:
+        motion: of the tracker at the start.
+        position, orientation: of the links' origins, root first (n, 3) [m] and (n, 4) wxyz.
+        mass: of all links [kg].
+        axes: of the root (3, 3).
+        inertia: in joint space (6 + j, 6 + j).
+        servo: inertia of the hinges (j, j), limited in all postures of the tracker.
+    """
+
+    motion: TrackerMotion
+    position: Array
+    orientation: Array
+    mass: float
+    axes: Array
+    inertia: Array
+    servo: Array
+
+
+@lru_cache(KEPT)
+def starting_body(scenario: Scenario, tracker: Tracker) -> StartingBody:
+    """The driven body of a tracker; computed once per process, for it takes longer than many a scene."""
+    start = sample(tracker, np.zeros(1))
+    place, turn = _poses(scenario, tracker, start)
+    inertia = joint_space_inertia(scenario, tracker, place[:, 0], turn[:, 0])
+    servo = _felt(inertia)
+    times = np.linspace(0.0, scenario.duration, 1 + round(POSTURES_PER_SECOND * scenario.duration))
+    if tracker.joints:
+        places, turns = _poses(scenario, tracker, sample(tracker, times))
+        for k in range(len(times)):
+            own = joint_space_inertia(scenario, tracker, places[:, k], turns[:, k])
+            servo = cut(servo, _felt(own))
+    mass = sum(scenario.bodies[link].mass for link in scenario.links(tracker))
+    orientation = Rotation.from_matrix(turn[:, 0]).as_quat(scalar_first=True)
+    return StartingBody(start, place[:, 0], orientation, mass, turn[0, 0], inertia, servo)
 
 
 class Drive:
@@ -40,34 +86,19 @@ class Drive:
     def __init__(self, scenario: Scenario, tracker: Tracker, dt: float) -> None:
         steps = round(scenario.duration / dt)
         self.target = sample(tracker, np.minimum(np.arange(1, steps + 1) * dt, scenario.duration))
-        self.start = sample(tracker, np.zeros(1))
         self.links = scenario.links(tracker)
-        mass = sum(scenario.bodies[link].mass for link in self.links)
-        place, turn = self._poses(scenario, tracker, self.start)
-        inertia = joint_space_inertia(scenario, tracker, place[:, 0], turn[:, 0])
-        axes = turn[0, 0]
-        self.inertia = axes.T @ inertia[3:6, 3:6] @ axes
+        body = starting_body(scenario, tracker)
+        self.start = body.motion
+        self.inertia = body.axes.T @ body.inertia[3:6, 3:6] @ body.axes
         self.stiffness, self.damping = tracker.stiffness, tracker.damping
-        self.frequency = float(np.sqrt(tracker.stiffness / mass))
-        self._require_stable(tracker.root, inertia[:6, :6], dt)
-        felt = _felt(inertia)
-        times = np.linspace(0.0, scenario.duration, 1 + round(POSTURES_PER_SECOND * scenario.duration))
-        if tracker.joints:
-            places, turns = self._poses(scenario, tracker, sample(tracker, times))
-            for k in range(len(times)):
-                own = joint_space_inertia(scenario, tracker, places[:, k], turns[:, k])
-                felt = cut(felt, _felt(own))
+        self.frequency = float(np.sqrt(tracker.stiffness / body.mass))
+        self._require_stable(tracker.root, body.inertia[:6, :6], dt)
         self.hinge_frequency = tracker.hinge_frequency
         self._person = any(name in tracker.joints for chain in scenario.chains for name in chain.joints)
-        self.hinge_stiffness = tracker.hinge_frequency**2 * felt
-        self.hinge_damping = 2 * tracker.hinge_frequency * felt
-        self.start_position = place[:, 0]  # (n, 3) of the links, root first
-        self.start_orientation = Rotation.from_matrix(turn[:, 0]).as_quat(scalar_first=True)  # (n, 4)
-
-    @staticmethod
-    def _poses(scenario: Scenario, tracker: Tracker, motion: TrackerMotion) -> tuple[Array, Array]:
-        """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as the tracker specifies them."""
-        return link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+        self.hinge_stiffness = tracker.hinge_frequency**2 * body.servo
+        self.hinge_damping = 2 * tracker.hinge_frequency * body.servo
+        # (n, 3) and (n, 4) of the links, root first; engines may change theirs
+        self.start_position, self.start_orientation = body.position.copy(), body.orientation.copy()
 
     @property
     def servo_stiffness(self) -> Array:
@@ -133,11 +164,9 @@ class Drive:
         target = self.target
         force = self.stiffness * (target.position[step] - position)
         force += self.damping * (target.linear_velocity[step] - velocity)
-        turned = Rotation.from_quat(orientation, scalar_first=True)
-        error = (Rotation.from_quat(target.orientation[step], scalar_first=True) * turned.inv()).as_rotvec()
-        wanted = self.frequency**2 * error
+        wanted = self.frequency**2 * rotation_between(orientation, target.orientation[step])
         wanted += 2 * self.frequency * (target.angular_velocity[step] - omega)
-        axes = turned.as_matrix()
+        axes = rotation_matrix(orientation)
         return force, axes @ (self.inertia @ (axes.T @ wanted))
 
     def hinge_torques(self, step: int, angle: Array, rate: Array) -> Array:
@@ -156,6 +185,11 @@ class Drive:
             "hinge stiffness [N m/rad]": self.hinge_stiffness.tolist(),
             "hinge damping [N m s/rad]": self.hinge_damping.tolist(),
         }
+
+
+def _poses(scenario: Scenario, tracker: Tracker, motion: TrackerMotion) -> tuple[Array, Array]:
+    """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as the tracker specifies them."""
+    return link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
 
 
 def _felt(inertia: Array) -> Array:

@@ -14,6 +14,7 @@ from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.servo import INERTIA_RATIO, Drive, cut
+from touchstone.adapters.vector_products import rotation_between, rotation_matrix
 from touchstone.reference_impl.driven.skeleton import joint_space_inertia, pose_links
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
@@ -255,3 +256,16 @@ def test_engines_follow_the_plain_recurrence_of_the_coupling(lab, registry, name
             x = x + dt * v
             path.append(x)
         assert run.position[1:, k] == pytest.approx(np.array(path)[3::4], abs=1e-6)
+
+
+def test_single_rotations_are_those_of_scipy():
+    """Matrix and rotation vector of random quaternions, near and far, of any length: equal to the bit."""
+    rng = np.random.default_rng(18)
+    for k in range(2000):
+        a = rng.normal(size=4)
+        b = rng.normal(size=4) if k % 2 else a + rng.normal(size=4) * 10.0 ** -rng.integers(1, 9)
+        first, second = (Rotation.from_quat(one, scalar_first=True) for one in (a, b))
+        assert np.array_equal(rotation_matrix(a), first.as_matrix())
+        assert np.array_equal(rotation_between(a, b), (second * first.inv()).as_rotvec())
+    with pytest.raises(ValueError, match="length 0"):
+        rotation_matrix(np.zeros(4))

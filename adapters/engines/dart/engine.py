@@ -125,6 +125,12 @@ def _filter(world: Any, scenario: Scenario, nodes: list[Any]) -> None:
                 blacklist.addBodyNodePairToBlackList(first, second)
 
 
+def _hinges(hand: Any) -> list[tuple[Any, float, float]]:
+    """Joints of a skeleton after the root's, with their limits [rad], in the order of the tracker."""
+    joints = [hand.getJoint(number) for number in range(1, hand.getNumJoints())]
+    return [(one, one.getPositionLowerLimit(0), one.getPositionUpperLimit(0)) for one in joints]
+
+
 class World:
     """A dartpy World; `_nodes` holds a BodyNode per body of the scenario."""
 
@@ -177,6 +183,7 @@ class World:
         if self._native:
             for drive, hand in zip(self._drives, self._hands):
                 add_servos(hand, drive)
+        self._hinges = [_hinges(hand) for hand in self._hands]
 
     def drive(self, step: int) -> None:
         """Apply force and torque at the root's origin in world axes, and command the hinges' servos or
@@ -198,10 +205,8 @@ class World:
             if self._native:
                 self._changed[k] = np.array(hand.getVelocityChanges())
                 self._set_point[k] = drive.target.angle[step], drive.target.rate[step]
-                for number, target in enumerate(drive.target.angle[step], start=1):
+                for target, (joint, low, high) in zip(drive.target.angle[step].tolist(), self._hinges[k]):
                     # DART rejects a rest position beyond the limits.
-                    joint = hand.getJoint(number)
-                    low, high = joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0)
                     joint.setRestPosition(0, min(max(target, low), high))
                 torques = drive.servo_damping * drive.target.rate[step]
             else:

@@ -41,6 +41,7 @@ from touchstone.adapters.engines.mujoco.model import (
 from touchstone.adapters.posed_drive import posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive
+from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import Scenario
 
 OPTIONS = (
@@ -202,7 +203,7 @@ class World:
         state.position[:], state.orientation[:] = data.xpos[body], data.xquat[body]
         omega = data.cvel[body, :3]
         arm = data.xipos[body] - data.subtree_com[model.body_rootid[body]]
-        state.linear_velocity[:] = data.cvel[body, 3:] + np.cross(omega, arm)
+        state.linear_velocity[:] = data.cvel[body, 3:] + cross(omega, arm)
         state.angular_velocity[:] = omega
         for posed, hinges in self._posed:
             posed.show(self._moment, state, hinges)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 
 import pandas as pd
 
@@ -30,6 +32,7 @@ from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.sweep import quietly, sweep
 from touchstone.reports.sweep.timing_rounds import TimingRounds
+from touchstone.scenarios.catalogue import catalogue
 
 
 class Plan:
@@ -47,8 +50,10 @@ class Plan:
 
     @property
     def accuracy(self) -> list[Cell]:
-        """All accuracy cells, those of the truth first: they take longest."""
-        return list(dict.fromkeys([*self.truths, *self.measured, *self.ladder]))
+        """All accuracy cells: longest scenes first, so that all processes end at about the same time, and
+        smallest steps first; scene by scene, because processes keep what they derive from a scene."""
+        cells = dict.fromkeys([*self.truths, *self.measured, *self.ladder])
+        return sorted(cells, key=lambda cell: (-_size(cell.scenario), cell.scenario, cell.dt))
 
     @property
     def timing(self) -> list[Cell]:
@@ -62,18 +67,47 @@ class Plan:
         return len(self.accuracy) + len(self.timing)
 
 
+def _size(scene: str) -> float:
+    """Bodies times simulated seconds: what a step size costs in a scene, roughly."""
+    scenario = catalogue()[scene]
+    return len(scenario.bodies) * scenario.duration
+
+
+class Phases:
+    """Wall time of the parts of a study [s], by name."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Time what happens meanwhile."""
+        start = perf_counter()
+        yield
+        self.seconds[name] = perf_counter() - start
+
+
 def measure(
-    plan: Plan, store: Path, jobs: int | None = None, progress: Progress = quietly
+    plan: Plan,
+    store: Path,
+    jobs: int | None = None,
+    progress: Progress = quietly,
+    phases: Phases | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Measure what the store lacks; returns the tables of points and of the ladder."""
-    accuracy = sweep(plan.accuracy, store, jobs=jobs, progress=progress, series=True)
+    phases = phases or Phases()
+    with phases.phase("accuracy"):
+        accuracy = sweep(plan.accuracy, store, jobs=jobs, progress=progress, series=True)
     ended = set(accuracy[(accuracy.metric == "run") & (accuracy.outcome == "done")].cell)
     done = {(c.scenario, c.engine, c.profile, c.dt, c.changes) for c in plan.accuracy if hash_of(c) in ended}
     timed = [c for c in plan.timing if (c.scenario, c.engine, c.profile, c.dt, c.changes) in done]
-    timing = sweep(timed, store, executor=TimingRounds, progress=progress, series=True)
-    frame = pd.concat([accuracy, timing], ignore_index=True)
-    table = points(frame, plan.measured, plan.rounds)
-    return table, ladder(frame, plan.ladder)
+    with phases.phase("timing"):
+        timing = sweep(timed, store, executor=TimingRounds, progress=progress, series=True)
+    with phases.phase("errors"):
+        frame = pd.concat([accuracy, timing], ignore_index=True)
+        table = points(frame, plan.measured, plan.rounds)
+        rungs = ladder(frame, plan.ladder)
+    return table, rungs
 
 
 def run(
@@ -82,21 +116,24 @@ def run(
     """Measure, draw and store; the folder `out` appears complete or not at all, `store` keeps every cell."""
     from touchstone.reports.studies.work_precision.picture import draw
 
+    phases = Phases()
     with output_folder(out) as folder:
-        table, rungs = measure(plan, store, jobs, progress)
+        table, rungs = measure(plan, store, jobs, progress, phases)
         found = fronts(table)
         for name, frame in (("results", table), ("fronts", found), ("ladder", rungs)):
             write_beside(folder / f"{name}.parquet", partial(frame.to_parquet, index=False))
             write_beside(folder / f"{name}.csv", partial(frame.to_csv, index=False))
+        with phases.phase("pictures"):
+            draw(table, folder)
         save_manifest(
             folder,
             {
                 "study": STUDY,
                 "store": str(store),
                 "rounds of timing": plan.rounds,
+                "seconds": {name: round(value, 1) for name, value in phases.seconds.items()},
                 "quantities": {q.name: q.meaning for q in QUANTITIES.values()},
             },
         )
-        draw(table, folder)
-    table.attrs |= {"fronts": found, "ladder": rungs}
+    table.attrs |= {"fronts": found, "ladder": rungs, "seconds": phases.seconds}
     return table

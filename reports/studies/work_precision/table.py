@@ -44,6 +44,10 @@ def show(table: pd.DataFrame, console: Console) -> None:
     failed = table[table.quantity == ""]
     for row in _rows(failed):
         console.print(f"{row.reproduce.removeprefix('touchstone run ')}: {row.outcome}: {row.reason}")
+    seconds = table.attrs.get("seconds")
+    if seconds:
+        parts = ", ".join(f"{name} {value:.0f} s" for name, value in seconds.items())
+        console.print(f"The study took {sum(seconds.values()):.0f} s: {parts}.")
 
 
 def _unconverged(table: pd.DataFrame, console: Console) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from io import StringIO
+
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
@@ -25,6 +28,8 @@ from touchstone.reports.studies.work_precision.fronts import fronts
 from touchstone.reports.studies.work_precision.ladder_cells import ladder_cells, rungs
 from touchstone.reports.studies.work_precision.picture import draw
 from touchstone.reports.studies.work_precision.points import COLUMNS
+from touchstone.reports.studies.work_precision.study import Plan
+from touchstone.reports.studies.work_precision.table import show
 
 RNG = np.random.default_rng(15)
 
@@ -241,6 +246,26 @@ def test_the_default_study_has_what_was_asked_for():
         assert any(cell.changes for cell in mine) or engine == "reference"
     assert {cell.scenario for cell in truth_cells(names)} == set(names)
     assert set(QUANTITIES) == {"position", "overlap", "energy", "friction", "events"}
+
+
+def test_the_longest_cells_are_measured_first():
+    """Scenes stay together, the dearest first, each with its smallest steps first; none is lost."""
+    plan = Plan(["fall", "ball_snip"], ("reference", "mujoco"))
+    cells = plan.accuracy
+    assert list(dict.fromkeys(cell.scenario for cell in cells)) == ["ball_snip", "fall"]
+    for scene in ("fall", "ball_snip"):
+        steps = [cell.dt for cell in cells if cell.scenario == scene]
+        assert steps == sorted(steps)
+    assert set(cells) == {*plan.truths, *plan.measured, *plan.ladder}
+
+
+def test_a_study_says_what_it_cost():
+    """The wall time of each phase is printed."""
+    frame = table()
+    frame.attrs["seconds"] = {"accuracy": 61.2, "timing": 30.4}
+    console = Console(record=True, width=100, file=StringIO())
+    show(frame, console)
+    assert "The study took 92 s: accuracy 61 s, timing 30 s." in console.export_text()
 
 
 def test_the_ladder_toggles_one_setting_at_a_time():
