@@ -4,6 +4,7 @@ artefact."""
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import PairCoefficients
+from touchstone.scenarios.scenario import Box, PairCoefficients, Piece, Sphere
 
 pytest.importorskip("pydrake", reason="drake is not installed (pip install 'touchstone[drake]')")
 DT = 1 / 1020
@@ -136,6 +137,43 @@ def test_a_box_stands_on_one_point():
     rows = record(load("drake"), scenario, settings()).contacts
     steps = np.floor(rows["time"] / DT + 1e-6).astype(int)
     assert np.bincount(steps).max() == 1
+
+
+def _with_corner_balls(scenario, radius):
+    """The scenario with a ball in each corner of its simulated boxes, whose boxes are inset."""
+    bodies = []
+    for body in scenario.bodies:
+        pieces = list(body.pieces) if body.kind == "simulated" else []
+        for k, piece in enumerate(body.pieces if pieces else ()):
+            half = np.array(piece.shape.half_extents)
+            pieces[k] = replace(piece, shape=Box(tuple((half - radius / 5).tolist())))
+            for signs in product((-1, 1), repeat=3):
+                at = tuple((np.array(signs) * (half - radius)).tolist())
+                pieces.append(Piece(f"corner {signs}", Sphere(radius), position=at))
+        bodies.append(replace(body, pieces=tuple(pieces)) if pieces else body)
+    return replace(scenario, bodies=tuple(bodies))
+
+
+@pytest.mark.parametrize("profile", ["point", "sap", "tamsi"])
+def test_corner_balls_hold_what_one_point_lets_go(profile):
+    """One point is the cause: with a ball in each corner the box on the incline holds, under all three."""
+    scenario = catalogue()["incline_holds"]
+    moved = []
+    for played in (scenario, _with_corner_balls(scenario, 1e-3)):
+        run = record(load("drake"), played, settings(profile))
+        moved.append(np.linalg.norm(run.position[-1] - run.position[0], axis=1).max())
+    assert moved[0] > 4e-3
+    assert moved[1] < 1e-3
+
+
+def test_sap_relaxes_slowly():
+    """The default relaxation time of 0.1 s leaves a ball deep after its impact; 10 ms do not."""
+    scenario, deep = catalogue()["bounce_e0"], []
+    for changes in ((), ("relaxation_time=0.01",)):
+        run = record(load("drake"), scenario, replace(settings("sap"), changes=changes))
+        deep.append(-run.contacts["distance"][-1])
+    assert deep[0] > 2e-4
+    assert deep[1] < 5e-5
 
 
 @pytest.mark.parametrize(("profile", "least", "most"), [("point", 0.01, 0.2), ("tamsi", 0.0, 1e-6)])

@@ -18,6 +18,7 @@ from touchstone.reports.cli.options import (
     printed,
     progress_for,
     stop,
+    tell_failures,
 )
 from touchstone.reports.cli.scenes.chosen import LimitsOption, limits_for, metrics_for
 
@@ -54,4 +55,6 @@ def judge(
 
         show(results.frame, console())
         print(f"results: {folder}")
+    if quiet:
+        tell_failures(results.frame)
     exit_for(results.frame.verdict, by_name=False)

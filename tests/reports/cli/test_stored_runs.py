@@ -27,8 +27,9 @@ def test_a_run_is_judged_again(old, tmp_path):
     code, out, _ = old("compare", "old", "new")
     assert (code, " 0 worse" in out) == (0, True)
     (tmp_path / "l.toml").write_text('[[limits]]\nmetric = "work"\nlargest = 0\n')
-    code, _, _ = old("judge", "old", "--limits", "l.toml", "--metric", "wor*", "--out", "strict", "--quiet")
+    code, _, err = old("judge", "old", "--limits", "l.toml", "--metric", "wor*", "--out", "strict", "--quiet")
     assert code == 1
+    assert "fail: ball_snip reference balanced: work" in err
     code, out, _ = old("compare", "old", "strict", "--metric", "work")
     assert (code, " 0 worse" in out) == (1, False)
     code, out, _ = old("compare", "old", "strict", "--metric", "work", "--format", "csv")
