@@ -222,6 +222,9 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
                 fraction * h,
             )
         state["parted_energy"] += state["unpaid_energy"]
+        if state["squeezed"] == 1:
+            state["squeezed"] = 0
+            remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
         left -= fraction * h
         if left <= TIME_MIN:
             break

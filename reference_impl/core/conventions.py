@@ -116,6 +116,11 @@ SEPARATION_DEPTH = 0.75 * OVERLAP_TOLERANCE
 """Depth that separation leaves if the energy guard is active [m]: a short lift adds little energy."""
 SEPARATION_SWEEPS = 100
 """Sweeps over the pairs of simulated bodies in one round of separation; a heap takes tens."""
+PLAIN_SWEEPS = 20
+OVER_RELAXATION = 1.8
+"""Factor by which separation moves two simulated bodies further than their depth after PLAIN_SWEEPS [1]."""
+YIELD_ROUNDS = REMOVAL_ROUNDS // 2
+"""Rounds of separation after which drivers yield to simulated bodies."""
 WAY_BACK_STEPS = 24
 """Bisections between the last free pose and the pose at entry: 6e-8 of their distance."""
 
