@@ -23,6 +23,10 @@ LAGS = (
     "a chain follows its tracker with a lag of 0.1 s and comes free link by link: for much of the time in "
     "which the tracker is in the wall, the hand is not at it yet, or no longer"
 )
+PILES = (
+    "impulses one after the other, each down to an approach of 1e-4 m/s, carry only part of a pile's load in "
+    "a frame: its pieces creep, and separation lifts them; impulses=together: tower_10 gains 2e-11 J, not 0.2"
+)
 PRESSED = (
     "a limb is pressed between contacts that nearly oppose each other: the posture QP ends at its 96 sweeps; "
     "the next round detects and solves again, and overlap ends at 1e-6 m; with 960 sweeps none ends early"
@@ -131,6 +135,38 @@ CAUSES: tuple[Cause, ...] = (
         never={
             "paper": {
                 "events.meet": "volley:ball_2-right_hand",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        PILES,
+        {
+            "paper": {
+                "contact.gap": "tower_40",
+                "contact.impulse_balance": "break_15",
+                "energy.injected": (
+                    "arch_slides arch_stands arch_thin brick_wall coin_falls coin_rolls coin_spins "
+                    "dominoes load_1e4 pyramid tall_holds tip_falls tip_holds tower_10 tower_20 "
+                    "tower_20_jittered tower_40"
+                ),
+                "friction.creep": (
+                    "arch_stands brick_wall load_1e4 pyramid tall_holds tip_holds tower_10 tower_20 "
+                    "tower_20_jittered tower_40"
+                ),
+                "friction.deficit": (
+                    "arch_stands brick_wall load_1e4 pyramid tall_holds tip_falls tip_holds tower_10 "
+                    "tower_20 tower_20_jittered tower_40"
+                ),
+                "friction.lift": "load_1e4 tall_holds tip_holds tower_40",
+                "friction.tilt": "load_1e4 tall_holds tip_holds tower_40",
+                "overlap.max": "tower_40",
+                "rest.moved": (
+                    "arch_stands brick_wall load_1e4 pyramid tall_holds tip_holds tower_10 tower_20 "
+                    "tower_20_jittered tower_40"
+                ),
+                "run": "load_1e6",
+                "symmetry.mirror": "arch_stands break_15 brick_wall dominoes pyramid",
             },
         },
     ),
