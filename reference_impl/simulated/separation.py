@@ -52,7 +52,7 @@ def separate_simulated(bodies, pieces, vertices, pairs, first, state):
 
 @kernel
 def _leave_to_drivers(bodies, pairs, first, end):
-    """Set the distance of pairs with a driven body to infinity; returns the largest depth of the others [m]."""
+    """Set the distance of pairs with a driven body to infinity; returns the others' largest depth [m]."""
     deepest = 0.0
     for k in range(first, end):
         if bodies[pairs[k]["body_a"]]["driver"] >= 0 or bodies[pairs[k]["body_b"]]["driver"] >= 0:
@@ -68,12 +68,12 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
     Against a fixed or driven body, the simulated one moves the whole depth; two simulated bodies divide it by
     inverse mass.
 
+    After PLAIN_SWEEPS, two simulated bodies move further than their depth if the energy guard is active
+    (successive over-relaxation, Young 1954): in a heap, plain sweeps converge by 0.1 % each.
+
     Args:
         evenly: two simulated bodies move half the depth each. By inverse mass, a light body between the
             ground and a heavy one needs a number of sweeps proportional to their mass ratio.
-    Two simulated bodies move further than their depth after PLAIN_SWEEPS (successive over-relaxation, Young
-    1954) if the energy guard is active: in a heap, plain sweeps converge by 0.1 % each.
-
     Returns:
         Whether SEPARATION_SWEEPS sufficed.
     """

@@ -118,8 +118,8 @@ def test_a_hand_among_loose_bodies_is_not_moved_past_them() -> None:
 def test_a_body_without_room_beside_a_hand_or_in_a_heap_does_not_sink(seed: int) -> None:
     """A hand yields to a body that it squeezes, and separation of a heap converges.
 
-    Before, hands of seeds 770185 and 770195 pressed bodies 10 um into the floor, and a heap of seed 25 sank by
-    1.08 um.
+    Before, hands of seeds 770185 and 770195 pressed bodies 10 um into the floor, and a heap of seed 25 sank
+    by 1.08 um.
     """
     assert broken(played("balanced", range(seed, seed + 1))) == []
 
