@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from math import isnan
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.known_failures.bounds import bound_of, is_measured
+from touchstone.reports.known_failures.bounds import bound_of, is_measured, was_failing
 from touchstone.reports.known_failures.table import KNOWN, Known
 from touchstone.reports.metrics.contacts.contact import DRIVEN_AUDIT_LIMIT
 from touchstone.reports.results import CONSTRUCTION, HARNESS, Row
@@ -339,19 +339,11 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     if known is not None and not met and (known.never or not isnan(row.value)):
         verdict, reason = _excused(row, known)
         basis = HARNESS if known.harness and verdict == "known" else basis
-    elif known is not None and met and _failed_when_measured(row):
+    elif known is not None and met and at_own_step(row) and was_failing(row):
         verdict, reason = "fail", f"a known failing is gone: take it out of known_failures ({known.reason})"
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
     again = known.reproduce if known is not None and verdict == "known" else row.reproduce
     return replace(row, limit=largest, verdict=verdict, basis=basis, reason=remark, reproduce=again)
-
-
-def _failed_when_measured(row: Row) -> bool:
-    """Whether a row missed its limit when the documented failings were measured: an entry for a scene covers
-    all its pairs, also those that meet the limit."""
-    if not at_own_step(row) or not is_measured(row):
-        return False
-    return row.metric.startswith("events.") or bound_of(row) is not None
 
 
 def _known(row: Row, reason: str, known: Known) -> Row:

@@ -24,10 +24,10 @@ from touchstone.reference_impl.driven.skeleton import place
 def separate_simulated(bodies, pieces, vertices, pairs, first, state):
     """Translate simulated bodies out of the overlap into which they sank during resting contact.
 
-    Args:
-        first: first row of `pairs` that may be overwritten.
     A body squeezed by a driver has no room: after YIELD_ROUNDS, the driver must yield, which `squeezed` says.
 
+    Args:
+        first: first row of `pairs` that may be overwritten.
     Returns:
         Index after the last pair that touches afterwards, from `first`; `first` if no body moved. Overlap
         that remains is counted.
