@@ -47,8 +47,9 @@ def limits(monkeypatch):
     def put(limits=(), known=(), bound=inf):
         monkeypatch.setattr(module, "LIMITS", tuple(limits))
         monkeypatch.setattr(module, "KNOWN", tuple(known))
-        monkeypatch.setattr(module, "bound_of", lambda row: bound)
-        monkeypatch.setattr(module, "is_measured", lambda row: True)
+        for place in (module, known_bounds):
+            monkeypatch.setattr(place, "bound_of", lambda row: bound)
+            monkeypatch.setattr(place, "is_measured", lambda row: True)
 
     return put
 
@@ -307,6 +308,13 @@ def test_a_known_event_that_never_happens(limits):
     assert judged(row, ()).verdict == "known"
     assert judged(replace(row, profile="balanced"), ()).verdict == "fail"
     assert judged(replace(row, value=0.5, verdict="pass"), ()).verdict == "fail"
+
+
+def test_a_pair_that_did_not_fail_when_measured_may_meet_its_limit(limits):
+    """An entry for a scene covers all its pairs, but says nothing of those without a bound."""
+    limits([Limit("overlap.max", 1.0, "why")], [Known("overlap.max", "mujoco", "soft")], bound=None)
+    assert judged(replace(ROW, value=0.5), ()).verdict == "pass"
+    assert judged(ROW, ()).verdict == "fail"
 
 
 def test_a_known_failing_may_be_gone_at_another_step(limits):
