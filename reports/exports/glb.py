@@ -93,7 +93,7 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
                 )
                 channels.append({"sampler": len(samplers) - 1, "target": {"node": k, "path": path}})
     nodes.append({"name": scenario.name, "rotation": Z_UP, "children": list(range(len(nodes)))})
-    told: dict[str, Any] = {
+    document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "touchstone"},
         "scene": 0,
         "scenes": [{"nodes": [len(nodes) - 1]}],
@@ -109,8 +109,8 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
     }
     if channels:
         name = f"{scenario.name}, {recording.facts['engine']} {recording.facts['profile']}"
-        told["animations"] = [{"name": name, "channels": channels, "samplers": samplers}]
-    return _file(json.dumps(told, allow_nan=False).encode(), bytes(buffer.data))
+        document["animations"] = [{"name": name, "channels": channels, "samplers": samplers}]
+    return _file(json.dumps(document, allow_nan=False).encode(), bytes(buffer.data))
 
 
 def _continuous(orientation: np.ndarray) -> np.ndarray:

@@ -52,8 +52,8 @@ def solver_caps(context: Context) -> Values:
     if not isinstance(found, Value):
         return {"": found}
     counts = {name: float(_per_frame(context, name).sum()) for name in names}
-    told = ", ".join(f"{name} {count:g}" for name, count in counts.items() if count)
-    return {"": Value(found.value, f"{told}; {found.reason}")}
+    text = ", ".join(f"{name} {count:g}" for name, count in counts.items() if count)
+    return {"": Value(found.value, f"{text}; {found.reason}")}
 
 
 def cap_counters(context: Context) -> tuple[str, ...]:

@@ -174,11 +174,11 @@ def _differences(
 ) -> list[Difference]:
     one, two = found.results[first].recordings, found.results[version].recordings
     every = dict.fromkeys([*found.results[first].ended, *one, *found.results[version].ended, *two])
-    told = []
+    compared = []
     for key in every:
         scenario, _, label = key
         if key not in one or key not in two:
-            told.append(Difference(scenario, label, version, float("nan"), False, None))
+            compared.append(Difference(scenario, label, version, float("nan"), False, None))
             continue
         ours, theirs = times[version, scenario, label], times[first, scenario, label]
         count = min(map(len, (*ours, *theirs)))
@@ -189,8 +189,8 @@ def _differences(
             np.arange(count),
         )
         same = state_hash(one[key]) == state_hash(two[key])
-        told.append(Difference(scenario, label, version, distance(one[key], two[key]), same, ratio))
-    return told
+        compared.append(Difference(scenario, label, version, distance(one[key], two[key]), same, ratio))
+    return compared
 
 
 def distance(one: Recording, two: Recording) -> float:

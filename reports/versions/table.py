@@ -49,8 +49,8 @@ def sentences(found: Compared) -> Iterator[str]:
         if ratios:
             words = [f"{word} in {', '.join(dict.fromkeys(names))}" for word, names in _speeds(mine) if names]
             middle = float(np.exp(np.mean(np.log(ratios))))
-            told = "; ".join(words) or "no scene is clearly beyond 5 %"
-            yield f"{version}: speed: frames take {middle:.2f} times as long as in {first}; {told}"
+            remarks = "; ".join(words) or "no scene is clearly beyond 5 %"
+            yield f"{version}: speed: frames take {middle:.2f} times as long as in {first}; {remarks}"
 
 
 def _physics(found: Compared, mine: list[Difference], first: str) -> Iterator[str]:

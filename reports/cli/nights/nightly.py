@@ -107,12 +107,12 @@ def _publish(
         except Exception as error:
             reason = f"{type(error).__name__}: {error}".splitlines()[0]
             measured.faults.append(f"{name} could not be written; the night is stored: {reason}")
-    told = [
+    lines = [
         *(one.line for one in findings if one.kind in ("regression", "warning")),
         *store.notes,
         *measured.faults,
     ]
-    for line in told:
+    for line in lines:
         print(line, file=sys.stderr)
     if not quiet:
         print(sentence)

@@ -20,10 +20,10 @@ function open(id) {
   const list = pick("dl", dialog);
   list.replaceChildren();
   for (const [name, value] of cell.facts) {
-    const term = document.createElement("dt"), told = document.createElement("dd");
+    const term = document.createElement("dt"), fact = document.createElement("dd");
     term.textContent = name;
-    told.textContent = value;
-    list.append(term, told);
+    fact.textContent = value;
+    list.append(term, fact);
   }
   pick("code", dialog).textContent = cell.command;
   const watch = pick("[data-do=watch]", dialog);

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from touchstone.reports.studies.robustness.play import EXACT, UNSOLVED
+from touchstone.reference_impl.core.conventions import RESIDUAL_OPEN
+from touchstone.reports.studies.robustness.play import EXACT
 from touchstone.reports.views.pictures import INK, PALE
 from touchstone.scenarios.random_scenes import KINDS
 
@@ -69,7 +70,7 @@ def _panel(axes: Axes, runs: pd.DataFrame) -> None:
                 _drawn(part.residual, FLOOR), _drawn(part.rise, CEILING), "o", color=hue, label=kind,
                 markersize=3.5, markeredgewidth=0, alpha=0.75,
             )  # fmt: skip
-    axes.axvline(UNSOLVED, color=PALE, linewidth=0.8, linestyle=":")
+    axes.axvline(RESIDUAL_OPEN, color=PALE, linewidth=0.8, linestyle=":")
     axes.axhline(EXACT.rise, color=PALE, linewidth=0.8, linestyle=":")
     axes.set_xlabel("largest residual of a frame [m/s]", color=INK, fontsize=9)
     axes.set_xscale("log")

@@ -56,8 +56,6 @@ EXPLODED_SPEED = 30.0
 COUNTERS = ("gave_up", "unconverged", "dropped_time", "parted_energy", "solves", "solves.open")
 """Counters of the reference for frames that were not resolved exactly; dropped_time in s, parted_energy in
 J."""
-UNSOLVED = 1e-7
-"""Residual from which a frame counts as unsolved [m/s]: it lets bodies sink by 2e-9 m per frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +113,9 @@ class Assessment:
 
     @property
     def solves(self) -> tuple[float, float]:
-        """Number of contact solves, and of those with a residual over UNSOLVED."""
-        told = dict(zip(COUNTERS, self.counters))
-        return told["solves"], told["solves.open"]
+        """Number of contact solves, and of those with a residual over RESIDUAL_OPEN."""
+        counts = dict(zip(COUNTERS, self.counters))
+        return counts["solves"], counts["solves.open"]
 
     @property
     def residual(self) -> float:
@@ -194,11 +192,11 @@ def _judged(
     finite = all(bool(np.isfinite(getattr(recording, name)).all()) for name in states)
     names = recording.work_names.tolist()
     columns = {name: recording.work[:, k] for k, name in enumerate(names)}
-    told = "residual" in columns
+    has_residuals = "residual" in columns
     found = {
         "bodies": len(context.simulated),
         "frames": len(recording.time) - 1,
-        "residuals": tuple(columns["residual"].tolist()) if told else (),
+        "residuals": tuple(columns["residual"].tolist()) if has_residuals else (),
         "counters": tuple(float(columns[name].sum()) if name in columns else nan for name in COUNTERS),
         "slowest": float(recording.time_frame.max(initial=0.0)),
     }

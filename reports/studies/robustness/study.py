@@ -18,6 +18,7 @@ import pandas as pd
 from touchstone.adapters.contract import MISSING, Settings
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
+from touchstone.reference_impl.core.conventions import RESIDUAL_OPEN
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
@@ -27,7 +28,6 @@ from touchstone.reports.studies.robustness.play import (
     COUNTERS,
     OUTCOMES,
     PATIENCE,
-    UNSOLVED,
     Assessment,
     Task,
     asked_of,
@@ -55,7 +55,7 @@ SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
 UNITS = {"rise": "1", "residual": "m/s", "overlap": "m", "momentum": "1", "slowest": "s"}
 COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in OUTCOMES)
 OPEN = f"{STUDY}.solves.open"
-"""Metric: share of contact solves with a residual over UNSOLVED [1]."""
+"""Metric: share of contact solves with a residual over RESIDUAL_OPEN [1]."""
 METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts), OPEN)
 """Metrics of the study's rows; each name begins with the study's."""
 Run = tuple[Task, Assessment]
@@ -149,7 +149,7 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
             rows.append(replace(base, metric=f"{STUDY}.{name}.{part}", value=value, unit=UNITS[name]))
     solves, unsolved = (float(np.nansum(column)) for column in zip(*(one.solves for one in found)))
     if solves > 0:
-        said = f"{unsolved:.0f} of {solves:.0f} contact solves leave more than {UNSOLVED:g} m/s"
+        said = f"{unsolved:.0f} of {solves:.0f} contact solves leave more than {RESIDUAL_OPEN:g} m/s"
         rows.append(replace(base, metric=OPEN, value=unsolved / solves, unit="1", reason=said))
     return rows
 
@@ -203,7 +203,7 @@ def table_of_runs(runs: Sequence[Run]) -> pd.DataFrame:
                 "profile": task.settings.label,
                 **facts,
                 "residual": found.residual,
-                "unsolved_frames": sum(value > UNSOLVED for value in residuals),
+                "unsolved_frames": sum(value > RESIDUAL_OPEN for value in residuals),
                 **counters,
             }
         )

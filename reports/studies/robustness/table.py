@@ -40,10 +40,10 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             for outcome, metric in zip(OUTCOMES, COUNTS)
             if part[(part.metric == metric) & (part.scenario == ALL)].value.sum() > 0
         ]
-        told = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
-        told = {head: metric for head, metric in told.items() if (part.metric == metric).any()}
+        shown = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
+        shown = {head: metric for head, metric in shown.items() if (part.metric == metric).any()}
         table = table_of(
-            f"robustness: {engine}, {profile}", ("kind", "runs", *seen, *told), padding=(0, 1, 0, 0)
+            f"robustness: {engine}, {profile}", ("kind", "runs", *seen, *shown), padding=(0, 1, 0, 0)
         )
         for kind in (*ALL_KINDS, ALL):
             rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
@@ -56,7 +56,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
                 kind,
                 str(sum(counts.values())),
                 *(str(counts[outcome] or "") for outcome in seen),
-                *(_cell(rows.get(metric)) for metric in told.values()),
+                *(_cell(rows.get(metric)) for metric in shown.values()),
             )
         out.print(table)
     print_notes(NOTES, out)
