@@ -50,87 +50,116 @@ const times = (a, b) => [
 ];
 const compose = (q, p, r, s) => [times(q, r), rotate(q, s).map((v, k) => v + p[k])];
 
-// Triangles of a shape: positions and normals, six numbers per corner.
+// Corners of a shape, six numbers each (position and normal), and the corners of its triangles: `fine`, and `coarse`
+// for players that are late.
 function shapeMesh(piece) {
-  const out = [];
-  const push = (p, n) => out.push(...p, ...n);
-  const sphere = (radii, shift) => {
-    const at = (u, v) => [Math.sin(v) * Math.cos(u), Math.sin(v) * Math.sin(u), Math.cos(v)];
-    const corner = (u, v) => {
-      const d = at(u, v), n = d.map((x, k) => x / radii[k]), l = Math.hypot(...n);
-      push(d.map((x, k) => x * radii[k] + (k === 2 ? shift(d[2]) : 0)), n.map((x) => x / l));
-    };
-    const U = 20, V = 12;
-    for (let i = 0; i < U; i++)
-      for (let j = 0; j < V; j++) {
-        const a = (2 * Math.PI * i) / U, b = (2 * Math.PI * (i + 1)) / U;
-        const c = (Math.PI * j) / V, d = (Math.PI * (j + 1)) / V;
-        for (const [u, v] of [[a, c], [a, d], [b, d], [a, c], [b, d], [b, c]]) corner(u, v);
-      }
-  };
-  if (piece.ball) sphere(piece.ball, () => 0);
-  else if (piece.capsule) {
-    const [r, h] = piece.capsule;
-    sphere([r, r, r], (z) => (z > 1e-9 ? h : z < -1e-9 ? -h : 0));
-    const U = 20;
-    for (let i = 0; i < U; i++) {
-      const [a, b] = [i, i + 1].map((k) => [Math.cos((2 * Math.PI * k) / U), Math.sin((2 * Math.PI * k) / U), 0]);
-      for (const [d, z] of [[a, -h], [b, -h], [b, h], [a, -h], [b, h], [a, h]]) push([d[0] * r, d[1] * r, z], d);
-    }
-  } else {
-    const flat = [];
-    if (piece.box) {
-      const [x, y, z] = piece.box;
-      for (let axis = 0; axis < 3; axis++)
-        for (const side of [-1, 1]) {
-          const u = (axis + 1) % 3, v = (axis + 2) % 3;
-          const at = (p, q) => {
-            const w = [0, 0, 0];
-            w[axis] = side; w[u] = p * side; w[v] = q;
-            return [w[0] * x, w[1] * y, w[2] * z];
-          };
-          flat.push(at(-1, -1), at(1, -1), at(1, 1), at(-1, -1), at(1, 1), at(-1, 1));
-        }
-    } else for (let i = 0; i < piece.hull.length; i += 3) flat.push(piece.hull.slice(i, i + 3));
-    for (let i = 0; i < flat.length; i += 3) {
-      const [a, b, c] = flat.slice(i, i + 3);
-      const e = b.map((x, k) => x - a[k]), g = c.map((x, k) => x - a[k]);
-      const n = [e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2], e[0] * g[1] - e[1] * g[0]];
-      const l = Math.hypot(...n) || 1;
-      for (const p of [a, b, c]) push(p, n.map((x) => x / l));
-    }
+  if (piece.ball) return roundMesh(piece.ball, 0);
+  if (piece.capsule) return roundMesh(Array(3).fill(piece.capsule[0]), piece.capsule[1]);
+  const flat = piece.box ? boxCorners(piece.box) : [], corners = [];
+  for (let i = 0; i < (piece.hull ?? []).length; i += 3) flat.push(piece.hull.slice(i, i + 3));
+  for (let i = 0; i < flat.length; i += 3) {
+    const [a, b, c] = flat.slice(i, i + 3);
+    const e = b.map((x, k) => x - a[k]), g = c.map((x, k) => x - a[k]);
+    const n = [e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2], e[0] * g[1] - e[1] * g[0]];
+    const l = Math.hypot(...n) || 1;
+    for (const p of [a, b, c]) corners.push(...p, ...n.map((x) => x / l));
   }
-  return out;
+  const fine = flat.map((_, k) => k);
+  return { corners, fine, coarse: fine };
 }
 
-const SOLID_VERTEX = `#version 300 es
-in vec3 position; in vec3 normal; in vec4 tint;
-uniform mat4 camera; uniform vec4 turn; uniform vec3 place; uniform vec3 eye;
-out vec3 n; out vec4 color; out float depth; out vec3 world;
-vec3 turned(vec4 q, vec3 v) { return v + 2.0 * cross(q.yzw, cross(q.yzw, v) + q.x * v); }
-void main() {
-  world = turned(turn, position) + place; n = turned(turn, normal); color = tint;
-  depth = distance(world, eye); gl_Position = camera * vec4(world, 1.0);
-}`;
+// An ellipsoid, cut in two and moved apart by twice `half_length` for a capsule.
+function roundMesh(radii, half_length) {
+  const U = 20, V = 12, corners = [], rings = [];
+  const ring = (j, shift) => {
+    rings.push({ j, first: corners.length / 6 });
+    for (let i = 0; i <= U; i++) {
+      const u = (2 * Math.PI * i) / U, v = (Math.PI * j) / V;
+      const d = [Math.sin(v) * Math.cos(u), Math.sin(v) * Math.sin(u), Math.cos(v)];
+      const n = d.map((x, k) => x / radii[k]), l = Math.hypot(...n);
+      corners.push(d[0] * radii[0], d[1] * radii[1], d[2] * radii[2] + shift, ...n.map((x) => x / l));
+    }
+  };
+  for (let j = 0; j <= V; j++) {
+    ring(j, j > V / 2 ? -half_length : half_length);
+    if (half_length && j === V / 2) ring(j, -half_length);
+  }
+  const triangles = (step) => {
+    const kept = rings.filter(({ j }) => j % step === 0), found = [];
+    for (let k = 1; k < kept.length; k++)
+      for (let i = 0; i < U; i += step) {
+        const a = kept[k - 1].first + i, b = kept[k].first + i;
+        found.push(a, b, b + step, a, b + step, a + step);
+      }
+    return found;
+  };
+  return { corners, fine: triangles(1), coarse: triangles(2) };
+}
+
+function boxCorners(half) {
+  const found = [];
+  for (let axis = 0; axis < 3; axis++)
+    for (const side of [-1, 1]) {
+      const u = (axis + 1) % 3, v = (axis + 2) % 3;
+      const at = (p, q) => {
+        const w = [0, 0, 0];
+        w[axis] = side; w[u] = p * side; w[v] = q;
+        return w.map((x, k) => x * half[k]);
+      };
+      found.push(at(-1, -1), at(1, -1), at(1, 1), at(-1, -1), at(1, 1), at(-1, 1));
+    }
+  return found;
+}
+
 const LEAST_DETAIL = 0.25;
-const SOLID_FRAGMENT = `#version 300 es
+const TRIAL = 15;
+const HELPS = 0.95;
+const SAMPLES = 4;
+const TEXT_INTERVAL = 100;
+const LIGHT = `const vec3 light = vec3(0.3149, -0.4949, 0.8099);
+float lit_by(vec3 m) { return 0.7 + 0.1 * m.z + 0.26 * max(dot(m, light), 0.0); }`;
+// Fixed bodies: walls towards the viewer are cut away, and what is far fades.
+const ROOM_VERTEX = `#version 300 es
+in vec3 position; in vec3 normal; in vec3 tint;
+uniform mat4 camera; uniform vec3 eye;
+out vec3 n; out vec3 color; out vec3 back;
+${LIGHT}
+void main() {
+  back = eye - position; n = normal; color = tint * lit_by(normal); gl_Position = camera * vec4(position, 1.0);
+}`;
+const ROOM_FRAGMENT = `#version 300 es
 precision highp float;
-in vec3 n; in vec4 color; in float depth; in vec3 world;
-uniform vec3 paint; uniform float painted; uniform float cut; uniform vec3 sky; uniform vec3 eye; uniform float far;
+in vec3 n; in vec3 color; in vec3 back;
+uniform float cut; uniform vec3 sky; uniform float far;
 out vec4 pixel;
 void main() {
+  float depth = length(back);
+  if (dot(n, back) < 0.0 || (depth < cut && n.z < 0.8)) discard;
+  pixel = vec4(mix(color, sky, smoothstep(0.55, 1.0, depth / far)), 1.0);
+}`;
+// All pieces of moving bodies of one engine in one call: each corner finds the pose and colour of its piece in a texture.
+const SOLID_VERTEX = `#version 300 es
+in vec3 position; in vec3 normal; in float piece;
+uniform mat4 camera; uniform vec3 eye; uniform highp sampler2D poses; uniform int engine;
+out vec3 n; out vec3 color; out vec3 back;
+vec3 turned(vec4 q, vec3 v) { return v + 2.0 * cross(q.yzw, cross(q.yzw, v) + q.x * v); }
+void main() {
+  ivec2 at = ivec2(3 * engine, int(piece));
+  vec4 turn = texelFetch(poses, at, 0);
+  vec3 world = turned(turn, position) + texelFetch(poses, at + ivec2(1, 0), 0).xyz;
+  color = texelFetch(poses, at + ivec2(2, 0), 0).rgb;
+  n = turned(turn, normal); back = eye - world; gl_Position = camera * vec4(world, 1.0);
+}`;
+const SOLID_FRAGMENT = `#version 300 es
+precision highp float;
+in vec3 n; in vec3 color; in vec3 back;
+out vec4 pixel;
+${LIGHT}
+void main() {
   vec3 m = normalize(n);
-  if (painted < 0.5) {
-    if (depth < cut && m.z < 0.8) discard;
-    if (dot(m, eye - world) < 0.0) discard;
-  }
-  vec3 base = painted > 0.5 ? paint : color.rgb;
-  vec3 light = normalize(vec3(0.35, -0.55, 0.9));
-  float lit = 0.7 + 0.1 * m.z + 0.26 * max(dot(m, light), 0.0);
-  vec3 half_way = normalize(light + normalize(eye - world));
-  float gloss = painted > 0.5 ? 0.18 * pow(max(dot(m, half_way), 0.0), 24.0) : 0.0;
-  float fog = painted > 0.5 ? 0.0 : smoothstep(0.55, 1.0, depth / far);
-  pixel = vec4(mix(base * lit + gloss, sky, fog), 1.0);
+  float shine = max(dot(m, normalize(light + normalize(back))), 0.0);
+  float two = shine * shine, eight = two * two * two * two;
+  pixel = vec4(color * lit_by(m) + 0.18 * eight * eight * eight, 1.0);
 }`;
 const MARK_VERTEX = `#version 300 es
 in vec3 position; uniform mat4 camera; uniform float size;
@@ -151,7 +180,7 @@ function programOf(gl, vertex, fragment) {
     gl.compileShader(shader);
     gl.attachShader(program, shader);
   }
-  ["position", "normal", "tint"].forEach((name, k) => gl.bindAttribLocation(program, k, name));
+  ["position", "normal", "tint", "piece"].forEach((name, k) => gl.bindAttribLocation(program, k, name));
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
   const at = {};
@@ -175,17 +204,21 @@ class Player {
     this.labels = root.querySelector(".labels");
     this.scrubber = root.querySelector("[name=frame]");
     this.clock = root.querySelector(".clock");
+    this.cursor = root.querySelector(".cursor");
     this.time = 0;
     this.playing = false;
     this.speed = 1;
     this.detail = 1;
     this.contacts = true;
     this.drawn = 0;
-    this.gl = this.canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
+    // Still pictures are smoothed in a buffer of their own (`smoothly`): samples and copies of each frame take longer
+    // than all else where there is no graphics processor. Pixels are read in the task that drew them.
+    this.gl = this.canvas.getContext("webgl2", { antialias: false, alpha: false });
     if (!this.gl) {
       root.querySelector(".nowebgl").hidden = false;
       return;
     }
+    this.plain = programOf(this.gl, ROOM_VERTEX, ROOM_FRAGMENT);
     this.solid = programOf(this.gl, SOLID_VERTEX, SOLID_FRAGMENT);
     this.mark = programOf(this.gl, MARK_VERTEX, MARK_FRAGMENT);
     this.marks = this.gl.createBuffer();
@@ -210,49 +243,61 @@ class Player {
     return true;
   }
 
-  mesh(numbers, tint) {
-    const gl = this.gl, array = gl.createVertexArray(), count = numbers.length / 6;
+  // A vertex array of buffers: [location, numbers per corner, values] each.
+  vertices(buffers) {
+    const gl = this.gl, array = gl.createVertexArray();
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(numbers), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 24, 0);
-    gl.enableVertexAttribArray(1);
-    gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 24, 12);
-    if (tint) {
+    for (const [location, size, values] of buffers) {
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-      gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(tint), gl.STATIC_DRAW);
-      gl.enableVertexAttribArray(2);
-      gl.vertexAttribPointer(2, 4, gl.FLOAT, false, 16, 0);
+      gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(values), gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(location);
+      gl.vertexAttribPointer(location, size, gl.FLOAT, false, 0, 0);
     }
-    return { array, count };
+    return array;
   }
 
-  // Fixed bodies become one mesh; each piece of a moving body has its own.
+  // Fixed bodies become one mesh, and so do all pieces of moving bodies, whose corners bear the piece's number.
   build(scene) {
-    const fixed = [], tint = [], pieces = [], cache = new Map();
+    const gl = this.gl, fixed = { place: [], normal: [], shade: [] }, solid = { place: [], normal: [], piece: [] };
+    const pieces = [], fine = [], coarse = [], cache = new Map();
     scene.bodies.forEach((body, index) => {
       const slot = scene.moving.indexOf(index);
       for (const piece of body.pieces) {
         const { at, ...shape } = piece, key = JSON.stringify(shape);
-        if (!cache.has(key)) cache.set(key, { numbers: shapeMesh(piece) });
-        const kept = cache.get(key);
+        if (!cache.has(key)) cache.set(key, shapeMesh(piece));
+        const mesh = cache.get(key), corner = (k) => mesh.corners.slice(6 * k, 6 * k + 3);
+        const normal = (k) => mesh.corners.slice(6 * k + 3, 6 * k + 6);
         if (slot >= 0) {
-          kept.mesh ??= this.mesh(kept.numbers);
-          pieces.push({ slot, body: index, kind: body.kind, mesh: kept.mesh, q: at.slice(3), p: at.slice(0, 3) });
+          const first = solid.piece.length;
+          for (let k = 0; k < mesh.corners.length / 6; k++) {
+            solid.place.push(...corner(k));
+            solid.normal.push(...normal(k));
+            solid.piece.push(pieces.length);
+          }
+          for (const k of mesh.fine) fine.push(first + k);
+          for (const k of mesh.coarse) coarse.push(first + k);
+          pieces.push({ slot, body: index, kind: body.kind, q: at.slice(3), p: at.slice(0, 3) });
           continue;
         }
         const [q, p] = compose(body.at.slice(3), body.at.slice(0, 3), at.slice(3), at.slice(0, 3));
         const shade = 0.9 + 0.1 * ((index * 0.618) % 1);
-        for (let i = 0; i < kept.numbers.length; i += 6) {
-          const corner = rotate(q, kept.numbers.slice(i, i + 3)).map((v, k) => v + p[k]);
-          fixed.push(...corner, ...rotate(q, kept.numbers.slice(i + 3, i + 6)));
-          tint.push(shade, 0, 0, index);
+        for (const k of mesh.fine) {
+          fixed.place.push(...rotate(q, corner(k)).map((v, c) => v + p[c]));
+          fixed.normal.push(...rotate(q, normal(k)));
+          fixed.shade.push(shade);
         }
       }
     });
     this.pieces = pieces;
-    this.fixed = { numbers: fixed, tint };
+    this.fixed = fixed;
+    const array = this.vertices([[0, 3, solid.place], [1, 3, solid.normal], [3, 1, solid.piece]]);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array([...fine, ...coarse]), gl.STATIC_DRAW);
+    this.moving = { array, fine: [0, fine.length], coarse: [4 * fine.length, coarse.length] };
+    this.poses = new Float32Array(12 * scene.engines.length * Math.max(1, pieces.length));
+    this.poseTexture ??= gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.poseTexture);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
     this.theme();
   }
 
@@ -266,12 +311,9 @@ class Player {
     this.edge = parse("--line");
     const solid = parse("--solid");
     if (!this.fixed) return;
-    const tint = this.fixed.tint.slice();
-    for (let i = 0; i < tint.length; i += 4) {
-      const shade = tint[i];
-      for (let k = 0; k < 3; k++) tint[i + k] = solid[k] * shade;
-    }
-    this.room = this.mesh(this.fixed.numbers, tint);
+    const tint = this.fixed.shade.flatMap((shade) => solid.map((value) => value * shade));
+    const array = this.vertices([[0, 3, this.fixed.place], [1, 3, this.fixed.normal], [2, 3, tint]]);
+    this.room = { array, count: this.fixed.shade.length };
     this.draw();
   }
 
@@ -314,14 +356,50 @@ class Player {
   draw() {
     const gl = this.gl;
     if (!gl || !this.scene || !this.room) return;
-    const scale = Math.min(window.devicePixelRatio || 1, 2) * (this.playing ? this.detail : 1);
+    const late = this.playing && this.detail < 1;
+    const scale = Math.min(window.devicePixelRatio || 1, 2) * (late ? this.detail : 1);
     const width = Math.round(this.canvas.clientWidth * scale), height = Math.round(this.canvas.clientHeight * scale);
     if (!width || !height) return;
     if (this.canvas.width !== width || this.canvas.height !== height) {
       this.canvas.width = width;
       this.canvas.height = height;
     }
-    const { columns, rows } = this.panels();
+    this.place();
+    if (late) this.drawPanels(width, height, scale);
+    else this.smoothly(width, height, () => this.drawPanels(width, height, scale));
+    this.drawn++;
+  }
+
+  // Draw with SAMPLES samples per pixel, in a buffer that is then copied; where that fails, without.
+  smoothly(width, height, draw) {
+    const gl = this.gl, size = `${width} ${height}`;
+    if (this.smooth?.size !== size) {
+      for (const one of this.smooth?.buffers ?? []) gl.deleteRenderbuffer(one);
+      const frame = this.smooth?.frame ?? gl.createFramebuffer(), buffers = [];
+      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+      for (const [format, point] of [[gl.RGB8, gl.COLOR_ATTACHMENT0], [gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]]) {
+        buffers.push(gl.createRenderbuffer());
+        gl.bindRenderbuffer(gl.RENDERBUFFER, buffers.at(-1));
+        gl.renderbufferStorageMultisample(gl.RENDERBUFFER, SAMPLES, format, width, height);
+        gl.framebufferRenderbuffer(gl.FRAMEBUFFER, point, gl.RENDERBUFFER, buffers.at(-1));
+      }
+      this.smooth = { size, frame, buffers, checked: false };
+    }
+    if (!this.smooth.fails) {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, this.smooth.frame);
+      draw();
+      gl.disable(gl.SCISSOR_TEST);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+      gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+      if (!this.smooth.checked) this.smooth.fails = gl.getError() !== gl.NO_ERROR;
+      this.smooth.checked = true;
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    if (this.smooth.fails) draw();
+  }
+
+  drawPanels(width, height, scale) {
+    const gl = this.gl, { columns, rows } = this.panels();
     this.labels.dataset.columns = columns;
     gl.disable(gl.SCISSOR_TEST);
     gl.clearColor(...this.edge, 1);
@@ -329,47 +407,58 @@ class Player {
     gl.enable(gl.SCISSOR_TEST);
     gl.enable(gl.DEPTH_TEST);
     this.scene.engines.forEach((one, k) => {
-      const w = Math.floor(width / columns), h = Math.floor(height / rows);
-      const x = (k % columns) * w, y = height - (Math.floor(k / columns) + 1) * h;
-      const gap = Math.max(1, Math.round(scale));
-      const cell = [x, y, w - (k % columns < columns - 1 ? gap : 0), h - (Math.floor(k / columns) ? 0 : gap * (rows > 1))];
+      const column = k % columns, row = Math.floor(k / columns), gap = Math.max(1, Math.round(scale));
+      const x = Math.round((column * width) / columns), right = Math.round(((column + 1) * width) / columns);
+      const h = Math.floor(height / rows), y = height - (row + 1) * h;
+      const cell = [x, y, right - x - (column < columns - 1 ? gap : 0), h - (row ? 0 : gap * (rows > 1))];
       gl.viewport(...cell);
       gl.scissor(...cell);
       gl.clearColor(...this.sky, 1);
       gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-      this.drawEngine(one, this.camera(cell[2] / cell[3]), scale);
+      this.drawEngine(one, k, this.camera(cell[2] / cell[3]), scale);
     });
-    this.drawn++;
   }
 
-  drawEngine(one, camera, scale) {
-    const gl = this.gl, { program, at } = this.solid;
-    const frame = Math.min(Math.round(this.time), one.f - 1);
-    gl.useProgram(program);
-    gl.uniformMatrix4fv(at.camera, false, camera.matrix);
-    gl.uniform3fv(at.eye, camera.eye);
-    gl.uniform3fv(at.sky, this.sky);
-    gl.uniform1f(at.far, this.view.distance + 9);
-    gl.uniform1f(at.cut, this.view.distance - this.cutBy);
-    gl.uniform1f(at.painted, 0);
-    gl.uniform4f(at.turn, 1, 0, 0, 0);
-    gl.uniform3f(at.place, 0, 0, 0);
+  // Poses and colours of all pieces on all engines, three texels each: quaternion, place, colour.
+  place() {
+    const gl = this.gl, wide = this.scene.engines.length;
+    this.scene.engines.forEach((one, k) => {
+      const frame = Math.min(Math.round(this.time), one.f - 1);
+      let last = -1, turn, place;
+      this.pieces.forEach((piece, row) => {
+        if (piece.slot !== last) [turn, place] = this.pose(one, (last = piece.slot), this.time);
+        const [q, p] = compose(turn, place, piece.q, piece.p), at = 12 * (row * wide + k);
+        const code = one.depth[piece.body * one.f + frame];
+        const share = code ? Math.min(1, 0.25 + Math.max(0, (code - 40) / 160)) : 0;
+        this.poses.set(q, at);
+        this.poses.set(p, at + 4);
+        this.poses.set(KIND[piece.kind].map((v, c) => v * (1 - share) + OVERLAP[c] * share), at + 8);
+      });
+    });
+    gl.bindTexture(gl.TEXTURE_2D, this.poseTexture);
+    const size = [3 * wide, this.poses.length / (12 * wide)];
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, ...size, 0, gl.RGBA, gl.FLOAT, this.poses);
+  }
+
+  drawEngine(one, number, camera, scale) {
+    const gl = this.gl;
+    const use = ({ program, at }) => {
+      gl.useProgram(program);
+      gl.uniformMatrix4fv(at.camera, false, camera.matrix);
+      gl.uniform3fv(at.eye, camera.eye);
+      return at;
+    };
+    const room = use(this.plain);
+    gl.uniform3fv(room.sky, this.sky);
+    gl.uniform1f(room.far, this.view.distance + 9);
+    gl.uniform1f(room.cut, this.view.distance - this.cutBy);
     gl.bindVertexArray(this.room.array);
     gl.drawArrays(gl.TRIANGLES, 0, this.room.count);
-    gl.uniform1f(at.painted, 1);
-    let last = -1, turn, place;
-    for (const piece of this.pieces) {
-      if (piece.slot !== last) [turn, place] = this.pose(one, (last = piece.slot), this.time);
-      const [q, p] = compose(turn, place, piece.q, piece.p);
-      const code = one.depth[piece.body * one.f + frame];
-      const share = code ? Math.min(1, 0.25 + Math.max(0, (code - 40) / 160)) : 0;
-      gl.uniform3fv(at.paint, KIND[piece.kind].map((v, k) => v * (1 - share) + OVERLAP[k] * share));
-      gl.uniform4fv(at.turn, q);
-      gl.uniform3fv(at.place, p);
-      gl.bindVertexArray(piece.mesh.array);
-      gl.drawArrays(gl.TRIANGLES, 0, piece.mesh.count);
-    }
-    if (this.contacts) this.drawContacts(one, camera, frame, scale);
+    const solid = use(this.solid), [first, count] = this.playing && this.detail < 1 ? this.moving.coarse : this.moving.fine;
+    gl.uniform1i(solid.engine, number);
+    gl.bindVertexArray(this.moving.array);
+    gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, first);
+    if (this.contacts) this.drawContacts(one, camera, Math.min(Math.round(this.time), one.f - 1), scale);
   }
 
   drawContacts(one, camera, frame, scale) {
@@ -411,13 +500,20 @@ class Player {
     requestAnimationFrame((next) => this.tick(next));
   }
 
-  // Lower the resolution of a player that does not reach 50 frames a second; a still picture has all pixels.
+  // Lower the resolution of a player that does not reach 50 frames a second, as long as that makes frames faster; a
+  // still picture has all pixels.
   adapt(passed) {
-    this.pace = this.pace === undefined ? passed : 0.8 * this.pace + 0.2 * passed;
-    this.settled = (this.settled ?? 0) + 1;
-    if (this.settled < 6 || this.pace <= 20 || this.detail <= LEAST_DETAIL) return;
-    this.detail = Math.max(LEAST_DETAIL, this.detail * 0.8);
-    this.settled = 0;
+    const trial = this.trial;
+    if (!trial || passed <= 0) return;
+    trial.times.push(passed);
+    if (trial.times.length < TRIAL) return;
+    const pace = trial.times.reduce((sum, one) => sum + one) / TRIAL, { before } = trial;
+    this.trial = { times: [], before: { pace, detail: this.detail } };
+    if (pace <= 20) return;
+    if (before && pace > HELPS * before.pace && before.detail > this.detail) {
+      this.detail = before.detail;
+      this.trial = null;
+    } else this.detail = Math.max(LEAST_DETAIL, this.detail * 0.7);
   }
 
   seek(frame) {
@@ -427,13 +523,25 @@ class Player {
 
   play(on = !this.playing) {
     this.playing = on;
+    this.trial = on ? { times: [], before: null } : null;
     const button = this.root.querySelector("[data-do=play]");
     button.textContent = on ? "Pause" : "Play";
     button.setAttribute("aria-pressed", on);
-    if (!on) this.draw();
+    if (!on && this.scene) this.show();
   }
 
   show() {
+    const now = performance.now();
+    if (!this.playing || now - (this.written ?? 0) >= TEXT_INTERVAL) {
+      this.written = now;
+      this.write();
+    }
+    this.cursor.style.transform = `translateX(${this.strip.share(this.time) * 100}cqw)`;
+    this.draw();
+  }
+
+  // Clock, scrubber and labels: while playing ten times a second, for the page paints them anew.
+  write() {
     const frame = Math.round(this.time);
     this.scrubber.value = frame;
     this.scrubber.setAttribute("aria-valuetext", `${(frame / this.scene.rate).toFixed(3)} s`);
@@ -444,18 +552,15 @@ class Player {
       this.labels.children[k].lastChild.textContent =
         `overlap ${millimetres(one.deepest[at])} · ${count} contact${count === 1 ? "" : "s"}${ended}`;
     });
-    const cursor = this.root.querySelector(".cursor");
-    if (cursor) cursor.setAttribute("transform", `translate(${this.strip.x(frame)} 0)`);
-    this.draw();
   }
 
   // Labels of the panels, the strip of overlap over time, and the buttons that jump.
   describe() {
     this.labels.replaceChildren(...this.scene.engines.map((one) => {
-      const label = document.createElement("div"), name = document.createElement("b"), told = document.createElement("span");
+      const label = document.createElement("div"), name = document.createElement("b"), state = document.createElement("span");
       name.textContent = `${one.engine} ${one.profile}`;
       name.dataset.engine = one.engine;
-      label.append(name, told);
+      label.append(name, state);
       return label;
     }));
     const jumps = this.root.querySelector(".jumps");
@@ -512,7 +617,11 @@ class Player {
       this.draw();
     }, { passive: false });
     this.canvas.addEventListener("dblclick", () => this.scene && (this.resetCamera(), this.draw()));
-    this.scrubber.addEventListener("input", () => (this.play(false), this.seek(Number(this.scrubber.value))));
+    this.scrubber.addEventListener("input", () => {
+      const frame = Number(this.scrubber.value);
+      this.play(false);
+      this.seek(frame);
+    });
     const actions = {
       play: () => this.play(),
       back: () => (this.play(false), this.seek(Math.max(0, Math.round(this.time) - 1))),
@@ -566,9 +675,6 @@ function strip(svg, scene, frames, colors) {
   const path = (values) => Array.from(values, (v, k) => `${k ? "L" : "M"}${x(k).toFixed(1)} ${y(v).toFixed(1)}`).join("");
   if (scene.apart.length) svg.append(make("path", { d: path(scene.apart), class: "spread" }));
   scene.engines.forEach((one) => svg.append(make("path", { d: path(one.deepest), class: "line", "data-engine": one.engine })));
-  const cursor = make("g", { class: "cursor" });
-  cursor.append(make("line", { x1: 0, x2: 0, y1: top, y2: H - bottom }));
-  svg.append(cursor);
   const go = (event) => {
     const box = svg.getBoundingClientRect();
     const share = ((event.clientX - box.left) / box.width * W - left) / (W - left - 16);
@@ -577,5 +683,5 @@ function strip(svg, scene, frames, colors) {
   };
   svg.onpointerdown = (event) => (svg.setPointerCapture(event.pointerId), go(event));
   svg.onpointermove = (event) => event.buttons && go(event);
-  return { x };
+  return { share: (frame) => x(frame) / W };
 }
