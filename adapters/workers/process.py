@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
@@ -224,8 +225,6 @@ def obey(
             pipe.send(("ok", handle(command, argument)))
         except Exception as error:
             if not isinstance(error, AdapterError | ImportError):
-                import traceback
-
                 traceback.print_exc()
             pipe.send(failure_of(error))
 
@@ -236,7 +235,18 @@ def failure_of(error: Exception) -> tuple[str, str]:
         return error.status, str(error)
     if isinstance(error, ImportError):
         return UNIMPORTABLE, f"cannot be imported: {error}".splitlines()[0]
-    return "error", f"{type(error).__name__}: {error}".splitlines()[0]
+    return "error", f"{type(error).__name__}: {error}".splitlines()[0] + _place(error)
+
+
+def _place(error: Exception) -> str:
+    """File and line of the last call in a plug-in that is not installed, in brackets; else empty."""
+    ours, place = Path(__file__).resolve().parents[2], ""
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        path = Path(frame.f_code.co_filename)
+        installed = "site-packages" in path.parts or path.resolve().is_relative_to(ours)
+        if path.is_file() and not installed:
+            place = f" ({path.name}, line {line})"
+    return place
 
 
 def divert_output(path: Path) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -14,7 +17,7 @@ from typing import Any
 import pandas as pd
 
 from touchstone.adapters.workers.children import Children
-from touchstone.adapters.workers.scratch import scratch_folder
+from touchstone.adapters.workers.scratch import locked, scratch_folder
 from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.nightly.due import QUICK_SECONDS, due, rows_for_nights, studies
 from touchstone.reports.nightly.identity import identity, same_night
@@ -55,19 +58,19 @@ def scenes(quick: bool) -> tuple[Scenario, ...]:
 def measure(
     chosen: Sequence[Scenario],
     columns: tuple[tuple[str, str], ...],
-    settings: Mapping[str, Any],
+    work: tuple[Path, dict[str, Any]],
     progress: Progress,
     before: Sequence[Night] = (),
-) -> tuple[Measured, Path]:
+) -> Measured:
     """Measure the scenes that the night has not measured yet, and the studies that are due.
 
     Args:
+        work: folder and identity of the night (`working_folder`).
         before: nights of the store: they say which studies are due.
-    Returns:
-        The night, and its working folder, to be removed once the night is stored.
     """
     start = time.monotonic()
-    folder, facts = _folder(identity(settings))
+    folder, facts = work
+    settings = facts["settings"]
     found = Measured(facts, table([]))
     missing = [scene for scene in chosen if not (folder / f"{scene.name}.json").exists()]
     found.continued = len(chosen) - len(missing)
@@ -84,7 +87,7 @@ def measure(
         found.faults += unit["faults"]
     frames += _measure_studies(found, folder, before, bool(settings.get("quick")), start, progress)
     found.frame = pd.concat(frames, ignore_index=True)
-    return found, folder
+    return found
 
 
 def _measure_studies(
@@ -140,20 +143,40 @@ def _measure_scene(
     shutil.rmtree(place)
 
 
-def _folder(facts: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """The working folder of a night: that of a night that ended early, or a new one; with its identity."""
+@contextmanager
+def working_folder(settings: Mapping[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """The working folder of a night and its identity: those of a night that ended early, or new ones.
+
+    A lock keeps a second night, which has another store, out of the folder; the night removes it once it is
+    stored.
+    """
+    folder, facts, lock = _claimed(identity(settings))
+    try:
+        yield folder, facts
+    finally:
+        os.close(lock)
+
+
+def _claimed(facts: dict[str, Any]) -> tuple[Path, dict[str, Any], int]:
+    """Folder, identity, and descriptor of the folder's lock."""
     root = cache_folder() / "unfinished"
     for mark in sorted(root.glob("*/night.json")):
-        old = time.time() - mark.stat().st_mtime > OLDEST
+        lock = locked(mark.parent)
+        if lock is None:
+            continue  # another night that is alive works there
         try:
+            old = time.time() - mark.stat().st_mtime > OLDEST
             kept = json.loads(mark.read_text("utf-8"))
         except (OSError, ValueError):
-            kept = {}
+            old, kept = False, {}
         if not old and same_night(kept, facts):
-            return mark.parent, kept
+            return mark.parent, kept, lock
         if old:
             shutil.rmtree(mark.parent, ignore_errors=True)
+        os.close(lock)
     folder = root / str(facts["run"])
     folder.mkdir(parents=True)
+    lock = os.open(folder, os.O_RDONLY)
+    fcntl.flock(lock, fcntl.LOCK_EX)
     write_beside(folder / "night.json", lambda part: part.write_text(json.dumps(facts), "utf-8"))
-    return folder, facts
+    return folder, facts, lock

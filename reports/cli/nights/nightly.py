@@ -34,24 +34,24 @@ def nightly(
     quiet: QuietOption = False,
 ) -> None:
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
-    from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes
+    from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
     from touchstone.reports.nightly.store import Store, StoreError
     from touchstone.reports.run.request import DEFAULT_PROFILES, columns_of
 
     columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
     try:
-        with Store(store).opened() as opened:
+        with Store(store).opened() as opened, working_folder(settings) as work:
             chosen = scenes(quick)
             with progress_for(
                 sum(s.frame_count for s in chosen) * len(columns), quiet, by_scene=True
             ) as progress:
-                measured, work = measure(chosen, columns, settings, progress, opened.nights())
+                measured = measure(chosen, columns, work, progress, opened.nights())
             if measured.continued and not quiet:
                 print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
             before = opened.nights()
             night = opened.add(measured.frame, measured.identity)
-            shutil.rmtree(work, ignore_errors=True)
+            shutil.rmtree(work[0], ignore_errors=True)
             findings = _publish(opened, [*before, night], night, measured, quiet)
     except StoreError as error:
         stop(str(error), BAD_INPUT)

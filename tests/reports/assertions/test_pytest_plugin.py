@@ -93,7 +93,7 @@ def test_fixtures_markers_and_failures(session, tmp_path: Path):
     assert "bounce_e05 (toy, default, step 1/240 s): overlap.max is 0.00" in told
     assert "where: floor and ball, in frame" in told
     assert "test_mine.py:15: ts.assert_no_overlap(play(scenario, engine), limit=1e-3)" in told
-    assert "faulty default on bounce_e05: RuntimeError: no licence" in told
+    assert "faulty default on bounce_e05: RuntimeError: no licence (faulty_engine.py, line 7)" in told
     assert "unknown scene 'bounce_e5'; did you mean 'bounce_e05'" in told
     assert "Traceback" not in told
     cases = {case.get("name"): case for case in ElementTree.parse(tmp_path / "out.xml").iter("testcase")}

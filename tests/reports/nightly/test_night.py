@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 
 import pytest
 
+from touchstone.adapters.workers.scratch import locked
 from touchstone.reports.nightly import night as module
 from touchstone.reports.nightly.due import Study
 from touchstone.reports.nightly.store import Store
@@ -66,6 +68,20 @@ def test_a_killed_night_is_continued(program, tmp_path):
     assert "First night on this hardware" in out
     assert len(Store("nights").nights()) == 1
     assert list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*")) == []
+
+
+def test_two_nights_at_once_measure_for_themselves(program, tmp_path):
+    """A night with another store leaves the folder of one that is alive, and stores a night of its own."""
+    assert program("nightly", "--quick", dies="slip")[0] == 130
+    folders = list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*"))
+    lock = locked(folders[0])
+    code, _, err, played = program("nightly", "--quick", "--store", "other")
+    os.close(lock)
+    assert (code, played, "continued" in err) == (0, ["fall", "slip", "study"], False)
+    assert list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*")) == folders
+    assert program("nightly", "--quick")[3] == ["slip", "study"]
+    runs = [Store(name).nights()[0].run for name in ("nights", "other")]
+    assert len(set(runs)) == 2
 
 
 def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
