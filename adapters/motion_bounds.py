@@ -1,17 +1,19 @@
 """Conservative bounds on the motion of a scenario's bodies, by kinematics and by energy.
 
-Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION of their tracker's path; links
-of a chain stay in a ball about the chain's root. A simulated body without contacts flies in closed form. A
-body with contacts is bounded by energy: impacts and friction remove energy, and gravity adds speed at most at
-rate g to each group of bodies that can exchange it. Two kinds of bodies are unbounded: those that a driven
-body can touch, and those that are not balls and touch others with both restitution and friction, because Eqs.
-8 and 10 as printed add energy at every impact. A run checks the bounds: `Plan.broken`.
+Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION of their tracker's path, unless
+another person comes near; links of a chain stay in a ball about the chain's root. A simulated body without
+contacts flies in closed form. A body with contacts is bounded by energy: impacts and friction remove energy,
+and gravity adds speed at most at rate g to each group of bodies that can exchange it. Two kinds of bodies are
+unbounded: those that a driven body can touch, and those that are not balls and touch others with both
+restitution and friction, because Eqs. 8 and 10 as printed add energy at every impact. A run checks the
+bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +59,7 @@ def bounds(scenario: Scenario) -> Bounds:
     if p > LARGEST_PIECE_COUNT:
         return Bounds(body, reach, low - np.inf, high + np.inf, np.zeros((n, p)))
     own = _follow(scenario, reach, low, high)
+    _meet(scenario, reach, low, high)
     _fly(scenario, world, low, high)
     gap = _settle(scenario, world, reach, low, high)
     gap = np.where(np.isfinite(own[:, body]), own[:, body], gap)
@@ -103,6 +106,18 @@ def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
         spread = (LARGEST_DEVIATION + stride + arm)[:, None]
         low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
     return np.maximum(own, 0.0)
+
+
+def _meet(scenario: Scenario, reach: Array, low: Array, high: Array) -> None:
+    """Set no bounds for persons whose boxes meet: trackers through each other push them aside by any way."""
+    groups = [list(scenario.links(tracker)) for tracker in scenario.trackers if scenario.chains]
+    boxes = [
+        ((low[links] - reach[links, None]).min(axis=0), (high[links] + reach[links, None]).max(axis=0))
+        for links in groups
+    ]
+    for (one, box), (two, other) in combinations(zip(groups, boxes), 2):
+        if (box[0] <= other[1]).all() and (other[0] <= box[1]).all():
+            low[[*one, *two]], high[[*one, *two]] = -np.inf, np.inf
 
 
 def _refuse_crossing(scenario: Scenario, shown: Mapping[int, tuple[Array, Array]], times: Array) -> None:

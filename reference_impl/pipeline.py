@@ -10,6 +10,8 @@ from touchstone.reference_impl.broad_phase.detection import (
 )
 from touchstone.reference_impl.broad_phase.fat_bounds import is_isolated, reset_fat_bounds, update_fat_bounds
 from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
+from touchstone.reference_impl.chains.chain_servo import advance_links, recoil, set_pushing_velocities
+from touchstone.reference_impl.chains.link_mobility import weigh_links
 from touchstone.reference_impl.continuous.driven_time_of_impact import sweep_drivers
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
@@ -35,10 +37,15 @@ from touchstone.reference_impl.core.counters import (
     STAGE_REMOVAL,
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
-from touchstone.reference_impl.core.rotation import invert_symmetric
+from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
 from touchstone.reference_impl.driven.attraction import approach, set_goals
 from touchstone.reference_impl.driven.global_depth import largest_depth
-from touchstone.reference_impl.driven.overlap_removal import pass_free, remove_overlap, store_free_pose
+from touchstone.reference_impl.driven.overlap_removal import (
+    follow_pushed,
+    pass_free,
+    remove_overlap,
+    store_free_pose,
+)
 from touchstone.reference_impl.driven.skeleton import (
     composite_inertia,
     move_from_shown,
@@ -133,6 +140,7 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
         if drivers[d]["chain_count"] > 0:
             store_shown(bodies, joints, drivers[d])
         follow_tracker(drivers[d], state["dt"])
+        copy_vector(drivers[d]["position"], drivers[d]["coupled_position"])
         set_goals(joints, drivers[d], state["dt"], state["attraction_time"])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
@@ -157,6 +165,8 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
             move_from_shown(bodies, joints, drivers[d], state["dt"])
+            if drivers[d]["pushes"] == 1:
+                set_pushing_velocities(bodies, joints, drivers[d], state)
         else:
             move_links(bodies, joints, drivers[d])
     state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
@@ -181,17 +191,18 @@ def _fly(bodies, joints, drivers, pairs, state):
 @kernel
 def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
-    left, weighed = state["dt"], False
+    left, weighed, yielded = state["dt"], False, False
     state["rows"] = 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
-        touching, h = gather_contacts(bodies, pieces, vertices, pairs, state, left)
+        touching, h = gather_contacts(bodies, pieces, drivers, vertices, pairs, state, left)
         # the inertia of a driver without chains affects only its contacts: skip it if drivers are isolated
         if not weighed and state["driven_isolated"] == 0:
             for d in range(len(drivers)):
                 if drivers[d]["chain_count"] == 0:
                     _weigh(bodies, joints, drivers[d])
             weighed = True
+        weigh_links(bodies, joints, drivers, pairs, touching, state["dt"])
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])
         if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
@@ -222,8 +233,10 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
                 fraction * h,
             )
         state["parted_energy"] += state["unpaid_energy"]
+        if len(drivers) > 0:
+            advance_links(bodies, fraction * h)
         if state["squeezed"] == 1:
-            state["squeezed"] = 0
+            state["squeezed"], yielded = 0, True
             remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
         left -= fraction * h
         if left <= TIME_MIN:
@@ -233,6 +246,13 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
+    for d in range(len(drivers)):
+        if drivers[d]["in_contact"] == 0:
+            continue
+        recoil(bodies, joints, drivers[d])
+        # removal from squeezed bodies has replaced the withheld turns
+        if drivers[d]["pushes"] == 1 and drivers[d]["is_free"] == 1 and not yielded:
+            follow_pushed(bodies, pieces, joints, drivers, vertices, pairs, state, d)
 
 
 @kernel
@@ -256,7 +276,7 @@ def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contact
         moved = separate_simulated(bodies, pieces, vertices, pairs, touching, state)
     state["unpaid_energy"] = 0.0
     if state["impulses"] == IMPULSES_TOGETHER:
-        guard_energy(bodies, drivers, pairs, moved, drifted, state)
+        guard_energy(bodies, drivers, pairs, moved, drifted, contacts, first_held, state)
     return h, fraction
 
 

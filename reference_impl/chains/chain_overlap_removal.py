@@ -82,7 +82,7 @@ def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later,
             break
         for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
             joints[k]["pass_turn"] = 0.0
-        solve_posture_qp(bodies, joints, driver, False, state)
+        solve_posture_qp(bodies, joints, driver, False, True, state)
         state["counters"][COUNT_IK_ROUNDS] += 1
         for i in range(driver["chain_count"]):
             first, last = driver["chains"][i, 0], driver["chains"][i, 1]

@@ -11,6 +11,8 @@ may be violated by s at a cost of (s / QP_LEVER)^2; without this compliance the 
 would be unbounded.
 """
 
+from math import inf
+
 from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.core.conventions import (
     QP_LEVER,
@@ -19,6 +21,7 @@ from touchstone.reference_impl.core.conventions import (
     QP_ROUGH_TOLERANCE,
     QP_SWEEPS,
     QP_TOLERANCE,
+    SIMULATED,
 )
 from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_IK_JOINTS, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.kernel import kernel
@@ -26,12 +29,13 @@ from touchstone.reference_impl.core.rotation import rotate
 
 
 @kernel
-def solve_posture_qp(bodies, joints, driver, pulled, state):
+def solve_posture_qp(bodies, joints, driver, pulled, movable, state):
     """Solve the posture QP of a driver; `pass_turn` of its hinges is the pull on entry and the solution dq on
     return. Linearises at the current poses of the links and does not change them.
 
     Args:
         pulled: whether the pull is that of the tracker; its multipliers are stored and warm start the next.
+        movable: whether contacts with simulated bodies are constraints.
     """
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
     state["counters"][COUNT_QP_SOLVES] += 1
@@ -42,6 +46,8 @@ def solve_posture_qp(bodies, joints, driver, pulled, state):
         row = driver["constraints"][r]
         _measure(bodies, joints, row)
         row["multiplier"] = 0.0
+        if not movable and bodies[row["other"]]["kind"] == SIMULATED:
+            row["depth"] = -inf
         if pulled and row["warm_multiplier"] > 0:
             _push(joints, row, row["warm_multiplier"])
     enough = QP_ROUGH_TOLERANCE if pulled else QP_TOLERANCE

@@ -283,6 +283,8 @@ SEGMENT_TURN = 0.5
 """Rotation of a link per straight segment of its swept arc [rad]: the error is 1/32 of the link's length."""
 
 # virtual coupling (method, section 5)
+COUPLING_REACH = 0.5
+"""Distance of a driver from its tracker beyond which the coupling's spring pulls no stronger [m]."""
 NEAR_CRITICAL = 1e-5
 """(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
 
@@ -296,6 +298,14 @@ ATTRACTION_MOST = 0.04
 """Upper limit of that rotation, however few parts are left [rad]: the thickness of a hand."""
 ATTRACTION_SETTLED = 1e-3
 """Rotation of all hinges in a part at which attraction ends [rad]: linearisation error 0.5e-6 m."""
+OFFSET_SETTLED = 1e-9
+"""Deviation of a hinge from its tracker, and its change in a frame, that count as none [rad]: 1e-9 m."""
+LINK_GYRATION = 0.3
+"""Radius of gyration of a link in contact with a simulated body [m]: the length of a forearm."""
+PUSH_PAIRS = 32
+"""Pairs of pushing links that stay in contact within a frame; further ones lose it at the first event."""
+PUSH_SLACK = 5e-4
+"""Gap beyond a link's way within a frame up to which its contact stays [m]: both turn, to second order."""
 CHAIN_ROUNDS = 16
 """Rounds of chain overlap removal: links of one chain, or posture QPs of all chains."""
 CHAIN_TOLERANCE = 2e-7

@@ -1,6 +1,6 @@
 """Structured types of joints, posture constraints and drivers."""
 
-from touchstone.reference_impl.core.conventions import CHAIN_JOINTS, POSTURE_CONSTRAINTS
+from touchstone.reference_impl.core.conventions import CHAIN_JOINTS, POSTURE_CONSTRAINTS, PUSH_PAIRS
 from touchstone.reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
 
 CONE_CORNERS = 12
@@ -26,6 +26,9 @@ JOINT = record(
     goal_angle="f8",  # goal of the frame's attraction
     last_target_angle="f8",  # of the tracker at the start of the frame
     target_rate="f8",
+    offset="f8",  # deviation of the goal from the tracker that contact with simulated bodies left
+    offset_rate="f8",
+    pushes="i8",  # 1: a link of its chain touches a simulated body after this frame's removal
     # first of a ball joint's three hinges: its reach cone, in the hinges' axes at angles 0
     cone_count="i8",  # number of corners; 0 if no ball joint starts here
     cone_axes=MATRIX,  # axes as columns, parent frame
@@ -83,6 +86,7 @@ DRIVER = record(
     inverse_mass="f8",  # in contacts; zero if it has chains
     stiffness="f8",
     damping="f8",
+    hinge_frequency="f8",  # of the servo of its chains in contact with simulated bodies [rad/s]
     position=VECTOR,  # coupling state: the root's origin
     orientation=QUATERNION,
     velocity=VECTOR,
@@ -97,6 +101,14 @@ DRIVER = record(
     old_target_orientation=QUATERNION,
     target_position=VECTOR,
     target_orientation=QUATERNION,
+    shown_position=VECTOR,  # at the start of a frame
+    coupled_position=VECTOR,  # after the coupling, before overlap removal
+    pushes="i8",  # 1: a link touches a simulated body after this frame's removal
+    withheld_velocity=VECTOR,  # of a blocked trunk
+    push_count="i8",
+    push_pairs=("i8", (PUSH_PAIRS, 2)),  # pieces of the pairs in which its links push
+    is_blocked="i8",  # 1: this frame's removal translated its trunk, and a link touches a simulated body
+    in_contact="i8",  # 1: a link of its chains or trunk is in contact with a simulated body in this frame
     free_position=VECTOR,  # last free pose
     free_orientation=QUATERNION,
     has_free="i8",

@@ -13,6 +13,7 @@ of those under a lag of ATTRACTION_TIME.
 
 from math import exp, inf, sqrt
 
+from touchstone.reference_impl.chains.chain_servo import follow_offset
 from touchstone.reference_impl.chains.posture_constraints import drop_constraints
 from touchstone.reference_impl.chains.posture_qp import apply_turns, solve_posture_qp
 from touchstone.reference_impl.core.conventions import (
@@ -39,10 +40,13 @@ def set_goals(joints, driver, h, lag):
             joint["angle"] = joint["target_angle"]
             joint["rate"] = joint["target_rate"]
         else:
-            goal = joint["angle"] + share * (joint["target_angle"] - joint["angle"])
+            wanted, before = joint["target_angle"], joint["offset"]
+            if lag == 0 and follow_offset(joint, driver["hinge_frequency"], h):
+                wanted += joint["offset"]
+            goal = joint["angle"] + share * (wanted - joint["angle"])
             joint["goal_angle"] = min(max(goal, joint["lower"]), joint["upper"])
-            apart += (joint["target_angle"] - joint["angle"]) ** 2
-            moved += (joint["target_angle"] - joint["last_target_angle"]) ** 2
+            apart += (wanted - joint["angle"]) ** 2
+            moved += (joint["target_angle"] - joint["last_target_angle"] + joint["offset"] - before) ** 2
             joint["last_target_angle"] = joint["target_angle"]
     driver["stride"] = max(slow * sqrt(apart), sqrt(moved))
 
@@ -65,7 +69,7 @@ def approach(bodies, joints, driver, state, part):
         # the coupling has moved the root
         if part == 0:
             pose_moved(bodies, joints, driver)
-        solve_posture_qp(bodies, joints, driver, True, state)
+        solve_posture_qp(bodies, joints, driver, True, True, state)
         drop_constraints(driver, 0)
     way = _longest_way(joints, driver)
     left = state["attraction_parts"] - part

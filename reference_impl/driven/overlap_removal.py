@@ -1,12 +1,14 @@
 """Overlap removal for driven bodies: by translation, for chains by inverse kinematics; if both fail, the body
 returns towards its last free pose."""
 
-from math import sqrt
+from math import inf, sqrt
 
 from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
 from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.chains.chain_overlap_removal import free_chains, shuffle_chains
+from touchstone.reference_impl.chains.chain_servo import note_pushing_links
+from touchstone.reference_impl.chains.posture_qp import apply_turns
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
     DETOUR,
@@ -15,6 +17,7 @@ from touchstone.reference_impl.core.conventions import (
     LONGEST_SHIFT,
     PART_ROOT,
     PART_WHOLE,
+    POSTURE_LEAST_TURN,
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
     SIMULATED,
@@ -123,6 +126,7 @@ def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, lat
     end, free = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
     if free and drivers[d]["chain_count"] > 0:
         shuffle_chains(drivers[d], state)
+        note_pushing_links(bodies, pairs, end, drivers[d], d, False, state)
         end = free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
         if not is_free(largest_depth(bodies, pairs, end, d)):
             mover = -1 - d
@@ -135,6 +139,8 @@ def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, lat
         mover = -1 - d
         end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
     _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
+    if drivers[d]["chain_count"] > 0:
+        note_pushing_links(bodies, pairs, end, drivers[d], d, True, state)
     return True
 
 
@@ -186,6 +192,32 @@ def _is_detour(driver, deepest):
         back += (driver["entry_position"][i] - driver["free_position"][i]) ** 2
         away += (driver["entry_position"][i] - driver["position"][i]) ** 2
     return driver["has_free"] == 1 and sqrt(away) > sqrt(back) + DETOUR * deepest
+
+
+@kernel
+def follow_pushed(bodies, pieces, joints, drivers, vertices, pairs, state, d):
+    """Turn driver d's pushing chains after the bodies that moved away from them in the simulated loop: by the
+    turns that these withheld, less what is still blocked. The hinges' offsets lose these turns."""
+    driver = drivers[d]
+    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
+    store_entry(joints, driver)
+    apply_turns(joints, driver, 1.0, inf)
+    pose_moved(bodies, joints, driver)
+    touching = detect_for(bodies, pieces, vertices, pairs, state, d, 1.0)
+    touching = free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, 1.0, touching)
+    if is_free(largest_depth(bodies, pairs, touching, d)):
+        for k in range(first, end):
+            turned = joints[k]["angle"] - joints[k]["entry_angle"]
+            joints[k]["rate"] += turned / state["dt"]
+            if state["attraction_time"] == 0 and joints[k]["pushes"] == 1:
+                joints[k]["offset"] += turned
+        store_free_pose(bodies, joints, driver)
+    else:
+        restore_entry(joints, driver)
+        pose_links(bodies, joints, driver)
+        detect_for(bodies, pieces, vertices, pairs, state, d, 1.0)
+    if state["posture"] == POSTURE_LEAST_TURN:
+        driver["constraint_count"] = 0
 
 
 @kernel

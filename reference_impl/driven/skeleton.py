@@ -134,9 +134,17 @@ def move_links(bodies, joints, driver):
 
 @kernel
 def store_shown(bodies, joints, driver):
-    """Store the poses of a driver's links and the angles of its hinges as those last shown."""
+    """Store the poses and velocities of a driver's links and the angles of its hinges as those last shown; no
+    link is in contact yet."""
+    copy_vector(driver["position"], driver["shown_position"])
+    driver["pushes"] = driver["in_contact"] = driver["is_blocked"] = driver["push_count"] = 0
     for k in range(driver["joint_count"] + 1):
-        body = bodies[_link(joints, driver, k)]
+        body = bodies[link_of(joints, driver, k)]
+        body["was_in_contact"] = 1 if body["link_inverse_mass"] > 0 else 0
+        body["pushes"], body["link_inverse_mass"] = 0, 0.0
+        body["advance"][:] = 0.0
+        copy_vector(body["velocity"], body["old_velocity"])
+        copy_vector(body["omega"], body["old_omega"])
         copy_vector(body["center"], body["shown_center"])
         copy_quaternion(body["orientation"], body["shown_orientation"])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -149,7 +157,7 @@ def move_from_shown(bodies, joints, driver, h):
     and the current ones, over h [s]."""
     turned = driver["scratch"][0]
     for k in range(driver["joint_count"] + 1):
-        body = bodies[_link(joints, driver, k)]
+        body = bodies[link_of(joints, driver, k)]
         rotation_between(body["shown_orientation"], body["orientation"], turned)
         for i in range(3):
             body["velocity"][i] = (body["center"][i] - body["shown_center"][i]) / h
@@ -159,7 +167,7 @@ def move_from_shown(bodies, joints, driver, h):
 
 
 @kernel
-def _link(joints, driver, k):
+def link_of(joints, driver, k):
     """Body of a driver's link k: the joints' children in order, then the root."""
     return driver["root"] if k == driver["joint_count"] else joints[driver["first_joint"] + k]["child"]
 
@@ -190,7 +198,7 @@ def composite_inertia(bodies, joints, driver, out_center, out_inertia):
     mass = 0.0
     out_center[:] = 0.0
     for k in range(count + 1):
-        body = bodies[_link(joints, driver, k)]
+        body = bodies[link_of(joints, driver, k)]
         mass += body["mass"]
         for i in range(3):
             out_center[i] += body["mass"] * body["center"][i]
@@ -198,7 +206,7 @@ def composite_inertia(bodies, joints, driver, out_center, out_inertia):
         out_center[i] /= mass
     out_inertia[:] = 0.0
     for k in range(count + 1):
-        body = bodies[_link(joints, driver, k)]
+        body = bodies[link_of(joints, driver, k)]
         _add_inertia(body, out_center, out_inertia)
     return mass
 

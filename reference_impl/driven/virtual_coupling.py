@@ -2,7 +2,7 @@
 
 from math import cos, cosh, exp, sin, sinh, sqrt
 
-from touchstone.reference_impl.core.conventions import NEAR_CRITICAL
+from touchstone.reference_impl.core.conventions import COUPLING_REACH, NEAR_CRITICAL
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotation_between, turn
 
@@ -42,12 +42,20 @@ def decay(x, v, stiffness, damping, h):
 def follow_tracker(driver, h):
     """Move a driver's root for one frame: Eq. 6 in translation, critically damped at sqrt(K / m) in rotation.
 
-    The tracker moves linearly within the frame, from its old target to its new one.
+    The tracker moves linearly within the frame, from its old target to its new one. The spring pulls as at
+    COUPLING_REACH where it is longer: a tracker far behind an obstacle would pull its driver through it.
     """
     stiffness, damping = driver["stiffness"] / driver["mass"], driver["damping"] / driver["mass"]
+    far = 0.0
+    for i in range(3):
+        far += (driver["position"][i] - driver["old_target_position"][i]) ** 2
+    beyond = 1 - COUPLING_REACH / sqrt(far) if far > COUPLING_REACH**2 else 0.0
     for i in range(3):
         old, new = driver["old_target_position"][i], driver["target_position"][i]
         pace = (new - old) / h
+        if beyond > 0:
+            old += beyond * (driver["position"][i] - old)
+            new = old + h * pace
         x, v = decay(driver["position"][i] - old, driver["velocity"][i] - pace, stiffness, damping, h)
         driver["position"][i] = new + x
         driver["velocity"][i] = pace + v

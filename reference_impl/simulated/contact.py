@@ -65,18 +65,22 @@ def approach_speed(bodies, pair, state):
 def contact_mobility(bodies, drivers, pair, point, out_mobility):
     """Velocity of B relative to A per impulse on B at `point` (3, 3) [1/kg]; Eq. 9 divides by n.M n.
 
-    A driven link has the mass and inertia of its driver's coupled body.
+    A driven link has the mass and inertia of its driver's coupled body, or its effective mass if the driver
+    has chains (`link_mobility`).
     """
     out_mobility[:] = 0.0
     for side in range(2):
         body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
         if body["driver"] >= 0:
             driver = drivers[body["driver"]]
-            if driver["inverse_mass"] == 0:
-                continue
-            _add_mobility(
-                driver["inverse_mass"], driver["inverse_inertia"], driver["center"], point, out_mobility
-            )
+            if body["link_inverse_mass"] > 0:
+                _add_mobility(
+                    body["link_inverse_mass"], body["inverse_inertia"], body["center"], point, out_mobility
+                )
+            elif driver["inverse_mass"] > 0:
+                _add_mobility(
+                    driver["inverse_mass"], driver["inverse_inertia"], driver["center"], point, out_mobility
+                )
         elif body["inverse_mass"] > 0:
             _add_mobility(body["inverse_mass"], body["inverse_inertia"], body["center"], point, out_mobility)
 
@@ -107,6 +111,10 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
     body = bodies[b]
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
+        if body["link_inverse_mass"] > 0:
+            c, v, w = body["center"], body["velocity"], body["omega"]
+            _kick(body["link_inverse_mass"], body["inverse_inertia"], c, point, px, py, pz, v, w)
+            return
         if driver["inverse_mass"] == 0:
             return
         c, v, w = driver["center"], driver["velocity"], driver["omega"]

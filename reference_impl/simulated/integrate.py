@@ -27,10 +27,11 @@ from touchstone.reference_impl.driven.skeleton import move_links
 
 @kernel
 def begin_substep(bodies, drivers):
-    """Store the pose and velocities of each simulated body, and the velocities of each driver."""
+    """Store the pose and velocities of each simulated body and of links in contact, and the drivers'
+    velocities."""
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] == SIMULATED:
+        if body["kind"] == SIMULATED or body["link_inverse_mass"] > 0:
             copy_vector(body["center"], body["old_center"])
             copy_quaternion(body["orientation"], body["old_orientation"])
             copy_vector(body["velocity"], body["old_velocity"])
@@ -42,13 +43,18 @@ def begin_substep(bodies, drivers):
 
 @kernel
 def apply_forces(bodies, gravity, h, flight):
-    """Compute velocities and world inertias after a time h of gravity and free rotation."""
+    """Compute velocities and world inertias after a time h of gravity and free rotation, and velocities of
+    links in contact after a time h of their servo's force."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
             rotate_freely(body, h, flight)
+        elif body["link_inverse_mass"] > 0:
+            for i in range(3):
+                body["velocity"][i] += body["drive_acceleration"][i] * h
+                body["omega"][i] += body["drive_turning"][i] * h
 
 
 @kernel
@@ -87,6 +93,10 @@ def begin_again(bodies, joints, drivers):
         copy_vector(drivers[d]["old_velocity"], drivers[d]["velocity"])
         copy_vector(drivers[d]["old_omega"], drivers[d]["omega"])
         move_links(bodies, joints, drivers[d])
+    for b in range(len(bodies)):
+        if bodies[b]["link_inverse_mass"] > 0:
+            copy_vector(bodies[b]["old_velocity"], bodies[b]["velocity"])
+            copy_vector(bodies[b]["old_omega"], bodies[b]["omega"])
 
 
 @inlined_kernel
@@ -134,6 +144,9 @@ def end_substep(bodies, joints, drivers, s):
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] != SIMULATED:
+            if body["link_inverse_mass"] > 0:
+                _blend(body["old_velocity"], s, body["velocity"])
+                _blend(body["old_omega"], s, body["omega"])
             continue
         _blend(body["old_velocity"], s, body["velocity"])
         if body["spin_steps"] != 0:

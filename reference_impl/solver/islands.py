@@ -1,6 +1,7 @@
 """Islands: groups of movers connected by contacts; the solver treats each island separately.
 
-A mover is the unit that an impulse on a body moves: a simulated body, or all links of a driver.
+A mover is the unit that an impulse on a body moves: a simulated body, all links of a driver, or one link of a
+driver with chains.
 """
 
 from touchstone.reference_impl.core.conventions import NO_FLOOR
@@ -18,6 +19,8 @@ def mover_of(bodies, drivers, b):
     """Row of `bodies` of body b's mover: that body or its driver's root; -1 if impulses do not move it."""
     body = bodies[b]
     if body["driver"] >= 0:
+        if body["link_inverse_mass"] > 0:
+            return b
         driver = drivers[body["driver"]]
         return driver["root"] if driver["inverse_mass"] > 0 else -1
     return b if body["inverse_mass"] > 0 else -1
@@ -122,7 +125,10 @@ def _load_mover(bodies, drivers, b, point, solver, out_r):
         bodies[m]["mover"] = index
         mover = solver["movers"][index]
         mover["body"] = m
-        if bodies[m]["driver"] >= 0:
+        if bodies[m]["link_inverse_mass"] > 0:
+            mover["inverse_mass"] = bodies[m]["link_inverse_mass"]
+            _copy_mass(bodies[m]["inverse_inertia"], bodies[m]["center"], mover)
+        elif bodies[m]["driver"] >= 0:
             driver = drivers[bodies[m]["driver"]]
             mover["inverse_mass"] = driver["inverse_mass"]
             _copy_mass(driver["inverse_inertia"], driver["center"], mover)
@@ -153,7 +159,7 @@ def store_island(bodies, joints, drivers, pairs, state):
         mover = solver["movers"][m]
         dv, dw = mover["velocity"], mover["omega"]
         body = bodies[mover["body"]]
-        if body["driver"] < 0:
+        if body["driver"] < 0 or body["link_inverse_mass"] > 0:
             for i in range(3):
                 body["velocity"][i] += dv[i]
                 body["omega"][i] += dw[i]

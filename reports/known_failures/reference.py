@@ -10,6 +10,10 @@ from touchstone.reports.known_failures.cause import Cause
 ALWAYS_MU = (
     "Eq. 10 as printed applies mu j to any sliding, however slow, and reverses it: a rolling ball every frame"
 )
+CUT_SHORT = (
+    "a hold in which hands stop sliding along a box by its end is cut short where the box lands: its friction "
+    "is a share of what stops them then, less than mu j; 2 of the 186 rows of `push_box` in which they slide"
+)
 EULER = "semi-implicit Euler in steps of 1/60 s meets the floor up to v h deep"
 HEAP = (
     "islands hold more bodies than Newton's method takes, and 40 sweeps a dense substep leave "
@@ -47,10 +51,6 @@ TURNS = (
     "contacts hold one after the other, each down to an approach of 1e-4 m/s, and takes mu j of "
     "its own: a patch creeps, and its points share their load differently in every frame"
 )
-YIELDS = (
-    "a chain gives way to a movable body as to a wall and takes its velocity from where it ends: hands "
-    "stop at a box that stands, and arms fold until they can no more; without chains the hands push it"
-)
 END_TEST = (
     "overlap is tested at the end of a frame only: what moves farther in it than both bodies are thick "
     "passes, a hand of 2.5 m/s through its table and a ball of 30 m/s through a plate"
@@ -75,6 +75,15 @@ CAUSES: tuple[Cause, ...] = (
         never={
             "paper": {
                 "events.roll": "ball_snip",
+            },
+        },
+    ),
+    Cause(
+        "reference",
+        CUT_SHORT,
+        {
+            "balanced accurate": {
+                "friction.deficit": "push_box:torso-box",
             },
         },
     ),
@@ -175,7 +184,7 @@ CAUSES: tuple[Cause, ...] = (
         PRESSED,
         {
             "balanced accurate": {
-                "solver.caps": "arms_cross corner_slide push_box volley wall_push",
+                "solver.caps": "arms_cross corner_slide volley wall_push",
             },
         },
     ),
@@ -232,20 +241,6 @@ CAUSES: tuple[Cause, ...] = (
             },
             "paper+noisy": {
                 "friction.deficit": "volley:floor-ball_1",
-            },
-        },
-    ),
-    Cause(
-        "reference",
-        YIELDS,
-        {
-            "balanced accurate": {
-                "joint.speed": "push_box volley",
-            },
-        },
-        never={
-            "balanced accurate": {
-                "events.part": "push_box",
             },
         },
     ),

@@ -15,10 +15,6 @@ from touchstone.scenarios.scenario import GRAVITY
 
 BALLS = [f"ball_{k}" for k in range(1, len(HITS) + 1)]
 SWEPT = ("balanced", "accurate")
-YIELDS = (
-    "a chain gives way to a movable body as to a wall, and meets it at the speed that is left: the ball "
-    "comes back with 0.6 of what Newton's law gives at the arm's speed"
-)
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +83,6 @@ def test_the_hand_is_held_back_by_the_wall_when_it_hits(registry, scene, profile
     assert away.max() == away[arm].max()
 
 
-@pytest.mark.xfail(strict=True, reason=YIELDS)
 @pytest.mark.parametrize("profile", SWEPT)
 def test_the_arm_hits_as_fast_as_it_moves(registry, scene, hits, profile):
     """Send the first ball back with (1 + e) u + e v, u the hand's speed by its tracker and v the ball's."""

@@ -176,6 +176,7 @@ def _drivers(scenario: Scenario) -> np.ndarray:
         row["mass"] = sum(scenario.bodies[link].mass for link in links)
         row["inverse_mass"] = 1 / row["mass"]
         row["stiffness"], row["damping"] = tracker.stiffness, tracker.damping
+        row["hinge_frequency"] = tracker.hinge_frequency
         motion = sample(tracker, np.zeros(1))
         for prefix in ("", "target_", "old_target_"):
             row[f"{prefix}position"] = motion.position[0]

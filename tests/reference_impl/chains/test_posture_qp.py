@@ -53,7 +53,7 @@ def solve(world, pairs, pull=None) -> tuple[float, np.ndarray]:
     driver["constraint_count"] = 0
     gather_constraints(world.bodies, pairs, len(pairs), driver, 0, world.state[0])
     joints["pass_turn"] = 0.0 if pull is None else pull
-    solve_posture_qp(world.bodies, joints, driver, pull is not None, world.state[0])
+    solve_posture_qp(world.bodies, joints, driver, pull is not None, True, world.state[0])
     missed = missed_share(joints, *driver["chains"][CHAIN], driver)
     apply_turns(joints, driver, 1.0, QP_TURN_MAX)
     return missed, joints["angle"] - before
