@@ -11,8 +11,8 @@ ALWAYS_MU = (
     "Eq. 10 as printed applies mu j to any sliding, however slow, and reverses it: a rolling ball every frame"
 )
 CUT_SHORT = (
-    "a hold in which hands stop sliding along a box by its end is cut short where the box lands: its friction "
-    "is a share of what stops them then, less than mu j; 2 of the 186 rows of `push_box` in which they slide"
+    "a hold in which hands stop sliding along a box by its end is cut short where the box lands: its "
+    "friction is a share of what stops them then, less than mu j; 2 of 186 such rows of `push_box`"
 )
 EULER = "semi-implicit Euler in steps of 1/60 s meets the floor up to v h deep"
 HEAP = (
