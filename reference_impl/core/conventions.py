@@ -284,7 +284,7 @@ SEGMENT_TURN = 0.5
 
 # virtual coupling (method, section 5)
 COUPLING_REACH = 0.5
-"""Distance of a driver from its tracker beyond which the coupling's spring pulls no stronger [m]."""
+"""Distance of a driver with chains from its tracker beyond which the coupling pulls no stronger [m]."""
 NEAR_CRITICAL = 1e-5
 """(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
 

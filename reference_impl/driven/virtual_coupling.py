@@ -42,14 +42,16 @@ def decay(x, v, stiffness, damping, h):
 def follow_tracker(driver, h):
     """Move a driver's root for one frame: Eq. 6 in translation, critically damped at sqrt(K / m) in rotation.
 
-    The tracker moves linearly within the frame, from its old target to its new one. The spring pulls as at
-    COUPLING_REACH where it is longer: a tracker far behind an obstacle would pull its driver through it.
+    The tracker moves linearly within the frame, from its old target to its new one. The spring of a
+    driver with chains pulls as at COUPLING_REACH where it is longer: it would pull the driver through an
+    obstacle to a tracker far behind it.
     """
     stiffness, damping = driver["stiffness"] / driver["mass"], driver["damping"] / driver["mass"]
     far = 0.0
     for i in range(3):
         far += (driver["position"][i] - driver["old_target_position"][i]) ** 2
-    beyond = 1 - COUPLING_REACH / sqrt(far) if far > COUPLING_REACH**2 else 0.0
+    limited = driver["chain_count"] > 0 and far > COUPLING_REACH**2
+    beyond = 1 - COUPLING_REACH / sqrt(far) if limited else 0.0
     for i in range(3):
         old, new = driver["old_target_position"][i], driver["target_position"][i]
         pace = (new - old) / h

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from touchstone.reference_impl.core.conventions import COUPLING_REACH
 from touchstone.reference_impl.core.driver_dtypes import DRIVER
 from touchstone.reference_impl.driven.virtual_coupling import decay, follow_tracker
 
@@ -85,6 +86,19 @@ def test_translation_follows_a_tracker_in_linear_motion(mass: float) -> None:
     # the integrator's own tolerance
     np.testing.assert_allclose(rows["position"][0], truth[:3], atol=1e-11)
     np.testing.assert_allclose(rows["velocity"][0], truth[3:], atol=1e-9)
+
+
+def test_only_a_person_far_from_its_tracker_is_pulled_no_stronger() -> None:
+    """A hand 3 m behind is pulled by the linear spring of Eq. 6, a person as if it were COUPLING_REACH away."""
+    found = {}
+    for name, chains, distance in (("hand", 0, 3.0), ("person", 1, 3.0), ("near", 1, COUPLING_REACH)):
+        rows = driver(12.0)
+        rows["chain_count"] = chains
+        rows["old_target_position"] = rows["target_position"] = (distance, 0.0, 0.0)
+        follow_tracker(rows[0], 1 / 60)
+        found[name] = rows["velocity"][0, 0]
+    assert found["hand"] == pytest.approx(found["near"] * 3.0 / COUPLING_REACH, rel=1e-12)
+    assert found["person"] == pytest.approx(found["near"], rel=1e-12)
 
 
 def test_rotation_is_critically_damped() -> None:
