@@ -89,7 +89,7 @@ def test_translation_follows_a_tracker_in_linear_motion(mass: float) -> None:
 
 
 def test_only_a_person_far_from_its_tracker_is_pulled_no_stronger() -> None:
-    """A hand 3 m behind is pulled by the linear spring of Eq. 6, a person as if it were COUPLING_REACH away."""
+    """A hand 3 m behind follows the linear spring of Eq. 6, a person one as long as COUPLING_REACH."""
     found = {}
     for name, chains, distance in (("hand", 0, 3.0), ("person", 1, 3.0), ("near", 1, COUPLING_REACH)):
         rows = driver(12.0)
