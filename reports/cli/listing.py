@@ -10,6 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import inf
+from typing import Literal
 
 from touchstone.scenarios.scenario import Scenario, Vector
 
@@ -48,16 +49,17 @@ def _room() -> float:
 
 
 def _show_wrapped(rows: Sequence[Mapping[str, object]]) -> None:
-    """Print rows as a table in which words wrap and numbers do not."""
+    """Print rows as a table in which words wrap, but neither numbers nor the names in the first column."""
     from rich.table import Table
     from rich.text import Text
 
     from touchstone.reports.views.terminal import console
 
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="")
-    for head in rows[0]:
+    for k, head in enumerate(rows[0]):
         number = all(isinstance(row[head], int | float) for row in rows)
-        table.add_column(Text(head), justify="right" if number else "left", no_wrap=number, overflow="fold")
+        justify: Literal["right", "left"] = "right" if number else "left"
+        table.add_column(Text(head), justify=justify, no_wrap=number or k == 0, overflow="fold")
     for row in rows:
         table.add_row(*(Text(str(value)) for value in row.values()))
     console().print(table)

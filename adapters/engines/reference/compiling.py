@@ -96,8 +96,8 @@ def compile_solver(parent: int) -> None:
     solved = (w.bodies, w.joints, w.drivers, w.pairs, 0, w.contacts, state)
     _compile(pipeline.solve_resting_contacts, *solved, 0.0, 0.0)
     _compile(pipeline.resolve_impacts, *solved, 0.0)
-    _compile(pipeline.guard_energy, w.bodies, w.drivers, w.pairs, 0, True, state)
-    _compile(pipeline.gather_contacts, w.bodies, w.pieces, w.vertices, w.pairs, state, 0.0)
+    _compile(pipeline.guard_energy, w.bodies, w.drivers, w.pairs, 0, True, w.contacts, 0, state)
+    _compile(pipeline.gather_contacts, w.bodies, w.pieces, w.drivers, w.vertices, w.pairs, state, 0.0)
 
 
 def _compile(compiled: Any, *arguments: object) -> None:

@@ -32,7 +32,8 @@ def test_lists_in_every_format(touchstone, what, form):
     elif form == "csv":
         names = [row[0] for row in csv.reader(io.StringIO(out))][1:]
     else:
-        names = [line.split()[0] for line in out.splitlines()][1:]
+        # a cell that is wrapped goes on below, under its own column
+        names = [line.split()[0] for line in out.splitlines() if not line.startswith(" ")][1:]
     assert names == wanted
 
 
