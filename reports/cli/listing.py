@@ -59,7 +59,8 @@ def _show_wrapped(rows: Sequence[Mapping[str, object]]) -> None:
     for k, head in enumerate(rows[0]):
         number = all(isinstance(row[head], int | float) for row in rows)
         justify: Literal["right", "left"] = "right" if number else "left"
-        table.add_column(Text(head), justify=justify, no_wrap=number or k == 0, overflow="fold")
+        whole = max(len(str(row[head])) for row in rows) if number or k == 0 else None
+        table.add_column(Text(head), justify=justify, min_width=whole, overflow="fold")
     for row in rows:
         table.add_row(*(Text(str(value)) for value in row.values()))
     console().print(table)
