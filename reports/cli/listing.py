@@ -50,20 +50,18 @@ def _room() -> float:
 
 def _show_wrapped(rows: Sequence[Mapping[str, object]]) -> None:
     """Print rows as a table in which words wrap, but neither numbers nor the names in the first column."""
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
-
-    from touchstone.reports.views.terminal import console
 
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="")
     for k, head in enumerate(rows[0]):
         number = all(isinstance(row[head], int | float) for row in rows)
         justify: Literal["right", "left"] = "right" if number else "left"
-        whole = max(len(str(row[head])) for row in rows) if number or k == 0 else None
-        table.add_column(Text(head), justify=justify, min_width=whole, overflow="fold")
+        table.add_column(Text(head), justify=justify, no_wrap=number or k == 0, overflow="fold")
     for row in rows:
         table.add_row(*(Text(str(value)) for value in row.values()))
-    console().print(table)
+    Console(width=shutil.get_terminal_size().columns).print(table)
 
 
 def scenario_rows() -> list[dict[str, object]]:
