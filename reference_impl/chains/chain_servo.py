@@ -158,8 +158,8 @@ def _add_turn(body, origin, joint, rate):
 @kernel
 def recoil(bodies, joints, driver):
     """Pass the impulses that links of a driver with chains received in a frame to its hinges and its coupling
-    velocity: what keeps links from the velocities that their servos want. A blocked trunk has its
-    velocity from its pose."""
+    velocity: mass times the difference between a link's velocity and that which its servo would give it.
+    A blocked trunk has its velocity from its pose."""
     for k in range(driver["joint_count"] + 1):
         body = bodies[link_of(joints, driver, k)]
         if body["link_inverse_mass"] == 0:

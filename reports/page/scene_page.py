@@ -23,7 +23,7 @@ from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 
 VERSION_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Colours of versions, in their order; they are told apart by colour-blind people."""
+"""Colours of versions, in their order; they differ for colour-blind readers too."""
 VERSION_MARKERS = "o^sDvP"
 """Markers of versions, in their order."""
 
