@@ -23,7 +23,7 @@ LAWS = {
 
 
 def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
-    """Print rows as JSON, CSV or a table, which wraps words where a terminal is narrower."""
+    """Print rows as JSON, CSV or a table; a narrower terminal gets wrapped cells, or a block for each row."""
     heads = list(rows[0]) if rows else []
     if output == "json":
         print(json.dumps(list(rows), indent=1))
@@ -32,12 +32,17 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
         writer.writeheader()
         writer.writerows(rows)
     else:
-        widths = {head: max(len(head), *(len(str(row[head])) for row in rows)) for head in heads}
-        if sum(widths.values()) + 2 * (len(heads) - 1) > _room():
+        cells = {head: [head, *(str(row[head]) for row in rows)] for head in heads}
+        widths = {head: max(map(len, column)) for head, column in cells.items()}
+        words = [max(len(word) for cell in column for word in cell.split()) for column in cells.values()]
+        room = _room() - 2 * (len(heads) - 1)
+        if sum(widths.values()) <= room:
+            for line in zip(*cells.values(), strict=True):
+                print("  ".join(map(str.ljust, line, widths.values())).rstrip())
+        elif widths[heads[0]] + sum(words[1:]) <= room:
             _show_wrapped(rows)
-            return
-        for row in ({head: head for head in heads}, *rows):
-            print("  ".join(f"{row[head]!s:{widths[head]}}" for head in heads).rstrip())
+        else:
+            _show_blocks(rows)
 
 
 def _room() -> float:
@@ -62,6 +67,16 @@ def _show_wrapped(rows: Sequence[Mapping[str, object]]) -> None:
     for row in rows:
         table.add_row(*(Text(str(value)) for value in row.values()))
     Console(width=shutil.get_terminal_size().columns).print(table)
+
+
+def _show_blocks(rows: Sequence[Mapping[str, object]]) -> None:
+    """Print each row as lines of a column's name and its value: words do not fit beside each other."""
+    width = max(map(len, rows[0]))
+    for k, row in enumerate(rows):
+        if k:
+            print()
+        for head, value in row.items():
+            print(f"{head:{width}}  {value}".rstrip())
 
 
 def scenario_rows() -> list[dict[str, object]]:

@@ -11,6 +11,7 @@ import sys
 import pytest
 
 from touchstone.adapters.registry import ENGINES, available
+from touchstone.reports.cli.listing import show_rows
 from touchstone.reports.metrics import METRICS
 from touchstone.scenarios.catalogue import catalogue
 
@@ -93,3 +94,19 @@ def test_a_closed_pipe_is_no_error():
     program.wait(30)
     program.stderr.close()
     assert "Traceback" not in err
+
+
+def test_a_narrow_terminal_cuts_no_word(capsys, monkeypatch):
+    """A row whose words do not fit beside each other becomes a block; one whose words do is wrapped."""
+    row = {"body": "torso", "model": "pinocchio", "remark": "the scene itself"}
+    for columns, wanted in (
+        ("40", ["body   model      remark", "torso  pinocchio  the scene itself"]),
+        (
+            "24",
+            ["body   model      remark", "torso  pinocchio  the", " " * 18 + "scene", " " * 18 + "itself"],
+        ),
+        ("20", ["body    torso", "model   pinocchio", "remark  the scene itself"]),
+    ):
+        monkeypatch.setenv("COLUMNS", columns)
+        show_rows([row], "table")
+        assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == wanted
