@@ -40,7 +40,7 @@ def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
             for line in zip(*cells.values(), strict=True):
                 print("  ".join(map(str.ljust, line, widths.values())).rstrip())
         elif widths[heads[0]] + sum(words[1:]) <= room:
-            _show_wrapped(rows)
+            _show_wrapped(rows, words)
         else:
             _show_blocks(rows)
 
@@ -53,17 +53,17 @@ def _room() -> float:
     return shutil.get_terminal_size().columns
 
 
-def _show_wrapped(rows: Sequence[Mapping[str, object]]) -> None:
-    """Print rows as a table in which words wrap, but neither numbers nor the names in the first column."""
+def _show_wrapped(rows: Sequence[Mapping[str, object]], words: Sequence[int]) -> None:
+    """Print rows as a table that wraps between words; names in the first column and numbers stay whole."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="")
+    table = Table(box=None, padding=(0, 0, 0, 2), pad_edge=False, header_style="")
     for k, head in enumerate(rows[0]):
         number = all(isinstance(row[head], int | float) for row in rows)
         justify: Literal["right", "left"] = "right" if number else "left"
-        table.add_column(Text(head), justify=justify, no_wrap=number or k == 0, overflow="fold")
+        table.add_column(Text(head), justify=justify, no_wrap=number or k == 0, min_width=words[k])
     for row in rows:
         table.add_row(*(Text(str(value)) for value in row.values()))
     Console(width=shutil.get_terminal_size().columns).print(table)
