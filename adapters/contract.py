@@ -51,6 +51,14 @@ CONTACT_FIELDS = np.dtype(
         ("velocity_b_after", "f8", 3),
     ]
 )
+COMPUTED_FIELDS = (
+    "time",
+    "velocity_a_before",
+    "velocity_b_before",
+    "velocity_a_after",
+    "velocity_b_after",
+)
+"""Fields that the recorder fills where an engine leaves them NaN."""
 
 
 MISSING, UNIMPORTABLE = "missing", "unimportable"
@@ -193,24 +201,25 @@ class State:
     ) -> None:
         """Append one contact point. `normal` points from body a to body b and `impulse` acts on b; both are
         flipped if a comes after b in the scenario."""
-        if self.contact_count == len(self.contacts):
+        place, direction, push = (np.reshape(vector, (1, 3)) for vector in (position, normal, impulse))
+        self.add_contacts(np.array((a,)), np.array((b,)), place, direction, np.array((distance,)), push)
+
+    def add_contacts(
+        self, a: Array, b: Array, position: Array, normal: Array, distance: Array, impulse: Array
+    ) -> None:
+        """Append k points by columns, as `add_contact` does: bodies, distances (k,), vectors (k, 3).
+        One call per step takes a tenth of the time of one call per point."""
+        end = self.contact_count + len(a)
+        if end > len(self.contacts):
             raise AdapterError(contact_overflow(len(self.contacts)))
-        sign = 1.0 if a < b else -1.0
-        row = self.contacts[self.contact_count]
-        row["body_a"], row["body_b"] = min(a, b), max(a, b)
-        row["position"] = position
-        row["normal"] = sign * normal
-        row["distance"] = distance
-        row["impulse"] = sign * impulse
-        for name in (
-            "time",
-            "velocity_a_before",
-            "velocity_b_before",
-            "velocity_a_after",
-            "velocity_b_after",
-        ):
-            row[name] = np.nan
-        self.contact_count += 1
+        rows = self.contacts[self.contact_count : end]
+        sign = np.where(a < b, 1.0, -1.0)[:, None]
+        rows["body_a"], rows["body_b"] = np.minimum(a, b), np.maximum(a, b)
+        rows["position"], rows["distance"] = position, distance
+        rows["normal"], rows["impulse"] = sign * normal, sign * impulse
+        for name in COMPUTED_FIELDS:
+            rows[name] = np.nan
+        self.contact_count = end
 
 
 class World(Protocol):

@@ -13,7 +13,6 @@ from time import perf_counter, process_time
 import numpy as np
 
 from touchstone.adapters.contract import (
-    CONTACT_FIELDS,
     RESIDUAL_COUNTERS,
     AdapterError,
     Array,
@@ -25,7 +24,7 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.divergence import Watch
 from touchstone.adapters.motion_bounds import planned
-from touchstone.adapters.recording import Recording, RunEnded
+from touchstone.adapters.recording import ContactLog, Recording, RunEnded
 from touchstone.adapters.vector_products import cross, turned
 from touchstone.scenarios.effects import EFFECT_TABLE
 from touchstone.scenarios.places import coinciding
@@ -164,8 +163,8 @@ class Player:
         self._timings: list[tuple[float, float, float]] = []
         self._stages: list[Mapping[str, float]] = []
         self._counters: list[dict[str, float]] = []
-        self._contacts: list[np.ndarray] = []
-        self._whole = 0  # number of steps with contacts in complete frames
+        self._contacts = ContactLog(self._mass_center)
+        self._whole = 0  # number of contacts in complete frames
         self._keep_frame()
         world.stage_seconds()
 
@@ -219,7 +218,7 @@ class Player:
         fault = self._watch.step_fault(self._state)
         if fault:
             raise AdapterError(f"{fault}, {self._moment(number + 1)}")
-        self._keep_contacts(number * self._settings.dt)
+        self._contacts.add(number * self._settings.dt, self._before, self._state)
         self._work += self._driver_work()
         self._impulse += self._state.force * self._settings.dt
         return own, driven - start, done - stepped
@@ -243,40 +242,19 @@ class Player:
         frame["driver_work"] = self._work
         frame["driver_impulse"] = self._impulse.copy()
         self._frames.append(frame)
-        self._whole = len(self._contacts)
-
-    def _keep_contacts(self, time: float) -> None:
-        """Store the step's contacts; if the engine knows no time of impact, velocities are those at the
-        step's start and end."""
-        rows = self._state.contacts[: self._state.contact_count].copy()
-        if not len(rows):
-            return
-        timeless = np.isnan(rows["time"])
-        rows["time"] = np.where(timeless, time, time + rows["time"])
-        bodies = np.concatenate((rows["body_a"], rows["body_b"]))
-        arm = np.concatenate((rows["position"],) * 2) - self._world_center(self._before, bodies)
-        for moment, state in (("before", self._before), ("after", self._state)):
-            velocity = state.linear_velocity[bodies] + cross(state.angular_velocity[bodies], arm)
-            for side, own in (("a", velocity[: len(rows)]), ("b", velocity[len(rows) :])):
-                column = rows[f"velocity_{side}_{moment}"]
-                column[:] = np.where(np.isnan(column), own, column)
-        self._contacts.append(rows)
-
-    def _world_center(self, state: State, body: np.ndarray) -> Array:
-        return state.position[body] + turned(state.orientation[body], self._mass_center[body])
+        self._whole = self._contacts.count
 
     def _driver_work(self) -> float:
         """Work of the drives over the step [J]: applied force and torque times the mean velocity."""
         state, work = self._state, 0.0
         for k, root in enumerate(self._roots):
-            index = np.array([root])
             moved = [
-                s.linear_velocity[root]
-                + cross(s.angular_velocity[root], s.position[root] - self._world_center(s, index)[0])
+                s.linear_velocity[root] + cross(s.angular_velocity[root], s.position[root] - center)
                 for s in (self._before, state)
+                for center in (s.position[root] + turned(s.orientation[root], self._mass_center[root]),)
             ]
-            turned = (self._before.angular_velocity[root] + state.angular_velocity[root]) / 2
-            work += float(state.force[k] @ (moved[0] + moved[1]) / 2 + state.torque[k] @ turned)
+            spin = (self._before.angular_velocity[root] + state.angular_velocity[root]) / 2
+            work += float(state.force[k] @ (moved[0] + moved[1]) / 2 + state.torque[k] @ spin)
         work += float(state.hinge_torque @ (self._before.joint_rate + state.joint_rate) / 2)
         return work * self._settings.dt
 
@@ -290,7 +268,7 @@ class Player:
             scenario=scenario_json(self._scenario),
             manifest=manifest_json(self._manifest()),
             time=np.arange(len(self._frames)) / self._scenario.frame_rate,
-            contacts=np.concatenate([np.zeros(0, CONTACT_FIELDS), *self._contacts[: self._whole]]),
+            contacts=self._contacts.rows()[: self._whole],
             time_frame=timings[:, 0],
             time_drive=timings[:, 1],
             time_read=timings[:, 2],

@@ -15,10 +15,10 @@ stdout is redirected.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from math import inf
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pybullet
@@ -204,17 +204,27 @@ class World:
             posed.show(self._moment, state, hinges)
         # A point that the solver skipped keeps the force of an earlier step.
         farthest = self._parameters.base.get("contactProcessingThreshold", inf)
-        for point in pybullet.getContactPoints(**self._on):
-            _, a, b, link_a, link_b, on_a, on_b, normal, distance, *forces = point
-            push, pull_1, tangent_1, pull_2, tangent_2 = forces
-            if distance > farthest or (distance > 0 and push == pull_1 == pull_2 == 0):
-                continue
-            axes = np.array((normal, tangent_1, tangent_2))
-            impulse = -self._settings.dt * (np.array((push, pull_1, pull_2)) @ axes)
-            middle = (np.array(on_a) + on_b) / 2
-            bodies = self._bodies.body_of[a, link_a], self._bodies.body_of[b, link_b]
-            state.add_contact(*bodies, middle, -axes[0], distance, impulse)
+        points = [
+            point
+            for point in pybullet.getContactPoints(**self._on)
+            if not (point[8] > farthest or (point[8] > 0 and point[9] == point[10] == point[12] == 0))
+        ]
+        if points:
+            self._add_contacts(points, state)
         self._contact_count = state.contact_count
+
+    def _add_contacts(self, points: Sequence[tuple[Any, ...]], state: State) -> None:
+        """Write contact points as `getContactPoints` returns them into `state`."""
+        _, a, b, link_a, link_b, on_a, on_b, normal, distance, *forces = zip(*points)
+        push, pull_1, tangent_1, pull_2, tangent_2 = forces
+        axes = np.array((normal, tangent_1, tangent_2)).swapaxes(0, 1)
+        force = np.array((push, pull_1, pull_2)).T
+        first, second = (
+            np.array([self._bodies.body_of[key] for key in zip(*one)]) for one in ((a, link_a), (b, link_b))
+        )
+        impulse = -self._settings.dt * (force[:, None] @ axes)[:, 0]
+        middle = (np.array(on_a) + np.array(on_b)) / 2
+        state.add_contacts(first, second, middle, -axes[:, 0], np.array(distance), impulse)
 
     def describe(self) -> Manifest:
         """Manifest of all values that Bullet reports, and of settings without a getter as they were set."""

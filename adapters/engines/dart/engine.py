@@ -244,13 +244,19 @@ class World:
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
             state.force[:], state.torque[:] = self._force, self._torque
         state.clear_contacts()
-        for contact in self._world.getLastCollisionResult().getContacts():
-            first = self._owner[contact.collisionObject1.getShapeFrame().getName()]
-            second = self._owner[contact.collisionObject2.getShapeFrame().getName()]
-            normal, depth = contact.normal, contact.penetrationDepth
-            point = contact.point + self._to_midpoint * depth * normal
-            impulse = -self._settings.dt * contact.force
-            state.add_contact(first, second, point, -normal, -depth, impulse)
+        if contacts := self._world.getLastCollisionResult().getContacts():
+            self._add_contacts(contacts, state)
+
+    def _add_contacts(self, contacts: list[Any], state: State) -> None:
+        """Write DART's contacts into `state`."""
+        pairs = [(one.collisionObject1, one.collisionObject2) for one in contacts]
+        first, second = np.array([[self._owner[o.getShapeFrame().getName()] for o in p] for p in pairs]).T
+        normal = np.array([contact.normal for contact in contacts])
+        depth = np.array([contact.penetrationDepth for contact in contacts])
+        point = np.array([contact.point for contact in contacts])
+        point += (self._to_midpoint * depth)[:, None] * normal
+        impulse = -self._settings.dt * np.array([contact.force for contact in contacts])
+        state.add_contacts(first, second, point, -normal, -depth, impulse)
 
     def _hinge_torques(self, tracker: int) -> Array:
         """Torques on the hinges of a tracker during the last step (j,) [N m].

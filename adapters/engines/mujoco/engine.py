@@ -225,13 +225,15 @@ class World:
         if data.warning.number[LOSSES,].any():
             raise AdapterError("mujoco: out of memory for contacts; some were dropped")
         state.clear_contacts()
-        contact, force = data.contact, np.zeros(6)
+        if not data.ncon:
+            return
+        contact, force = data.contact, np.zeros((data.ncon, 6))
+        for k, row in enumerate(force):
+            mujoco.mj_contactForce(model, data, k, row)
         bodies = self._index[model.geom_bodyid[contact.geom]]
-        rows = zip(bodies.tolist(), contact.pos, contact.frame.reshape(-1, 3, 3), contact.dist.tolist())
-        for k, ((a, b), position, axes, distance) in enumerate(rows):
-            mujoco.mj_contactForce(model, data, k, force)
-            impulse = self._settings.dt * (force[:3] @ axes)
-            state.add_contact(a, b, position, axes[0], distance, impulse)
+        axes = contact.frame.reshape(-1, 3, 3)
+        impulse = self._settings.dt * (force[:, None, :3] @ axes)[:, 0]
+        state.add_contacts(bodies[:, 0], bodies[:, 1], contact.pos, axes[:, 0], contact.dist, impulse)
 
     def describe(self) -> Manifest:
         """Manifest as read from the compiled model."""
