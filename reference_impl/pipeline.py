@@ -38,6 +38,7 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
+from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.driven.attraction import approach, set_goals
 from touchstone.reference_impl.driven.global_depth import largest_depth
 from touchstone.reference_impl.driven.overlap_removal import (
@@ -104,6 +105,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     `contacts`, the stage clocks and the counters cover this frame only.
     """
     s = state[0]
+    world = World(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
     s["counters"][:] = 0
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
@@ -111,16 +113,16 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["newton_work"] = NEWTON_WORK
     s["residual_body_a"] = s["residual_body_b"] = -1
     if s["skip_drive"] == 0:
-        _drive(bodies, pieces, joints, drivers, vertices, pairs, s)
+        _drive(world)
     if s["skip_contact"] == 1:
-        _fly(bodies, joints, drivers, pairs, s)
+        _fly(world)
     elif is_isolated(bodies, pieces, drivers, s):
-        _fly(bodies, joints, drivers, pairs, s)
+        _fly(world)
         # the driven loop needs the placed pieces of simulated bodies
         if len(drivers) > 0:
             place_listed(bodies, pieces, vertices, SIMULATED, s)
     else:
-        _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
+        _simulate(world)
     if s["update_fat_bounds"] == 1:
         update_fat_bounds(bodies, pieces, vertices, drivers, pairs, s)
 
@@ -133,8 +135,10 @@ def _weigh(bodies, joints, driver):
 
 
 @kernel
-def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
+def _drive(world):
     """Driven loop: coupling, overlap removal, and velocities of driven bodies for this frame's contacts."""
+    bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
+    vertices, pairs, state = world.vertices, world.pairs, world.state
     start = clock(state["clock"])
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
@@ -174,8 +178,10 @@ def _drive(bodies, pieces, joints, drivers, vertices, pairs, state):
 
 
 @kernel
-def _fly(bodies, joints, drivers, pairs, state):
+def _fly(world):
     """Simulated loop of a frame without contacts: one substep of free flight."""
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
     start, h, flight = clock(state["clock"]), state["dt"], state["flight"]
     if state["skip_rotation"] == 1:
         fly_straight(bodies, state["gravity"], h, flight)
@@ -189,13 +195,15 @@ def _fly(bodies, joints, drivers, pairs, state):
 
 
 @kernel
-def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
+def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
+    bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
+    vertices, pairs, state = world.vertices, world.pairs, world.state
     left, weighed, yielded = state["dt"], False, False
     state["rows"] = 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
-        touching, h = gather_contacts(bodies, pieces, drivers, vertices, pairs, state, left)
+        touching, h = gather_contacts(world, left)
         # the inertia of a driver without chains affects only its contacts: skip it if drivers are isolated
         if not weighed and state["driven_isolated"] == 0:
             for d in range(len(drivers)):
@@ -205,33 +213,19 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
         weigh_links(bodies, joints, drivers, pairs, touching, state["dt"])
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])
-        if not resolve_impacts(bodies, joints, drivers, pairs, touching, contacts, state, time):
+        if not resolve_impacts(world, touching, time):
             state["counters"][COUNT_GAVE_UP] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
         begin_substep(bodies, drivers)
         if touching > 0:
             note_energy(bodies, state)
         first_held = state["contact_count"]
-        h, fraction = _substep(
-            bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h
-        )
+        h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it
         if state["unpaid_energy"] > 0 and fraction < 1:
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
-            h, fraction = _substep(
-                bodies,
-                pieces,
-                joints,
-                drivers,
-                vertices,
-                pairs,
-                touching,
-                contacts,
-                state,
-                time,
-                fraction * h,
-            )
+            h, fraction = _substep(world, touching, time, fraction * h)
         state["parted_energy"] += state["unpaid_energy"]
         if len(drivers) > 0:
             advance_links(bodies, fraction * h)
@@ -256,37 +250,40 @@ def _simulate(bodies, pieces, joints, drivers, vertices, pairs, contacts, state)
 
 
 @kernel
-def _substep(bodies, pieces, joints, drivers, vertices, pairs, touching, contacts, state, time, h):
+def _substep(world, touching, time, h):
     """Solve the resting contacts `pairs[:touching]` for at most h [s], and advance to the next event.
 
     Returns:
         (h, fraction): the length solved for [s], and the fraction of it that elapsed.
     """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     start, first_held = clock(state["clock"]), state["contact_count"]
-    h = solve_resting_contacts(bodies, joints, drivers, pairs, touching, contacts, state, time, h)
+    h = solve_resting_contacts(world, touching, time, h)
     returned = first_return(bodies, pairs, touching, state)
     state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
     set_ways(bodies, pairs, touching, h, state["flight"])
-    fraction, drifted = _advance(bodies, pieces, vertices, pairs, touching, returned, state)
-    end_substep(bodies, joints, drivers, fraction)
-    shorten_resting_contacts(contacts, first_held, state["contact_count"], fraction)
+    fraction, drifted = _advance(world, touching, returned)
+    end_substep(bodies, world.joints, drivers, fraction)
+    shorten_resting_contacts(world.contacts, first_held, state["contact_count"], fraction)
     # detection for separation writes to `pairs` behind the contact rows
     moved = touching
     if drifted:
-        moved = separate_simulated(bodies, pieces, vertices, pairs, touching, state)
+        moved = separate_simulated(world, touching)
     state["unpaid_energy"] = 0.0
     if state["impulses"] == IMPULSES_TOGETHER:
-        guard_energy(bodies, drivers, pairs, moved, drifted, contacts, first_held, state)
+        guard_energy(world, moved, drifted, first_held)
     return h, fraction
 
 
 @kernel
-def _advance(bodies, pieces, vertices, pairs, touching, returned, state):
+def _advance(world, touching, returned):
     """Pose simulated bodies at the earliest impact of the substep, but at most at its fraction `returned`.
 
     Returns:
         (fraction, drifted) of `earliest_impact`.
     """
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     mark_pairs(bodies, pieces, pairs, touching)
     fast = state["detection"] == DETECTION_FAST and set_paths(bodies)

@@ -204,7 +204,11 @@ CONTACT = record(
 
 
 class World(NamedTuple):
-    """All arrays of a scene, in the argument order of the compiled step."""
+    """All arrays of a scene, in the argument order of the compiled step.
+
+    `step` passes it to its stages, with the record of `state` in place of the array; a stage passes those
+    arrays on that its parts use.
+    """
 
     bodies: np.ndarray  # BODY
     pieces: np.ndarray  # PIECE
@@ -214,3 +218,7 @@ class World(NamedTuple):
     pairs: np.ndarray  # PAIR, capacity
     contacts: np.ndarray  # CONTACT, capacity
     state: np.ndarray  # STATE, one record
+
+    def of_stages(self):
+        """The world as `step` passes it to its stages."""
+        return self._replace(state=self.state[0])

@@ -5,10 +5,22 @@ within rounding: that of the face, and that of the piece's side. Taken along the
 the body: `align_internal_edges` takes the other normal.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
 from touchstone.reference_impl.continuous.time_of_impact import gap_along
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, OVERLAP_TOLERANCE
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.driven.skeleton import move_links
+
+
+class MassProperties(NamedTuple):
+    """What an impulse moves: a body, a link with its effective mass, or a driver with all its links."""
+
+    inverse_mass: float
+    inverse_inertia: np.ndarray  # (3, 3), about the centre of mass, world axes
+    center: np.ndarray  # centre of mass (3,), world
 
 
 @kernel
@@ -74,27 +86,26 @@ def contact_mobility(bodies, drivers, pair, point, out_mobility):
         if body["driver"] >= 0:
             driver = drivers[body["driver"]]
             if body["link_inverse_mass"] > 0:
-                _add_mobility(
-                    body["link_inverse_mass"], body["inverse_inertia"], body["center"], point, out_mobility
-                )
+                moved = MassProperties(body["link_inverse_mass"], body["inverse_inertia"], body["center"])
+                _add_mobility(moved, point, out_mobility)
             elif driver["inverse_mass"] > 0:
-                _add_mobility(
-                    driver["inverse_mass"], driver["inverse_inertia"], driver["center"], point, out_mobility
-                )
+                moved = MassProperties(driver["inverse_mass"], driver["inverse_inertia"], driver["center"])
+                _add_mobility(moved, point, out_mobility)
         elif body["inverse_mass"] > 0:
-            _add_mobility(body["inverse_mass"], body["inverse_inertia"], body["center"], point, out_mobility)
+            moved = MassProperties(body["inverse_mass"], body["inverse_inertia"], body["center"])
+            _add_mobility(moved, point, out_mobility)
 
 
 @kernel
-def _add_mobility(inverse_mass, inverse_inertia, center, point, out_mobility):
+def _add_mobility(moved, point, out_mobility):
     """Add 1/m - [r] I^-1 [r], a body's velocity at `point` per impulse there."""
-    x, y, z = point[0] - center[0], point[1] - center[1], point[2] - center[2]
+    m, c = moved.inverse_inertia, moved.center
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
     for j in range(3):
         # r x e_j
         cx = -z if j == 1 else (y if j == 2 else 0.0)
         cy = z if j == 0 else (-x if j == 2 else 0.0)
         cz = -y if j == 0 else (x if j == 1 else 0.0)
-        m = inverse_inertia
         sx = m[0, 0] * cx + m[0, 1] * cy + m[0, 2] * cz
         sy = m[1, 0] * cx + m[1, 1] * cy + m[1, 2] * cz
         sz = m[2, 0] * cx + m[2, 1] * cy + m[2, 2] * cz
@@ -102,7 +113,7 @@ def _add_mobility(inverse_mass, inverse_inertia, center, point, out_mobility):
         out_mobility[0, j] += sy * z - sz * y
         out_mobility[1, j] += sz * x - sx * z
         out_mobility[2, j] += sx * y - sy * x
-        out_mobility[j, j] += inverse_mass
+        out_mobility[j, j] += moved.inverse_mass
 
 
 @kernel
@@ -112,24 +123,23 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
         if body["link_inverse_mass"] > 0:
-            c, v, w = body["center"], body["velocity"], body["omega"]
-            _kick(body["link_inverse_mass"], body["inverse_inertia"], c, point, px, py, pz, v, w)
+            moved = MassProperties(body["link_inverse_mass"], body["inverse_inertia"], body["center"])
+            _change_velocity(moved, point, px, py, pz, body["velocity"], body["omega"])
             return
         if driver["inverse_mass"] == 0:
             return
-        c, v, w = driver["center"], driver["velocity"], driver["omega"]
-        m, inverse_inertia = driver["inverse_mass"], driver["inverse_inertia"]
-        dx, dy, dz = _kick(m, inverse_inertia, c, point, px, py, pz, v, w)
+        moved = MassProperties(driver["inverse_mass"], driver["inverse_inertia"], driver["center"])
+        c, v, reference = driver["center"], driver["velocity"], driver["position"]
+        dx, dy, dz = _change_velocity(moved, point, px, py, pz, v, driver["omega"])
         # a driver's velocity is that of its root's origin
-        reference = driver["position"]
         x, y, z = reference[0] - c[0], reference[1] - c[1], reference[2] - c[2]
         v[0] += dy * z - dz * y
         v[1] += dz * x - dx * z
         v[2] += dx * y - dy * x
         move_links(bodies, joints, driver)
     elif body["inverse_mass"] > 0:
-        c, v, w = body["center"], body["velocity"], body["omega"]
-        _kick(body["inverse_mass"], body["inverse_inertia"], c, point, px, py, pz, v, w)
+        moved = MassProperties(body["inverse_mass"], body["inverse_inertia"], body["center"])
+        _change_velocity(moved, point, px, py, pz, body["velocity"], body["omega"])
 
 
 @kernel
@@ -140,17 +150,18 @@ def apply_to_both(bodies, joints, drivers, pair, point, p):
 
 
 @kernel
-def _kick(inverse_mass, inverse_inertia, c, point, px, py, pz, out_v, out_w):
-    """Change the velocity of the centre of mass c, and omega; returns the change of omega."""
-    m = inverse_inertia
+def _change_velocity(moved, point, px, py, pz, out_v, out_w):
+    """Add the change by an impulse at `point` to the velocity of the centre of mass and to omega; returns
+    that of omega."""
+    m, c = moved.inverse_inertia, moved.center
     x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
     tx, ty, tz = y * pz - z * py, z * px - x * pz, x * py - y * px
     dx = m[0, 0] * tx + m[0, 1] * ty + m[0, 2] * tz
     dy = m[1, 0] * tx + m[1, 1] * ty + m[1, 2] * tz
     dz = m[2, 0] * tx + m[2, 1] * ty + m[2, 2] * tz
-    out_v[0] += inverse_mass * px
-    out_v[1] += inverse_mass * py
-    out_v[2] += inverse_mass * pz
+    out_v[0] += moved.inverse_mass * px
+    out_v[1] += moved.inverse_mass * py
+    out_v[2] += moved.inverse_mass * pz
     out_w[0] += dx
     out_w[1] += dy
     out_w[2] += dz

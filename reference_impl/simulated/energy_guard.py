@@ -35,7 +35,7 @@ def _height_energy(body, state):
 
 
 @kernel
-def guard_energy(bodies, drivers, pairs, count, parted, contacts, first, state):
+def guard_energy(world, count, parted, first):
     """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
 
     Args:
@@ -43,6 +43,7 @@ def guard_energy(bodies, drivers, pairs, count, parted, contacts, first, state):
         parted: separation may have lifted bodies; islands then include separating contacts.
         first: first row of `contacts` of this substep.
     """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     if parted:
         join_islands(bodies, drivers, pairs, count, True)
     free = False
@@ -52,7 +53,7 @@ def guard_energy(bodies, drivers, pairs, count, parted, contacts, first, state):
         if pairs[k]["island"] >= 0:
             _sum_up(bodies, drivers, pairs[k], state)
     for k in range(first, state["contact_count"]):
-        _subtract_work(bodies, contacts[k])
+        _subtract_work(bodies, world.contacts[k])
     for k in range(count):
         free = free or (pairs[k]["island"] >= 0 and is_free(bodies[pairs[k]["island"]]["guard"]))
     if free:

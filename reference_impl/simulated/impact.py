@@ -55,7 +55,7 @@ def rest_speed(state):
 
 
 @kernel
-def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time):
+def resolve_impacts(world, count, time):
     """Resolve impacts of the touching pairs `pairs[:count]` until none approaches.
 
     Under IMPULSES_TOGETHER a final solve stops all contacts that are too slow to bounce.
@@ -63,8 +63,10 @@ def resolve_impacts(bodies, joints, drivers, pairs, count, contacts, state, time
     Returns:
         Whether fewer than IMPULSE_CAP rounds or impulses sufficed.
     """
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, contacts, state = world.pairs, world.contacts, world.state
     if state["impulses"] != IMPULSES_TOGETHER:
-        return _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time)
+        return _resolve_in_turn(world, count, time)
     v_rest = rest_speed(state)
     done = False
     for k in range(IMPULSE_CAP):
@@ -127,12 +129,14 @@ def fastest_row(bodies, drivers, pairs, count, struck, state):
 
 
 @kernel
-def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, time):
+def _resolve_in_turn(world, count, time):
     """Resolve impacts one at a time, the fastest approach first, until none approaches.
 
     Returns:
         Whether IMPULSE_CAP impulses sufficed.
     """
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
     v_rest, k = rest_speed(state), -1
     for _ in range(IMPULSE_CAP):
         k = fastest_row(bodies, drivers, pairs, count, k, state)
@@ -143,7 +147,7 @@ def _resolve_in_turn(bodies, joints, drivers, pairs, count, contacts, state, tim
         if pair["manifold"] >= 0:
             to_middle(pairs, pair)
         strike(bodies, joints, drivers, pair, e, state)
-        _log_strike(bodies, pair, contacts, state, time)
+        _log_strike(bodies, pair, world.contacts, state, time)
     return False
 
 

@@ -23,22 +23,24 @@ from touchstone.reference_impl.solver.warm_start import load_impulse, store_impu
 
 
 @kernel
-def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, state, time, h):
+def solve_resting_contacts(world, count, time, h):
     """Apply forces over a substep, and impulses in the friction cone that let no touching pair approach.
 
     Args:
+        count: `pairs[:count]` touch.
         time, h: start of the substep in the frame, and its length [s].
     Returns:
         The length for which the impulses are valid [s], shorter if a sliding contact stops earlier.
     """
+    bodies, pairs, state = world.bodies, world.pairs, world.state
     converged = True
     for k in range(RESTING_CONTACT_ROUNDS):
         _prepare_resting_contacts(bodies, pairs, count, state)
         apply_forces(bodies, state["gravity"], h, state["flight"])
         if state["impulses"] == IMPULSES_TOGETHER:
-            converged = _solve_together(bodies, joints, drivers, pairs, count, state, h)
+            converged = _solve_together(world, count, h)
         else:
-            converged = _solve_in_turn(bodies, joints, drivers, pairs, count, state)
+            converged = _solve_in_turn(world, count)
         # a stop time is meaningful only if the impulses converged
         share = first_stop(bodies, pairs, count, state) if converged else 1.0
         if share >= STOP_SHARE:
@@ -46,9 +48,9 @@ def solve_resting_contacts(bodies, joints, drivers, pairs, count, contacts, stat
         if k == RESTING_CONTACT_ROUNDS - 1:
             state["counters"][CAP_HOLD_ROUNDS] += 1
             break
-        begin_again(bodies, joints, drivers)
+        begin_again(bodies, world.joints, world.drivers)
         h *= STOP_SHORT * share
-    log_held(bodies, pairs, count, contacts, state, time)
+    log_held(bodies, pairs, count, world.contacts, state, time)
     return h
 
 
@@ -81,30 +83,32 @@ def _floor(pair, state, flight):
 
 
 @kernel
-def _solve_together(bodies, joints, drivers, pairs, count, state, h):
+def _solve_together(world, count, h):
     """Solve all rows together with a warm start; returns whether the impulses converged."""
+    bodies, pairs, state = world.bodies, world.pairs, world.state
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
-    converged = solve_contacts(bodies, joints, drivers, pairs, count, True, state)
+    converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
     store_impulses(bodies, pairs, count, state, h)
     return converged
 
 
 @kernel
-def _solve_in_turn(bodies, joints, drivers, pairs, count, state):
+def _solve_in_turn(world, count):
     """Solve one point at a time, the fastest approach first, as an impact without restitution.
 
     Returns:
         Whether IMPULSE_CAP impulses sufficed.
     """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     note_free_slip(bodies, pairs, count, state)
     k = -1
     for _ in range(IMPULSE_CAP):
         k = fastest_row(bodies, drivers, pairs, count, k, state)
         if k < 0 or pairs[k]["key"] <= APPROACH_MIN:
             return True
-        strike(bodies, joints, drivers, pairs[k], 0.0, state)
+        strike(bodies, world.joints, drivers, pairs[k], 0.0, state)
         for i in range(3):
             pairs[k]["resting_impulse"][i] += state["impulse"][i]
     state["counters"][COUNT_UNCONVERGED] += 1

@@ -21,7 +21,7 @@ from touchstone.reference_impl.driven.skeleton import place
 
 
 @kernel
-def separate_simulated(bodies, pieces, vertices, pairs, first, state):
+def separate_simulated(world, first):
     """Translate simulated bodies out of the overlap into which they sank during resting contact.
 
     A body squeezed by a driver has no room: after YIELD_ROUNDS, the driver must yield, which `squeezed` says.
@@ -32,6 +32,8 @@ def separate_simulated(bodies, pieces, vertices, pairs, first, state):
         Index after the last pair that touches afterwards, from `first`; `first` if no body moved. Overlap
         that remains is counted.
     """
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     left = SEPARATION_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
     converged, end = True, first
     for rounds in range(REMOVAL_ROUNDS):

@@ -46,7 +46,7 @@ from touchstone.reference_impl.simulated.impact import rest_speed
 
 
 @kernel
-def gather_contacts(bodies, pieces, drivers, vertices, pairs, state, left):
+def gather_contacts(world, left):
     """Gather the contacts of the next substep, with near pairs if it is dense, and compute its length.
 
     Args:
@@ -55,6 +55,8 @@ def gather_contacts(bodies, pieces, drivers, vertices, pairs, state, left):
         (end, h): `pairs[:end]` are the contacts, one row per manifold point, with their `speculative_speed`;
         h is the length of the substep [s].
     """
+    bodies, pieces, drivers = world.bodies, world.pieces, world.drivers
+    vertices, pairs, state = world.vertices, world.pairs, world.state
     # expect as many rows as in the last substep, and twice as many after a dense one; the number of events
     # per frame is limited too
     expected = (1 + state["dense_substep"]) * state["last_rows"]

@@ -91,13 +91,11 @@ def _helper() -> Iterator[None]:
 def compile_solver(parent: int) -> None:
     """Compile the kernels of the contact solver in this process, which ends with its parent."""
     end_with_parent(parent, by_kernel=False)
-    w = _small_world()
-    state = w.state[0]
-    solved = (w.bodies, w.joints, w.drivers, w.pairs, 0, w.contacts, state)
-    _compile(pipeline.solve_resting_contacts, *solved, 0.0, 0.0)
-    _compile(pipeline.resolve_impacts, *solved, 0.0)
-    _compile(pipeline.guard_energy, w.bodies, w.drivers, w.pairs, 0, True, w.contacts, 0, state)
-    _compile(pipeline.gather_contacts, w.bodies, w.pieces, w.drivers, w.vertices, w.pairs, state, 0.0)
+    world = _small_world().of_stages()
+    _compile(pipeline.solve_resting_contacts, world, 0, 0.0, 0.0)
+    _compile(pipeline.resolve_impacts, world, 0, 0.0)
+    _compile(pipeline.guard_energy, world, 0, True, 0)
+    _compile(pipeline.gather_contacts, world, 0.0)
 
 
 def _compile(compiled: Any, *arguments: object) -> None:

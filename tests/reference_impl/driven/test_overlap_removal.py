@@ -247,7 +247,7 @@ def test_simulated_bodies_part_by_halves(lab: SimpleNamespace) -> None:
     one, two = lab.ball("one", (0.0, 0.0, 1.0)), lab.ball("two", (0.08, 0.0, 1.0))
     low = lab.ball("low", (1.0, 0.0, 0.04))
     world = lab.build(lab.scene(one, two, low, lab.ground()))
-    assert separate_simulated(world.bodies, world.pieces, world.vertices, world.pairs, 0, world.state[0])
+    assert separate_simulated(world.of_stages(), 0)
     np.testing.assert_allclose(
         world.bodies["position"][:2, 0],
         (-0.01 + SEPARATION_DEPTH / 2, 0.09 - SEPARATION_DEPTH / 2),
