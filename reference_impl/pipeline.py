@@ -89,7 +89,7 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     place_pieces(bodies, pieces, vertices, FIXED)
     place_pieces(bodies, pieces, vertices, SIMULATED)
     list_pieces(bodies, pieces, state[0])
-    end, _ = detect(bodies, pieces, vertices, pairs, state[0], DRIVEN, 0)
+    end, _ = detect(World(bodies, pieces, joints, drivers, vertices, pairs, contacts, state[0]), DRIVEN, 0)
     for d in range(len(drivers)):
         store_free_pose(bodies, joints, drivers[d])
         drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
@@ -137,8 +137,7 @@ def _weigh(bodies, joints, driver):
 @kernel
 def _drive(world):
     """Driven loop: coupling, overlap removal, and velocities of driven bodies for this frame's contacts."""
-    bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
-    vertices, pairs, state = world.vertices, world.pairs, world.state
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     start = clock(state["clock"])
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
@@ -154,10 +153,10 @@ def _drive(world):
         for d in range(len(drivers)):
             if approach(bodies, joints, drivers[d], state, part):
                 more = True
-        if state["skip_removal"] == 0 and not pass_free(bodies, pieces, joints, drivers, state):
+        if state["skip_removal"] == 0 and not pass_free(world):
             if state["detection"] != DETECTION_DISCRETE:
-                sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
-            remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
+                sweep_drivers(world)
+            remove_overlap(world)
         if not more:
             break
     if state["skip_removal"] == 1:
@@ -231,7 +230,7 @@ def _simulate(world):
             advance_links(bodies, fraction * h)
         if state["squeezed"] == 1:
             state["squeezed"], yielded = 0, True
-            remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state)
+            remove_overlap(world)
         left -= fraction * h
         if left <= TIME_MIN:
             break
@@ -246,7 +245,7 @@ def _simulate(world):
         recoil(bodies, joints, drivers[d])
         # removal from squeezed bodies has replaced the withheld turns
         if drivers[d]["pushes"] == 1 and drivers[d]["is_free"] == 1 and not yielded:
-            follow_pushed(bodies, pieces, joints, drivers, vertices, pairs, state, d)
+            follow_pushed(world, d)
 
 
 @kernel
@@ -288,10 +287,10 @@ def _advance(world, touching, returned):
     mark_pairs(bodies, pieces, pairs, touching)
     fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
     if fast or state["detection"] == DETECTION_SWEEP:
-        end = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
+        end = find_swept_pairs(world, SIMULATED, touching)
     else:
         pose_at(bodies, 1.0)
-        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, touching)
+        end, _ = detect(world, SIMULATED, touching)
     fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state)
     fraction = min(fraction, returned)
     pose_at(bodies, fraction)

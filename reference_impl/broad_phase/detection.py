@@ -37,7 +37,7 @@ def place_listed(bodies, pieces, vertices, kind, state):
 
 
 @kernel
-def detect(bodies, pieces, vertices, pairs, state, kind, first):
+def detect(world, kind, first):
     """Find the pairs that touch or overlap and contain a body of `kind`, and write them from `pairs[first]`.
 
     Updates the poses and boxes of the pieces of `kind` first.
@@ -45,6 +45,8 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
     Returns:
         (end, deepest): index after the last pair, and the largest depth [m].
     """
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     since = clock(state["clock"])
     place_listed(bodies, pieces, vertices, kind, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
@@ -74,13 +76,14 @@ def detect(bodies, pieces, vertices, pairs, state, kind, first):
 
 
 @kernel
-def detect_for(bodies, pieces, vertices, pairs, state, d, later):
+def detect_for(world, d, later):
     """Detect pairs of driven bodies, and scale driver d's distance to drivers of higher index by `later`.
 
     Returns:
         Index after the last pair.
     """
-    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    bodies, pairs, state = world.bodies, world.pairs, world.state
+    end, _ = detect(world, DRIVEN, 0)
     state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
     for k in range(end):
         one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
@@ -98,11 +101,13 @@ def set_coefficients(bodies, pair, state):
 
 
 @kernel
-def find_swept_pairs(bodies, pieces, vertices, pairs, state, kind, first):
+def find_swept_pairs(world, kind, first):
     """Find the pairs whose swept boxes overlap and contain a body of `kind`, written from `pairs[first]`.
 
     Leaves the pieces of `kind` at the start pose with swept boxes; returns the index after the last pair.
     """
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     _enclose_ways(bodies, pieces, vertices, kind, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
         drop_fat_bounds(bodies, pieces, state)

@@ -19,7 +19,7 @@ from touchstone.reference_impl.driven.skeleton import hang, measure_angle
 
 
 @kernel
-def aim(bodies, pairs, end, driver, d, chain, rounds, link, state):
+def aim(world, end, d, chain, rounds, link):
     """Set `point` and `goal` of `state` for the child of hinge `link`: the end effector (Eq. 2: mean of the
     contact points on the link's own surface) and its goal (Eq. 3).
 
@@ -27,7 +27,8 @@ def aim(bodies, pairs, end, driver, d, chain, rounds, link, state):
         The first hinge to turn: the chain's first, or the one after the outermost of the chain's own links
         that this link overlaps.
     """
-    point, goal, first = state["point"], state["goal"], driver["chains"][chain, 0]
+    bodies, pairs, driver = world.bodies, world.pairs, world.drivers[d]
+    point, goal, first = world.state["point"], world.state["goal"], driver["chains"][chain, 0]
     for i in range(3):
         point[i] = goal[i] = 0.0
     count, total = 0, 0.0

@@ -41,7 +41,7 @@ def shuffle_chains(driver, state):
 
 
 @kernel
-def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
+def free_chains(world, d, later, end):
     """Remove overlap of driver d's chains, one after the other by inverse kinematics or all at once by the
     posture QP; poses the links.
 
@@ -51,30 +51,31 @@ def free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, late
     Returns:
         Index after the last pair of the last detection. The chains are free if these pairs have no depth.
     """
-    driver = drivers[d]
+    bodies, joints, state, driver = world.bodies, world.joints, world.state, world.drivers[d]
     if state["posture"] == POSTURE_LEAST_TURN:
-        return _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
+        return _turn_out(world, d, later, end)
     for i in range(driver["chain_count"]):
         chain = driver["order"][i]
         for rounds in range(CHAIN_ROUNDS + 1):
-            link = _innermost(bodies, pairs, end, driver, d, chain, rounds)
+            link = _innermost(bodies, world.pairs, end, driver, d, chain, rounds)
             if link < 0:
                 break
             if rounds == CHAIN_ROUNDS:
                 state["counters"][CAP_CHAIN_ROUNDS] += 1
                 break
             state["counters"][COUNT_IK_ROUNDS] += 1
-            first = aim(bodies, pairs, end, driver, d, chain, rounds, link, state)
+            first = aim(world, end, d, chain, rounds, link)
             bring_out(bodies, joints, first, link, rounds, state)
             pose_chain_links(bodies, joints, driver, chain)
-            end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+            end = detect_for(world, d, later)
     return end
 
 
 @kernel
-def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end):
+def _turn_out(world, d, later, end):
     """Remove overlap of all chains by successive posture QPs; bend stretched chains."""
-    driver = drivers[d]
+    bodies, joints, pairs, state = world.bodies, world.joints, world.pairs, world.state
+    driver = world.drivers[d]
     for rounds in range(CHAIN_ROUNDS):
         gather_constraints(bodies, pairs, end, driver, d, state)
         # a tighter tolerance than OVERLAP_TOLERANCE: the QP converges fast, unlike passes of IK
@@ -90,7 +91,7 @@ def _turn_out(bodies, pieces, joints, drivers, vertices, pairs, state, d, later,
                 bend(joints, first, last)
         apply_turns(joints, driver, 1.0, QP_TURN_MAX)
         pose_moved(bodies, joints, driver)
-        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+        end = detect_for(world, d, later)
         if rounds == CHAIN_ROUNDS - 1 and chains_depth(bodies, pairs, end, d) > QP_TOLERANCE:
             state["counters"][CAP_CHAIN_ROUNDS] += 1
     return end

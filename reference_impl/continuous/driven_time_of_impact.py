@@ -31,9 +31,10 @@ from touchstone.reference_impl.driven.skeleton import pose_links, pose_moved
 
 
 @kernel
-def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
+def sweep_drivers(world):
     """Stop each driver's motion from its last free pose where a link first goes deep into a fixed or
     simulated body; its coupling keeps its velocity."""
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     since = clock(state["clock"])
     for b in range(len(bodies)):
         bodies[b]["moves"], bodies[b]["path"] = 0, 0.0
@@ -48,7 +49,7 @@ def sweep_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
         reached = 1.0
         for k in range(segments):
             _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
-            fraction = _free_fraction(bodies, pieces, vertices, pairs, state, -1 - d)
+            fraction = _free_fraction(world, -1 - d)
             if fraction < 1:
                 reached = (k + fraction) / segments
                 break
@@ -118,17 +119,18 @@ def _begin_segment(bodies, joints, driver, start, end):
 
 
 @kernel
-def _free_fraction(bodies, pieces, vertices, pairs, state, mover):
+def _free_fraction(world, mover):
     """Fraction of a segment up to which no link of the driver has gone deep into an obstacle."""
+    bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
     first = 1.0
-    end = find_swept_pairs(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    end = find_swept_pairs(world, DRIVEN, 0)
     for k in range(end):
         pair = pairs[k]
         both = bodies[pair["body_a"]]["kind"] == DRIVEN and bodies[pair["body_b"]]["kind"] == DRIVEN
         if side_of(bodies, pair, mover) == 0.0 or both:
             continue
         if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
-            first = _deep(bodies, pieces, vertices, pair, state, first)
+            first = _deep(bodies, pieces, world.vertices, pair, state, first)
     return first
 
 

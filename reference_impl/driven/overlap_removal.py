@@ -41,7 +41,7 @@ from touchstone.reference_impl.driven.skeleton import place, pose_links, pose_mo
 
 
 @kernel
-def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
+def remove_overlap(world):
     """Remove all drivers' overlap with fixed, simulated and driven bodies (method, section 3).
 
     Two overlapping drivers move by half of the depth each; the later one resolves the rest. If one is stuck
@@ -49,13 +49,14 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
     takes its pose at entry and resolves all overlap with the others; its way back stays free. A driver that
     stays in overlap is counted in `gave_up`.
     """
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     for d in range(len(drivers)):
         store_entry(joints, drivers[d])
     if len(drivers) > 1:
-        _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state)
+        _part_drivers(world)
     all_free = True
     for d in range(len(drivers)):
-        free = _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, 0.0)
+        free = _free_driver(world, d, 0.0)
         drivers[d]["is_free"] = free
         all_free = all_free and free
     if not all_free and len(drivers) > 1:
@@ -63,21 +64,21 @@ def remove_overlap(bodies, pieces, joints, drivers, vertices, pairs, state):
             interpolate(bodies, joints, drivers[d], PART_WHOLE, 0.0)
         for d in range(len(drivers)):
             interpolate(bodies, joints, drivers[d], PART_WHOLE, 1.0)
-            drivers[d]["is_free"] = _free_driver(
-                bodies, pieces, joints, drivers, vertices, pairs, state, d, 1.0
-            )
+            drivers[d]["is_free"] = _free_driver(world, d, 1.0)
     for d in range(len(drivers)):
         if drivers[d]["is_free"] == 1:
             store_free_pose(bodies, joints, drivers[d])
         else:
             state["counters"][COUNT_GAVE_UP] += 1
-            _yield_simulated(bodies, pieces, vertices, pairs, state, -1 - d)
+            _yield_simulated(world, -1 - d)
 
 
 @kernel
-def pass_free(bodies, pieces, joints, drivers, state):
+def pass_free(world):
     """Whether no driver needs overlap removal, as all links are isolated and inside their fat AABBs; poses
     the links."""
+    bodies, pieces, joints = world.bodies, world.pieces, world.joints
+    drivers, state = world.drivers, world.state
     if state["driven_isolated"] == 0:
         return False
     for d in range(len(drivers)):
@@ -92,12 +93,14 @@ def pass_free(bodies, pieces, joints, drivers, state):
 
 
 @kernel
-def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
+def _part_drivers(world):
     """One simultaneous round of Eq. 1 for overlap between drivers: each resolves half of the depths."""
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
     shift = state["shift"]
     for d in range(len(drivers)):
         pose_links(bodies, joints, drivers[d])
-    end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    end, _ = detect(world, DRIVEN, 0)
     for k in range(end):
         both = bodies[pairs[k]["body_a"]]["driver"] >= 0 and bodies[pairs[k]["body_b"]]["driver"] >= 0
         pairs[k]["distance"] *= 0.5 if both else 0.0
@@ -111,7 +114,7 @@ def _part_drivers(bodies, pieces, joints, drivers, vertices, pairs, state):
 
 
 @kernel
-def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+def _free_driver(world, d, later):
     """Remove the overlap of driver d, or else take the way back, which is counted; poses its links.
 
     Translation frees the links outside chains, then inverse kinematics frees the chains. The whole driver
@@ -122,22 +125,23 @@ def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, lat
     Returns:
         Whether it is free; if not, it is at its pose at entry.
     """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     mover = -1 - TRUNK_OFFSET - d
-    end, free = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
+    end, free = _translate(world, d, mover, later)
     if free and drivers[d]["chain_count"] > 0:
         shuffle_chains(drivers[d], state)
         note_pushing_links(bodies, pairs, end, drivers[d], d, False, state)
-        end = free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, end)
+        end = free_chains(world, d, later, end)
         if not is_free(largest_depth(bodies, pairs, end, d)):
             mover = -1 - d
-            end, _ = _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later)
+            end, _ = _translate(world, d, mover, later)
             free = is_free(largest_depth(bodies, pairs, end, d))
     if not free:
-        if not _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+        if not _way_back(world, d, later):
             return False
         state["counters"][COUNT_WAY_BACK] += 1
         mover = -1 - d
-        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+        end = detect_for(world, d, later)
     _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
     if drivers[d]["chain_count"] > 0:
         note_pushing_links(bodies, pairs, end, drivers[d], d, True, state)
@@ -145,17 +149,18 @@ def _free_driver(bodies, pieces, joints, drivers, vertices, pairs, state, d, lat
 
 
 @kernel
-def _translate(bodies, pieces, joints, drivers, vertices, pairs, state, d, mover, later):
+def _translate(world, d, mover, later):
     """Translate driver d until `mover`, all its links or those outside chains, is free; poses the links.
 
     Returns:
         (end, free): index after the last pair, and whether `mover` is free.
     """
-    driver, shift = drivers[d], state["shift"]
+    bodies, joints, pairs, state = world.bodies, world.joints, world.pairs, world.state
+    driver, shift = world.drivers[d], state["shift"]
     previous, marked, first = 0.0, 0, 0.0
     for rounds in range(REMOVAL_ROUNDS + 1):
         pose_moved(bodies, joints, driver)
-        end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
+        end = detect_for(world, d, later)
         if state["removal"] == REMOVAL_LEAST_MOTION:
             deepest, size = min_norm_translation(bodies, pairs, 0, end, mover, state["planes"], shift)
         else:
@@ -195,16 +200,17 @@ def _is_detour(driver, deepest):
 
 
 @kernel
-def follow_pushed(bodies, pieces, joints, drivers, vertices, pairs, state, d):
+def follow_pushed(world, d):
     """Turn driver d's pushing chains after the bodies that moved away from them in the simulated loop: by the
     turns that these withheld, less what is still blocked. The hinges' offsets lose these turns."""
-    driver = drivers[d]
+    bodies, joints, pairs, state = world.bodies, world.joints, world.pairs, world.state
+    driver = world.drivers[d]
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
     store_entry(joints, driver)
     apply_turns(joints, driver, 1.0, inf)
     pose_moved(bodies, joints, driver)
-    touching = detect_for(bodies, pieces, vertices, pairs, state, d, 1.0)
-    touching = free_chains(bodies, pieces, joints, drivers, vertices, pairs, state, d, 1.0, touching)
+    touching = detect_for(world, d, 1.0)
+    touching = free_chains(world, d, 1.0, touching)
     if is_free(largest_depth(bodies, pairs, touching, d)):
         for k in range(first, end):
             turned = joints[k]["angle"] - joints[k]["entry_angle"]
@@ -215,7 +221,7 @@ def follow_pushed(bodies, pieces, joints, drivers, vertices, pairs, state, d):
     else:
         restore_entry(joints, driver)
         pose_links(bodies, joints, driver)
-        detect_for(bodies, pieces, vertices, pairs, state, d, 1.0)
+        detect_for(world, d, 1.0)
     if state["posture"] == POSTURE_LEAST_TURN:
         driver["constraint_count"] = 0
 
@@ -251,48 +257,48 @@ def store_free_pose(bodies, joints, driver):
 
 
 @kernel
-def _way_back(bodies, pieces, joints, drivers, vertices, pairs, state, d, later):
+def _way_back(world, d, later):
     """Return to the last free pose, then move towards the pose at entry as far as is free: first the links
     outside chains, then each chain.
 
     Returns:
         Whether the driver is free; if not, it is at its pose at entry.
     """
-    driver = drivers[d]
-    if driver["has_free"] == 0 or not _free_at(
-        bodies, pieces, joints, drivers, vertices, pairs, state, d, later, PART_WHOLE, 0.0
-    ):
-        interpolate(bodies, joints, driver, PART_WHOLE, 1.0)
-        detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+    driver = world.drivers[d]
+    if driver["has_free"] == 0 or not _free_at(world, d, later, PART_WHOLE, 0.0):
+        interpolate(world.bodies, world.joints, driver, PART_WHOLE, 1.0)
+        detect(world, DRIVEN, 0)
         return False
-    _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, PART_ROOT)
+    _bisect(world, d, later, PART_ROOT)
     for i in range(driver["chain_count"]):
-        _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, driver["order"][i])
+        _bisect(world, d, later, driver["order"][i])
     return True
 
 
 @kernel
-def _bisect(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part):
+def _bisect(world, d, later, part):
     """Bisect one part of driver d between its last free pose (t = 0) and its pose at entry (t = 1), with the
     other parts fixed; keep the free end."""
     free, blocked = 0.0, 1.0
-    if drivers[d]["chain_count"] > 0:
-        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, 1.0):
+    driver = world.drivers[d]
+    if driver["chain_count"] > 0:
+        if _free_at(world, d, later, part, 1.0):
             return
     for _ in range(WAY_BACK_STEPS):
         middle = (free + blocked) / 2
-        if _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, middle):
+        if _free_at(world, d, later, part, middle):
             free = middle
         else:
             blocked = middle
-    interpolate(bodies, joints, drivers[d], part, free)
+    interpolate(world.bodies, world.joints, driver, part, free)
 
 
 @kernel
-def _free_at(bodies, pieces, joints, drivers, vertices, pairs, state, d, later, part, t):
-    interpolate(bodies, joints, drivers[d], part, t)
-    end = detect_for(bodies, pieces, vertices, pairs, state, d, later)
-    return is_free(largest_depth(bodies, pairs, end, d))
+def _free_at(world, d, later, part, t):
+    """Whether driver d is free if one of its parts is at t of the way to its pose at entry."""
+    interpolate(world.bodies, world.joints, world.drivers[d], part, t)
+    end = detect_for(world, d, later)
+    return is_free(largest_depth(world.bodies, world.pairs, end, d))
 
 
 @kernel
@@ -344,14 +350,14 @@ def _stop_at_obstacles(bodies, drivers, pairs, end, d, mover):
 
 
 @kernel
-def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
+def _yield_simulated(world, mover):
     """Translate simulated bodies out of a driver that stays in overlap, unless they would then overlap a
     fixed body."""
-    shift = state["shift"]
+    bodies, pairs, state, shift = world.bodies, world.pairs, world.state, world.state["shift"]
     for b in range(len(bodies)):
         if bodies[b]["kind"] != SIMULATED:
             continue
-        end, _ = detect(bodies, pieces, vertices, pairs, state, DRIVEN, 0)
+        end, _ = detect(world, DRIVEN, 0)
         for k in range(end):
             if side_of(bodies, pairs[k], mover) == 0.0:
                 pairs[k]["distance"] = 0.0
@@ -359,14 +365,14 @@ def _yield_simulated(bodies, pieces, vertices, pairs, state, mover):
         if is_free(deepest):
             continue
         move(bodies[b], shift, 1.0)
-        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
+        end, _ = detect(world, SIMULATED, 0)
         for k in range(end):
             pair = pairs[k]
             one, two = bodies[pair["body_a"]]["kind"], bodies[pair["body_b"]]["kind"]
             meets = pair["body_a"] == b or pair["body_b"] == b
             if meets and (one == FIXED or two == FIXED) and not is_free(-pair["distance"]):
                 move(bodies[b], shift, -1.0)
-                place_listed(bodies, pieces, vertices, SIMULATED, state)
+                place_listed(bodies, world.pieces, world.vertices, SIMULATED, state)
                 break
 
 

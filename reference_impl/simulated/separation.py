@@ -37,7 +37,7 @@ def separate_simulated(world, first):
     left = SEPARATION_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
     converged, end = True, first
     for rounds in range(REMOVAL_ROUNDS):
-        end, deepest = detect(bodies, pieces, vertices, pairs, state, SIMULATED, first)
+        end, deepest = detect(world, SIMULATED, first)
         if rounds >= YIELD_ROUNDS:
             deepest = _leave_to_drivers(bodies, pairs, first, end)
             state["squeezed"] = 1

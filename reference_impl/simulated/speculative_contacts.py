@@ -64,11 +64,11 @@ def gather_contacts(world, left):
     crowded = crowded or state["counters"][COUNT_EVENTS] >= DENSE_EVENTS
     end, h = 0, left
     if not crowded:
-        end, _ = detect(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
+        end, _ = detect(world, SIMULATED, 0)
         crowded = state["rows"] + end > state["event_rows"]
     state["dense_substep"] = 1 if crowded else 0
     if crowded:
-        end, h = _gather_speculative(bodies, pieces, vertices, pairs, state, left)
+        end, h = _gather_speculative(world, left)
         state["counters"][COUNT_DENSE] += 1
     else:
         align_internal_edges(bodies, pieces, vertices, pairs, end, state)
@@ -148,18 +148,20 @@ def _keep_pushing(bodies, pieces, vertices, driver, pairs, end, state):
 
 
 @kernel
-def _gather_speculative(bodies, pieces, vertices, pairs, state, left):
+def _gather_speculative(world, left):
     """Gather the pairs that touch or may meet within a dense substep, at the front of `pairs`.
 
     Returns:
         (end, h) of `gather_contacts`.
     """
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     since = clock(state["clock"])
     g, v_rest = state["gravity"], rest_speed(state)
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             _coast(bodies[b], g, left)
-    found = find_swept_pairs(bodies, pieces, vertices, pairs, state, SIMULATED, 0)
+    found = find_swept_pairs(world, SIMULATED, 0)
     # limit the substep so that no impact with restitution happens much too early
     fastest, reach, bend, shifting = v_rest, v_rest * state["dt"], 0.0, False
     for k in range(found):

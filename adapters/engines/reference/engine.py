@@ -126,9 +126,7 @@ class _World:
         trial = World(*(array.copy() for array in self._world))
         step(*trial)
         for driver in np.flatnonzero(trial.drivers["is_free"] == 0).tolist():
-            end, _ = detect(
-                trial.bodies, trial.pieces, trial.vertices, trial.pairs, trial.state[0], DRIVEN, 0
-            )
+            end, _ = detect(trial.of_stages(), DRIVEN, 0)
             mine = [
                 pair
                 for pair in trial.pairs[:end]

@@ -19,7 +19,7 @@ def test_touching_pairs_move_to_the_front(lab: SimpleNamespace) -> None:
     balls = [lab.ball(f"ball_{k}", (k, 0.0, height)) for k, height in enumerate(heights)]
     world = lab.build(lab.scene(*balls, lab.ground(), e=0.4, mu=0.7))
     world.pairs[0]["key"] = 42.0
-    end, deepest = detect(*world[:2], world.vertices, world.pairs, world.state[0], SIMULATED, 1)
+    end, deepest = detect(world.of_stages(), SIMULATED, 1)
     rows = world.pairs[1:end]
     assert sorted(rows["body_a"].tolist()) == [0, 1, 3]
     assert set(rows["body_b"].tolist()) == {5}
@@ -41,7 +41,7 @@ def test_coefficients_are_those_of_the_pair(lab: SimpleNamespace) -> None:
     )
     for bodies in ((metal, ground), (ground, metal)):
         world = lab.build(Scenario("test", "a test", (), bodies, 1.0, coefficients))
-        end, _ = detect(*world[:2], world.vertices, world.pairs, world.state[0], SIMULATED, 0)
+        end, _ = detect(world.of_stages(), SIMULATED, 0)
         assert end == 1
         assert (world.pairs[0]["restitution"], world.pairs[0]["friction"]) == (0.3, 0.4)
 

@@ -47,7 +47,7 @@ def test_a_link_along_a_surface_is_lifted_as_it_lies(lab: SimpleNamespace) -> No
     world, forearm, first, last = forearm_in_a_table(lab, 0.005)
     before = world.bodies[forearm].copy()
     angles = world.joints["angle"].copy()
-    remove_overlap(*world[:6], world.state[0])
+    remove_overlap(world.of_stages())
     assert world.drivers[0]["is_free"] == 1
     counted = lab.counters(world)
     assert counted["ik.rounds"] >= 1
@@ -118,6 +118,6 @@ def test_straight_legs_give_way_to_a_risen_ground(lab: SimpleNamespace, profile:
     ground = lab.block("ground", (5.0, 5.0, 0.5), (0.0, 0.0, float(sole) - 0.5 + sunk), kind="fixed")
     world = lab.build(lab.person(bodies=(*person.bodies, ground)), profile)
     world.state["counters"][:] = 0
-    remove_overlap(*world[:6], world.state[0])
+    remove_overlap(world.of_stages())
     assert world.drivers[0]["is_free"] == 1
     assert abs(world.drivers[0]["position"][2]) <= 0.1 * sunk + OVERLAP_TOLERANCE

@@ -49,7 +49,7 @@ def remove(world) -> bool:
     world.state["counters"][:] = 0
     for driver in world.drivers:
         pose_links(world.bodies, world.joints, driver)
-    remove_overlap(*world[:6], world.state[0])
+    remove_overlap(world.of_stages())
     return bool(world.drivers["is_free"].all())
 
 

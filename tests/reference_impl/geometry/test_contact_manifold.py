@@ -36,7 +36,7 @@ def rows_of(lab: SimpleNamespace, *bodies: Body, room: int = 8) -> np.ndarray:
     """The rows of the touching pairs of a scene."""
     world = lab.build(lab.scene(*bodies))
     pairs = world.pairs[:room]
-    touching, _ = detect(world.bodies, world.pieces, world.vertices, pairs, world.state[0], SIMULATED, 0)
+    touching, _ = detect(world.of_stages()._replace(pairs=pairs), SIMULATED, 0)
     return pairs[: expand_manifolds(world.pieces, world.vertices, pairs, touching, world.state[0])].copy()
 
 

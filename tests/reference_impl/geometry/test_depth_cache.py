@@ -73,9 +73,7 @@ def test_a_scene_is_detected_alike(depth: int) -> None:
         for method in (conventions.DEPTH_EXACT, depth):
             state["depth"] = method
             state["counters"][:] = 0
-            end, _ = detect(
-                world.bodies, world.pieces, world.vertices, world.pairs, state, conventions.SIMULATED, 0
-            )
+            end, _ = detect(world.of_stages(), conventions.SIMULATED, 0)
             found[method] = world.pairs[:end].copy()
             counted = state["counters"][
                 [counters.COUNT_WALKED, counters.COUNT_CERTIFIED, counters.COUNT_EXACT]
