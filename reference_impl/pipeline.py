@@ -281,17 +281,16 @@ def _advance(world, touching, returned):
     Returns:
         (fraction, drifted) of `earliest_impact`.
     """
-    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
-    pairs, state = world.pairs, world.state
+    bodies, pairs, state = world.bodies, world.pairs, world.state
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
-    mark_pairs(bodies, pieces, pairs, touching)
+    mark_pairs(bodies, world.pieces, pairs, touching)
     fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
     if fast or state["detection"] == DETECTION_SWEEP:
         end = find_swept_pairs(world, SIMULATED, touching)
     else:
         pose_at(bodies, 1.0)
         end, _ = detect(world, SIMULATED, touching)
-    fraction, drifted = earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state)
+    fraction, drifted = earliest_impact(world, touching, end, fast)
     fraction = min(fraction, returned)
     pose_at(bodies, fraction)
     collision -= state["stage_seconds"][STAGE_COLLISION]

@@ -78,30 +78,23 @@ def test_texts_use_plain_terms():
 
 
 MOST_PARAMETERS = 8
-KERNELS_WITH_MORE = {
-    *("ccd_ik", "aim", "free_chains", "_turn_out", "time_of_impact", "_leap", "_free_driver", "_translate"),
-    *("_way_back", "_bisect", "_free_at"),
-}
-"""Kernels that still have more parameters than MOST_PARAMETERS: a record is missing there."""
 
 
-def functions(path: Path) -> Iterator[tuple[str, int, set[str]]]:
-    """Name, number of parameters, and names of the decorators of each function but commands."""
+def functions(path: Path) -> Iterator[tuple[str, int]]:
+    """Name and number of parameters of each function but commands."""
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.FunctionDef) and "typer.Option" not in ast.unparse(node.args):
             given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             count = len([one for one in given if one.arg not in ("self", "cls")])
-            named = {one.func if isinstance(one, ast.Call) else one for one in node.decorator_list}
-            yield node.name, count, {ast.unparse(one).rpartition(".")[2] for one in named}
+            yield node.name, count
 
 
 def test_functions_have_few_parameters():
     """A function has at most MOST_PARAMETERS parameters; those of a command are its options."""
     found = {
-        (name, bool({"kernel", "inlined"} & marks))
+        f"{path.relative_to(ROOT)}: {name}": count
         for path in MODULES
-        for name, count, marks in functions(path)
+        for name, count in functions(path)
         if count > MOST_PARAMETERS
     }
-    assert {name for name, _ in found} == KERNELS_WITH_MORE
-    assert all(is_kernel for _, is_kernel in found)
+    assert found == {}

@@ -5,6 +5,9 @@ stretched pose that ratio is almost 1. Every third pass may therefore be extrapo
 """
 
 from math import acos, atan2, cos, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
 
 from touchstone.reference_impl.core.conventions import (
     ANGLE_ACOS,
@@ -21,14 +24,22 @@ from touchstone.reference_impl.driven.reach_cone import keep_in_cone, project, t
 from touchstone.reference_impl.driven.skeleton import hang, measure_angle
 
 
+class Hinges(NamedTuple):
+    """Consecutive hinges of one chain, root to tip, with whole ball joints."""
+
+    bodies: np.ndarray  # BODY
+    joints: np.ndarray  # JOINT
+    first: int  # index of the innermost hinge
+    last: int  # of the outermost one
+
+
 @kernel
-def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, cap):
-    """Turn hinges `last` to `first`, one after the other, to move a point of the last link to a goal.
+def ccd_ik(hinges, point, goal, angle, passes, tolerance, cap):
+    """Turn hinges, from the last to the first, to move a point of the last link to a goal.
 
     Args:
-        first, last: consecutive joints of one chain, root to tip, with whole ball joints. Their links are
-            posed, and their angles are within limits and cones.
-        point: end effector (3,) [m], world, fixed in the child of `last`; updated.
+        hinges: Hinges; their links are posed, and their angles are within limits and cones.
+        point: end effector (3,) [m], world, fixed in the child of the last hinge; updated.
         goal: target of the end effector (3,) [m], world.
         angle: ANGLE_ACOS or ANGLE_ATAN2.
         passes: PASSES_PLAIN or PASSES_EXTRAPOLATED.
@@ -38,6 +49,7 @@ def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, c
         (passes, distance left [m], whether it converged). The rotation and origin of the chain's links match
         the new angles; their orientation, centre and pieces are stale until `pose_links`.
     """
+    bodies, joints, first, last = hinges.bodies, hinges.joints, hinges.first, hinges.last
     fix_end_effector(bodies, joints, last, point)
     for k in range(first, last + 1):
         rotate(bodies[joints[k]["parent"]]["rotation"], joints[k]["axis"], joints[k]["world_axis"])
@@ -51,16 +63,17 @@ def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, c
         for k in range(last, first - 1, -1):
             turn_toward(bodies, joints, k, point, goal, angle)
             if joints[k]["cone_count"] > 0 and keep_in_cone(joints, k):
-                pose_chain(bodies, joints, k, last, point)
+                outer = Hinges(bodies, joints, k, last)
+                pose_chain(outer, point)
                 if slide_along_edge(bodies, joints, k, point, goal, angle):
-                    pose_chain(bodies, joints, k, last, point)
+                    pose_chain(outer, point)
         # turning inner joints moves the axes and origins of outer ones: update them once per pass
-        pose_chain(bodies, joints, first, last, point)
+        pose_chain(hinges, point)
         left = distance(point, goal)
         since += 1
-        ratio = _ratio_of_passes(joints, first, last, since)
+        ratio = _ratio_of_passes(hinges, since)
         if passes == PASSES_EXTRAPOLATED and since >= IK_STRIDE and ratio > 0 and left > tolerance:
-            left, kept = _extrapolate(bodies, joints, first, last, point, goal, left, ratio)
+            left, kept = _extrapolate(hinges, point, goal, left, ratio)
             since = 0 if kept else IK_STRIDE - 1
         if (done + 1) % IK_STALL_PASSES == 0:
             if not left < IK_STALL_FALL * marked:
@@ -70,11 +83,11 @@ def ccd_ik(bodies, joints, first, last, point, goal, angle, passes, tolerance, c
 
 
 @kernel
-def _ratio_of_passes(joints, first, last, since):
+def _ratio_of_passes(hinges, since):
     """Ratio of the last pass' turns to those of the pass before, by projection on them [1]; 0 without one."""
     product, square = 0.0, 0.0
-    for k in range(first, last + 1):
-        joint = joints[k]
+    for k in range(hinges.first, hinges.last + 1):
+        joint = hinges.joints[k]
         turned = joint["angle"] - joint["pass_angle"]
         product += turned * joint["pass_turn"]
         square += joint["pass_turn"] * joint["pass_turn"]
@@ -83,13 +96,14 @@ def _ratio_of_passes(joints, first, last, since):
 
 
 @kernel
-def _extrapolate(bodies, joints, first, last, point, goal, left, ratio):
+def _extrapolate(hinges, point, goal, left, ratio):
     """Extrapolate the angles to the limit of a geometric series with this ratio (Aitken); undo that if the
     end effector comes no nearer to its goal.
 
     Returns:
         (distance left [m], whether the extrapolation was kept).
     """
+    joints, first, last = hinges.joints, hinges.first, hinges.last
     ratio = min(ratio, IK_RATIO_MAX)
     for k in range(first, last + 1):
         joint = joints[k]
@@ -97,11 +111,11 @@ def _extrapolate(bodies, joints, first, last, point, goal, left, ratio):
         wanted = joint["angle"] + ratio / (1 - ratio) * joint["pass_turn"]
         joint["angle"] = min(max(wanted, joint["lower"]), joint["upper"])
     keep_in_cones(joints, first, last)
-    pose_chain(bodies, joints, first, last, point)
+    pose_chain(hinges, point)
     found = distance(point, goal)
     if found < left:
         return found, True
-    return_to_last(bodies, joints, first, last, point)
+    return_to_last(hinges, point)
     return left, False
 
 
@@ -116,11 +130,11 @@ def keep_in_cones(joints, first, last):
 
 
 @kernel
-def return_to_last(bodies, joints, first, last, point):
-    """Restore a chain's angles from `last_angle`, and pose it."""
-    for k in range(first, last + 1):
-        joints[k]["angle"] = joints[k]["last_angle"]
-    pose_angles(bodies, joints, first, last, point)
+def return_to_last(hinges, point):
+    """Restore the angles from `last_angle`, and pose the links."""
+    for k in range(hinges.first, hinges.last + 1):
+        hinges.joints[k]["angle"] = hinges.joints[k]["last_angle"]
+    pose_angles(hinges, point)
 
 
 @kernel
@@ -141,9 +155,10 @@ def fix_end_effector(bodies, joints, last, point):
 
 
 @kernel
-def pose_chain(bodies, joints, first, last, point):
-    """Forward kinematics of a chain from the cosines and sines of its angles: rotation and origin of the
-    children of hinges `first` to `last`, world axes of these hinges, and the end effector `point`, world."""
+def pose_chain(hinges, point):
+    """Forward kinematics from the cosines and sines of the angles: rotation and origin of the hinges'
+    children, world axes of the hinges, and the end effector `point`, world."""
+    bodies, joints, first, last = hinges.bodies, hinges.joints, hinges.first, hinges.last
     for k in range(first, last + 1):
         joint = joints[k]
         parent = bodies[joint["parent"]]
@@ -156,11 +171,11 @@ def pose_chain(bodies, joints, first, last, point):
 
 
 @kernel
-def pose_angles(bodies, joints, first, last, point):
+def pose_angles(hinges, point):
     """`pose_chain` from the angles: computes their cosines and sines first."""
-    for k in range(first, last + 1):
-        measure_angle(joints[k])
-    pose_chain(bodies, joints, first, last, point)
+    for k in range(hinges.first, hinges.last + 1):
+        measure_angle(hinges.joints[k])
+    pose_chain(hinges, point)
 
 
 @kernel

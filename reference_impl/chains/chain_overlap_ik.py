@@ -2,7 +2,7 @@
 
 from math import atan2, pi
 
-from touchstone.reference_impl.chains.ccd_ik import ccd_ik, distance, pose_angles
+from touchstone.reference_impl.chains.ccd_ik import Hinges, ccd_ik, distance, pose_angles
 from touchstone.reference_impl.chains.chain_overlap_depth import chain_depth
 from touchstone.reference_impl.core.conventions import (
     ALONG_COSINE,
@@ -62,13 +62,13 @@ def bring_out(bodies, joints, first, link, rounds, state):
     while own > first and _meets_inner(joints[own]):
         own -= 1
     if own == first or not _lies_along(bodies[joints[link]["child"]], state):
-        _reach(bodies, joints, first, link, rounds, state)
+        _reach(Hinges(bodies, joints, first, link), rounds, state)
         return
     origin, point, goal = bodies[joints[link]["child"]]["position"], state["point"], state["goal"]
     for i in range(3):
         goal[i] += origin[i] - point[i]
         point[i] = origin[i]
-    _reach(bodies, joints, first, own - 1, rounds, state)
+    _reach(Hinges(bodies, joints, first, own - 1), rounds, state)
     for k in range(own, link + 1):
         keep_orientation(bodies[joints[k]["parent"]], joints[k], bodies[joints[k]["child"]])
 
@@ -116,15 +116,14 @@ def keep_orientation(parent, joint, child):
 
 
 @kernel
-def _reach(bodies, joints, first, last, rounds, state):
+def _reach(hinges, rounds, state):
     """Move the end effector to its goal by `ccd_ik`; if a stretched chain fails, bend it and retry once."""
+    joints, first, last = hinges.joints, hinges.first, hinges.last
+    angle, rule = state["angle"], state["passes"]
     point, goal, counters = state["point"], state["goal"], state["counters"]
     wanted = distance(point, goal)
     for attempt in range(2):
-        passes, left, converged = ccd_ik(
-            *(bodies, joints, first, last, point, goal, state["angle"], state["passes"]),
-            *(CHAIN_TOLERANCE, CHAIN_PASSES),
-        )
+        passes, left, converged = ccd_ik(hinges, point, goal, angle, rule, CHAIN_TOLERANCE, CHAIN_PASSES)
         counters[COUNT_CCD_PASSES] += passes
         if passes == CHAIN_PASSES and not converged:
             counters[CAP_CCD] += 1
@@ -132,14 +131,12 @@ def _reach(bodies, joints, first, last, rounds, state):
         if attempt == 1 or left <= STRETCHED_SHARE * wanted or rounds >= BEND_ROUNDS:
             break
         inner = bend(joints, first, last) - 1
-        pose_angles(bodies, joints, first, last, point)
+        pose_angles(hinges, point)
         if inner >= first:
             # solve for the hinges inward of the bend first: otherwise the bent hinge straightens again
-            ccd_ik(
-                *(bodies, joints, first, inner, point, goal, state["angle"], state["passes"]),
-                *(CHAIN_TOLERANCE, CHAIN_PASSES),
-            )
-            pose_angles(bodies, joints, first, last, point)
+            inward = Hinges(hinges.bodies, joints, first, inner)
+            ccd_ik(inward, point, goal, angle, rule, CHAIN_TOLERANCE, CHAIN_PASSES)
+            pose_angles(hinges, point)
 
 
 @kernel

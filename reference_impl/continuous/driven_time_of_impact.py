@@ -9,7 +9,7 @@ of both.
 
 from touchstone.reference_impl.broad_phase.detection import find_swept_pairs
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair, set_path, shown_motion
-from touchstone.reference_impl.continuous.time_of_impact import gap_along, time_of_impact
+from touchstone.reference_impl.continuous.time_of_impact import MovingPair, gap_along, time_of_impact
 from touchstone.reference_impl.core.conventions import (
     DETECTION_FAST,
     DETECTION_SWEEP,
@@ -130,25 +130,26 @@ def _free_fraction(world, mover):
         if side_of(bodies, pair, mover) == 0.0 or both:
             continue
         if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
-            first = _deep(bodies, pieces, world.vertices, pair, state, first)
+            first = _deep(world, pair, first)
     return first
 
 
 @kernel
-def _deep(bodies, pieces, vertices, pair, state, until):
+def _deep(world, pair, until):
     """Fraction, at most `until`, at which a pair reaches the depth limit; an earlier one, counted, if a time
     of impact did not converge."""
-    met, _, converged = time_of_impact(
-        bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK
-    )
+    bodies, pieces, vertices, state = world.bodies, world.pieces, world.vertices, world.state
+    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+    one, two, n = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["normal"]
+    moving = MovingPair(a, b, one, two, vertices, pair, state)
+    met, _, converged = time_of_impact(moving, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
     if met == until:
         return until
-    one, two, n = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["normal"]
     width = -gap_along(one, two, vertices, n[0], n[1], n[2], state)
     width -= gap_along(one, two, vertices, -n[0], -n[1], -n[2], state)
     if converged:
         target, slack = -DRIVEN_DEPTH_SHARE * width, DRIVEN_DEPTH_SLACK * width
-        met, _, converged = time_of_impact(bodies, pieces, vertices, pair, state, met, until, target, slack)
+        met, _, converged = time_of_impact(moving, met, until, target, slack)
     if not converged:
         state["counters"][COUNT_UNCONVERGED] += 1
     return met

@@ -2,7 +2,7 @@
 
 from touchstone.reference_impl.broad_phase.detection import is_marked
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
-from touchstone.reference_impl.continuous.time_of_impact import distance_at, time_of_impact
+from touchstone.reference_impl.continuous.time_of_impact import MovingPair, distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
     CLOSING_EXTRA,
     CLOSING_SHARE,
@@ -23,7 +23,7 @@ from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 
 
 @kernel
-def earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state):
+def earliest_impact(world, touching, end, fast):
     """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
     pair sinks because another of its points has landed.
 
@@ -37,82 +37,85 @@ def earliest_impact(bodies, pieces, vertices, pairs, touching, end, fast, state)
         (fraction, drifted): 1 if there is no event; whether a resting contact may overlap there. Leaves
         bodies at arbitrary poses.
     """
+    bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
     first, drifted = 1.0, False
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
     for k in range(touching, end):
         pair = pairs[k]
+        a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+        one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+        moving = MovingPair(a, b, one, two, world.vertices, pair, state)
         if fast:
             sweeps = is_fast_pair(bodies, pieces, pair, 1.0)
             if not sweeps:
-                distance_at(bodies, pieces, vertices, pair, state, 1.0)
+                distance_at(moving, 1.0)
         if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
             continue
         if is_marked(bodies, pieces, pairs, pair):
-            fraction, sank = _sinking(bodies, pieces, vertices, pair, state, first, sweeps)
+            fraction, sank = _sinking(moving, first, sweeps)
             first, drifted = min(first, fraction), drifted or sank
         elif sweeps:
-            first = _swept(bodies, pieces, vertices, pair, state, first, gap, slack)
+            first = _swept(moving, first, gap, slack)
         else:
-            first = _closing(bodies, pieces, vertices, pair, state, first, gap, slack)
+            first = _closing(moving, first, gap, slack)
     return first, drifted
 
 
 @kernel
-def _sinking(bodies, pieces, vertices, pair, state, first, sweeps):
+def _sinking(moving, first, sweeps):
     """Fraction, at most `first`, at which a resting contact has sunk so far that it must be detected again.
 
     Returns:
         (fraction, drifted): `drifted` is whether the pair may overlap there.
     """
-    start = distance_at(bodies, pieces, vertices, pair, state, 0.0)
-    polyhedral = is_polyhedral(pieces[pair["piece_a"]], pieces[pair["piece_b"]])
+    state = moving.state
+    start = distance_at(moving, 0.0)
+    polyhedral = is_polyhedral(moving.piece_a, moving.piece_b)
     late = first
     if sweeps:
         target = min(start, 0.0) - OVERLAP_TOLERANCE
-        late = _swept(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
+        late = _swept(moving, first, target, SINKING_SLACK)
         if late == first:
-            sank = (
-                start < 0 and distance_at(bodies, pieces, vertices, pair, state, first) < -OVERLAP_TOLERANCE
-            )
+            sank = start < 0 and distance_at(moving, first) < -OVERLAP_TOLERANCE
             return first, sank
     # separation corrects the sinking of round pieces in dense substeps, and of all after LANDING_EVENTS
     if state["counters"][COUNT_EVENTS] < LANDING_EVENTS and (state["dense_substep"] == 0 or polyhedral):
         if not polyhedral:
             if not sweeps:
                 target = min(start, 0.0) - OVERLAP_TOLERANCE
-                late = _closing(bodies, pieces, vertices, pair, state, first, target, SINKING_SLACK)
+                late = _closing(moving, first, target, SINKING_SLACK)
             return late, True
         if start > TOUCH_DISTANCE:
             gap = state["impact_gap"]
-            return _closing(bodies, pieces, vertices, pair, state, late, gap, IMPACT_SHARE * gap), False
+            return _closing(moving, late, gap, IMPACT_SHARE * gap), False
         target = start - LANDING_DEPTH
-        landed = _closing(bodies, pieces, vertices, pair, state, late, target, LANDING_DEPTH / 2)
+        landed = _closing(moving, late, target, LANDING_DEPTH / 2)
         # detection immediately after the start would find the same contact
         if landed >= LANDING_MIN:
             return landed, target < -OVERLAP_TOLERANCE
     # limit the depth: from deep overlap, the shortest way out may lead to the far side
-    depth = SINKING_SHARE * min(pieces[pair["piece_a"]]["width"], pieces[pair["piece_b"]]["width"])
+    depth = SINKING_SHARE * min(moving.piece_a["width"], moving.piece_b["width"])
     target = min(start, 0.0) - depth
     if sweeps:
-        first = _swept(bodies, pieces, vertices, pair, state, first, target, depth / 2)
-    elif pair["distance"] < target:
-        first = _closing(bodies, pieces, vertices, pair, state, first, target, depth / 2)
+        first = _swept(moving, first, target, depth / 2)
+    elif moving.pair["distance"] < target:
+        first = _closing(moving, first, target, depth / 2)
     return first, True
 
 
 @kernel
-def _swept(bodies, pieces, vertices, pair, state, until, target, slack):
+def _swept(moving, until, target, slack):
     """Fraction, at most `until`, at which a pair's distance falls to `target`; an earlier one, counted, if
     the time of impact did not converge."""
-    fraction, _, converged = time_of_impact(bodies, pieces, vertices, pair, state, 0.0, until, target, slack)
+    fraction, _, converged = time_of_impact(moving, 0.0, until, target, slack)
     if not converged:
-        state["counters"][COUNT_UNCONVERGED] += 1
+        moving.state["counters"][COUNT_UNCONVERGED] += 1
     return fraction
 
 
 @kernel
-def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
+def _closing(moving, late, target, slack):
     """Fraction at which a pair's distance is `target` within `slack`, by the Illinois method (a bracketed
     secant); `late` if the distance is not below `target` there. The last fraction found above the target,
     counted, if IMPACT_STEPS did not suffice.
@@ -120,16 +123,16 @@ def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
     Within the slack, up to CLOSING_EXTRA steps go on to a thousandth of it, and a last secant step follows
     without a test. Otherwise, rounding that changes the number of steps would change the result by the slack.
     """
-    gap_late = distance_at(bodies, pieces, vertices, pair, state, late) - target
+    gap_late = distance_at(moving, late) - target
     if gap_late >= 0:
         return late
-    early, gap_early = 0.0, distance_at(bodies, pieces, vertices, pair, state, 0.0) - target
+    early, gap_early = 0.0, distance_at(moving, 0.0) - target
     if gap_early <= 0:
         return 0.0
     side, extra, last, gap_last = 0, 0, late, gap_late
     for _ in range(IMPACT_STEPS):
         s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
-        gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
+        gap = distance_at(moving, s) - target
         if abs(gap) <= slack:
             extra += 1
             if extra > CLOSING_EXTRA or abs(gap) <= CLOSING_SHARE * slack:
@@ -148,5 +151,5 @@ def _closing(bodies, pieces, vertices, pair, state, late, target, slack):
             if side == -1:
                 gap_early /= 2
             side = -1
-    state["counters"][CAP_CLOSING] += 1
+    moving.state["counters"][CAP_CLOSING] += 1
     return early

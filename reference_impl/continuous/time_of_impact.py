@@ -19,6 +19,7 @@ the impact leaps converge like Newton's method.
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,12 +38,24 @@ from touchstone.reference_impl.geometry.gjk import add_support, enter_frame
 from touchstone.reference_impl.geometry.shapes import place_piece
 
 
+class MovingPair(NamedTuple):
+    """Two convex pieces, and the bodies that move them over a substep."""
+
+    body_a: np.void  # BODY, with its motion
+    body_b: np.void
+    piece_a: np.void  # PIECE
+    piece_b: np.void
+    vertices: np.ndarray  # VERTEX, rows of all hulls
+    pair: np.void  # PAIR; receives the last distance, normal and witness points
+    state: np.void  # STATE: scratch of convex depth
+
+
 @kernel
-def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, slack):
-    """Fraction of the substep at which the pair's distance first falls to the target gap.
+def time_of_impact(moving, start, until, target, slack):
+    """Fraction of the substep at which a pair's distance first falls to the target gap.
 
     Args:
-        pair: PAIR with the pieces and bodies; receives the last distance, normal and witness points.
+        moving: MovingPair.
         start, until: ends of the search interval, as fractions [1].
         target: gap to find [m]; a negative one is a depth.
         slack: accepted excess over the target [m], positive.
@@ -51,13 +64,13 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
         distance at the fraction is in [target, target + slack], or lower if it is at `start`. If not
         converged, there is no impact before the fraction. Leaves both bodies at intermediate poses.
     """
-    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
-    axial_a, lever_a = lever_of(a, pieces[pair["piece_a"]], vertices)
-    axial_b, lever_b = lever_of(b, pieces[pair["piece_b"]], vertices)
+    a, b, pair = moving.body_a, moving.body_b, moving.pair
+    axial_a, lever_a = lever_of(a, moving.piece_a, moving.vertices)
+    axial_b, lever_b = lever_of(b, moving.piece_b, moving.vertices)
     n, s, iterations = pair["normal"], start, 0
     while iterations < TIME_OF_IMPACT_STEPS:
         iterations += 1
-        gap = distance_at(bodies, pieces, vertices, pair, state, s) - target
+        gap = distance_at(moving, s) - target
         # pair["distance"] is an upper bound on the distance, `gap` uses a lower one; both agree if converged
         if pair["distance"] - target <= slack:
             return s, iterations, True
@@ -72,7 +85,7 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
         advance = _time_to_close(gap, speed_a - speed_b + turns, bend)
         if turns > 0 and s + advance < until:
             curl = 2 * abs(bend) + most_curl(a, lever_a, s, until) + most_curl(b, lever_b, s, until)
-            advance = _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, advance)
+            advance = _leap(moving, s, until, gap, target, curl, advance)
         s += advance
         if s >= until:
             return until, iterations, True
@@ -80,11 +93,12 @@ def time_of_impact(bodies, pieces, vertices, pair, state, start, until, target, 
 
 
 @kernel
-def distance_at(bodies, pieces, vertices, pair, state, s):
+def distance_at(moving, s):
     """Signed distance [m] of a pair at fraction s; if it did not converge, a lower bound, with an upper bound
     in `pair["distance"]`."""
-    place_pair(bodies, pieces, vertices, pair, s)
-    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    place_pair(moving, s)
+    one, two, pair = moving.piece_a, moving.piece_b, moving.pair
+    vertices, state = moving.vertices, moving.state
     _, converged = convex_depth(one, two, vertices, state, pair)
     if not converged:
         _sharpen(one, two, vertices, state, pair)
@@ -117,9 +131,10 @@ def _sharpen(piece_a, piece_b, vertices, state, pair):
 
 
 @kernel
-def place_pair(bodies, pieces, vertices, pair, s):
-    _place(bodies[pair["body_a"]], pieces[pair["piece_a"]], vertices, s)
-    _place(bodies[pair["body_b"]], pieces[pair["piece_b"]], vertices, s)
+def place_pair(moving, s):
+    """Pose both bodies at fraction s of their motion, and place the two pieces."""
+    _place(moving.body_a, moving.piece_a, moving.vertices, s)
+    _place(moving.body_b, moving.piece_b, moving.vertices, s)
 
 
 @kernel
@@ -142,15 +157,15 @@ def gap_along(piece_a, piece_b, vertices, x, y, z, state):
 
 
 @kernel
-def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, advance):
+def _leap(moving, s, until, gap, target, curl, advance):
     """Longer advance, verified by the gap at its end; returns `advance` if it finds none.
 
     Args:
         gap: distance at s minus the target [m], positive.
         curl: bound on the second derivative of the points' heights along the normal [m].
     """
-    n, a, b = pair["normal"], bodies[pair["body_a"]], bodies[pair["body_b"]]
-    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    a, b, pair = moving.body_a, moving.body_b, moving.pair
+    one, two, n = moving.piece_a, moving.piece_b, pair["normal"]
     # Newton step for the witness points with twice the worst curvature, so that the check below can pass
     closing = point_speed(n, a, pair["point_a"], s)
     closing -= point_speed(n, b, pair["point_b"], s)
@@ -159,8 +174,9 @@ def _leap(bodies, pieces, vertices, pair, state, s, until, gap, target, curl, ad
     while leap > advance:
         dip = curl * leap * leap / 8
         if dip <= gap:
-            place_pair(bodies, pieces, vertices, pair, s + leap)
-            if gap_along(one, two, vertices, n[0], n[1], n[2], state) - target >= dip:
+            place_pair(moving, s + leap)
+            gap_then = gap_along(one, two, moving.vertices, n[0], n[1], n[2], moving.state) - target
+            if gap_then >= dip:
                 return leap
         leap *= LEAP_CUT
     return advance

@@ -13,7 +13,12 @@ from math import ceil, sqrt
 
 from touchstone.reference_impl.broad_phase.detection import detect, find_swept_pairs, set_coefficients
 from touchstone.reference_impl.continuous.swept_motion import lever_of
-from touchstone.reference_impl.continuous.time_of_impact import gap_along, place_pair, time_of_impact
+from touchstone.reference_impl.continuous.time_of_impact import (
+    MovingPair,
+    gap_along,
+    place_pair,
+    time_of_impact,
+)
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     DENSE_EVENTS,
@@ -186,9 +191,7 @@ def _gather_speculative(world, left):
         pair = pairs[k]
         # keep pairs whose predicted paths meet, and pairs so near that an impulse may bring them into contact
         gap = pair["distance"]
-        if TOUCH_DISTANCE < gap < pair["key"] * h and _meets(
-            bodies, pieces, vertices, pair, state, 1 / parts
-        ):
+        if TOUCH_DISTANCE < gap < pair["key"] * h and _meets(world, pair, 1 / parts):
             pair["key"] = 0.0
         elif gap > max(TOUCH_DISTANCE, SPECULATIVE_SLACK * v_rest * h):
             continue
@@ -216,17 +219,18 @@ def _centripetal(body, piece, vertices):
 
 
 @kernel
-def _meets(bodies, pieces, vertices, pair, state, until):
+def _meets(world, pair, until):
     """Whether a pair meets before the fraction `until` of its predicted path.
 
     If so, the pair gets the normal at the time of impact, its present gap along that normal, and the witness
     points at the time of impact, moved back by the mean motion of the moving bodies.
     """
-    fraction, _, _ = time_of_impact(
-        bodies, pieces, vertices, pair, state, 0.0, until, IMPACT_TARGET, IMPACT_SLACK
-    )
+    bodies, pieces, vertices, state = world.bodies, world.pieces, world.vertices, world.state
     a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
-    place_pair(bodies, pieces, vertices, pair, 0.0)
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    moving = MovingPair(a, b, one, two, vertices, pair, state)
+    fraction, _, _ = time_of_impact(moving, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
+    place_pair(moving, 0.0)
     if fraction == until:
         _measure(bodies, pieces, vertices, pair, state)
         return False
@@ -236,7 +240,6 @@ def _meets(bodies, pieces, vertices, pair, state, until):
         way += b["moves"] * (b["travel"][i] + s * b["travel_bend"][i])
         pair["point_a"][i] -= s * way / moving
         pair["point_b"][i] -= s * way / moving
-    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     pair["distance"] = gap_along(one, two, vertices, n[0], n[1], n[2], state)
     return True
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.engines.reference.reference_world import piece_arrays
 from touchstone.reference_impl.continuous.free_rotation import rotate_freely
-from touchstone.reference_impl.continuous.time_of_impact import distance_at, time_of_impact
+from touchstone.reference_impl.continuous.time_of_impact import MovingPair, distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
     FLIGHT_BALLISTIC,
     HULL,
@@ -58,23 +58,17 @@ class Scene:
         rotate_freely(row, 1.0, FLIGHT_BALLISTIC)
         return self
 
+    def moving_pair(self) -> MovingPair:
+        """The pair as the kernels take it."""
+        return MovingPair(*self.bodies, *self.pieces, self.vertices, self.pairs[0], self.state[0])
+
     def impact(self, start=0.0, until=1.0, target=IMPACT_TARGET, slack=IMPACT_SLACK) -> Found:
         """(fraction, iterations, converged) of the sweep."""
-        return time_of_impact(
-            self.bodies,
-            self.pieces,
-            self.vertices,
-            self.pairs[0],
-            self.state[0],
-            start,
-            until,
-            target,
-            slack,
-        )
+        return time_of_impact(self.moving_pair(), start, until, target, slack)
 
     def distance(self, s: float) -> float:
         """Signed distance at a fraction: that of two witness points, so never less than the true one."""
-        distance_at(self.bodies, self.pieces, self.vertices, self.pairs[0], self.state[0], s)
+        distance_at(self.moving_pair(), s)
         return float(self.pairs[0]["distance"])
 
     def corners(self, k: int) -> np.ndarray:

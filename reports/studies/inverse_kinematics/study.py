@@ -23,7 +23,7 @@ import pandas as pd
 from touchstone.adapters.contract import Array
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.oracles.articulated import DampedLeastSquares
-from touchstone.reference_impl.chains.ccd_ik import ccd_ik
+from touchstone.reference_impl.chains.ccd_ik import Hinges, ccd_ik
 from touchstone.reference_impl.core.conventions import (
     ANGLE_ACOS,
     ANGLE_ATAN2,
@@ -133,7 +133,8 @@ def solve_chain(bodies, joints, first, last, point, goal, state, extrapolated): 
     angle = ANGLE_ATAN2 if extrapolated else ANGLE_ACOS
     passes = PASSES_EXTRAPOLATED if extrapolated else PASSES_PLAIN
     start = clock(s["clock"])
-    answer = ccd_ik(bodies, joints, first, last, s["point"], s["goal"], angle, passes, IK_TOLERANCE, IK_CAP)
+    hinges = Hinges(bodies, joints, first, last)
+    answer = ccd_ik(hinges, s["point"], s["goal"], angle, passes, IK_TOLERANCE, IK_CAP)
     return answer, clock(s["clock"]) - start
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.chains.ccd_ik import ccd_ik, fix_end_effector, pose_angles, turn_toward
+from touchstone.reference_impl.chains.ccd_ik import Hinges, ccd_ik, fix_end_effector, pose_angles, turn_toward
 from touchstone.reference_impl.chains.chain_overlap_removal import next_random
 from touchstone.reference_impl.core.conventions import (
     ANGLE_ACOS,
@@ -34,13 +34,16 @@ def goals(arm: Arm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array([arm.place(posture) for posture in postures]), postures, near
 
 
+def hinges_of(arm: Arm) -> Hinges:
+    """All hinges of the arm."""
+    return Hinges(arm.world.bodies, arm.world.joints, arm.first, arm.last)
+
+
 def solve(arm: Arm, start, goal, angle=ANGLE_ATAN2, passes=PASSES_EXTRAPOLATED, cap=IK_CAP):
     """`ccd_ik` from a posture: passes, distance left, whether it arrived, and the end effector."""
     point = arm.place(start)
-    return *ccd_ik(
-        *(arm.world.bodies, arm.world.joints, arm.first, arm.last, point, np.array(goal, dtype=float)),
-        *(angle, passes, IK_TOLERANCE, cap),
-    ), point
+    wanted = np.array(goal, dtype=float)
+    return *ccd_ik(hinges_of(arm), point, wanted, angle, passes, IK_TOLERANCE, cap), point
 
 
 @pytest.mark.parametrize("angle", [ANGLE_ACOS, ANGLE_ATAN2])
@@ -52,7 +55,7 @@ def test_one_joint_turns_to_the_best_angle(arm: Arm, goals, angle: int) -> None:
         for k in range(arm.first, arm.last + 1):
             point = arm.place(start)
             fix_end_effector(arm.world.bodies, joints, arm.last, point)
-            pose_angles(arm.world.bodies, joints, arm.first, arm.last, point)
+            pose_angles(hinges_of(arm), point)
             axis = joints[k]["world_axis"].copy()
             origin = arm.world.bodies[joints[k]["child"]]["position"].copy()
             lever = point - origin
@@ -71,10 +74,10 @@ def test_one_joint_turns_to_the_best_angle(arm: Arm, goals, angle: int) -> None:
                 # the best sample misses the optimum by half a step at most; levers are below 1 m
                 assert best - step**2 <= mine <= best + 1e-15
             # the end effector moved as the joint's new angle says
-            told = point.copy()
-            pose_angles(arm.world.bodies, joints, arm.first, arm.last, point)
+            predicted = point.copy()
+            pose_angles(hinges_of(arm), point)
             tolerance = 1e-13 if angle == ANGLE_ATAN2 else 3e-8  # acos is good to 1.5e-8 rad near 0
-            np.testing.assert_allclose(point, told, atol=tolerance)
+            np.testing.assert_allclose(point, predicted, atol=tolerance)
 
 
 @pytest.mark.parametrize(("angle", "passes"), SETTINGS)
@@ -162,7 +165,7 @@ def test_the_arc_cosine_may_not_pass_one(arm: Arm) -> None:
         point = arm.place(start)
         goal = shoulder + rng.uniform(0.5, 2) * (point - shoulder)
         fix_end_effector(arm.world.bodies, arm.world.joints, arm.last, point)
-        pose_angles(arm.world.bodies, arm.world.joints, arm.first, arm.last, point)
+        pose_angles(hinges_of(arm), point)
         turn_toward(arm.world.bodies, arm.world.joints, arm.first, point, goal, ANGLE_ACOS)
         assert abs(arm.joints[0]["angle"] - start[0]) < 1e-7
 
@@ -175,10 +178,8 @@ def test_a_part_of_a_chain_can_be_turned_alone(arm: Arm) -> None:
     forearm = arm.world.bodies[arm.world.joints[elbow]["child"]]
     point = forearm["position"] + forearm["rotation"] @ (0.0, 0.0, -0.2)
     goal = point + (0.03, 0.02, 0.05)
-    _, _, arrived = ccd_ik(
-        *(arm.world.bodies, arm.world.joints, arm.first, elbow, point, goal),
-        *(ANGLE_ATAN2, PASSES_EXTRAPOLATED, IK_TOLERANCE, IK_CAP),
-    )
+    part = hinges_of(arm)._replace(last=elbow)
+    _, _, arrived = ccd_ik(part, point, goal, ANGLE_ATAN2, PASSES_EXTRAPOLATED, IK_TOLERANCE, IK_CAP)
     assert arrived
     np.testing.assert_array_equal(arm.joints["angle"][4:], start[4:])
     pose_links(arm.world.bodies, arm.world.joints, arm.world.drivers[0])
