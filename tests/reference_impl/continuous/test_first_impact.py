@@ -48,7 +48,7 @@ def test_bracketing_that_runs_out_of_steps_is_counted(slack: float, capped: int)
     """Count the cap where a slack below rounding cannot be met, and return a fraction above the target."""
     scene = Scene(Sphere(0.1), Sphere(0.1)).move(0).move(1, (0.313, 0.0, 0.0), (-0.2, 0.07, 0.0))
     counters = scene.state[0]["counters"]
-    pair, target = scene.pairs[0], 1 / 30000
-    fraction = _closing(scene.bodies, scene.pieces, scene.vertices, pair, scene.state[0], 1.0, target, slack)
+    target = 1 / 30000
+    fraction = _closing(scene.moving_pair(), 1.0, target, slack)
     assert counters[CAP_CLOSING] == capped
     assert abs(scene.distance(fraction) - target) <= max(slack, 1e-15)
