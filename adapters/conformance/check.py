@@ -15,8 +15,10 @@ from touchstone.adapters.contract import Engine, Settings, Unsupported
 from touchstone.adapters.registry import load, profiles_of, registered
 from touchstone.adapters.workers.process import ChildProcess
 
-PATIENCE = 300.0
-"""Time for one check after which an engine counts as hung [s]; a cold compilation takes 40 to 60."""
+PATIENCE = 60.0
+"""Time for one check after which an engine counts as hung [s]."""
+LOAD_PATIENCE = 300.0
+"""The same for the first check, which loads the engine; a cold compilation takes 40 to 60."""
 Check = Callable[[Bench], Iterator[str]]
 CHECKS: dict[str, Check] = {
     "manifest": facts.manifest,
@@ -46,7 +48,8 @@ class Report:
 def check(
     name: str, profile: str = "", loader: Loader = load, patience: float = PATIENCE
 ) -> Iterator[Report]:
-    """Check an engine under a profile ("": its first), one report per check.
+    """Check an engine under a profile ("": its first), one report per check. An engine that hangs in two is
+    not asked again.
 
     Raises AdapterError if the engine or the profile is unknown or the engine cannot be loaded.
     """
@@ -55,17 +58,23 @@ def check(
     settings = Settings(chosen, profiles_of(name, chosen)[chosen])
     with TemporaryDirectory() as folder:
         child: ChildProcess | None = None
+        hung: list[str] = []
         for number, one in enumerate(CHECKS):
+            if len(hung) == 2:
+                yield Report(one, skipped=f"the engine hung in the checks {hung[0]!r} and {hung[1]!r}")
+                continue
             if child is None:
                 output = Path(folder, f"output{number}.txt")
                 child = ChildProcess(_Checker, (name, loader, settings), output, patience)
-            answer = child.ask("check", one)
+            child.send("check", one)
+            answer = child.receive(0.0 if number else LOAD_PATIENCE)
             place = f"in the check {one!r}"
             if child.failure is not None:
                 reason = child.failure[1].replace("during 'check'", place).replace("to 'check'", place)
                 yield Report(one, (reason,))
                 if child.failure[0] != "error":
                     return
+                hung += [one] * child.hung
                 child = None
             else:
                 yield Report(one, *answer)

@@ -218,10 +218,10 @@ def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -
         value = (
             ""
             if row.metric == "run"
-            else f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}"
+            else f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}:"
         )
         again = f": {row.reproduce}" if row.reproduce else ""
-        lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value}: {row.reason}{again}")
+        lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value} {row.reason}{again}")
     for row in rows_of(scene[scene.verdict.isin(NOT_RUN) & (scene.metric == "run")]):
         lines.append(f"{row.verdict}: {row.engine} {row.profile}: {row.reason}")
     for reason, part in scene[scene.verdict == UNJUDGED].groupby("reason", sort=False):

@@ -97,6 +97,13 @@ class Crash:
         if scenario.name == "bouncing_ball":
             time.sleep(60)
         raise RuntimeError("nothing else works")
+
+
+class Hang(Crash):
+    name = "hang"
+
+    def build(self, scenario, settings):
+        time.sleep(60)
 """
 
 
@@ -106,12 +113,17 @@ def test_a_crash_and_a_hang_end_one_check(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
     monkeypatch.setitem(ENGINES, "crash", Entry("crash_engine:Crash", "crash_engine", {"default": 1 / 240}))
     monkeypatch.setattr(module, "CHECKS", {name: CHECKS[name] for name in ("order", "bounce", "step")})
+    monkeypatch.setattr(module, "LOAD_PATIENCE", 3.0)
     found = {report.check: report.faults for report in check("crash", patience=3.0)}
     assert found["order"] == ("died in the check 'order': exit code 9",)
     assert found["bounce"] == ("hung: no answer in the check 'bounce' for 3 s",)
     assert re.match(
         r"RuntimeError: nothing else works in `build` \(.*crash_engine.py, line 15\)", found["step"][0]
     )
+    monkeypatch.setitem(ENGINES, "hang", Entry("crash_engine:Hang", "crash_engine", {"default": 1 / 240}))
+    reports = list(check("hang", patience=1.0))
+    assert [bool(report.faults) for report in reports] == [True, True, False]
+    assert reports[2].skipped == "the engine hung in the checks 'order' and 'bounce'"
 
 
 def test_an_unknown_profile_is_refused():
