@@ -18,7 +18,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 from touchstone.adapters.contract import UNIMPORTABLE, AdapterError
 from touchstone.adapters.engines.entry import ENGINES, Entry
@@ -220,13 +220,20 @@ def obey(
         try:
             command, argument = pipe.recv()
         except (EOFError, OSError):
-            return
+            _exit_at_once()
         try:
             pipe.send(("ok", handle(command, argument)))
         except Exception as error:
             if not isinstance(error, AdapterError | ImportError):
                 traceback.print_exc()
             pipe.send(failure_of(error))
+
+
+def _exit_at_once() -> NoReturn:
+    """End this process without tearing down the interpreter, which takes 0.5 s with kernels loaded."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def failure_of(error: Exception) -> tuple[str, str]:

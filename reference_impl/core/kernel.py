@@ -1,6 +1,6 @@
 """`@kernel`: the decorator that compiles the functions of this package with Numba.
 
-Only this module, `kernel_cache` and `kernel_linking` import numba.
+Only this module and `kernel_linking` import numba.
 """
 
 import gc
@@ -13,6 +13,8 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
 
+if CACHE_FOLDER is not None:
+    config.CACHE_DIR = str(CACHE_FOLDER)
 JIT = not config.DISABLE_JIT
 LINK_BY_NAME = None
 """Function that lets kernels call a kernel at its address; None if callers copy its code."""

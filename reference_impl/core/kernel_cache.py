@@ -3,7 +3,8 @@
 Numba's cache checks only the caller's own file: after an edit of a callee in another file, cached callers
 would keep the old code. The key of the folder is therefore a hash of all sources of `reference_impl`, the
 versions of numba and numpy, and the processor's name. The folder is chosen before the first decorator runs.
-Comments, docstrings and layout do not change the key.
+Comments, docstrings and layout do not change the key. This module does not import numba, which takes 0.5 s:
+a process that only asks whether kernels are compiled does without.
 """
 
 import ast
@@ -11,11 +12,10 @@ import hashlib
 import os
 import shutil
 import tempfile
+from importlib.metadata import version
 from pathlib import Path
 
-import numba
-import numpy as np
-from numba.core import config
+from llvmlite.binding import get_host_cpu_name
 
 PACKAGE = Path(__file__).resolve().parents[1]
 FOLDERS_KEPT = 8
@@ -108,8 +108,8 @@ def _digest(folder, content):
         digest.update(
             source.relative_to(folder).as_posix().encode() + b"\0" + content(source.read_bytes()) + b"\0"
         )
-    cpu = config.CPU_NAME or numba.core.codegen.ll.get_host_cpu_name()
-    digest.update(f"{numba.__version__} {np.__version__} {cpu}".encode())
+    cpu = os.environ.get("NUMBA_CPU_NAME") or get_host_cpu_name()
+    digest.update(f"{version('numba')} {version('numpy')} {cpu}".encode())
     return digest.hexdigest()[:16]
 
 
@@ -137,5 +137,3 @@ _imported = {}
 """By module: whether the sources were those of the key at its import."""
 SOURCE_STAMPS = _stamps()
 CACHE_FOLDER = choose_cache_folder()
-if CACHE_FOLDER is not None:
-    config.CACHE_DIR = str(CACHE_FOLDER)
