@@ -44,6 +44,7 @@ def stability(
     ] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Of the cells that --sheet draws.")] = 0,
     store: Annotated[Path, typer.Option(help="Store of measured cells, which are not played again.")] = STORE,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/stability-<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -63,7 +64,7 @@ def stability(
     folder = out or folder_of_now("stability-")
     require_judge()
     with resumable(store), measuring(len(plan.cells()), quiet, StoreError) as progress:
-        frame, results = run(plan, folder, store, progress)
+        frame, results = run(plan, folder, store, progress, jobs=jobs)
     if sheet:
         from touchstone.reports.studies.stability.sheet import write_sheets
 

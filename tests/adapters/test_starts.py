@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +37,28 @@ def test_bodies_in_one_place_are_not_played(lab, registry):
 
 
 def test_a_mass_without_a_reciprocal_is_refused(lab, registry):
-    """Refuse a subnormal mass by name: its reciprocal overflows, and positions would not be numbers."""
-    scene = lab.scene(replace(lab.ball("grain"), mass=1e-310, inertia=np.eye(3) * 1e-313), lab.ground())
+    """Refuse a subnormal mass beside an enormous one by name: no unit of mass represents both."""
+    grain = replace(lab.ball("grain"), mass=1e-310, inertia=np.eye(3) * 1e-313)
+    giant = replace(lab.ball("giant"), position=(3.0, 0.0, 1.0), mass=1e300, inertia=np.eye(3) * 1e297)
+    scene = lab.scene(grain, giant, lab.ground())
     with pytest.raises(Unsupported, match=r"reference: mass or inertia of 'grain' is too small"):
         registry.engine("reference").build(scene, registry.settings("reference"))
+
+
+@pytest.mark.parametrize("exponent", [-1000, -120, 120, 900])
+def test_masses_of_any_magnitude_move_in_the_same_way(lab, registry, exponent):
+    """Scale impulses and the manifest's masses by a power of two, and change no bit of the motion."""
+    unit, ball = 2.0**exponent, lab.ball("ball")
+    mass, inertia = ball.mass * unit, np.array(ball.inertia) * unit
+    scaled = replace(ball, mass=mass, inertia=tuple(map(tuple, inertia.tolist())))
+    settings = registry.settings("reference")
+    one, two = (
+        record(registry.engine("reference"), lab.scene(lab.ground(), body), settings)
+        for body in (ball, scaled)
+    )
+    assert len(one.contacts)
+    np.testing.assert_array_equal(two.position, one.position)
+    np.testing.assert_array_equal(two.contacts["impulse"], one.contacts["impulse"] * unit)
+    facts = json.loads(two.manifest)["bodies"]["ball"]
+    assert facts["mass"] == mass
+    assert facts["inertia"] == inertia.tolist()

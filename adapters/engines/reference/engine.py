@@ -24,7 +24,7 @@ from touchstone.adapters.contract import (
     contact_overflow,
 )
 from touchstone.adapters.engines.reference.compiling import compile_seconds, nothing
-from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.engines.reference.reference_world import mass_unit, translate
 from touchstone.adapters.engines.reference.settings import configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect
@@ -34,6 +34,7 @@ from touchstone.reference_impl.core.kernel import JIT
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.pipeline import prepare, step
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
+from touchstone.scenarios.relations.changes import heavier
 from touchstone.scenarios.scenario import Scenario
 
 STAGES = ("drive", "removal", "contact", "rotation")
@@ -98,7 +99,9 @@ def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.nd
 class _World:
     def __init__(self, scenario: Scenario, settings: Settings, version: str) -> None:
         self._scenario, self._settings, self._version = scenario, settings, version
-        self._world = translate(scenario)
+        self._mass_unit = mass_unit(scenario)
+        same = self._mass_unit == 1
+        self._world = translate(scenario if same else heavier(scenario, 1 / self._mass_unit))
         self._state = self._world.state[0]
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
@@ -171,11 +174,13 @@ class _World:
         rows, log = state.contacts[:count], self._world.contacts[:count]
         for name in self._world.contacts.dtype.names or ():
             rows[name] = log[name]
+        if self._mass_unit != 1:
+            rows["impulse"] *= self._mass_unit
         state.contact_count = count
 
     def describe(self) -> Manifest:
         """Manifest read from the arrays: masses, inertias, coefficients and settings."""
-        scenario, world = self._scenario, self._world
+        scenario, world, unit = self._scenario, self._world, self._mass_unit
         settings: dict[str, Scalar] = {
             **describe(self._state),
             "gravity": str(self._state["gravity"].tolist()),
@@ -189,15 +194,15 @@ class _World:
         rows = zip(scenario.bodies, world.bodies)
         facts = {
             body.name: BodyFacts(
-                float(row["mass"]),
+                float(row["mass"]) * unit,
                 tuple(row["center_of_mass"].tolist()),
-                tuple(map(tuple, row["inertia"].tolist())),
+                tuple(map(tuple, (row["inertia"] * unit).tolist())),
             )
             for body, row in rows
             if body.kind != "fixed"
         }
         drives = {
-            tracker.root: {name: float(row[name]) for name in ("mass", "stiffness", "damping")}
+            tracker.root: {name: float(row[name]) * unit for name in ("mass", "stiffness", "damping")}
             for tracker, row in zip(scenario.trackers, world.drivers)
         }
         names = [name for tracker in scenario.trackers for name in tracker.joints]
@@ -240,7 +245,9 @@ class _World:
     def work(self) -> Mapping[str, float]:
         """Work counters of the last frame, and what it left unresolved (INEXACT)."""
         counted = dict(zip(counters.COUNTERS, map(float, self._state["counters"].tolist())))
-        return counted | {name: float(self._state[field]) for name, field in INEXACT.items()}
+        left = {name: float(self._state[field]) for name, field in INEXACT.items()}
+        left["parted_energy"] *= self._mass_unit
+        return counted | left
 
     def close(self) -> None:
         """Release nothing: the world holds no external resources."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from math import frexp
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,6 +29,21 @@ PATCH_POINTS = 4
 FRICTION_LEAST = 1e-100
 """Friction coefficient below which friction is off [1]: the square of the cone's radius, mu times the normal
 impulse, would underflow and the solver would not converge."""
+MASS_RANGE = (1e-30, 1e30)
+"""Masses beyond which a scene is computed in another unit of mass [kg]: squares of impulses would underflow
+or overflow, and no solve would converge."""
+LARGEST_UNIT = 1022
+"""Largest binary exponent of a unit of mass [1]: its reciprocal is a normal number."""
+
+
+def mass_unit(scenario: Scenario) -> float:
+    """Unit in which a scene's masses, inertias and couplings are computed [kg]: 1, or a power of two between
+    the least and the largest mass if one of them is beyond MASS_RANGE. Powers of two scale exactly."""
+    masses = [body.mass for body in scenario.bodies if body.kind != "fixed"]
+    if not masses or (MASS_RANGE[0] <= min(masses) and max(masses) <= MASS_RANGE[1]):
+        return 1.0
+    middle = (frexp(min(masses))[1] + frexp(max(masses))[1]) // 2
+    return 2.0 ** max(-LARGEST_UNIT, min(middle, LARGEST_UNIT))
 
 
 @lru_cache(maxsize=4096)

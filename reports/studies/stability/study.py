@@ -38,10 +38,12 @@ def run(
     progress: Progress,
     loader: Loader = load,
     patience: float = PATIENCE,
+    jobs: int | None = None,
 ) -> tuple[pd.DataFrame, Results]:
-    """Play all cells of a plan that the store does not hold; the folder appears complete or not at all."""
+    """Play all cells of a plan that the store does not hold, in `jobs` processes (None: one per core); the
+    folder appears complete or not at all."""
     with output_folder(out) as folder:
-        played = play_all(plan.cells(), store, progress, loader, patience)
+        played = play_all(plan.cells(), store, progress, loader, patience, jobs)
         results = results_of(plan, played)
         rows = [
             Row(STUDY, "all", engine, profile, nan, "run", verdict=MISSING, reason=missing_reason(engine))
