@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from math import isfinite
 from typing import get_args
@@ -375,6 +375,13 @@ def _check_top(body: Body, path: str, report: Report) -> None:
         report(path, "spins about a principal axis, expected a spin off all three")
 
 
+def _direction(vector: Sequence[float]) -> np.ndarray:
+    """A vector over its largest component, so that no product overflows; 0 if that is 0 or not finite."""
+    values = np.array(vector, dtype=float)
+    largest = np.abs(values).max(initial=0.0)
+    return values / largest if 0 < largest < np.inf else 0 * np.nan_to_num(values)
+
+
 def _check_arcs(truth: Truth, path: str, report: Report) -> None:
     if bool(truth.arcs) != (truth.law == "arcs"):
         report(f"{path}.arcs", f"found {len(truth.arcs)}, which does not fit the law {truth.law!r}")
@@ -386,7 +393,7 @@ def _check_arcs(truth: Truth, path: str, report: Report) -> None:
     for k, arc in enumerate(truth.arcs):
         for field in fields:
             _finite(getattr(arc, field), f"{path}.arcs[{k}].{field}", report, 3)
-        spin, change = np.array(arc.angular_velocity), np.array(arc.angular_acceleration)
+        spin, change = map(_direction, (arc.angular_velocity, arc.angular_acceleration))
         if spin.shape == change.shape == (3,) and np.linalg.norm(np.cross(spin, change)) > (
             UNIT_TOLERANCE * np.linalg.norm(spin) * np.linalg.norm(change)
         ):
