@@ -65,7 +65,8 @@ def detect(world, kind, first):
         if pair["distance"] > TOUCH_DISTANCE:
             continue
         set_coefficients(bodies, pair, state)
-        deepest = max(deepest, -pair["distance"])
+        pair["depth"] = -pair["distance"]
+        deepest = max(deepest, pair["depth"])
         # compact: touching pairs move to the front and overwrite the others
         if k != end:
             pairs[end] = pair
@@ -77,7 +78,7 @@ def detect(world, kind, first):
 
 @kernel
 def detect_for(world, d, later):
-    """Detect pairs of driven bodies, and scale driver d's distance to drivers of higher index by `later`.
+    """Detect pairs of driven bodies; driver d resolves a share `later` of its overlap with later drivers.
 
     Returns:
         Index after the last pair.
@@ -88,7 +89,7 @@ def detect_for(world, d, later):
     for k in range(end):
         one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
         if min(one, two) == d and max(one, two) > d:
-            pairs[k]["distance"] *= later
+            pairs[k]["depth"] *= later
     return end
 
 
@@ -132,19 +133,19 @@ def _enclose_ways(bodies, pieces, vertices, kind, state):
 def mark_pairs(bodies, pieces, pairs, count):
     """Mark exactly `pairs[:count]` for `is_marked`; one piece of each pair holds a linked list of pairs."""
     for k in range(len(pieces)):
-        pieces[k]["marked"] = 0
+        pieces[k]["marked"] = -1
     for k in range(count):
         piece = pieces[_listing_piece(bodies, pairs[k])]
         pairs[k]["next_marked"] = piece["marked"]
-        piece["marked"] = k + 1
+        piece["marked"] = k
 
 
 @kernel
 def is_marked(bodies, pieces, pairs, pair):
     """Whether the last call of `mark_pairs` marked a pair of the same two pieces."""
-    k = pieces[_listing_piece(bodies, pair)]["marked"] - 1
+    k = pieces[_listing_piece(bodies, pair)]["marked"]
     while k >= 0 and (pairs[k]["piece_a"] != pair["piece_a"] or pairs[k]["piece_b"] != pair["piece_b"]):
-        k = pairs[k]["next_marked"] - 1
+        k = pairs[k]["next_marked"]
     return k >= 0
 
 

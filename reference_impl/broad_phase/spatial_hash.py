@@ -41,7 +41,7 @@ def list_pieces(bodies, pieces, state):
             if body["kind"] == kind:
                 # pieces of one body never pair; those of one driver pair only with self-collision enabled
                 alone = body["driver"] < 0 or (state["self_collision"] == 1 and body["hinge"] >= 0)
-                pieces[p]["filter_group"] = pieces[p]["body"] if alone else -1 - body["driver"]
+                pieces[p]["filter_group"] = pieces[p]["body"] if alone else len(bodies) + body["driver"]
                 pieces[k]["order"] = p
                 pieces[k]["slot"]["piece"] = p
                 k += 1

@@ -18,7 +18,7 @@ def chain_depth(bodies, pair, driver, d, chain, rounds):
     if not at_a and not at_b:
         return 0.0, 0.0
     if at_a and at_b:
-        return 1.0 if b["hinge"] > a["hinge"] else -1.0, -pair["distance"]
+        return 1.0 if b["hinge"] > a["hinge"] else -1.0, pair["depth"]
     side, other = (1.0, a) if at_b else (-1.0, b)
     share = 1.0
     if other["driver"] == d and other["chain"] >= 0:
@@ -26,4 +26,4 @@ def chain_depth(bodies, pair, driver, d, chain, rounds):
             if rounds > 0:
                 return 0.0, 0.0
             share = 0.5
-    return side, -share * pair["distance"]
+    return side, share * pair["depth"]

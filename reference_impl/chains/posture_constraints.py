@@ -44,17 +44,17 @@ def chains_depth(bodies, pairs, end, d):
     for k in range(end):
         mine, _ = _sides(bodies, pairs[k], d)
         if mine >= 0:
-            deepest = max(deepest, -pairs[k]["distance"])
+            deepest = max(deepest, pairs[k]["depth"])
     return deepest
 
 
 @kernel
 def drop_constraints(driver, only_seen):
-    """Remove constraints whose pair no longer touches; with `only_seen` 0, only those with multiplier 0."""
+    """Remove constraints whose pair no longer touches; without `only_seen`, only those with multiplier 0."""
     kept = 0
     for r in range(driver["constraint_count"]):
         row = driver["constraints"][r]
-        if row["is_touching"] == 1 or (only_seen == 0 and row["warm_multiplier"] > 0):
+        if row["is_touching"] == 1 or (not only_seen and row["warm_multiplier"] > 0):
             if kept != r:
                 driver["constraints"][kept] = row
             kept += 1
@@ -113,7 +113,7 @@ def _set_row(bodies, pair, mine, other, driver, d, row):
         row["first"][1], row["last"][1] = driver["chains"][two["chain"], 0], two["hinge"]
     _to_local(one, p, row["point"])
     _to_local(two, q, row["other_point"])
-    row["bound"] = QP_CLEARANCE - pair["distance"]
+    row["bound"] = QP_CLEARANCE + pair["depth"]
     for i in range(3):
         row["normal"][i] = side * pair["normal"][i]
         row["bound"] += row["normal"][i] * (p[i] - q[i])

@@ -18,6 +18,7 @@ from touchstone.reference_impl.core.conventions import (
     DRIVEN_DEPTH_SLACK,
     IMPACT_SLACK,
     IMPACT_TARGET,
+    MOVER_DRIVER,
     PART_WHOLE,
     PAST_MIDDLE,
     SEGMENT_TURN,
@@ -25,7 +26,7 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED, STAGE_COLLISION
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
-from touchstone.reference_impl.driven.global_depth import side_of
+from touchstone.reference_impl.driven.global_depth import Mover, side_of
 from touchstone.reference_impl.driven.overlap_removal import interpolate, restore_entry, store_entry
 from touchstone.reference_impl.driven.skeleton import pose_links, pose_moved
 
@@ -49,7 +50,7 @@ def sweep_drivers(world):
         reached = 1.0
         for k in range(segments):
             _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
-            fraction = _free_fraction(world, -1 - d)
+            fraction = _free_fraction(world, Mover(MOVER_DRIVER, d))
             if fraction < 1:
                 reached = (k + fraction) / segments
                 break

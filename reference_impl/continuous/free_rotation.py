@@ -54,10 +54,10 @@ def rotate_freely(body, h, flight):
 
     Sets `spin_steps`: the number of series steps in h, or 0 if the body rotates about a fixed axis. With
     steps, also sets `spin_most` and `spin_bend`: bounds on |omega| [rad per h] and |omega'| [rad per h^2].
-    FLIGHT_EULER rotates at the initial omega, then sets the omega that conserves angular momentum; it sets
-    `spin_steps` to -1, so that `end_substep` does the same. A constant omega would increase the energy.
+    FLIGHT_EULER rotates at the initial omega, then sets the omega that conserves angular momentum: a constant
+    omega would increase the energy. In both cases it sets `keeps_momentum`, and `end_substep` does the same.
     """
-    body["spin_steps"] = 0
+    body["spin_steps"] = body["keeps_momentum"] = 0
     inertia, omega, momentum = body["inertia"], body["old_omega"], body["momentum"]
     if is_isotropic(inertia):
         return
@@ -75,11 +75,12 @@ def rotate_freely(body, h, flight):
         turn(body["old_orientation"], omega[0] * h, omega[1] * h, omega[2] * h, body["orientation"])
         matrix_of(body["orientation"], body["rotation"])
         if euler:
-            body["spin_steps"] = -1
+            body["keeps_momentum"] = 1
             free_omega(body, body["omega"])
         else:
             refresh_inertia(body)
         return
+    body["keeps_momentum"] = 1
     body["spin_steps"] = 1 + int(rate * h / SPIN_STEP)
     body["spin_span"] = h / body["spin_steps"]
     _run_steps(body)

@@ -42,7 +42,7 @@ def flight_way(body, h, flight):
 @kernel
 def shown_motion(body):
     """Set the motion of a driven body from `old_*` to its current pose: linear, by the shortest rotation."""
-    body["moves"], body["spin_steps"] = 1, 0
+    body["moves"], body["spin_steps"], body["keeps_momentum"] = 1, 0, 0
     turned = body["scratch"][0]
     rotation_between(body["old_orientation"], body["orientation"], turned)
     for i in range(3):

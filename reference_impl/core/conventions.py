@@ -168,6 +168,8 @@ SLIP_MIN = 1e-9
 """Sliding speed below which the direction of sliding is undefined [m/s]."""
 ENERGY_ROUNDING = 1e-13
 """Energy gain, over the impulse's work against the approach, that is rounding [1]: conditioning of M."""
+GUARD_UNVISITED, GUARD_SUMMED, GUARD_SLOWED = 0, 1, 2
+"""State of a body in the energy guard: in no island yet, in its island's sums, or with the energy removed."""
 UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
 IMPULSE_CAP = 200
@@ -344,8 +346,8 @@ QP_TURN_MAX = 0.2
 """Largest rotation of a hinge in one round [rad]: the linearisation error is 2 % of it."""
 PART_WHOLE, PART_ROOT = -2, -1
 """Parts of a driver: all of it, or the links in no chain; its chains count from 0."""
-TRUNK_OFFSET = 1 << 20
-"""Offset of a driver's index that denotes the driver's links in no chain: more drivers than a scene holds."""
+MOVER_BODY, MOVER_DRIVER, MOVER_TRUNK = 0, 1, 2
+"""What a translation moves: a body, all links of a driver, or its links in no chain."""
 
 # inverse kinematics (method, section 4)
 IK_LEVER = 1e-9

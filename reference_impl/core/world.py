@@ -12,7 +12,7 @@ from touchstone.reference_impl.core.conventions import SPIN_TERMS
 from touchstone.reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
 
 GUARD = record(
-    state="i8",  # of a body while the guard runs: 0 not visited, 1 summed up, 2 done
+    state="i8",  # of a body while the guard runs: GUARD_UNVISITED, GUARD_SUMMED or GUARD_SLOWED
     before="f8",  # kinetic and potential energy at the start of a substep [J]
     # island totals, stored at the island's root mover
     rise="f8",  # energy increase over the substep [J]
@@ -76,7 +76,8 @@ BODY = record(
     travel_bend=VECTOR,
     turn=VECTOR,  # world rotation vector [rad]
     turn_bend=VECTOR,
-    spin_steps="i8",  # steps of the free rotation; 0: rotation vector; -1: the same, momentum conserved
+    spin_steps="i8",  # steps of the free rotation's series; 0: the rotation is `turn` and `turn_bend`
+    keeps_momentum="i8",  # 1: angular momentum is constant over the substep, and omega is not
     spin_step="i8",  # step whose series is stored
     spin_span="f8",  # length of a step [s]
     spin_start=QUATERNION,  # orientation at the start of the step
@@ -146,8 +147,8 @@ PIECE = record(
     high=VECTOR,
     fat_low=VECTOR,  # fat AABB: `isolated` flags are valid while every piece stays inside its own
     fat_high=VECTOR,
-    marked="i8",  # 1-based index of its first marked row of `pairs`, or 0
-    filter_group="i8",  # pieces of one group never collide: the body's index, or -1 - the driver's
+    marked="i8",  # its first marked row of `pairs`, or -1
+    filter_group="i8",  # pieces of one group never collide: those of one body or of one driver
     # scratch of the broad phase: row k holds slot k and column k, independent of piece k
     slot=SLOT,
     order="i8",  # piece to be written to this slot
@@ -178,10 +179,11 @@ PAIR = record(
     piece_b="i8",
     restitution="f8",
     distance="f8",
+    depth="f8",  # that overlap removal resolves [m]: the whole depth of `distance`, or a share of it
     point_a=VECTOR,  # witnesses, world
     point_b=VECTOR,
     is_kept="i8",  # 1: a pushing link has lost touch within the frame only because its pose does not move
-    next_marked="i8",  # 1-based index of the next marked row at the same piece, or 0
+    next_marked="i8",  # next marked row at the same piece, or -1
     manifold="i8",  # first row of the pair's manifold, or -1
     free_slip="f8",  # sliding speed after forces without impulses, along the direction before them [m/s]
     spare=VECTOR,  # alternative impulse, for the energy check of an impact [N s]

@@ -64,13 +64,13 @@ def approach(bodies, joints, driver, state, part):
         joints[k]["pass_turn"] = joints[k]["goal_angle"] - joints[k]["angle"]
     projected = state["posture"] == POSTURE_LEAST_TURN
     if projected and part == 0:
-        drop_constraints(driver, 1)
+        drop_constraints(driver, True)
     if driver["constraint_count"] > 0:
         # the coupling has moved the root
         if part == 0:
             pose_moved(bodies, joints, driver)
         solve_posture_qp(bodies, joints, driver, True, True, state)
-        drop_constraints(driver, 0)
+        drop_constraints(driver, False)
     way = _longest_way(joints, driver)
     left = state["attraction_parts"] - part
     needed = 1 + int(min(way / ATTRACTION_TURN, 1e3))

@@ -1,20 +1,25 @@
 """Global penetration depth: one translation of a mover for all its obstacles (Eq. 1, algorithm 1)."""
 
 from math import sqrt
+from typing import NamedTuple
 
-from touchstone.reference_impl.core.conventions import TRUNK_OFFSET
+from touchstone.reference_impl.core.conventions import MOVER_BODY, MOVER_DRIVER
 from touchstone.reference_impl.core.kernel import kernel
+
+
+class Mover(NamedTuple):
+    """What one translation moves."""
+
+    kind: int  # MOVER_BODY, MOVER_DRIVER or MOVER_TRUNK
+    index: int  # of the body, or of the driver
 
 
 @kernel
 def is_mover(bodies, body, mover):
-    """Whether a body belongs to `mover`: b for body b, -1 - d for all links of driver d, or
-    -1 - TRUNK_OFFSET - d for its links outside chains."""
-    if mover >= 0:
-        return body == mover
-    if mover < -TRUNK_OFFSET:
-        return bodies[body]["driver"] == -1 - TRUNK_OFFSET - mover and bodies[body]["chain"] < 0
-    return bodies[body]["driver"] == -1 - mover
+    """Whether a body belongs to `mover`."""
+    if mover.kind == MOVER_BODY:
+        return body == mover.index
+    return bodies[body]["driver"] == mover.index and (mover.kind == MOVER_DRIVER or bodies[body]["chain"] < 0)
 
 
 @kernel
@@ -22,7 +27,7 @@ def side_of(bodies, pair, mover):
     """Side of a pair that `mover` is on: 1.0 for B, -1.0 for A, 0.0 for neither; 0.0 also for two links of
     one driver."""
     a, b = pair["body_a"], pair["body_b"]
-    if mover < 0 and bodies[a]["driver"] == bodies[b]["driver"]:
+    if mover.kind != MOVER_BODY and bodies[a]["driver"] == bodies[b]["driver"]:
         return 0.0
     if is_mover(bodies, b, mover):
         return 1.0
@@ -35,7 +40,7 @@ def largest_depth(bodies, pairs, end, d):
     deepest = 0.0
     for k in range(end):
         if bodies[pairs[k]["body_a"]]["driver"] == d or bodies[pairs[k]["body_b"]]["driver"] == d:
-            deepest = max(deepest, -pairs[k]["distance"])
+            deepest = max(deepest, pairs[k]["depth"])
     return deepest
 
 
@@ -45,7 +50,7 @@ def global_depth(bodies, pairs, first, end, mover, out_shift):
 
     Args:
         pairs: `pairs[first:end]` are used.
-        mover: as in `is_mover`.
+        mover: Mover.
         out_shift: PD, the translation of the mover (3,) [m].
     Returns:
         (deepest, size): the mover's largest depth and |PD| [m].
@@ -54,7 +59,7 @@ def global_depth(bodies, pairs, first, end, mover, out_shift):
     out_shift[0] = out_shift[1] = out_shift[2] = 0.0
     for k in range(first, end):
         pair = pairs[k]
-        depth = -pair["distance"]
+        depth = pair["depth"]
         sign = side_of(bodies, pair, mover)
         if depth <= 0 or sign == 0.0:
             continue

@@ -19,7 +19,7 @@ def min_norm_translation(bodies, pairs, first, end, mover, planes, out_shift):
 
     Args:
         pairs: `pairs[first:end]` are used; of equally violated ones the first is added.
-        mover: as in `is_mover`.
+        mover: Mover.
         planes: scratch (4, 4), rows (n, d).
         out_shift: x, the translation of the mover (3,) [m].
     Returns:
@@ -32,7 +32,7 @@ def min_norm_translation(bodies, pairs, first, end, mover, planes, out_shift):
         # find the most violated constraint
         worst, found = PLANE_TOLERANCE * (deepest + size), -1
         for k in range(first, end):
-            depth = -pairs[k]["distance"]
+            depth = pairs[k]["depth"]
             sign = side_of(bodies, pairs[k], mover)
             if depth <= 0 or sign == 0.0:
                 continue
@@ -46,7 +46,7 @@ def min_norm_translation(bodies, pairs, first, end, mover, planes, out_shift):
         sign = side_of(bodies, pairs[found], mover)
         for i in range(3):
             planes[count, i] = sign * pairs[found]["normal"][i]
-        planes[count, 3] = -pairs[found]["distance"]
+        planes[count, 3] = pairs[found]["depth"]
         count, size = _hold(planes, count, deepest, out_shift)
         if count == 0:
             break

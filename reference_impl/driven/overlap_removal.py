@@ -15,6 +15,9 @@ from touchstone.reference_impl.core.conventions import (
     DRIVEN,
     FIXED,
     LONGEST_SHIFT,
+    MOVER_BODY,
+    MOVER_DRIVER,
+    MOVER_TRUNK,
     PART_ROOT,
     PART_WHOLE,
     POSTURE_LEAST_TURN,
@@ -23,7 +26,6 @@ from touchstone.reference_impl.core.conventions import (
     SIMULATED,
     STALL_FALL,
     STALL_ROUNDS,
-    TRUNK_OFFSET,
     VANISHING_SHIFT,
     WAY_BACK_STEPS,
 )
@@ -35,7 +37,7 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
-from touchstone.reference_impl.driven.global_depth import global_depth, largest_depth, side_of
+from touchstone.reference_impl.driven.global_depth import Mover, global_depth, largest_depth, side_of
 from touchstone.reference_impl.driven.min_norm_translation import min_norm_translation
 from touchstone.reference_impl.driven.skeleton import place, pose_links, pose_moved
 
@@ -70,7 +72,7 @@ def remove_overlap(world):
             store_free_pose(bodies, joints, drivers[d])
         else:
             state["counters"][COUNT_GAVE_UP] += 1
-            _yield_simulated(world, -1 - d)
+            _yield_simulated(world, Mover(MOVER_DRIVER, d))
 
 
 @kernel
@@ -103,9 +105,9 @@ def _part_drivers(world):
     end, _ = detect(world, DRIVEN, 0)
     for k in range(end):
         both = bodies[pairs[k]["body_a"]]["driver"] >= 0 and bodies[pairs[k]["body_b"]]["driver"] >= 0
-        pairs[k]["distance"] *= 0.5 if both else 0.0
+        pairs[k]["depth"] *= 0.5 if both else 0.0
     for d in range(len(drivers)):
-        deepest, _ = global_depth(bodies, pairs, 0, end, -1 - TRUNK_OFFSET - d, shift)
+        deepest, _ = global_depth(bodies, pairs, 0, end, Mover(MOVER_TRUNK, d), shift)
         if not is_free(deepest):
             state["counters"][COUNT_ROUNDS] += 1
             for i in range(3):
@@ -126,21 +128,21 @@ def _free_driver(world, d, later):
         Whether it is free; if not, it is at its pose at entry.
     """
     bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
-    mover = -1 - TRUNK_OFFSET - d
+    mover = Mover(MOVER_TRUNK, d)
     end, free = _translate(world, d, mover, later)
     if free and drivers[d]["chain_count"] > 0:
         shuffle_chains(drivers[d], state)
         note_pushing_links(bodies, pairs, end, drivers[d], d, False, state)
         end = free_chains(world, d, later, end)
         if not is_free(largest_depth(bodies, pairs, end, d)):
-            mover = -1 - d
+            mover = Mover(MOVER_DRIVER, d)
             end, _ = _translate(world, d, mover, later)
             free = is_free(largest_depth(bodies, pairs, end, d))
     if not free:
         if not _way_back(world, d, later):
             return False
         state["counters"][COUNT_WAY_BACK] += 1
-        mover = -1 - d
+        mover = Mover(MOVER_DRIVER, d)
         end = detect_for(world, d, later)
     _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
     if drivers[d]["chain_count"] > 0:
@@ -360,8 +362,8 @@ def _yield_simulated(world, mover):
         end, _ = detect(world, DRIVEN, 0)
         for k in range(end):
             if side_of(bodies, pairs[k], mover) == 0.0:
-                pairs[k]["distance"] = 0.0
-        deepest, _ = global_depth(bodies, pairs, 0, end, b, shift)
+                pairs[k]["depth"] = 0.0
+        deepest, _ = global_depth(bodies, pairs, 0, end, Mover(MOVER_BODY, b), shift)
         if is_free(deepest):
             continue
         move(bodies[b], shift, 1.0)

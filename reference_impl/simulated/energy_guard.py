@@ -11,7 +11,14 @@ impulses. It does not change islands that touch a driver without chains.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING, SIMULATED, UNPAID_ROUNDING
+from touchstone.reference_impl.core.conventions import (
+    ENERGY_ROUNDING,
+    GUARD_SLOWED,
+    GUARD_SUMMED,
+    GUARD_UNVISITED,
+    SIMULATED,
+    UNPAID_ROUNDING,
+)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.simulated.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.simulated.separation import kinetic_energy
@@ -23,7 +30,7 @@ def note_energy(bodies, state):
     """Store the energy of each simulated body before a substep, and mark the body as in no island."""
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
-            bodies[b]["guard"]["state"] = 0
+            bodies[b]["guard"]["state"] = GUARD_UNVISITED
             bodies[b]["guard"]["before"] = kinetic_energy(bodies[b]) + _height_energy(bodies[b], state)
 
 
@@ -72,7 +79,8 @@ def _reset(bodies, drivers, pair):
         m = mover_of(bodies, drivers, pair["body_a"] if side == 0 else pair["body_b"])
         if m >= 0:
             guard = bodies[m]["guard"]
-            guard["state"] = guard["grounded"] = guard["driven"] = guard["counted"] = 0
+            guard["state"] = GUARD_UNVISITED
+            guard["grounded"] = guard["driven"] = guard["counted"] = 0
             guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
             for i in range(3):
                 guard["momentum"][i] = guard["turning"][i] = 0.0
@@ -89,8 +97,8 @@ def _sum_up(bodies, drivers, pair, state):
             island["grounded"] = 1
             if body["driver"] >= 0 and drivers[body["driver"]]["chain_count"] == 0:
                 island["driven"] = 1
-        elif body["guard"]["state"] == 0:
-            body["guard"]["state"] = 1
+        elif body["guard"]["state"] == GUARD_UNVISITED:
+            body["guard"]["state"] = GUARD_SUMMED
             motion = kinetic_energy(body)
             island["rise"] += motion + _height_energy(body, state) - body["guard"]["before"]
             island["motion"] += motion
@@ -123,9 +131,9 @@ def _slow_down(bodies, pair, island, state):
     scale = sqrt(max(0.0, 1 - island["rise"] / loose)) if loose > 0 else 0.0
     for side in range(2):
         body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
-        if body["kind"] != SIMULATED or body["guard"]["state"] != 1:
+        if body["kind"] != SIMULATED or body["guard"]["state"] != GUARD_SUMMED:
             continue
-        body["guard"]["state"] = 2
+        body["guard"]["state"] = GUARD_SLOWED
         v, w = body["velocity"], body["omega"]
         x, y, z = rigid_velocity(island, body["center"])
         p, q, r = island["turning"][0], island["turning"][1], island["turning"][2]

@@ -108,7 +108,8 @@ def set_ways(bodies, pairs, held, h, flight):
     for k in range(held):
         p = pairs[k]["resting_impulse"]
         if p[0] != 0 or p[1] != 0 or p[2] != 0:
-            bodies[pairs[k]["body_a"]]["spin_steps"] = bodies[pairs[k]["body_b"]]["spin_steps"] = 0
+            a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+            a["spin_steps"] = b["spin_steps"] = a["keeps_momentum"] = b["keeps_momentum"] = 0
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             flight_motion(bodies[b], h, flight)
@@ -149,7 +150,7 @@ def end_substep(bodies, joints, drivers, s):
                 _blend(body["old_omega"], s, body["omega"])
             continue
         _blend(body["old_velocity"], s, body["velocity"])
-        if body["spin_steps"] != 0:
+        if body["keeps_momentum"] == 1:
             free_omega(body, body["omega"])
         else:
             _turn_on(body, s)

@@ -7,6 +7,7 @@ no relative velocity of touching bodies.
 """
 
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
+from touchstone.reference_impl.core.conventions import GUARD_UNVISITED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import conjugate_by, invert_symmetric, rotate
 from touchstone.reference_impl.solver.islands import island_of
@@ -47,7 +48,7 @@ def keep_spin(bodies):
 @kernel
 def _free_island(bodies, b):
     """Root body of the free island of body b, or -1."""
-    if bodies[b]["guard"]["state"] == 0:
+    if bodies[b]["guard"]["state"] == GUARD_UNVISITED:
         return -1
     m = island_of(bodies, b)
     return m if is_free(bodies[m]["guard"]) else -1

@@ -54,12 +54,12 @@ def separate_simulated(world, first):
 
 @kernel
 def _leave_to_drivers(bodies, pairs, first, end):
-    """Set the distance of pairs with a driven body to infinity; returns the others' largest depth [m]."""
+    """Leave overlap with driven bodies to the driven loop; returns the largest depth of the others [m]."""
     deepest = 0.0
     for k in range(first, end):
         if bodies[pairs[k]["body_a"]]["driver"] >= 0 or bodies[pairs[k]["body_b"]]["driver"] >= 0:
-            pairs[k]["distance"] = inf
-        deepest = max(deepest, -pairs[k]["distance"])
+            pairs[k]["depth"] = -inf
+        deepest = max(deepest, pairs[k]["depth"])
     return deepest
 
 
@@ -87,7 +87,7 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
         for k in range(first, end):
             a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
             p, q = a["scratch"][0], b["scratch"][0]
-            depth = -pairs[k]["distance"] - left
+            depth = pairs[k]["depth"] - left
             depth -= n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])
             if depth <= 0:
                 continue

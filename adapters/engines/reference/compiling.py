@@ -33,7 +33,7 @@ HELPER = f"from {__name__} import compile_solver; compile_solver({{parent}})"
 
 def compile_seconds() -> float:
     """Compilation time of all kernels [s]; compiles them on a small world if the cache holds no time."""
-    if CACHE_FOLDER is None:
+    if CACHE_FOLDER is None or not kernel.JIT:
         return _compiled()
     with suppress(FileNotFoundError):
         return float((CACHE_FOLDER / NOTE).read_text())

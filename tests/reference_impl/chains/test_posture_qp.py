@@ -37,7 +37,7 @@ def contacts(world, rows) -> np.ndarray:
     pairs = np.zeros(len(rows), PAIR)
     for k, (pair, (inward, point, normal, depth)) in enumerate(zip(pairs, rows)):
         body = int(world.joints[last - inward]["child"])
-        pair["body_a"], pair["body_b"], pair["distance"] = len(world.bodies) - 1, body, -depth
+        pair["body_a"], pair["body_b"], pair["depth"] = len(world.bodies) - 1, body, depth
         pair["piece_a"] = k
         link = world.bodies[body]
         pair["point_b"] = link["position"] + link["rotation"] @ np.array(point)
@@ -143,12 +143,12 @@ def test_several_contacts_solve_the_quadratic_program(world, bound: bool) -> Non
     pairs = contacts(world, [HAND, FOREARM, UPPER_ARM])
     first, last = world.drivers[0]["chains"][CHAIN]
     rows, g = world.joints[first : last + 1], slopes(world, pairs)
-    truth = program(g, QP_CLEARANCE - pairs["distance"], np.full((6, 2), (-np.inf, np.inf)))
+    truth = program(g, QP_CLEARANCE + pairs["depth"], np.full((6, 2), (-np.inf, np.inf)))
     if bound:
         k = int(np.abs(truth).argmax())
         rows["upper" if truth[k] > 0 else "lower"][k] = rows["angle"][k] + truth[k] / 2
         room = np.transpose([rows["lower"] - rows["angle"], rows["upper"] - rows["angle"]])
-        truth = program(g, QP_CLEARANCE - pairs["distance"], room)
+        truth = program(g, QP_CLEARANCE + pairs["depth"], room)
     _, turned = solve_arm(world, pairs)
     # sweeps end when they change no depth by QP_TOLERANCE; a twentieth of a metre is the least lever here
     np.testing.assert_allclose(turned, truth, atol=20 * QP_TOLERANCE)

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize, nnls
 
-from touchstone.reference_impl.core.conventions import LONGEST_SHIFT, PLANE_TOLERANCE
+from touchstone.reference_impl.core.conventions import LONGEST_SHIFT, MOVER_BODY, PLANE_TOLERANCE
 from touchstone.reference_impl.core.world import BODY, PAIR
+from touchstone.reference_impl.driven.global_depth import Mover
 from touchstone.reference_impl.driven.min_norm_translation import min_norm_translation
 
 X, Y, Z = np.eye(3)
@@ -23,9 +24,9 @@ def least(normals, depths):
     bodies["driver"] = -1
     for k, (pair, n, d) in enumerate(zip(pairs, normals, depths)):
         pair["body_a"], pair["body_b"] = (0, 1) if k % 2 == 0 else (1, 2)
-        pair["normal"], pair["distance"] = n if k % 2 == 0 else -np.asarray(n), -d
-    x = np.zeros(3)
-    return *min_norm_translation(bodies, pairs, 0, len(pairs), 1, np.zeros((4, 4)), x), x
+        pair["normal"], pair["depth"] = n if k % 2 == 0 else -np.asarray(n), d
+    x, mover = np.zeros(3), Mover(MOVER_BODY, 1)
+    return *min_norm_translation(bodies, pairs, 0, len(pairs), mover, np.zeros((4, 4)), x), x
 
 
 def distance_program(normals, depths) -> np.ndarray | None:
