@@ -12,6 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 LAYERS = ("reference_impl", "adapters", "scenarios", "reports")
 MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
+TESTS = sorted(path for path in (ROOT / "tests").rglob("*.py") if path != Path(__file__).resolve())
+PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "decisions").glob("*.md")]
 MOST_MODULES, MOST_LINES = 12, 400
 REGISTRY = "scenarios/families"
 """A file for each scene or family of scenes: it grows with them."""
@@ -67,10 +69,10 @@ PRIVATE_PHRASES = re.compile(
 
 
 def test_texts_use_plain_terms():
-    """No docstring, comment or message uses one of PRIVATE_PHRASES."""
+    """No docstring, comment, message or page uses one of PRIVATE_PHRASES."""
     found = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
-        for path in MODULES
+        for path in (*MODULES, *TESTS, *PAGES)
         for number, line in enumerate(path.read_text().splitlines(), start=1)
         if PRIVATE_PHRASES.search(line)
     ]

@@ -68,9 +68,9 @@ def walk(monkeypatch, folder: Path, path: str, plugin: str, off: str) -> None:
         done = subprocess.run(
             ["bash", "-c", command], env=environment, capture_output=True, text=True, timeout=600
         )
-        told = done.stdout + done.stderr
+        reported = done.stdout + done.stderr
         for line in expected:
-            assert line in told, f"{command}{told}"
+            assert line in reported, f"{command}{reported}"
         ran += 1
     assert ran >= 7
 

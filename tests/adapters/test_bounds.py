@@ -1,4 +1,4 @@
-"""Bounds: what is played keeps to them, whatever the scene."""
+"""Bounds: what is played stays inside them, whatever the scene."""
 
 from __future__ import annotations
 

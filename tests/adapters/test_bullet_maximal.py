@@ -52,13 +52,13 @@ def test_friction_along_a_diagonal_differs() -> None:
 def test_mass_properties_are_ours() -> None:
     """Read back mass and inertia of rigid bodies as the scenario gives them."""
     scenario = catalogue()["stack"]
-    told = BulletEngine().build(scenario, Settings("maximal", 1 / 240)).describe()
-    assert told.settings[RIGID] == len(scenario.bodies)
+    reported = BulletEngine().build(scenario, Settings("maximal", 1 / 240)).describe()
+    assert reported.settings[RIGID] == len(scenario.bodies)
     for body in scenario.bodies:
         if body.kind == "simulated":
-            assert told.bodies[body.name].mass == body.mass
-            np.testing.assert_allclose(told.bodies[body.name].inertia, body.inertia, rtol=1e-6)
-    assert told.pieces == {body.name: len(body.pieces) for body in scenario.bodies}
+            assert reported.bodies[body.name].mass == body.mass
+            np.testing.assert_allclose(reported.bodies[body.name].inertia, body.inertia, rtol=1e-6)
+    assert reported.pieces == {body.name: len(body.pieces) for body in scenario.bodies}
 
 
 def test_other_bodies_stay_multibodies() -> None:
@@ -68,8 +68,8 @@ def test_other_bodies_stay_multibodies() -> None:
     odd = replace(one, inertia=tuple(tuple(2 * x for x in row) for row in one.inertia))
     pebble = hull("pebble", one.material, CORNERS, 1.0, (5.0, 0.0, 5.0))
     made = scenario.reduced(bodies=(floor, odd, two, pebble), truths=(), expectations=())
-    told = BulletEngine().build(made, Settings("maximal", 1 / 240)).describe()
-    assert told.settings[RIGID] == 2  # the floor and the box
-    np.testing.assert_allclose(told.bodies[odd.name].inertia, odd.inertia, rtol=1e-6)
+    reported = BulletEngine().build(made, Settings("maximal", 1 / 240)).describe()
+    assert reported.settings[RIGID] == 2  # the floor and the box
+    np.testing.assert_allclose(reported.bodies[odd.name].inertia, odd.inertia, rtol=1e-6)
     snip = BulletEngine().build(catalogue()["ball_snip"], Settings("maximal", 1 / 240)).describe()
     assert 0 < snip.settings[RIGID] < len(catalogue()["ball_snip"].bodies)

@@ -52,9 +52,9 @@ class Stage:
     def play(self, names, **options):
         from fake_engines import load as fakes
 
-        told = lambda label, frames: self.progress.append((label, frames))  # noqa: E731
+        reported = lambda label, frames: self.progress.append((label, frames))  # noqa: E731
         with Children(partial(fakes, str(self.folder)), **options) as children:
-            outcomes = children.play(self.jobs(names), told)
+            outcomes = children.play(self.jobs(names), reported)
         return {outcome.job.engine: outcome for outcome in outcomes}
 
     def alive(self):
@@ -165,10 +165,10 @@ def test_together_is_at_the_same_time(ended, scenario, tmp_path):
         one, two = (load(folder / f"{name}.npz").position for folder in (tmp_path, ended[0].folder))
         np.testing.assert_array_equal(one, two)
     assert sum(frames for _, frames in stage.progress) == FRAMES * len(names)
-    told = [label for label, frames in stage.progress if not frames]
+    reported = [label for label, frames in stage.progress if not frames]
     # all are asked to play before the first has answered
     labels = [f"{name} {SETTINGS.label}" for name in names]
-    assert told[told.index(labels[0]) :][:4] == labels
+    assert reported[reported.index(labels[0]) :][:4] == labels
     assert stage.alive() == []
 
 
@@ -209,7 +209,7 @@ def test_an_error_in_the_parent_stops_the_children(scenario, tmp_path):
         if frames:
             raise KeyboardInterrupt
 
-    stage.progress = type("Interrupting", (), {"append": staticmethod(lambda told: interrupt(*told))})
+    stage.progress = type("Interrupting", (), {"append": staticmethod(lambda reported: interrupt(*reported))})
     with pytest.raises(KeyboardInterrupt):
         stage.play(["healthy", "prints"])
     assert len(list(tmp_path.glob("*.pid"))) == 2
@@ -221,7 +221,7 @@ def test_children_do_not_hear_ctrl_c(scenario, tmp_path):
     stage = Stage(tmp_path, scenario)
     hit = []
 
-    def hit_children(told):
+    def hit_children(reported):
         if len(hit) < 40:
             children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
             for child in map(int, children):
@@ -243,7 +243,7 @@ def test_children_go_on_from_scene_to_scene(scenario, tmp_path):
     stage = Stage(tmp_path, scenario)
     names = ("healthy", "prints", "throws")
     with Children(partial(fakes, str(tmp_path))) as children:
-        told = []
+        reported = []
         for folder in (tmp_path / "first", tmp_path / "second"):
             folder.mkdir()
             jobs = [
@@ -251,12 +251,12 @@ def test_children_go_on_from_scene_to_scene(scenario, tmp_path):
                 for name in names
             ]
             outcomes = children.play(jobs, lambda label, frames: None)
-            told.append({name: (tmp_path / f"{name}.pid").read_text() for name in names})
+            reported.append({name: (tmp_path / f"{name}.pid").read_text() for name in names})
             assert [outcome.status for outcome in outcomes] == ["done", "done", "error"]
             assert load(folder / "healthy.npz").position.shape[0] == FRAMES + 1
             assert "native to stdout" in (folder / "prints.txt").read_text()
             assert "Traceback" in (folder / "throws.txt").read_text()
-    first, second = told
+    first, second = reported
     assert [first[name] == second[name] for name in names] == [True, True, False]
     assert stage.alive() == []
 

@@ -128,10 +128,12 @@ def test_masses() -> None:
     )
     facts = dart_engine.DartEngine().build(scenario, SETTINGS).describe().bodies
     for body in scenario.bodies:
-        told = facts[body.name]
-        assert told.mass == pytest.approx(body.mass, rel=EXACT)
-        np.testing.assert_allclose(told.center_of_mass, body.center_of_mass, rtol=EXACT)
-        np.testing.assert_allclose(told.inertia, body.inertia, rtol=EXACT, atol=EXACT * np.max(body.inertia))
+        reported = facts[body.name]
+        assert reported.mass == pytest.approx(body.mass, rel=EXACT)
+        np.testing.assert_allclose(reported.center_of_mass, body.center_of_mass, rtol=EXACT)
+        np.testing.assert_allclose(
+            reported.inertia, body.inertia, rtol=EXACT, atol=EXACT * np.max(body.inertia)
+        )
 
 
 def test_coefficients() -> None:
@@ -139,9 +141,11 @@ def test_coefficients() -> None:
     scenario = hand_scene(BALL, FLOOR)
     pairs = dart_engine.DartEngine().build(scenario, SETTINGS).describe().pairs
     assert len(pairs) == len(list(scenario.touching_pairs()))
-    for told, (a, b) in zip(pairs, scenario.touching_pairs()):
-        assert (told.body_a, told.body_b) == (scenario.bodies[a].name, scenario.bodies[b].name)
-        assert (told.restitution, told.friction) == pytest.approx(scenario.pair_coefficients(a, b), rel=EXACT)
+    for reported, (a, b) in zip(pairs, scenario.touching_pairs()):
+        assert (reported.body_a, reported.body_b) == (scenario.bodies[a].name, scenario.bodies[b].name)
+        assert (reported.restitution, reported.friction) == pytest.approx(
+            scenario.pair_coefficients(a, b), rel=EXACT
+        )
 
 
 def test_initial_state_and_free_fall() -> None:
@@ -250,20 +254,20 @@ def test_settings() -> None:
     worlds = [dart_engine.DartEngine().build(s, plain) for s in (hand_scene(), hand_scene(BALL))]
     wanted = {"deactivation": False, "joint_damping": 0.0, "driven_feel_gravity": False, "hinge_limits": 15}
     for world, detector in zip(worlds, ("fcl", "bullet")):
-        told = world.describe().settings
-        assert {name: told[name] for name in wanted} == wanted
-        assert told["detector"] == detector
+        reported = world.describe().settings
+        assert {name: reported[name] for name in wanted} == wanted
+        assert reported["detector"] == detector
 
 
 def test_primitives_take_the_advised_detector() -> None:
     """Use DART's Bullet detector where only primitives meet, but under `default` DART's own, and say why."""
     scenario = scene(FLOOR, solid("cube", Box((0.1, 0.1, 0.1)), (0.0, 0.0, 1.0)))
-    told = {
+    reported = {
         profile: dart_engine.DartEngine().build(scenario, Settings(profile, DT)).describe().settings
         for profile in ("recommended", "accurate", "default")
     }
-    assert [told[profile]["detector"] for profile in told] == ["bullet", "bullet", "fcl"]
-    assert told["recommended"]["detector_reason"].startswith("only primitives meet")
+    assert [reported[profile]["detector"] for profile in reported] == ["bullet", "bullet", "fcl"]
+    assert reported["recommended"]["detector_reason"].startswith("only primitives meet")
 
 
 def test_accurate_solver() -> None:
@@ -272,9 +276,11 @@ def test_accurate_solver() -> None:
         ("recommended", "DantzigBoxedLcpSolver", "two directions"),
         ("accurate", "NsgsFrictionSolver", "circular"),
     ):
-        told = dart_engine.DartEngine().build(scene(FLOOR, BALL), Settings(profile, DT)).describe().settings
-        assert told["lcp_solver"] == solver
-        assert told["friction_cone"].startswith(cone)
+        reported = (
+            dart_engine.DartEngine().build(scene(FLOOR, BALL), Settings(profile, DT)).describe().settings
+        )
+        assert reported["lcp_solver"] == solver
+        assert reported["friction_cone"].startswith(cone)
 
 
 def test_unsupported() -> None:

@@ -134,8 +134,10 @@ def test_energy_from_nowhere_is_divergence(scenario):
 
     end = ended(motion, scenario)
     # the ball has not fallen: what is allowed is the noise of both at rest, 1 kg (0.1 m/s)^2 / 2
-    told = "diverged: 'ball' moves at 3e+03 m/s, energy 4.5e+06 J of at most 0.005 J, in frame 6 at 0.1000 s"
-    assert str(end) == told
+    reported = (
+        "diverged: 'ball' moves at 3e+03 m/s, energy 4.5e+06 J of at most 0.005 J, in frame 6 at 0.1000 s"
+    )
+    assert str(end) == reported
     assert end.recording.position[-1, 0, 0] == 181.0
 
 
@@ -146,9 +148,9 @@ def test_a_plan_that_is_left_at_a_normal_energy_is_blamed(scenario):
         # creeps away without falling
         state.position[0, 0] = 100.0 * t
 
-    told = str(ended(motion, scenario))
-    assert told.startswith("ball left the bounds of its plan (the plan does not hold; --effects all ")
-    assert "diverged" not in told
+    reported = str(ended(motion, scenario))
+    assert reported.startswith("ball left the bounds of its plan (the plan does not hold; --effects all ")
+    assert "diverged" not in reported
 
 
 def test_without_bounds_only_an_explosion_ends_a_run(scenario):
@@ -171,8 +173,8 @@ def test_spin_is_energy_too(scenario):
         state.angular_velocity[0] = (0.0, 4e3, 0.0)
 
     # 2/5 m r^2 = 1e-3 kg m^2
-    told = str(ended(motion, scenario, PLANNED))
-    assert told.startswith("diverged: 'ball' turns at 4e+03 rad/s, energy 8e+03 J of at most 0.005 J")
+    reported = str(ended(motion, scenario, PLANNED))
+    assert reported.startswith("diverged: 'ball' turns at 4e+03 rad/s, energy 8e+03 J of at most 0.005 J")
 
 
 def test_what_falls_may_be_fast(scenario, state):

@@ -59,7 +59,7 @@ def glove():
 
 
 def steiner(mass, center):
-    """Inertia of a link about a point that `center` is seen from, axes alike."""
+    """Inertia of a link about a point that `center` is seen from, with the same axes."""
     return np.array(TENSOR) + mass * (center @ center * np.eye(3) - np.outer(center, center))
 
 

@@ -79,12 +79,12 @@ def test_a_table_tells_what_profiles_do(lab, engine):
     for k, profile in enumerate(settings_of(engine).profiles):
         plain = [f"{s.name}={s.profiles[k]}" for s in settings_of(engine).values() if s.profiles[k]]
         assert changes_of(engine, profile, plain) == ()
-        told = []
+        reported = []
         for changes in ((), tuple(plain)):
             world = load(engine).build(scene, Settings(profile, 1 / 240, changes))
-            told.append(world.describe().settings)
+            reported.append(world.describe().settings)
             world.close()
-        assert told[0] == told[1]
+        assert reported[0] == reported[1]
 
 
 def test_an_engine_takes_its_own_changes():

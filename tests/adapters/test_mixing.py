@@ -199,12 +199,14 @@ def test_engines_take_table_1_exactly_or_name_the_pairs(registry, name, material
             engine.build(scenario, registry.settings(name))
         return
     world = engine.build(scenario, registry.settings(name))
-    told = {(pair.body_a, pair.body_b): (pair.restitution, pair.friction) for pair in world.describe().pairs}
+    reported = {
+        (pair.body_a, pair.body_b): (pair.restitution, pair.friction) for pair in world.describe().pairs
+    }
     world.close()
     names = [body.name for body in scenario.bodies]
     for a, b in scenario.touching_pairs():
         asked = scenario.pair_coefficients(a, b)
-        assert told[names[a], names[b]] == pytest.approx(asked, abs=MIX_TOLERANCE)
+        assert reported[names[a], names[b]] == pytest.approx(asked, abs=MIX_TOLERANCE)
 
 
 def test_coefficients_an_engine_would_alter_are_named():

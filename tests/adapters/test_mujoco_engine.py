@@ -150,8 +150,8 @@ def test_contact_springs_stay_resolved(dt: float) -> None:
     for e in np.linspace(0, 1, 11):
         stiffness, damping = solref_of(float(e), Settings("recommended", dt))
         assert np.sqrt(-stiffness) <= 1 / (2 * dt) * (1 + 1e-12)
-        told = restitution_of(np.array([stiffness, damping]), Settings("recommended", dt))
-        assert told == pytest.approx(e, abs=1e-12)
+        reported = restitution_of(np.array([stiffness, damping]), Settings("recommended", dt))
+        assert reported == pytest.approx(e, abs=1e-12)
     assert solref_of(0.0, SETTINGS) == pytest.approx((-2500, -100))
 
 
@@ -206,8 +206,8 @@ def test_accurate_restitutions_read_back(dt: float) -> None:
     """Find the restitution again in the stiffness and damping, on both sides of critical damping."""
     settings = Settings("accurate", dt)
     for e in (0.0, 0.05, 0.1, np.exp(-2), 0.2, 0.5, 0.9, 1.0):
-        told = restitution_of(np.array(solref_of(e, settings)), settings)
-        assert told == pytest.approx(e, abs=1e-9)  # a root found to 1e-12
+        reported = restitution_of(np.array(solref_of(e, settings)), settings)
+        assert reported == pytest.approx(e, abs=1e-9)  # a root found to 1e-12
 
 
 def test_accurate_contacts_are_told_as_meant() -> None:

@@ -97,17 +97,19 @@ def balls(bodies: Iterable[Body], coefficients: dict[str, tuple[float, float]]) 
 def facts(scenario: Scenario) -> tuple[dict[str, tuple[float, float]], int]:
     """(e, mu) of each pair as read back from the model, and the number of explicit pairs."""
     world = mujoco_engine.MujocoEngine().build(scenario, SETTINGS)
-    told = {pair.body_a + pair.body_b: (pair.restitution, pair.friction) for pair in world.describe().pairs}
-    return told, world._model.npair
+    reported = {
+        pair.body_a + pair.body_b: (pair.restitution, pair.friction) for pair in world.describe().pairs
+    }
+    return reported, world._model.npair
 
 
 def test_priorities_give_different_coefficients_to_different_pairs() -> None:
     """Give three materials two sets of coefficients without an explicit pair."""
     asked = {"aa": (0.1, 0.0), "ab": (0.5, 0.3), "ac": (0.5, 0.3), "bb": (0.1, 0.0), "bc": (0.2, 0.8)}
-    told, listed = facts(balls((ball("a"), ball("b"), ball("c")), asked | {"cc": (0.2, 0.8)}))
+    reported, listed = facts(balls((ball("a"), ball("b"), ball("c")), asked | {"cc": (0.2, 0.8)}))
     assert listed == 0
     for pair in ("ab", "ac", "bc"):
-        assert told[pair] == pytest.approx(asked[pair], abs=1e-12)
+        assert reported[pair] == pytest.approx(asked[pair], abs=1e-12)
 
 
 def test_explicit_pairs_are_the_exception() -> None:
@@ -115,9 +117,9 @@ def test_explicit_pairs_are_the_exception() -> None:
     asked = {"ab": (0.1, 0.1), "ac": (0.2, 0.2), "bc": (0.3, 0.3), "ad": (0.4, 0.4), "bd": (0.5, 0.5)}
     asked |= {"cd": (0.6, 0.6)} | {x + x: (0.0, 0.0) for x in "abcd"}
     scenario = balls((ball("a"), ball("b"), ball("c"), ball("d")), asked)
-    told, listed = facts(scenario)
-    assert 0 < listed < len(told)
-    for pair, found in told.items():
+    reported, listed = facts(scenario)
+    assert 0 < listed < len(reported)
+    for pair, found in reported.items():
         assert found == pytest.approx(asked[pair], abs=1e-12)
 
 

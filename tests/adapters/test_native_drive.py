@@ -139,11 +139,11 @@ def test_results_name_another_drive() -> None:
 def test_manifests_tell_the_drive(registry: SimpleNamespace, name: str) -> None:
     """Say in the manifest how hinges are driven."""
     key = "default joint motors" if name == "bullet" else "hinge_drive"
-    told = [
+    reported = [
         registry.engine(name)
         .build(swing(), Settings("equal-step", EQUAL, drive=drive))
         .describe()
         .settings[key]
         for drive in ("native", "torque")
     ]
-    assert told[0] != told[1]
+    assert reported[0] != reported[1]

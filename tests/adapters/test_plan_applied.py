@@ -102,7 +102,7 @@ def test_random_scenes_need_no_more_than_their_plan(lab, registry, seed: int) ->
 
 
 def assert_person_sound(lab: SimpleNamespace, registry: SimpleNamespace, seed: int) -> None:
-    """The same for a random person; one that is refused, or thrown out of its bounds, is told so."""
+    """The same for a random person; one that is refused, or thrown out of its bounds, is marked so."""
     rng = np.random.default_rng(seed)
     scene = random_person(lab, rng)
     try:
@@ -140,9 +140,9 @@ def test_5000_random_scenes_need_no_more_than_their_plan(lab, registry, part: in
 @pytest.mark.parametrize("scene", ["fall", "tumble_stable", "spring", "bounce_e05"])
 def test_engines_play_what_is_left(registry: SimpleNamespace, name: str, scene: str) -> None:
     """Play bodies that can meet nothing without their pieces, and say in the manifest what was left out."""
-    told = registry.played(scene, name).facts["effects"]
-    assert tuple(told) == PLANNED
-    assert told["contact"].startswith("needed" if scene == "bounce_e05" else "not needed")
+    reported = registry.played(scene, name).facts["effects"]
+    assert tuple(reported) == PLANNED
+    assert reported["contact"].startswith("needed" if scene == "bounce_e05" else "not needed")
 
 
 @pytest.mark.parametrize("name", ["reference", "dart", "bullet", "mujoco"])
@@ -153,12 +153,12 @@ def test_engines_hold_the_shapes_that_are_left(registry: SimpleNamespace, name: 
     scenario = catalogue()[scene]
     player = ready(registry.engine(name), scenario, registry.settings(name))
     plan = planned(scenario)
-    told = player.world.describe().settings
-    assert told["collision_shapes"] == sum(map(len, plan.pieces))
+    reported = player.world.describe().settings
+    assert reported["collision_shapes"] == sum(map(len, plan.pieces))
     if name == "mujoco":
         # what can meet nothing has no bit in its masks, and no pair is listed that masks can give
-        assert told["explicit_pairs"] == 0
-        assert (told["shapes_that_pair_by_mask"] > 0) == plan.on("contact")
+        assert reported["explicit_pairs"] == 0
+        assert (reported["shapes_that_pair_by_mask"] > 0) == plan.on("contact")
     effects = player.recording().facts["effects"]
     player.world.close()
     assert effects["inverse_kinematics"].endswith("has no such stage") == (name != "reference")

@@ -150,8 +150,8 @@ def test_flight_without_contact_is_the_same(
     engine = registry.engine("reference")
     one, two = (record(engine, scene, Settings(profile, FRAME, effects=e)) for e in (None, PLANNED))
     assert change(one, two) == 0
-    told = one.facts["settings"]["stages left out"]
-    assert told == ("drive, removal, contact" if any(spin) else "drive, removal, contact, rotation")
+    reported = one.facts["settings"]["stages left out"]
+    assert reported == ("drive, removal, contact" if any(spin) else "drive, removal, contact, rotation")
     assert two.facts["settings"]["stages left out"] == "none"
 
 

@@ -38,8 +38,8 @@ def test_every_engine_has_its_entry(lab, fakes):
     scenario = lab.scene(lab.ball(), lab.ground(), duration=1.0)
     runs = play(scenario, (*FAKES, "missing"), effects=PLANNED, children=fakes)
     assert list(runs) == [(name, "only") for name in (*FAKES, "missing")]
-    told = {name: (run.status, run.reason) for (name, _), run in runs.items()}
-    assert told == {
+    reported = {name: (run.status, run.reason) for (name, _), run in runs.items()}
+    assert reported == {
         "healthy": ("done", ""),
         "speeds": ("error", "diverged: the linear velocity of 'ball' is 1e+30 m/s, in frame 40 at 0.6667 s"),
         "throws": ("error", "ZeroDivisionError: one"),
@@ -49,7 +49,7 @@ def test_every_engine_has_its_entry(lab, fakes):
     }
     frames = {name: len(run.recording.time) for (name, _), run in runs.items() if run.recording}
     assert frames == {"healthy": 61, "speeds": 40, "throws": 40}
-    assert runs["speeds", "only"].recording.ended == told["speeds"][1]
+    assert runs["speeds", "only"].recording.ended == reported["speeds"][1]
     assert runs["healthy", "only"].recording.ended == ""
 
 

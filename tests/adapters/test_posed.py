@@ -53,9 +53,9 @@ def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenari
     assert state.linear_velocity[ball, 0] > 0.3
     assert np.isnan(state.force).all()
     assert np.isnan(state.hinge_torque).all()
-    told = world.describe()
+    reported = world.describe()
     world.close()
-    assert "none: links" in str(dict(told.settings))
+    assert "none: links" in str(dict(reported.settings))
     assert palm in links
 
 

@@ -208,11 +208,11 @@ def test_of_residuals_the_largest_of_a_frame_is_kept(engine, scenario, settings)
 
     engine.left = {1: left(1e-3, 1, 2), 2: left(2e-3, 0, 1), 3: left(0.0, -1, -1), 5: left(0.0, -1, -1)}
     kept = record(engine, scenario, settings)
-    told = dict(zip(kept.work_names.tolist(), kept.work.T.tolist()))
-    assert told["residual"][:2] == [2e-3, 0.0]
-    assert told["residual.body_a"][:2] == [0.0, -1.0]
-    assert told["residual.body_b"][:2] == [1.0, -1.0]
-    assert told["dropped_time"][:2] == [1.5, 0.5]
+    reported = dict(zip(kept.work_names.tolist(), kept.work.T.tolist()))
+    assert reported["residual"][:2] == [2e-3, 0.0]
+    assert reported["residual.body_a"][:2] == [0.0, -1.0]
+    assert reported["residual.body_b"][:2] == [1.0, -1.0]
+    assert reported["dropped_time"][:2] == [1.5, 0.5]
 
 
 def test_driver_work_of_a_constant_drive(engine, scenario, settings):

@@ -36,11 +36,11 @@ def test_a_profile_is_read_back_as_it_was_set(profile: str) -> None:
     for setting in SETTINGS.values():
         state[setting.field or setting.name] = -1
     configure(state[0], profile)
-    told = {name: str(value) for name, value in describe(state[0]).items()}
+    reported = {name: str(value) for name, value in describe(state[0]).items()}
     column = SETTINGS.profiles.index(profile)
     idle = set() if profile == "paper" else {"angle", "passes"}
-    assert told == {name: s.profiles[column] for name, s in SETTINGS.items() if name not in idle}
-    assert SETTINGS.values_of(profile) == told
+    assert reported == {name: s.profiles[column] for name, s in SETTINGS.items() if name not in idle}
+    assert SETTINGS.values_of(profile) == reported
 
 
 @pytest.mark.parametrize(
@@ -54,10 +54,10 @@ def test_a_change_changes_its_own_setting_alone(name: str, value: str) -> None:
         more = ["posture=ccd"] if name in IDLE and profile != "paper" else []
         configure(plain[0], profile, SETTINGS.changes(profile, more))
         configure(state[0], profile, SETTINGS.changes(profile, [f" {name} = {value}", *more]))
-        told = {**describe(plain[0]), name: value}
+        reported = {**describe(plain[0]), name: value}
         if (name, value) == ("posture", "least_turn"):
-            told = {other: word for other, word in told.items() if other not in IDLE}
-        assert {key: describe(state[0])[key] for key in told} == told
+            reported = {other: word for other, word in reported.items() if other not in IDLE}
+        assert {key: describe(state[0])[key] for key in reported} == reported
 
 
 def test_the_values_of_a_choice_differ() -> None:

@@ -101,16 +101,16 @@ def test_manifests_tell(lab: SimpleNamespace, registry: SimpleNamespace, asked: 
     """Read back whether bodies may sleep: only where that was named, never with all effects."""
     scene, wanted = sliding(lab, SLOW, 1.0), asked == STAGES
     assert planned(scene, asked).on("sleeping") == wanted
-    told = {}
+    reported = {}
     for name in ENGINES:
         player = ready(registry.engine(name), scene, replace(registry.settings(name), effects=asked))
-        told[name] = player.world.describe().settings
+        reported[name] = player.world.describe().settings
         player.world.close()
-    assert told["dart"]["deactivation"] is told["mujoco"]["sleep"] is wanted
-    assert told["dart"]["deactivation_time [s]"] == AFTER["dart"]
-    assert told["dart"]["deactivation_speed [m/s]"] == pytest.approx(10 * FASTEST["dart"])
-    assert told["mujoco"]["sleep_tolerance"] == FASTEST["mujoco"]
-    assert told["bullet"]["activationState (as set)"] == (1 if wanted else 2)
+    assert reported["dart"]["deactivation"] is reported["mujoco"]["sleep"] is wanted
+    assert reported["dart"]["deactivation_time [s]"] == AFTER["dart"]
+    assert reported["dart"]["deactivation_speed [m/s]"] == pytest.approx(10 * FASTEST["dart"])
+    assert reported["mujoco"]["sleep_tolerance"] == FASTEST["mujoco"]
+    assert reported["bullet"]["activationState (as set)"] == (1 if wanted else 2)
 
 
 def test_the_reference_has_no_such_stage(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
@@ -118,6 +118,6 @@ def test_the_reference_has_no_such_stage(lab: SimpleNamespace, registry: SimpleN
     scene = sliding(lab, SLOW, 0.5)
     one = record(registry.engine("reference"), scene, Settings("balanced", lab.frame, effects=STAGES))
     assert one.position[-1, 1, 0] == pytest.approx(SLOW * 0.5, rel=1e-9)
-    told = one.facts["effects"]["sleeping"]
-    assert told.startswith("forced on")
-    assert told.endswith("no such stage")
+    reported = one.facts["effects"]["sleeping"]
+    assert reported.startswith("forced on")
+    assert reported.endswith("no such stage")

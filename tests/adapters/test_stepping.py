@@ -15,7 +15,7 @@ from touchstone.adapters.workers.stepping import Stepper
 
 
 class World:
-    """Notes what is done to it; a step takes as long as it is told."""
+    """Notes what is done to it; a step takes a given time."""
 
     def __init__(self) -> None:
         self.calls: list[object] = []
@@ -41,7 +41,7 @@ def test_a_frame_is_its_native_steps(lab, monkeypatch) -> None:
     [([5, 5], 3.0, 1), ([5, 6, 6, 6], 2.0, 2), ([*range(100)], 0.5, 10)],
     ids=["at once", "second", "never"],
 )
-def test_disturbed_times_do_not_count(monkeypatch, switches, told, asked) -> None:
+def test_disturbed_times_do_not_count(monkeypatch, switches, reported, asked) -> None:
     """Take the first measurement without a switch of processes, or the least of ten."""
     counts = iter(switches)
     monkeypatch.setattr(
@@ -55,7 +55,7 @@ def test_disturbed_times_do_not_count(monkeypatch, switches, told, asked) -> Non
         taken.append(next(measured))
         return taken[-1]
 
-    assert undisturbed(measure) == told
+    assert undisturbed(measure) == reported
     assert len(taken) == asked
 
 

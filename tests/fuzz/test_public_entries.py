@@ -156,11 +156,11 @@ def test_wrong_arguments_end_in_one_line(tmp_path, monkeypatch, capsys, form, wo
     capsys.readouterr()
     with pytest.raises(SystemExit) as end:
         main()
-    told = capsys.readouterr().err
-    assert end.value.code == 2, told
-    assert told.startswith("touchstone: ")
-    assert told.count("\n") == 1, told
-    assert "Traceback" not in told
+    reported = capsys.readouterr().err
+    assert end.value.code == 2, reported
+    assert reported.startswith("touchstone: ")
+    assert reported.count("\n") == 1, reported
+    assert "Traceback" not in reported
     assert not list(Path(tmp_path).iterdir())
 
 

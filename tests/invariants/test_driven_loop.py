@@ -17,7 +17,7 @@ SCENES = [scenario.name for scenario in tagged("gallery")]
 ORACLE_SLACK = 2e-8
 """Beyond the tolerance [m]: what coal's own tolerance leaves."""
 ROUNDING = 1e-9
-"""Of angles that are projected and measured anew [rad]."""
+"""Of angles that are projected and measured again [rad]."""
 ARC_COSINE = 1e-7
 """What `paper` leaves of an angle near 0: 1.5e-8 rad by acos, over the passes of a few hinges [rad]."""
 
@@ -60,12 +60,12 @@ def test_free_limbs_are_where_the_tracker_has_them(registry, scene: str, profile
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_two_arms_push_as_mirror_images(registry, profile: str) -> None:
-    """Bend left and right alike all the time: equal angles are mirrored postures."""
+    """Bend left and right equally all the time: equal angles are mirrored postures."""
     names = catalogue()["two_arms"].trackers[0].joints
     angle = registry.played("two_arms", "reference", profile).joint_angle
     left = [k for k, name in enumerate(names) if name.startswith("left")]
     right = [names.index(names[k].replace("left", "right")) for k in left]
     assert np.ptp(angle[:, left], axis=0).max() > 1
-    # the same operations on mirrored numbers, rounded alike but for sums in another order
+    # the same operations on mirrored numbers, rounded equally but for sums in another order
     slack = ARC_COSINE if profile == "paper" else ROUNDING
     np.testing.assert_allclose(angle[:, left], angle[:, right], rtol=0, atol=slack)

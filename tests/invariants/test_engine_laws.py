@@ -122,8 +122,8 @@ def test_bullet_loses_restitution_with_the_step(registry, rate, drop):
     achieved = sqrt(max(0.0, height[rising.argmax() :].max()) / drop) if rising.any() else 0.0
     assert achieved == pytest.approx(speculative(drop, 1 / rate), abs=0.05)
     if drop == 0.5:
-        told = {60: 1.08, 240: 0.89, 3960: 0.0}
-        assert achieved == pytest.approx(told.get(rate, achieved), abs=0.01)
+        reported = {60: 1.08, 240: 0.89, 3960: 0.0}
+        assert achieved == pytest.approx(reported.get(rate, achieved), abs=0.01)
 
 
 def test_a_compound_hides_bullets_loss(registry):

@@ -94,7 +94,7 @@ def test_table_slide_has_two_plateaus_and_spikes_at_its_end(counts: Counts) -> N
 
 
 def test_inverse_kinematics_grows_with_joints(counts: Counts) -> None:
-    """Order the scenes alike by joints turned and by iterations, and frames within a scene in trend."""
+    """Order the scenes equally by joints turned and by iterations, and frames within a scene in trend."""
     order = {
         name: sorted(WITH_CHAINS, key=lambda scene: counts(scene, name).sum())
         for name in ("ik.joints", "ccd.passes")

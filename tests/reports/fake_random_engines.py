@@ -70,5 +70,5 @@ class World(FakeWorld):
                     state.linear_velocity[moving] = np.nan
 
     def work(self):
-        told = {"gave_up": 0.0, "residual": 1e-3 if self.fake == "stalls" else 1e-12}
-        return {} if self.fake == "silent" else told
+        reported = {"gave_up": 0.0, "residual": 1e-3 if self.fake == "stalls" else 1e-12}
+        return {} if self.fake == "silent" else reported

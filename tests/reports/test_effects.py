@@ -26,10 +26,10 @@ def pace(seconds: float, crossing: float = 0.0) -> Pace:
     return Pace(np.full(40, seconds), np.full(40, crossing))
 
 
-def variant(seconds: float, beside: float = 1e-6, crossing: float = 0.0, **told: object) -> Variant:
+def variant(seconds: float, beside: float = 1e-6, crossing: float = 0.0, **reported: object) -> Variant:
     """Frames beside others, with the same outcome unless told otherwise."""
     facts: dict[str, object] = {"moved": 0.0, "turned": 0.0, "same": True, "ended": ""}
-    return Variant(pace(seconds, crossing), pace(beside, crossing), **facts | told)
+    return Variant(pace(seconds, crossing), pace(beside, crossing), **facts | reported)
 
 
 def by_metric(rows: list[Row]) -> Mapping[tuple[str, str], Row]:
@@ -55,9 +55,9 @@ def test_times_are_net_of_the_crossing() -> None:
         ({"same": False, "turned": 1e-5}, MATTERS),
     ],
 )
-def test_outcomes_in_words(told: dict[str, object], word: str) -> None:
+def test_outcomes_in_words(reported: dict[str, object], word: str) -> None:
     """Tell what is identical from what is within tolerance, and both from what matters."""
-    rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-gravity": variant(1e-6, **told)})
+    rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-gravity": variant(1e-6, **reported)})
     moved = by_metric(rows)["effects.moved", "-gravity"]
     assert effects_table.outcome(moved) == word
 

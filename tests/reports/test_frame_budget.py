@@ -85,6 +85,6 @@ def test_names_are_whole_on_a_terminal_of_80_columns(recordings, lab):
     )
     out = Console(width=80, record=True, file=io.StringIO())
     show_budget({(scene.name, "reference", "balanced"): costly for scene in tagged("gallery")}, out)
-    told = out.export_text()
-    assert "…" not in told
-    assert all(scene.name in told for scene in tagged("gallery"))
+    reported = out.export_text()
+    assert "…" not in reported
+    assert all(scene.name in reported for scene in tagged("gallery"))

@@ -267,8 +267,8 @@ def test_bounds_are_a_quarter_over_what_was_measured(tmp_path):
 
 def test_one_cause_is_one_entry():
     """No engine has the same reason twice."""
-    told = [(cause.engine, cause.reason) for cause in CAUSES]
-    assert len(set(told)) == len(told)
+    reported = [(cause.engine, cause.reason) for cause in CAUSES]
+    assert len(set(reported)) == len(reported)
     shown = [(k.engine, k.profile, k.scenario, k.metric, k.subject) for k in KNOWN]
     assert len(set(shown)) == len(shown)
 

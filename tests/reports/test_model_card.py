@@ -52,8 +52,8 @@ def test_what_differs_is_found(change: str, registry) -> None:
             facts["pieces"]["left_foot"] += 1
         case _:
             facts["freedom"] += 1
-    told = replace(recording, manifest=json.dumps(facts))
-    assert deviation(scenario, scenario.trackers[0], told) > AGREED
+    reported = replace(recording, manifest=json.dumps(facts))
+    assert deviation(scenario, scenario.trackers[0], reported) > AGREED
 
 
 def test_a_scene_without_driven_bodies_has_no_card() -> None:

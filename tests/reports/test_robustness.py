@@ -101,9 +101,9 @@ def test_a_study_outlives_those_that_hang_or_die(fakes, tmp_path):
     """Count a hang and a death, replace the process, and play the others."""
     names = ("rests", "hangs", "dies", "rests", "unsupported", "explodes")
     asked = [Task(name, SETTINGS, TOWER + k) for k, name in enumerate(names)]
-    told = []
-    frame = run([], asked, tmp_path / "out", lambda label, steps: told.append(steps), fakes, patience=8.0)
-    assert sum(told) == len(asked)
+    reported = []
+    frame = run([], asked, tmp_path / "out", lambda label, steps: reported.append(steps), fakes, patience=8.0)
+    assert sum(reported) == len(asked)
     runs = pd.read_csv(tmp_path / "out" / "runs.csv")
     assert runs.engine.tolist() == list(names)
     assert runs.outcome.tolist()[1:3] == ["hang", "error"]

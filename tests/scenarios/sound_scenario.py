@@ -1,4 +1,4 @@
-"""A scenario in which nothing is wrong, and what is told of those that differ from it."""
+"""A scenario in which nothing is wrong, and the faults reported of those that differ from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every kind of fault in a chain or in a reach cone of it is told with the path of its field."""
+"""Every kind of fault in a chain or in its reach cones is reported with the path of its field."""
 
 from __future__ import annotations
 

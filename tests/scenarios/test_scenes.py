@@ -69,7 +69,7 @@ def test_inertia_of_solids_by_quadrature() -> None:
     # a capsule of radius 0.2 and half length 0.3 in a box of half extents (0.2, 0.2, 0.5)
     pill, reach = (0.2, 0.2, 0.5), np.maximum(0, np.abs(grid[:, 2]) * 0.5 - 0.3)
     in_pill = (grid[:, :2] ** 2).sum(axis=1) * 0.04 + reach**2 < 0.04
-    for size, inside, told in (
+    for size, inside, reported in (
         (half, np.ones(len(grid), bool), box_inertia(2.0, tuple(half))),
         (half, (grid**2).sum(axis=1) < 1, ellipsoid_inertia(2.0, tuple(half))),
         (pill, in_pill, capsule_inertia(2.0, 0.2, 0.3)),
@@ -78,7 +78,7 @@ def test_inertia_of_solids_by_quadrature() -> None:
         square = (points**2).sum(axis=1)
         inertia = 2.0 * (square.mean() * np.eye(3) - points.T @ points / len(points))
         # 60 cells an edge: a few 1e-3 on a curved surface
-        np.testing.assert_allclose(told, inertia, atol=3e-3 * np.max(inertia))
+        np.testing.assert_allclose(reported, inertia, atol=3e-3 * np.max(inertia))
     assert sphere_inertia(2.0, 0.5) == ellipsoid_inertia(2.0, (0.5, 0.5, 0.5))
     np.testing.assert_allclose(capsule_inertia(2.0, 0.5, 1e-15), sphere_inertia(2.0, 0.5), atol=1e-14)
 

@@ -1,4 +1,4 @@
-"""Every kind of fault in how a body is said to move is told with the path of its field."""
+"""Every kind of fault in how a body is said to move is reported with the path of its field."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ def test_a_free_top_by_integration(name: str, seed: int | None) -> None:
         )
         scenario = replace(scenario, bodies=(body,), duration=3.0)
     times = np.linspace(0, scenario.duration, 61)
-    told = motion(scenario, scenario.truths[0], times)
+    reported = motion(scenario, scenario.truths[0], times)
     moments, turn = np.array(body.inertia), Rotation.from_quat(body.orientation, scalar_first=True)
 
     def rate(_: float, state: np.ndarray) -> np.ndarray:
@@ -177,19 +177,19 @@ def test_a_free_top_by_integration(name: str, seed: int | None) -> None:
     first = np.concatenate([body.orientation, turn.inv().apply(body.angular_velocity)])
     end = solve_ivp(rate, times[[0, -1]], first, "DOP853", times, rtol=1e-13, atol=1e-14)
     turned = Rotation.from_quat(end.y[:4].T, scalar_first=True)
-    away = (turned * Rotation.from_quat(told.orientation, scalar_first=True).inv()).magnitude()
+    away = (turned * Rotation.from_quat(reported.orientation, scalar_first=True).inv()).magnitude()
     # the integration's tolerance, over some 60 rad near the separatrix
     assert away.max() < 1e-9
-    np.testing.assert_allclose(turned.apply(end.y[4:].T), told.angular_velocity, atol=1e-9)
+    np.testing.assert_allclose(turned.apply(end.y[4:].T), reported.angular_velocity, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["tumble_stable", "tumble_unstable"])
 def test_a_free_top_keeps_momentum_and_energy(name: str) -> None:
     """Keep angular momentum in the world and energy, to rounding, over ten seconds."""
     scenario = catalogue()[name]
-    told = motion(scenario, scenario.truths[0], np.linspace(0, 10, 601))
-    turned = Rotation.from_quat(told.orientation, scalar_first=True)
-    rates = turned.inv().apply(told.angular_velocity)
+    reported = motion(scenario, scenario.truths[0], np.linspace(0, 10, 601))
+    turned = Rotation.from_quat(reported.orientation, scalar_first=True)
+    rates = turned.inv().apply(reported.angular_velocity)
     momentum = turned.apply(rates @ np.array(scenario.bodies[0].inertia))
     energy = np.einsum("fi,ij,fj->f", rates, np.array(scenario.bodies[0].inertia), rates)
     # some hundred roundings of elliptic functions
@@ -200,10 +200,10 @@ def test_a_free_top_keeps_momentum_and_energy(name: str) -> None:
 def test_flips_are_where_the_middle_rate_is_zero() -> None:
     """Tell every change of sign of the rate about the middle axis: some seconds apart near its own."""
     scenario = catalogue()["tumble_unstable"]
-    told = flips(scenario, scenario.truths[0])
-    assert len(told) == 2
+    reported = flips(scenario, scenario.truths[0])
+    assert len(reported) == 2
     for sign in (-1, 1):
-        near = motion(scenario, scenario.truths[0], told + sign * 1e-6)
+        near = motion(scenario, scenario.truths[0], reported + sign * 1e-6)
         turned = Rotation.from_quat(near.orientation, scalar_first=True)
         rates = turned.inv().apply(near.angular_velocity)[:, 1]
         assert (np.sign(rates) == sign * np.array([-1, 1])).all()
@@ -229,15 +229,15 @@ def test_a_coupled_mass_by_integration(body: str) -> None:
 
         state = solve_ivp(rate, (0, 1 / 60), state, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
         seen.append(state[0])
-    told = motion(scenario, truth, times)
+    reported = motion(scenario, truth, times)
     # the integration's tolerance over 90 frames
-    np.testing.assert_allclose(told.position[:, 0], seen, atol=1e-11)
+    np.testing.assert_allclose(reported.position[:, 0], seen, atol=1e-11)
     between = motion(scenario, truth, times[:-1] + 1 / 240).position[:, 0]
-    assert (np.abs(between - told.position[:-1, 0]) <= 0.02).all()
+    assert (np.abs(between - reported.position[:-1, 0]) <= 0.02).all()
 
 
 def test_arcs_turn_bodies() -> None:
-    """Turn a ball that rolls by way over radius, through slip and rolling alike."""
+    """Turn a ball that rolls by way over radius, both in slip and in rolling."""
     scenario, truth = truth_of("slip", "ball_0")
     end = motion(scenario, truth, np.array([0.3]))
     slid = truth.arcs[1].start

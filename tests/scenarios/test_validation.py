@@ -1,4 +1,4 @@
-"""Every kind of fault is told with the path of its field, all at once."""
+"""Every kind of fault is reported with the path of its field, all at once."""
 
 from __future__ import annotations
 
@@ -210,8 +210,8 @@ def test_a_tracker_holds_its_last_good_sample() -> None:
         orientations=(QUIET, QUIET, QUIET, QUIET, QUIET),
         angles=((0.1,), (0.2,), (0.3,), (nan,), (0.5,)),
     )
-    told = faults_of(fields | {"trackers": (jumpy,)})
-    assert set(told) == {f"trackers[0].{k}" for k in ("positions[1]", "angles[3]", "positions[4]")}
+    reported = faults_of(fields | {"trackers": (jumpy,)})
+    assert set(reported) == {f"trackers[0].{k}" for k in ("positions[1]", "angles[3]", "positions[4]")}
     held = jumpy.hold_last()
     assert [place[2] for place in held.positions] == [1.0, 1.0, 3.0, 3.0, 3.0]
     assert held.angles == ((0.1,), (0.1,), (0.3,), (0.3,), (0.3,))

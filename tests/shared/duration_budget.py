@@ -56,9 +56,9 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Add the time of a phase to its test."""
-    told = dict(report.user_properties)
-    spent[report.nodeid] += told.get(KEY, 0.0)
-    if not told.get("slow", False):
+    reported = dict(report.user_properties)
+    spent[report.nodeid] += reported.get(KEY, 0.0)
+    if not reported.get("slow", False):
         quick.add(report.nodeid)
 
 

@@ -58,9 +58,9 @@ def test_what_is_in_its_room_is_within_it():
         place_pieces(arrays.bodies, arrays.pieces, arrays.vertices, DRIVEN)
         rows = arrays.pieces[mine]
         within = (rows["low"] >= rows["fat_low"]).all() and (rows["high"] <= rows["fat_high"]).all()
-        told = inside_fat_bounds(arrays.bodies, arrays.pieces, arrays.state[0])
-        assert within or not told
-        kept += told
+        reported = inside_fat_bounds(arrays.bodies, arrays.pieces, arrays.state[0])
+        assert within or not reported
+        kept += reported
     assert 50 < kept < 250
 
 
@@ -125,10 +125,10 @@ def test_rooms_are_for_the_plan_alone(registry: SimpleNamespace):
     """Seek rooms where no effects are asked for, never for sweeps; the manifest tells."""
     from touchstone.adapters.recorder import ready
 
-    told = {}
+    reported = {}
     for profile, effects in (("balanced", None), ("balanced", ("contact", "gravity")), ("accurate", None)):
         player = ready(
             ReferenceEngine(), catalogue()["bounce_e05"], Settings(profile, FRAME, effects=effects)
         )
-        told[profile, effects] = player.world.describe().settings["fat bounds"]
-    assert list(told.values()) == [True, False, False]
+        reported[profile, effects] = player.world.describe().settings["fat bounds"]
+    assert list(reported.values()) == [True, False, False]

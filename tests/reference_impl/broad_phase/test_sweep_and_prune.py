@@ -231,7 +231,7 @@ def test_pairs_without_room_are_counted() -> None:
 
 @pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
 def test_far_away_is_a_place_like_any_other(counts: tuple[int, int, int]) -> None:
-    """Find all pairs beyond the last square that is told apart."""
+    """Find all pairs beyond the last square of the hash that is distinct."""
     rng = np.random.default_rng(11)
     scene = Scene(rng, counts)
     scene.place(scene.center + 100 * COLUMN_FAR * rng.integers(-1, 2, scene.center.shape), scene.half)

@@ -249,7 +249,7 @@ def test_a_mirrored_push_is_mirrored(lab: SimpleNamespace) -> None:
     two = played(wall_push(lab, "left", chains=mirrored)).joint_angle
     swap = {"left": "right", "right": "left"}
     other = [NAMES.index("_".join(swap.get(word, word) for word in name.split("_"))) for name in NAMES]
-    # the same operations on mirrored numbers, rounded alike but for sums in another order
+    # the same operations on mirrored numbers, rounded equally but for sums in another order
     np.testing.assert_allclose(two[:, other], one, atol=1e-9)
 
 

@@ -74,7 +74,7 @@ def test_the_motion_between_two_shown_poses() -> None:
 
 
 def test_what_does_not_move_stays() -> None:
-    """Leave a body alone that is told not to move, whatever its old way says."""
+    """Leave a body where it is whose flag says that it does not move, whatever its last motion was."""
     body = flying(np.random.default_rng(7))
     flight_motion(body, 1.0, FLIGHT_BALLISTIC)
     pose_along(body, 0.4)

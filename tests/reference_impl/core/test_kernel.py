@@ -118,7 +118,7 @@ SYMBOLS = (
 
 
 def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> None:
-    """Compile the caller anew when a kernel in another file changes, and only then."""
+    """Compile the caller again when a kernel in another file changes, and only then."""
     assert run(CALL + COUNT, **package).split() == ["2.0", "2"]
     assert run(CALL + COUNT, **package).split() == ["2.0", "0"]
     inner = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"

@@ -217,7 +217,7 @@ def test_recovered_angles_reproduce_the_rotation(ball) -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_gimbal_pose_is_finite_and_moves_the_least(ball, side: float) -> None:
-    """Share what is missing between the first and the third hinge where only their sum is told."""
+    """Share what is missing between the first and the third hinge where only their sum is determined."""
     ball["lower"], ball["upper"] = -7, 7
     ball["angle"] = (0.5, side * 1.4, -0.2)
     wanted = Rotation.from_euler("XYZ", (0.8, side * np.pi / 2, 0.3)).as_matrix()

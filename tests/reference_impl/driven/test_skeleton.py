@@ -72,7 +72,7 @@ def test_link_velocities_are_differences_of_poses(hand) -> None:
     position, turned = driver["position"].copy(), Rotation.from_quat(driver["orientation"], scalar_first=True)
     velocity, omega = driver["velocity"].copy(), driver["omega"].copy()
     angle, rows = hand.joints["angle"].copy(), links(hand)
-    told = hand.bodies[rows].copy()
+    reported = hand.bodies[rows].copy()
     seen = []
     for t in (-STEP, STEP):
         driver["position"] = position + velocity * t
@@ -81,9 +81,9 @@ def test_link_velocities_are_differences_of_poses(hand) -> None:
         pose_links(hand.bodies, hand.joints, driver)
         seen.append(hand.bodies[rows].copy())
     moved = (seen[1]["center"] - seen[0]["center"]) / (2 * STEP)
-    np.testing.assert_allclose(told["velocity"], moved, atol=1e-8)
+    np.testing.assert_allclose(reported["velocity"], moved, atol=1e-8)
     change = Rotation.from_matrix(seen[1]["rotation"]) * Rotation.from_matrix(seen[0]["rotation"]).inv()
-    np.testing.assert_allclose(told["omega"], change.as_rotvec() / (2 * STEP), atol=1e-8)
+    np.testing.assert_allclose(reported["omega"], change.as_rotvec() / (2 * STEP), atol=1e-8)
 
 
 def test_composite_inertia_carries_the_energy_of_the_frozen_hand(hand) -> None:
@@ -97,8 +97,8 @@ def test_composite_inertia_carries_the_energy_of_the_frozen_hand(hand) -> None:
     rows = hand.bodies[links(hand)]
     np.testing.assert_allclose(center, rows["mass"] @ rows["center"] / mass, atol=1e-14)
     speed = driver["velocity"] + np.cross(driver["omega"], center - driver["position"])
-    told = (mass * speed @ speed + driver["omega"] @ inertia @ driver["omega"]) / 2
-    assert told == pytest.approx(energy(hand), rel=1e-13)
+    reported = (mass * speed @ speed + driver["omega"] @ inertia @ driver["omega"]) / 2
+    assert reported == pytest.approx(energy(hand), rel=1e-13)
     np.testing.assert_allclose(inertia, inertia.T, atol=1e-18)
 
 

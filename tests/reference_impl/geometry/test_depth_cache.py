@@ -43,7 +43,7 @@ def test_a_bucket_forgets_what_was_unused_for_longest() -> None:
 
 
 def test_more_pairs_than_the_memory_holds() -> None:
-    """Answer every pair, some of them anew, when records run out; common sets find room."""
+    """Answer every pair when entries run out, some of them from scratch; common sets fit."""
     state, count = np.zeros(1, STATE), 2 * conventions.DEPTH_CACHE_SIZE
     for _ in range(2):
         for k in range(count):
@@ -84,5 +84,5 @@ def test_a_scene_is_detected_alike(depth: int) -> None:
         np.testing.assert_array_equal(exact["piece_a"], walked["piece_a"])
         np.testing.assert_allclose(walked["distance"], exact["distance"], atol=1e-12)
         step(*world)
-    # the ball rests on the table: one query anew, one certified a frame
+    # the ball rests on the table: one query from scratch, one certified a frame
     assert methods[1] > 10 * methods[2] > 0

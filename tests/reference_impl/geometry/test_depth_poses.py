@@ -152,7 +152,7 @@ def test_depth_does_not_depend_on_the_frame(lab: SimpleNamespace, family: str, s
     for name, (factor, one, two) in others.items():
         found = lab.measure(one, two)
         assert found.converged, name
-        # poses are rounded anew: a few roundings of positions and turns, over the same floor as above
+        # poses are rounded again: a few roundings of positions and turns, over the same floor as above
         assert abs(found.distance / factor - distance) <= EXACT * max(-distance, 1e-3 * size), name
 
 

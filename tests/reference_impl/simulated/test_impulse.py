@@ -205,9 +205,9 @@ def test_a_rods_edge_is_hit_once_in_paper(lab: SimpleNamespace) -> None:
     world = lab.build(lab.scene(rod, lab.ground(), e=e, mu=mu, gravity=(0.0, 0.0, 0.0)), "paper")
     lab.play(world, 1)
     assert int(world.state[0]["contact_count"]) == 1
-    told = world.contacts[0]
+    reported = world.contacts[0]
     # the rod is A, and its impulse the opposite
-    np.testing.assert_allclose(-told["impulse"] / -told["impulse"][2], (mu, 0.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(-reported["impulse"] / -reported["impulse"][2], (mu, 0.0, 1.0), atol=1e-12)
     # of 1 kg
     inertia = (half[0] ** 2 + half[2] ** 2) / 3
     nn, nt, tt = 1 + r[0] ** 2 / inertia, -r[0] * r[2] / inertia, 1 + r[2] ** 2 / inertia
@@ -337,11 +337,11 @@ def test_the_log_balances_the_momentum(lab: SimpleNamespace) -> None:
     for _ in range(60):
         lab.play(world, 1)
         rows = world.contacts[: int(world.state[0]["contact_count"])]
-        told = rows[rows["body_a"] == 0]
-        cut += len(told) > 1
+        reported = rows[rows["body_a"] == 0]
+        cut += len(reported) > 1
         # the ground is B: its share is the opposite
-        assert -told["impulse"][:, 2].sum() == pytest.approx(9.81 / 60, rel=1e-9)
-        np.testing.assert_allclose(told["velocity_a_after"], 0, atol=1e-12)
+        assert -reported["impulse"][:, 2].sum() == pytest.approx(9.81 / 60, rel=1e-9)
+        np.testing.assert_allclose(reported["velocity_a_after"], 0, atol=1e-12)
     assert cut >= 3
 
 

@@ -50,10 +50,10 @@ def assert_held(rows: np.ndarray, mu: float, left: float) -> None:
 def test_a_tower_stands(lab: SimpleNamespace, boxes: int) -> None:
     """Hold a new tower in some sweeps, and in few from the forces of the frame before, all at rest."""
     world = tower(lab, boxes)
-    told = lab.play(world, 30, watch=lab.counters)
-    assert not any(frame["unconverged"] or frame["events"] or frame["impulses"] for frame in told)
-    assert told[0]["sweeps"] <= 30 * boxes
-    assert np.mean([frame["sweeps"] for frame in told[10:]]) <= 10
+    reported = lab.play(world, 30, watch=lab.counters)
+    assert not any(frame["unconverged"] or frame["events"] or frame["impulses"] for frame in reported)
+    assert reported[0]["sweeps"] <= 30 * boxes
+    assert np.mean([frame["sweeps"] for frame in reported[10:]]) <= 10
     assert np.abs(world.bodies["velocity"]).max() < 1e-10
     assert np.abs(world.bodies["omega"]).max() < 1e-9
 
@@ -82,8 +82,8 @@ def test_weights_add_up(lab: SimpleNamespace) -> None:
     for below in range(5):
         # the ground is the last body
         pair = {below, below - 1 if below else 5}
-        told = [row for row in rows if {int(row["body_a"]), int(row["body_b"])} == pair]
-        weight = sum(abs(float(row["impulse"] @ row["normal"])) for row in told)
+        reported = [row for row in rows if {int(row["body_a"]), int(row["body_b"])} == pair]
+        weight = sum(abs(float(row["impulse"] @ row["normal"])) for row in reported)
         assert weight == pytest.approx((5 - below) * 9.81 / 60, rel=1e-10)
 
 
@@ -125,8 +125,8 @@ def test_bounces_do_not_use_up_a_frame(lab: SimpleNamespace) -> None:
         lab.ball(f"ball_{k}", (0.2 * k, 0.0, 0.05 + 1e-4 + 3e-6 * k), radius=0.05, mass=1.0) for k in range(6)
     ]
     world = lab.build(lab.scene(*drops, lab.ground(), e=0.97), "accurate")
-    told = lab.play(world, 40, watch=lab.counters)
-    assert max(frame["events"] for frame in told) > 16
-    assert not any(frame["gave_up"] for frame in told)
-    assert sum(frame["dense_substeps"] for frame in told) > 0
+    reported = lab.play(world, 40, watch=lab.counters)
+    assert max(frame["events"] for frame in reported) > 16
+    assert not any(frame["gave_up"] for frame in reported)
+    assert sum(frame["dense_substeps"] for frame in reported) > 0
     np.testing.assert_allclose(world.bodies["velocity"], 0.0, atol=1e-9)

@@ -301,8 +301,8 @@ def test_findings_are_told_to_the_listener():
             ts.assert_no_overlap(overlapping(None))
     finally:
         LISTENER.reset(token)
-    told = [(finding.metric, finding.met) for finding in heard]
-    assert told == [("energy.injected", True), ("overlap.max", False)]
+    reported = [(finding.metric, finding.met) for finding in heard]
+    assert reported == [("energy.injected", True), ("overlap.max", False)]
 
 
 def test_a_scenario_that_is_not_known_has_to_be_passed(registry):

@@ -85,17 +85,17 @@ def session(tmp_path):
 def test_fixtures_markers_and_failures(session, tmp_path: Path):
     """Tests play each scene on each engine, skip what an engine refuses, and fail in readable words."""
     (tmp_path / "test_mine.py").write_text(TESTS)
-    code, told = session("--strict-markers", "--junit-xml=out.xml", "test_mine.py")
+    code, reported = session("--strict-markers", "--junit-xml=out.xml", "test_mine.py")
     assert code == 1
-    assert "3 failed, 3 passed, 1 skipped" in told, told
-    assert "SKIPPED [1]" in told
-    assert "toy: 'box_0' is neither a ball nor a fixed box" in told
-    assert "bounce_e05 (toy, default, step 1/240 s): overlap.max is 0.00" in told
-    assert "where: floor and ball, in frame" in told
-    assert "test_mine.py:15: ts.assert_no_overlap(play(scenario, engine), limit=1e-3)" in told
-    assert "faulty default on bounce_e05: RuntimeError: no licence (faulty_engine.py, line 7)" in told
-    assert "unknown scene 'bounce_e5'; did you mean 'bounce_e05'" in told
-    assert "Traceback" not in told
+    assert "3 failed, 3 passed, 1 skipped" in reported, reported
+    assert "SKIPPED [1]" in reported
+    assert "toy: 'box_0' is neither a ball nor a fixed box" in reported
+    assert "bounce_e05 (toy, default, step 1/240 s): overlap.max is 0.00" in reported
+    assert "where: floor and ball, in frame" in reported
+    assert "test_mine.py:15: ts.assert_no_overlap(play(scenario, engine), limit=1e-3)" in reported
+    assert "faulty default on bounce_e05: RuntimeError: no licence (faulty_engine.py, line 7)" in reported
+    assert "unknown scene 'bounce_e5'; did you mean 'bounce_e05'" in reported
+    assert "Traceback" not in reported
     cases = {case.get("name"): case for case in ElementTree.parse(tmp_path / "out.xml").iter("testcase")}
     case = next(case for name, case in cases.items() if name.startswith("test_broken"))
     kept = {one.get("name"): float(one.get("value")) for one in case.iter("property")}
@@ -107,13 +107,13 @@ def test_a_later_session_plays_what_has_changed_only(session, tmp_path: Path):
     """Recordings and refusals are kept, and judged as before; an edited engine plays again."""
     (tmp_path / "test_mine.py").write_text(TESTS)
     asked = ("-k", "test_sound or test_broken", "test_mine.py")
-    code, told = session(*asked, cached=True)
-    assert (code, "earlier sessions" in told) == (1, False), told
-    code, told = session(*asked, cached=True)
+    code, reported = session(*asked, cached=True)
+    assert (code, "earlier sessions" in reported) == (1, False), reported
+    code, reported = session(*asked, cached=True)
     assert code == 1
-    assert "touchstone: 0 runs played, 2 kept from earlier sessions" in told, told
-    assert "where: floor and ball, in frame" in told
-    assert "toy: 'box_0' is neither a ball nor a fixed box" in told
+    assert "touchstone: 0 runs played, 2 kept from earlier sessions" in reported, reported
+    assert "where: floor and ball, in frame" in reported
+    assert "toy: 'box_0' is neither a ball nor a fixed box" in reported
     with (tmp_path / "toy_engine.py").open("a") as engine:
         engine.write("# edited\n")
     assert "earlier sessions" not in session(*asked, cached=True)[1]
@@ -140,21 +140,21 @@ def test_options_of_the_cache(session, tmp_path: Path, option):
 )
 def test_wrong_options_are_one_line(session, arguments, said):
     """An unknown tag or engine ends the session with a usage error that names the valid ones."""
-    code, told = session(*arguments)
+    code, reported = session(*arguments)
     assert code == 4
-    assert said in told
-    assert "Traceback" not in told
+    assert said in reported
+    assert "Traceback" not in reported
 
 
 @pytest.mark.slow
 def test_our_invariants_over_ones_engine(session):
     """`--touchstone-engine` and `--touchstone-tag` run our invariants, without any test file."""
     suite = ("--touchstone-engine", "toy_engine:ToyEngine", "--touchstone-tag", "isolated")
-    code, told = session(*suite, "-k", "collide_central or tumble_stable")
-    assert code == 0, told
-    assert "toy_engine:ToyEngine" in told
-    assert "PASSED" in told
-    assert "momentum_kept" in told
+    code, reported = session(*suite, "-k", "collide_central or tumble_stable")
+    assert code == 0, reported
+    assert "toy_engine:ToyEngine" in reported
+    assert "PASSED" in reported
+    assert "momentum_kept" in reported
 
 
 def test_the_plugin_imports_nothing_heavy():

@@ -207,7 +207,7 @@ def test_a_failed_column_says_why(registry, shown) -> None:
 
 
 def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, registry) -> None:
-    """Start each engine anew for each restart, on the last core, in an order that the seed draws."""
+    """Start each engine again for each restart, on the last core, in an order that the seed draws."""
     started: list[tuple[str, int | None]] = []
     base = registry.played("ball_snip", "reference")
 

@@ -43,13 +43,13 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Pa
     """A tiny run with the reference, coal and a detector that is not installed; its folder and progress."""
     if reason := missing_reason(OTHER):
         pytest.skip(f"{OTHER}: {reason}")
-    folder, told = tmp_path_factory.mktemp("bench") / "out", []
+    folder, reported = tmp_path_factory.mktemp("bench") / "out", []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(geometry, "SUBJECTS", (REFERENCE, OTHER, ABSENT))
         patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package", "extra"))
-        rows = geometry.run(folder, lambda label, count: told.append(count), TINY)
-        assert sum(told) == geometry.steps(TINY)
-    return rows, folder, sum(told)
+        rows = geometry.run(folder, lambda label, count: reported.append(count), TINY)
+        assert sum(reported) == geometry.steps(TINY)
+    return rows, folder, sum(reported)
 
 
 def test_geometry_has_all_rows(measured) -> None:

@@ -110,8 +110,8 @@ SMALL = scaling.Plan(
 def test_scaling_leaves_rows_and_picture(fakes, shown, monkeypatch, tmp_path: Path) -> None:
     """Run all three on tiny sizes: rows for each, exact exponents of the fakes, a picture, all progress."""
     monkeypatch.setattr(scaling, "SUBJECTS", (REFERENCE,))
-    told: list[int] = []
-    rows = scaling.run(tmp_path / "out", lambda label, count: told.append(count), SMALL, *fakes)
+    reported: list[int] = []
+    rows = scaling.run(tmp_path / "out", lambda label, count: reported.append(count), SMALL, *fakes)
     assert set(rows.scenario) == {BROAD_PHASE, BALLS, VERTICES}
     powers = rows[rows.metric == "scaling.exponent"].set_index(["scenario", "engine"]).value
     assert set(powers.index) >= {(BROAD_PHASE, "reference"), (BALLS, "reference")}
@@ -123,4 +123,4 @@ def test_scaling_leaves_rows_and_picture(fakes, shown, monkeypatch, tmp_path: Pa
     assert "neighbours each" in text
     assert "20 vertices 3 of 3 not converged" in text
     # dart dies when it first builds, and is asked no more
-    assert sum(told) == scaling.steps(SMALL)
+    assert sum(reported) == scaling.steps(SMALL)

@@ -44,8 +44,8 @@ def test_lost_samples_are_refused_or_held(touchstone, added, registry, monkeypat
     added(losing(5, 6, 9))
     code, out, err = touchstone(*run)
     assert (code, out) == (2, "")
-    told = "scenario 'broken': trackers[0].positions[5]: found nan, expected finite numbers"
-    assert err.splitlines()[0].endswith(told)
+    reported = "scenario 'broken': trackers[0].positions[5]: found nan, expected finite numbers"
+    assert err.splitlines()[0].endswith(reported)
     assert left(tmp_path) == []
     code, out, err = touchstone(*run, "--hold-last")
     assert code == 0
@@ -68,8 +68,8 @@ def test_a_tracker_that_starts_stuck_is_told(touchstone, added, lab):
     rows = list(csv.DictReader(io.StringIO(out)))
     assert code == 5
     assert [(row["metric"], row["verdict"]) for row in rows] == [("run", "error")]
-    told = r"reference: trackers\[0\] starts stuck: in frame 1 '\w+' and 'wall_-?1' overlap by 0\.\d+ m"
-    assert re.search(told, rows[0]["reason"])
+    reported = r"reference: trackers\[0\] starts stuck: in frame 1 '\w+' and 'wall_-?1' overlap by 0\.\d+ m"
+    assert re.search(reported, rows[0]["reason"])
 
 
 def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch, left):
@@ -192,11 +192,11 @@ def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):
 
     monkeypatch.setattr(study.Children, "play", play)
     code, out, err = touchstone(*RUN, "--out", "r")
-    told = [line for line in err.splitlines() if "warning" in line]
-    assert len(told) == 1
+    reported = [line for line in err.splitlines() if "warning" in line]
+    assert len(reported) == 1
     start = "warning: reference balanced ball_snip: contact solve left 3e-05 m/s in frame 12"
-    assert told[0].startswith(start)
-    assert "0.002 s were not simulated, most of it in frame 12" in told[0]
+    assert reported[0].startswith(start)
+    assert "0.002 s were not simulated, most of it in frame 12" in reported[0]
     assert code == 1
     assert "fail: reference balanced: solver.residual" in out
     code, out, err = touchstone(*RUN, "--metric", "overlap.max", "--out", "s", "--format", "json")

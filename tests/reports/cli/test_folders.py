@@ -64,7 +64,7 @@ def test_a_full_disk_leaves_nothing_half_written(touchstone, quick, monkeypatch,
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
 @pytest.mark.parametrize("command", [["list", "engines"], ["show", "wall_push", "--format", "json"]])
 def test_output_to_a_full_disk_is_one_line(command):
-    """When what is printed finds no room: exit 2 and one line, whether it is told at once or at the end."""
+    """When standard output is full: exit 2 and one line, whether the write fails at once or at the end."""
     code = f"import sys; sys.argv = ['touchstone', *{command}]; "
     code += "from touchstone.reports.cli.main import main; main()"
     with open("/dev/full", "w") as full:
@@ -100,15 +100,15 @@ def interrupted(tmp_path, delay):
         text=True,
         start_new_session=True,
     )
-    told = []
+    reported = []
     for line in program.stderr:
-        told.append(line)
+        reported.append(line)
         if MARKER in line:
             break
     time.sleep(delay)
     os.killpg(program.pid, signal.SIGINT)
     out, err = program.communicate(timeout=60)
-    return program, out, told, err.splitlines()
+    return program, out, reported, err.splitlines()
 
 
 def alive(session):
@@ -127,13 +127,13 @@ def alive(session):
 @pytest.mark.parametrize("delay", [0.0, 1.0])
 def test_ctrl_c_ends_everything_in_one_line(tmp_path, delay, left):
     """Ctrl-C, while children start or load their engines: exit 130, one line, no folder, no child left."""
-    program, out, told, err = interrupted(tmp_path, delay)
+    program, out, reported, err = interrupted(tmp_path, delay)
     assert program.returncode == 130
     assert out == ""
     # progress that was told meanwhile, then the one line
     assert err[-1] == "touchstone: interrupted; nothing was written"
     assert all(line.startswith(("scene ", "compiling ")) for line in err[:-1])
-    assert MARKER in told[-1]
+    assert MARKER in reported[-1]
     assert left(tmp_path) == []
     # multiprocessing's own tracker of resources ends a moment after its parent
     patience = time.monotonic() + 5

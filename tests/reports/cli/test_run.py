@@ -120,9 +120,9 @@ def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
     assert "friction=always" in out
     assert set(pd.read_csv("r/results.csv").profile) == {label}
     assert left("r/recordings") == ["fall-reference-balanced+friction=always+event_rows=100.npz"]
-    told = json.loads(Path("r/manifest.json").read_text())["engines"][f"fall/reference/{label}"]
-    assert told["profile"] == label
-    assert (told["settings"]["friction"], told["settings"]["event_rows"]) == ("always", 100)
+    reported = json.loads(Path("r/manifest.json").read_text())["engines"][f"fall/reference/{label}"]
+    assert reported["profile"] == label
+    assert (reported["settings"]["friction"], reported["settings"]["event_rows"]) == ("always", 100)
     assert label in Path("r/report.md").read_text()
 
 
@@ -136,9 +136,9 @@ def test_differences_are_shown_again_by_their_commands(touchstone, registry, tmp
     assert code == 0
     assert "energy.png" in left("r")
     line = next(line for line in Path("r/report.md").read_text().splitlines() if "`energy.loss`" in line)
-    told = line.split("| ")[-1].strip(" |`").split()
-    assert told[:3] == ["touchstone", "run", "fall"]
-    assert touchstone(*told[1:], "--out", "again", "--quiet")[0] == 0
+    reported = line.split("| ")[-1].strip(" |`").split()
+    assert reported[:3] == ["touchstone", "run", "fall"]
+    assert touchstone(*reported[1:], "--out", "again", "--quiet")[0] == 0
     once, again = (pd.read_csv(f"{folder}/results.csv") for folder in ("r", "again"))
     assert again.engine.tolist() == ["mujoco"]
     assert again.value.tolist() == once.value[once.engine == "mujoco"].tolist()

@@ -26,16 +26,16 @@ def parsed(data):
     assert (magic, version, length) == (b"glTF", 2, len(data))
     size, kind = struct.unpack_from("<I4s", data, 12)
     assert kind == b"JSON"
-    told = json.loads(data[20 : 20 + size])
+    reported = json.loads(data[20 : 20 + size])
     binary, kind = struct.unpack_from("<I4s", data, 20 + size)
     assert kind == b"BIN\0"
     assert (size % 4, binary % 4) == (0, 0)
     start = 28 + size
-    assert told["buffers"][0]["byteLength"] <= binary == len(data) - start
+    assert reported["buffers"][0]["byteLength"] <= binary == len(data) - start
 
     def read(number):
-        accessor = told["accessors"][number]
-        view = told["bufferViews"][accessor["bufferView"]]
+        accessor = reported["accessors"][number]
+        view = reported["bufferViews"][accessor["bufferView"]]
         count = COUNTS[accessor["type"]]
         values = np.frombuffer(data, "<f4", accessor["count"] * count, start + view["byteOffset"])
         values = values.reshape(-1, count)
@@ -44,20 +44,20 @@ def parsed(data):
         np.testing.assert_array_equal(values.max(axis=0), np.float32(accessor["max"]))
         return values
 
-    return told, read
+    return reported, read
 
 
 def test_a_glb_moves_as_the_recording(registry):
     """Every body that moves has its positions and orientations at every frame, and every mesh its pieces."""
     recording, scenario = registry.played("slip", "reference"), catalogue()["slip"]
-    told, read = parsed(glb(recording, scenario))
-    [animation] = told["animations"]
+    reported, read = parsed(glb(recording, scenario))
+    [animation] = reported["animations"]
     for channel in animation["channels"]:
         body, path = channel["target"]["node"], channel["target"]["path"]
         sampler = animation["samplers"][channel["sampler"]]
         np.testing.assert_allclose(read(sampler["input"])[:, 0], recording.time, atol=1e-6)
         values = read(sampler["output"])
-        assert told["nodes"][body]["name"] == scenario.bodies[body].name
+        assert reported["nodes"][body]["name"] == scenario.bodies[body].name
         if path == "translation":
             np.testing.assert_allclose(values, recording.position[:, body], atol=1e-6)
         else:
@@ -69,7 +69,7 @@ def test_a_glb_moves_as_the_recording(registry):
             assert (np.einsum("fi,fi->f", values[1:], values[:-1]) > 0).all()
     moving = sum(body.kind != "fixed" for body in scenario.bodies)
     assert len(animation["channels"]) == 2 * moving
-    root = told["nodes"][told["scenes"][0]["nodes"][0]]
+    root = reported["nodes"][reported["scenes"][0]["nodes"][0]]
     assert len(root["children"]) == len(scenario.bodies)
     up = Rotation.from_quat(root["rotation"]).apply((0.0, 0.0, 1.0))
     np.testing.assert_allclose(up, (0.0, 1.0, 0.0), atol=1e-12)
@@ -95,8 +95,8 @@ def test_frames_that_are_not_finite_end_the_animation(registry):
     recording = registry.played("slip", "reference")
     position = recording.position.copy()
     position[7:] = np.nan
-    told, read = parsed(glb(replace(recording, position=position), catalogue()["slip"]))
-    assert len(read(told["animations"][0]["samplers"][0]["input"])) == 7
+    reported, read = parsed(glb(replace(recording, position=position), catalogue()["slip"]))
+    assert len(read(reported["animations"][0]["samplers"][0]["input"])) == 7
 
 
 def test_tables_hold_the_recording(registry):

@@ -29,7 +29,7 @@ def shown(lab, recordings):
 
 
 def test_excess_over_a_limit(shown, known):
-    """An elbow 0.1 rad beyond its least angle is told with its name; one within is not."""
+    """An elbow 0.1 rad beyond its least angle is reported with its name; one within is not."""
     context = shown(left_elbow=[0.0, -0.1, 0.2])
     found = known.value("joint.limit", context.recording, context.scenario)[""]
     assert (found.value, found.reason) == (pytest.approx(0.1, rel=1e-12), "of left_elbow")

@@ -32,10 +32,10 @@ def moved(recordings, scene, way):
 def test_what_goes_and_what_is_gone(recordings, known, scene, way, lost):
     """Tell the way of the last half second over it, and who ends outside the box round the fixed bodies."""
     recording = moved(recordings, scene, way)
-    told = known.value("rest.speed", recording, scene)[""]
-    assert told.value == pytest.approx(np.linalg.norm(way) / 0.5, rel=1e-12)
+    reported = known.value("rest.speed", recording, scene)[""]
+    assert reported.value == pytest.approx(np.linalg.norm(way) / 0.5, rel=1e-12)
     if any(way):
-        assert told.reason == "of two"
+        assert reported.reason == "of two"
     assert known.value("rest.lost", recording, scene) == {"": lost}
 
 

@@ -28,11 +28,11 @@ FRAMES = 6
 def context(lab, recordings):
     """Context of three bodies over six frames with counters given per frame: {frame: {name: value}}."""
 
-    def build(told=None, contacts=(), names=NAMES):
+    def build(reported=None, contacts=(), names=NAMES):
         bodies = (lab.ground(), lab.ball("one"), lab.ball("two", (0.0, 1.0, 1.0)))
         scenario = lab.scene(*bodies, duration=FRAMES / 60)
         work = np.array([[QUIET.get(name, 0.0) for name in names] for _ in range(FRAMES)])
-        for frame, counters in (told or {}).items():
+        for frame, counters in (reported or {}).items():
             for name, value in counters.items():
                 work[frame - 1, names.index(name)] = value
         rows = recordings.contacts(*contacts)
@@ -66,8 +66,8 @@ SHALLOW = {"time": 5.5 / 60, "body_a": 0, "body_b": 1, "distance": 0.0}
 
 def test_sizes_add_up_and_residuals_do_not(context):
     """Take the largest residual and the sums of time, energy and caps, each with its worst frame and pair."""
-    told = context(UNRESOLVED, (SHALLOW, TOUCH))
-    found = {name: METRICS[name].measure(told)[""] for name in SOLVER_METRICS}
+    reported = context(UNRESOLVED, (SHALLOW, TOUCH))
+    found = {name: METRICS[name].measure(reported)[""] for name in SOLVER_METRICS}
     assert {name: value.value for name, value in found.items()} == pytest.approx(
         {
             "solver.residual": 3e-5,
@@ -87,19 +87,19 @@ def test_sizes_add_up_and_residuals_do_not(context):
 
 def test_a_new_cap_is_counted_and_shown(context):
     """A counter of a single cap is part of the sum and of the remark, whichever engine adds it."""
-    told = context({3: {"cap.posture_qp": 4, "lost": 1}}, names=(*NAMES, "cap.posture_qp"))
-    (found,) = METRICS["solver.caps"].measure(told).values()
+    reported = context({3: {"cap.posture_qp": 4, "lost": 1}}, names=(*NAMES, "cap.posture_qp"))
+    (found,) = METRICS["solver.caps"].measure(reported).values()
     assert (found.value, found.reason) == (5, "lost 1, cap.posture_qp 4; most in frame 3")
-    assert "caps reached: 5, most in frame 3" in warned(told)
+    assert "caps reached: 5, most in frame 3" in warned(reported)
 
 
 def test_a_resolved_run_is_zero_and_says_nothing(context):
     """Give plain zeros that meet their limits, and no warning."""
-    told = context()
-    assert [METRICS[name].measure(told) for name in SOLVER_METRICS] == [{"": 0.0}] * 4
-    rows = rows_of(told)
+    reported = context()
+    assert [METRICS[name].measure(reported) for name in SOLVER_METRICS] == [{"": 0.0}] * 4
+    rows = rows_of(reported)
     assert [row.verdict for row in rows] == ["pass"] * 4
-    assert warned(told) is None
+    assert warned(reported) is None
 
 
 def test_energy_taken_away_by_parting_counts_too(context):
@@ -110,22 +110,22 @@ def test_energy_taken_away_by_parting_counts_too(context):
 
 def test_other_engines_do_not_tell(context):
     """Measure nothing where the engine counts nothing of it, and warn of nothing."""
-    told = context(names=("contacts",))
+    reported = context(names=("contacts",))
     for name in SOLVER_METRICS:
         with pytest.raises(NotMeasured, match="does not report"):
-            METRICS[name].measure(told)
-    rows = rows_of(told, engine="mujoco", profile="recommended")
+            METRICS[name].measure(reported)
+    rows = rows_of(reported, engine="mujoco", profile="recommended")
     assert [row.verdict for row in rows] == ["skipped"] * 4
-    assert warned(told, "recommended", "mujoco") is None
+    assert warned(reported, "recommended", "mujoco") is None
 
 
 def test_one_line_names_scene_profile_frame_and_pair(context):
     """Tell all that breaks a limit in one line: how large it is, in which frame, between which bodies."""
-    told = context({2: UNRESOLVED[2] | {"unconverged": 0}})
-    line = warned(told)
+    reported = context({2: UNRESOLVED[2] | {"unconverged": 0}})
+    line = warned(reported)
     assert line == "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two)"
-    told = context(UNRESOLVED, (SHALLOW, TOUCH))
-    assert warned(told) == (
+    reported = context(UNRESOLVED, (SHALLOW, TOUCH))
+    assert warned(reported) == (
         "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two); "
         "0.003 s were not simulated, most of it in frame 4 (ground, one); "
         "parting overlap added 0.75 J, most of it in frame 6 (ground, two); "
@@ -138,9 +138,9 @@ def test_known_failings_are_warned_of(context, monkeypatch):
     known = Known("solver.dropped_time", "reference", "it drops")
     monkeypatch.setattr(limits, "KNOWN", (known,))
     monkeypatch.setattr(limits, "bound_of", lambda row: 0.02)
-    told = context({2: {"dropped_time": 0.01}})
-    assert [row.verdict for row in rows_of(told)] == ["pass", "known", "pass", "pass"]
-    assert "0.01 s were not simulated, most of it in frame 2" in str(warned(told))
+    reported = context({2: {"dropped_time": 0.01}})
+    assert [row.verdict for row in rows_of(reported)] == ["pass", "known", "pass", "pass"]
+    assert "0.01 s were not simulated, most of it in frame 2" in str(warned(reported))
 
 
 def test_a_frame_without_contacts_has_no_pair(context):
@@ -160,10 +160,14 @@ def test_every_scene_has_a_limit(profile, name):
 
 def test_the_papers_own_way_is_no_failing(context):
     """Let `paper` hold contacts in turn: 1e-4 m/s, parting and caps are its method, dropped time is not."""
-    told = context({1: {"residual": 9e-5, "parted_energy": 1.0, "unconverged": 5}})
-    assert warned(told, "paper") is None
-    told = context({1: {"residual": 2e-4, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 1e-3}})
-    assert [row.metric for row in rows_of(told, "paper") if row.verdict == "fail"] == list(SOLVER_METRICS[:2])
+    reported = context({1: {"residual": 9e-5, "parted_energy": 1.0, "unconverged": 5}})
+    assert warned(reported, "paper") is None
+    reported = context(
+        {1: {"residual": 2e-4, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 1e-3}}
+    )
+    assert [row.metric for row in rows_of(reported, "paper") if row.verdict == "fail"] == list(
+        SOLVER_METRICS[:2]
+    )
 
 
 def test_sizes_are_no_work(context):

@@ -22,10 +22,10 @@ def moving(recordings, scenario, velocities):
 def test_a_mirrored_break_is_symmetric(recordings, known):
     """Balls 2 and 3 part to either side; what one lacks is found, and named."""
     scenario = catalogue()["break_15"]
-    alike = {"cue": (0.0, 1.0, 0.0), "ball_2": (-1.0, 2.0, 0.3), "ball_3": (1.0, 2.0, 0.3)}
-    found = known.value("symmetry.mirror", moving(recordings, scenario, alike), scenario)[""]
+    mirrored = {"cue": (0.0, 1.0, 0.0), "ball_2": (-1.0, 2.0, 0.3), "ball_3": (1.0, 2.0, 0.3)}
+    found = known.value("symmetry.mirror", moving(recordings, scenario, mirrored), scenario)[""]
     assert found.value == 0.0
-    broken = moving(recordings, scenario, alike | {"ball_3": (1.0, 2.0, 0.2)})
+    broken = moving(recordings, scenario, mirrored | {"ball_3": (1.0, 2.0, 0.2)})
     found = known.value("symmetry.mirror", broken, scenario)[""]
     assert found.value == pytest.approx(0.1, rel=1e-12)
     assert found.reason in ("of ball_2", "of ball_3")

@@ -46,20 +46,20 @@ def test_damaged_foreign_and_future_files_are_set_aside(store, nights):
     table = pa.table({"a": [1]}).replace_schema_metadata({KEY: json.dumps({"format": FORMAT + 1}).encode()})
     pq.write_table(table, runs / "000004-future.parquet")
     assert [night.run for night in store.nights()] == ["night0001"]
-    told = sorted(store.notes)
-    assert [note.split(":")[0] for note in told] == [
+    reported = sorted(store.notes)
+    assert [note.split(":")[0] for note in reported] == [
         f"set aside 00000{k}-{name}.parquet" for k, name in ((2, "damaged"), (3, "foreign"), (4, "future"))
     ]
-    assert "not a night of touchstone" in told[1]
-    assert f"version {FORMAT + 1}, this program reads {FORMAT}" in told[2]
+    assert "not a night of touchstone" in reported[1]
+    assert f"version {FORMAT + 1}, this program reads {FORMAT}" in reported[2]
     assert len(list((store.folder / "set-aside").iterdir())) == 3
     assert store.add(nights.frame(), nights.facts(2)).sequence == 2
 
 
 def test_two_nightlies_at_once_are_told(store):
     """A second process is refused in one line that names the first."""
-    told = f"another night is being measured .process {os.getpid()} since"
-    with pytest.raises(StoreError, match=told), Store(store.place).opened():
+    reported = f"another night is being measured .process {os.getpid()} since"
+    with pytest.raises(StoreError, match=reported), Store(store.place).opened():
         pass
 
 
@@ -71,8 +71,8 @@ def test_other_folders_and_versions_are_refused(tmp_path):
     future = tmp_path / "future"
     future.mkdir()
     (future / module.MARK).write_text(json.dumps({"format": FORMAT + 1}))
-    told = f"version {FORMAT + 1}, this program reads {FORMAT}"
-    with pytest.raises(StoreError, match=told), Store(str(future)).opened():
+    reported = f"version {FORMAT + 1}, this program reads {FORMAT}"
+    with pytest.raises(StoreError, match=reported), Store(str(future)).opened():
         pass
     pytest.importorskip("fsspec")
     with pytest.raises(StoreError, match="nowhere://"):

@@ -105,7 +105,7 @@ def test_a_slurm_script_is_sound(tmp_path):
             check=True,
             env={"PATH": f"{tmp_path}:/usr/bin:/bin", "SLURM_ARRAY_TASK_ID": str(task)},
         )
-    told = (tmp_path / "calls.txt").read_text().splitlines()
-    assert [line for line in told if line.endswith("/3")] == ["0/3", "1/3", "2/3"]
-    assert told.count("/a b/store") == 3
+    reported = (tmp_path / "calls.txt").read_text().splitlines()
+    assert [line for line in reported if line.endswith("/3")] == ["0/3", "1/3", "2/3"]
+    assert reported.count("/a b/store") == 3
     assert sys.executable not in text
