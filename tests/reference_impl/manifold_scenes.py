@@ -27,10 +27,10 @@ def quaternion(*vector: float) -> tuple[float, ...]:
     return tuple(Rotation.from_rotvec(vector).as_quat(scalar_first=True).tolist())
 
 
-def rows_of(lab: SimpleNamespace, *bodies: Body, room: int = 8) -> np.ndarray:
+def rows_of(lab: SimpleNamespace, *bodies: Body, capacity: int = 8) -> np.ndarray:
     """The rows of the touching pairs of a scene."""
     world = lab.build(lab.scene(*bodies))
-    pairs = world.pairs[:room]
+    pairs = world.pairs[:capacity]
     touching, _ = detect(world.of_stages()._replace(pairs=pairs), SIMULATED, 0)
     return pairs[: expand_manifolds(world.pieces, world.vertices, pairs, touching, world.state[0])].copy()
 

@@ -21,9 +21,9 @@ from touchstone.scenarios.scenario import Scenario
 FRAME = 1 / 60
 
 
-def build(scenario: Scenario, rooms: bool = True, profile: str = "balanced"):
+def build(scenario: Scenario, fat_bounds: bool = True, profile: str = "balanced"):
     """A reference engine's world."""
-    return ReferenceEngine().build(scenario, Settings(profile, FRAME, fat_bounds=rooms))
+    return ReferenceEngine().build(scenario, Settings(profile, FRAME, fat_bounds=fat_bounds))
 
 
 def play(world, frames: int, start: int = 0):
@@ -34,16 +34,16 @@ def play(world, frames: int, start: int = 0):
     return world._world
 
 
-def seek(arrays) -> None:
-    """Rooms from the present poses, at once."""
+def refresh(arrays) -> None:
+    """Compute the fat bounds from the present poses, at once."""
     arrays.state["fat_bounds_wait"] = 0
     update_fat_bounds(
         arrays.bodies, arrays.pieces, arrays.vertices, arrays.drivers, arrays.pairs, arrays.state[0]
     )
 
 
-def test_what_is_in_its_room_is_within_it():
-    """Move the links of a person at random: where they are told to be in their rooms, their boxes are."""
+def test_links_inside_their_margins_have_boxes_inside_their_fat_bounds():
+    """Move the links of a person at random: where their margins hold, their boxes are inside."""
     arrays = play(build(catalogue()["two_arms"]), 3)
     links = np.flatnonzero(arrays.bodies["isolated"] == 1)
     mine = np.isin(arrays.pieces["body"], links)
@@ -65,8 +65,8 @@ def test_what_is_in_its_room_is_within_it():
 
 
 @pytest.mark.parametrize("profile", ["balanced", "paper"])
-def test_a_flight_keeps_to_its_room(lab: SimpleNamespace, profile: str):
-    """Throw a spinning block: for as many frames as its room was made for it is within."""
+def test_a_flight_stays_inside_its_fat_bounds(lab: SimpleNamespace, profile: str):
+    """Throw a spinning block: it is inside for as many frames as its fat bounds cover."""
     block = lab.block(
         "block", (0.2, 0.05, 0.03), (0, 0, 9), linear_velocity=(1, 0.5, 2), angular_velocity=(9, 5, -7)
     )
@@ -75,18 +75,18 @@ def test_a_flight_keeps_to_its_room(lab: SimpleNamespace, profile: str):
     assert arrays.state[0]["simulated_isolated"] == 1
     for frames in (2, 5, 16):
         arrays.state["flight_horizon"], arrays.state["simulated_isolated"] = frames, 0
-        seek(arrays)
+        refresh(arrays)
         assert arrays.state[0]["simulated_isolated"] == 1
-        room = arrays.pieces[["fat_low", "fat_high"]].copy()
+        bounds = arrays.pieces[["fat_low", "fat_high"]].copy()
         for _ in range(frames):
             arrays, number = play(world, 1, number), number + 1
             place_pieces(arrays.bodies, arrays.pieces, arrays.vertices, SIMULATED)
-            assert (arrays.pieces["low"] >= room["fat_low"]).all()
-            assert (arrays.pieces["high"] <= room["fat_high"]).all()
+            assert (arrays.pieces["low"] >= bounds["fat_low"]).all()
+            assert (arrays.pieces["high"] <= bounds["fat_high"]).all()
 
 
-def test_what_meets_is_not_clear(lab: SimpleNamespace):
-    """Clear is neither a ball at rest on a ground nor, of a person who stands, what is near another."""
+def test_bodies_near_others_are_not_isolated(lab: SimpleNamespace):
+    """Isolate neither a ball at rest on a ground nor the hands of a person who stands at a wall."""
     arrays = play(build(lab.scene(lab.ground(), lab.ball(position=(0, 0, 0.05)))), 20)
     assert arrays.state[0]["simulated_isolated"] == 0
     arrays = play(build(catalogue()["wall_push"]), 200)
@@ -96,16 +96,16 @@ def test_what_meets_is_not_clear(lab: SimpleNamespace):
     assert arrays.bodies["isolated"].sum() > 5
 
 
-def test_a_leap_out_of_a_room_is_seen(lab: SimpleNamespace):
-    """Put a tracker, and what flies, into a wall at one blow: the next frame is as without rooms."""
+def test_a_leap_out_of_the_fat_bounds_is_detected(lab: SimpleNamespace):
+    """Put a tracker, and what flies, into a wall at one blow: the next frame is as without bounds."""
     wall = lab.block("wall", (0.1, 1.0, 1.0), (2.0, 0.0, 1.0), kind="fixed")
     hand = replace(lab.ball("hand", (0.0, 0.0, 0.0)), kind="driven")
     bodies = (wall, hand, lab.ball("ball", (0.0, 0.5, 5.0)))
     scene = lab.scene(*bodies, trackers=(lab.still("hand", (0.0, 0.0, 1.0)),))
     ends = []
-    for rooms in (True, False):
-        arrays = play(build(scene, rooms), 5)
-        assert arrays.state[0]["driven_isolated"] == arrays.state[0]["simulated_isolated"] == rooms
+    for fat_bounds in (True, False):
+        arrays = play(build(scene, fat_bounds), 5)
+        assert arrays.state[0]["driven_isolated"] == arrays.state[0]["simulated_isolated"] == fat_bounds
         for name in ("old_target_position", "target_position"):
             arrays.drivers[name] = (1.87, 0.0, 1.0)
         arrays.drivers["position"] = (1.87, 0.0, 1.0)
@@ -121,8 +121,8 @@ def test_a_leap_out_of_a_room_is_seen(lab: SimpleNamespace):
         assert np.array_equal(one.bodies[name], two.bodies[name])
 
 
-def test_rooms_are_for_the_plan_alone(registry: SimpleNamespace):
-    """Seek rooms where no effects are asked for, never for sweeps; the manifest tells."""
+def test_fat_bounds_belong_to_the_plan(registry: SimpleNamespace):
+    """Use fat bounds where no effects are asked for, never with sweeps; the manifest states it."""
     from touchstone.adapters.recorder import ready
 
     reported = {}

@@ -221,7 +221,7 @@ def test_slots_hold_every_piece_along_x(counts: tuple[int, int, int]) -> None:
 
 
 def test_pairs_without_room_are_counted() -> None:
-    """Tell how many pairs found no room; fill what there is."""
+    """Count the pairs dropped because the pair buffer is full; fill it."""
     scene = Scene(np.random.default_rng(1), SIZES["many of all"])
     wanted = scene.found(SIMULATED)
     pairs = np.zeros(7, PAIR)

@@ -111,13 +111,13 @@ def test_only_what_touches_is_in_the_manifold(lab: SimpleNamespace) -> None:
 
 
 def test_balls_and_full_lists_keep_the_witness(lab: SimpleNamespace) -> None:
-    """Leave a ball's row alone, and give a box no more rows than there is room for."""
+    """Leave a ball's row alone, and give a box no more rows than the list has left."""
     ball = lab.ball("ball", (0.0, 0.0, 0.05 + GAP))
     rows = rows_of(lab, table(lab), ball)
     assert rows["manifold"].tolist() == [-1]
-    for room in (1, 2, 3):
-        rows = rows_of(lab, table(lab), on_table(lab, HALF), room=room)
-        assert len(rows) == room
+    for capacity in (1, 2, 3):
+        rows = rows_of(lab, table(lab), on_table(lab, HALF), capacity=capacity)
+        assert len(rows) == capacity
         assert rows["distance"][0] == pytest.approx(GAP, abs=ROUNDING)
 
 
