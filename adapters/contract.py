@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import prod
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -51,15 +52,8 @@ CONTACT_FIELDS = np.dtype(
         ("velocity_b_after", "f8", 3),
     ]
 )
-COMPUTED_FIELDS = (
-    "time",
-    "velocity_a_before",
-    "velocity_b_before",
-    "velocity_a_after",
-    "velocity_b_after",
-)
-"""Fields that the recorder fills where an engine leaves them NaN."""
-
+BODIES, POSITION, NORMAL, DISTANCE, IMPULSE = slice(1, 3), slice(3, 6), slice(6, 9), 9, slice(10, 13)
+"""Places of fields of CONTACT_FIELDS, counted in words of 8 bytes."""
 
 MISSING, UNIMPORTABLE = "missing", "unimportable"
 """Status of a run whose engine is not installed, or is installed but cannot be imported."""
@@ -169,6 +163,43 @@ def contact_overflow(capacity: int) -> str:
     return f"more than {capacity} contact points in one step: the scene has too many contacts to record"
 
 
+def contact_words(rows: np.ndarray) -> NDArray[np.int64]:
+    """Rows of CONTACT_FIELDS (c,) as words of 8 bytes (c, 25): copied ten times as fast as fields."""
+    return rows.view(np.int64).reshape(len(rows), CONTACT_FIELDS.itemsize // 8)
+
+
+STATE_FIELDS = (
+    *("position", "orientation", "linear_velocity", "angular_velocity"),
+    *("joint_angle", "joint_rate"),
+)
+"""Arrays of a state, in the order of `State.values`."""
+
+
+def _sizes(scenario: Scenario) -> tuple[int, int, int]:
+    """Numbers of bodies, trackers and hinges."""
+    trackers = scenario.trackers
+    return len(scenario.bodies), len(trackers), sum(len(tracker.joints) for tracker in trackers)
+
+
+def state_fields(values: Array, scenario: Scenario) -> tuple[Array, ...]:
+    """Views of `State.values`, or of a stack of them (..., m): STATE_FIELDS, in order."""
+    n, _, j = _sizes(scenario)
+    shapes = ((n, 3), (n, 4), (n, 3), (n, 3), (j,), (j,))
+    return _views(values, shapes)
+
+
+def applied_fields(applied: Array, scenario: Scenario) -> tuple[Array, ...]:
+    """Views of `State.applied`, or of a stack of them: force, torque and hinge torques."""
+    _, t, j = _sizes(scenario)
+    return _views(applied, ((t, 3), (t, 3), (j,)))
+
+
+def _views(flat: Array, shapes: tuple[tuple[int, ...], ...]) -> tuple[Array, ...]:
+    ends = np.cumsum([prod(shape) for shape in shapes])
+    parts = zip(ends, shapes)
+    return tuple(flat[..., end - prod(shape) : end].reshape(*flat.shape[:-1], *shape) for end, shape in parts)
+
+
 class State:
     """State after a step, in preallocated arrays that `World.read` fills.
 
@@ -178,19 +209,26 @@ class State:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        n, t = len(scenario.bodies), len(scenario.trackers)
-        j = sum(len(tracker.joints) for tracker in scenario.trackers)
-        self.position = np.zeros((n, 3))
-        self.orientation = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-        self.linear_velocity = np.zeros((n, 3))
-        self.angular_velocity = np.zeros((n, 3))
-        self.joint_angle = np.zeros(j)
-        self.joint_rate = np.zeros(j)
-        self.force = np.full((t, 3), np.nan)
-        self.torque = np.full((t, 3), np.nan)
-        self.hinge_torque = np.full(j, np.nan)
+        n, t, j = _sizes(scenario)
+        self.values = np.zeros(13 * n + 2 * j)
+        self.applied = np.full(6 * t + j, np.nan)
+        fields = state_fields(self.values, scenario)
+        self.position, self.orientation, self.linear_velocity, self.angular_velocity = fields[:4]
+        self.joint_angle, self.joint_rate = fields[4:]
+        self.orientation[:, 0] = 1.0
+        self.force, self.torque, self.hinge_torque = applied_fields(self.applied, scenario)
         self.contacts = np.zeros(contact_capacity(scenario), dtype=CONTACT_FIELDS)
+        self.contact_words = contact_words(self.contacts)
+        self._contact_numbers = self.contact_words.view(np.float64)
         self.contact_count = 0
+
+    @property
+    def replaced(self) -> str:
+        """Name of an array that an engine replaced instead of writing into it; "" if there is none."""
+        for name in STATE_FIELDS:
+            if getattr(self, name).base is not self.values:
+                return name
+        return ""
 
     def clear_contacts(self) -> None:
         """Clear the contacts of the last step."""
@@ -212,13 +250,13 @@ class State:
         end = self.contact_count + len(a)
         if end > len(self.contacts):
             raise AdapterError(contact_overflow(len(self.contacts)))
-        rows = self.contacts[self.contact_count : end]
+        numbers = self._contact_numbers[self.contact_count : end]
+        numbers[:] = np.nan
         sign = np.where(a < b, 1.0, -1.0)[:, None]
-        rows["body_a"], rows["body_b"] = np.minimum(a, b), np.maximum(a, b)
-        rows["position"], rows["distance"] = position, distance
-        rows["normal"], rows["impulse"] = sign * normal, sign * impulse
-        for name in COMPUTED_FIELDS:
-            rows[name] = np.nan
+        words = self.contact_words[self.contact_count : end]
+        words[:, BODIES] = np.transpose((np.minimum(a, b), np.maximum(a, b)))
+        numbers[:, POSITION], numbers[:, DISTANCE] = position, distance
+        numbers[:, NORMAL], numbers[:, IMPULSE] = sign * normal, sign * impulse
         self.contact_count = end
 
 

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from math import inf
+from math import ceil, floor, inf
 from resource import RUSAGE_SELF, RUSAGE_THREAD, getrusage
 from time import perf_counter, process_time
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from touchstone.adapters.contract import (
     RESIDUAL_COUNTERS,
+    STATE_FIELDS,
     AdapterError,
     Array,
     Engine,
@@ -21,11 +22,12 @@ from touchstone.adapters.contract import (
     Settings,
     State,
     World,
+    state_fields,
 )
 from touchstone.adapters.divergence import Watch
 from touchstone.adapters.motion_bounds import planned
-from touchstone.adapters.recording import ContactLog, Recording, RunEnded
-from touchstone.adapters.vector_products import cross, turned
+from touchstone.adapters.recording import Recording, RunEnded
+from touchstone.adapters.step_log import StepLog
 from touchstone.scenarios.effects import EFFECT_TABLE
 from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.plan import Decision, Plan
@@ -36,6 +38,8 @@ WARM_UP_FRAMES = 3
 TRIES = 10
 """Maximum number of tries for a measurement without preemption: frames of milliseconds are as long as a
 scheduler's time slice."""
+LEAST_SUGGESTED = 1e-9
+"""Step below which an error suggests no steps next to it [s]."""
 CROSSINGS = 200
 """Empty calls timed per run."""
 
@@ -56,12 +60,27 @@ def substeps(scenario: Scenario, dt: float) -> int:
     frame = 1 / scenario.frame_rate
     count = round(frame / dt) if dt > 0 else 0
     if count < 1 or abs(count * dt - frame) > 1e-9 * frame:
-        raise ValueError(f"dt = {dt:g} s does not divide the frame of 1/{scenario.frame_rate} s")
+        fault = f"dt = {dt:g} s does not divide the frame of 1/{scenario.frame_rate} s"
+        raise ValueError(fault + _near_steps(dt, scenario.frame_rate))
     return count
 
 
+def _near_steps(dt: float, frame_rate: int) -> str:
+    """Remark on the next steps that divide a frame."""
+    if not LEAST_SUGGESTED < dt < inf:
+        return f" (such as 1/{4 * frame_rate})"
+    counts = sorted({max(1, floor(1 / (frame_rate * dt))), ceil(1 / (frame_rate * dt))})
+    return f" (next to it: {', '.join(f'1/{frame_rate * count}' for count in counts)})"
+
+
 def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
-    """Player of a world that simulates the effects of the plan only.
+    """Player of a world that simulates the effects of the plan only."""
+    world, settings, plan = build(engine, scenario, settings)
+    return Player(world, scenario, settings, plan)
+
+
+def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World, Settings, Plan]:
+    """A world that simulates the effects of the plan only, its settings, and the plan.
 
     Raises AdapterError if two bodies start at the same place: engines resolve this arbitrarily.
     """
@@ -72,7 +91,7 @@ def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
     settings = dataclasses.replace(
         settings, skipped=plan.skipped, fat_bounds=settings.effects is None, sleeping=plan.on("sleeping")
     )
-    return Player(engine.build(plan.applied(scenario), settings), scenario, settings, plan)
+    return engine.build(plan.applied(scenario), settings), settings, plan
 
 
 def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
@@ -153,18 +172,13 @@ class Player:
         self._plan = plan
         self._watch = Watch(scenario, plan)
         self._substeps = substeps(scenario, settings.dt)
-        self._mass_center = np.array([body.center_of_mass for body in scenario.bodies])
-        self._roots = [scenario.body_index(tracker.root) for tracker in scenario.trackers]
-        self._before, self._state = State(scenario), State(scenario)
+        self._state = State(scenario)
         world.read(self._state)
-        self._work = 0.0
-        self._impulse = np.zeros((len(scenario.trackers), 3))
-        self._frames: list[dict[str, Array | float]] = []
+        self._log = StepLog(scenario, settings.dt, self._state)
+        self._frames: list[Array] = []
         self._timings: list[tuple[float, float, float]] = []
         self._stages: list[Mapping[str, float]] = []
         self._counters: list[dict[str, float]] = []
-        self._contacts = ContactLog(self._mass_center)
-        self._whole = 0  # number of contacts in complete frames
         self._keep_frame()
         world.stage_seconds()
 
@@ -178,12 +192,13 @@ class Player:
         returns the number of frames left."""
         end = perf_counter() + most
         for left in reversed(range(frames)):
-            seconds = np.zeros(3)
+            stepping = driving = reading = 0.0
             counters: dict[str, float] = {}
             for substep in range(self._substeps):
-                seconds += self._step(len(self._timings) * self._substeps + substep)
+                step, drive, read = self._step(len(self._timings) * self._substeps + substep)
+                stepping, driving, reading = stepping + step, driving + drive, reading + read
                 _count(counters, self.world.work())
-            self._timings.append((seconds[0], seconds[1], seconds[2]))
+            self._timings.append((stepping, driving, reading))
             self._stages.append(dict(self.world.stage_seconds()))
             self._counters.append(counters)
             self._keep_frame()
@@ -201,7 +216,6 @@ class Player:
 
     def _step(self, number: int) -> tuple[float, float, float]:
         """Advance one native step; returns the times of step, drive and read [s]."""
-        self._before, self._state = self._state, self._before
         self._state.clear_contacts()
         try:
             start = perf_counter()
@@ -218,9 +232,7 @@ class Player:
         fault = self._watch.step_fault(self._state)
         if fault:
             raise AdapterError(f"{fault}, {self._moment(number + 1)}")
-        self._contacts.add(number * self._settings.dt, self._before, self._state)
-        self._work += self._driver_work()
-        self._impulse += self._state.force * self._settings.dt
+        self._log.add(number * self._settings.dt, self._state)
         return own, driven - start, done - stepped
 
     def _moment(self, steps: int) -> str:
@@ -229,46 +241,26 @@ class Player:
         return f"in frame {frame} at {steps * self._settings.dt:.4f} s"
 
     def _keep_frame(self) -> None:
-        state = self._state
-        names = (
-            "position",
-            "orientation",
-            "linear_velocity",
-            "angular_velocity",
-            "joint_angle",
-            "joint_rate",
-        )
-        frame: dict[str, Array | float] = {name: getattr(state, name).copy() for name in names}
-        frame["driver_work"] = self._work
-        frame["driver_impulse"] = self._impulse.copy()
-        self._frames.append(frame)
-        self._whole = self._contacts.count
-
-    def _driver_work(self) -> float:
-        """Work of the drives over the step [J]: applied force and torque times the mean velocity."""
-        state, work = self._state, 0.0
-        for k, root in enumerate(self._roots):
-            moved = [
-                s.linear_velocity[root] + cross(s.angular_velocity[root], s.position[root] - center)
-                for s in (self._before, state)
-                for center in (s.position[root] + turned(s.orientation[root], self._mass_center[root]),)
-            ]
-            spin = (self._before.angular_velocity[root] + state.angular_velocity[root]) / 2
-            work += float(state.force[k] @ (moved[0] + moved[1]) / 2 + state.torque[k] @ spin)
-        work += float(state.hinge_torque @ (self._before.joint_rate + state.joint_rate) / 2)
-        return work * self._settings.dt
+        if name := self._state.replaced:
+            raise AdapterError(f"`read` replaces state.{name}; write into it (state.{name}[:] = ...)")
+        self._frames.append(self._state.values.copy())
+        self._log.mark()
 
     def recording(self, ended: str = "") -> Recording:
         """Recording of all complete frames; `ended`: why the run ended before its scene."""
         stage_names = sorted({name for stages in self._stages for name in stages})
         work_names = sorted({name for counters in self._counters for name in counters})
         timings = np.array(self._timings).reshape(-1, 3)
-        frames = {name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]}
+        fields = zip(STATE_FIELDS, state_fields(np.array(self._frames), self._scenario))
+        frames = {name: np.ascontiguousarray(field) for name, field in fields}
+        work, impulse = self._log.drive()
         return Recording(
             scenario=scenario_json(self._scenario),
             manifest=manifest_json(self._manifest()),
             time=np.arange(len(self._frames)) / self._scenario.frame_rate,
-            contacts=self._contacts.rows()[: self._whole],
+            contacts=self._log.contacts(),
+            driver_work=work,
+            driver_impulse=impulse,
             time_frame=timings[:, 0],
             time_drive=timings[:, 1],
             time_read=timings[:, 2],

@@ -17,12 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from touchstone.adapters.contract import CONTACT_FIELDS, AdapterError, Array, State
-from touchstone.adapters.vector_products import cross, turned
+from touchstone.adapters.contract import AdapterError, Array
 
 FORMAT_VERSION = 3
-CONTACTS_AT_ONCE = 4096
-"""Contacts whose velocities are computed at once: arrays of some 2 MB."""
 DAMAGED = (
     OSError,
     ValueError,
@@ -108,55 +105,3 @@ def load(path: Path) -> Recording:
         raise RecordingError(f"{path}: fields {sorted(wanted ^ set(columns))} are missing or unknown")
     texts = {name: str(columns.pop(name)) for name in ("scenario", "manifest", "ended")}
     return Recording(**texts, **columns)  # type: ignore[arg-type]
-
-
-class ContactLog:
-    """Contacts of all steps; `count` is their number.
-
-    If the engine knows no time of impact, velocities are those at the step's start and end. They are computed
-    for many steps at once: arrays of a few rows cost as much time as arrays of hundreds.
-    """
-
-    def __init__(self, mass_center: Array) -> None:
-        self.count = 0
-        self._mass_center = mass_center
-        self._done: list[np.ndarray] = []
-        self._steps: list[tuple[np.ndarray, ...]] = []
-        self._waiting = 0
-
-    def add(self, time: float, before: State, after: State) -> None:
-        """Keep the contacts of a step that starts at `time` [s]."""
-        count = after.contact_count
-        if not count:
-            return
-        rows = after.contacts[:count].copy()
-        own = rows["time"]
-        rows["time"] = np.where(np.isnan(own), time, time + own)
-        bodies = np.array((rows["body_a"], rows["body_b"]))
-        places = before.position[bodies], before.orientation[bodies], self._mass_center[bodies]
-        moving = [one[bodies] for s in (before, after) for one in (s.linear_velocity, s.angular_velocity)]
-        self._steps.append((rows, *places, *moving))
-        self.count += count
-        self._waiting += count
-        if self._waiting >= CONTACTS_AT_ONCE:
-            self._finish()
-
-    def rows(self) -> np.ndarray:
-        """All contacts so far, as CONTACT_FIELDS."""
-        self._finish()
-        return np.concatenate([np.zeros(0, CONTACT_FIELDS), *self._done])
-
-    def _finish(self) -> None:
-        """Fill in the velocities that the engine leaves NaN."""
-        if not self._steps:
-            return
-        parts = list(zip(*self._steps))
-        rows = np.concatenate(parts[0])
-        position, orientation, center, *moving = (np.concatenate(part, axis=1) for part in parts[1:])
-        arm = rows["position"] - (position + turned(orientation, center))
-        for moment, linear, angular in zip(("before", "after"), moving[::2], moving[1::2]):
-            for side, own in zip("ab", linear + cross(angular, arm)):
-                column = rows[f"velocity_{side}_{moment}"]
-                column[:] = np.where(np.isnan(column), own, column)
-        self._done.append(rows)
-        self._steps, self._waiting = [], 0

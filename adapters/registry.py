@@ -131,8 +131,18 @@ def changes_of(name: str, profile: str, texts: Iterable[str]) -> tuple[str, ...]
             raise SettingError(f"unknown engine {engine.strip()!r} (valid: {', '.join(available())})")
         if not dot or engine.strip() == name:
             mine.append((own if dot else key) + equals + value)
+        else:
+            _require_setting(engine.strip(), own + equals + value)
     try:
         return settings_of(name).changes(profile, mine)
+    except SettingError as error:
+        raise SettingError(f"{name}: {error}") from error
+
+
+def _require_setting(name: str, text: str) -> None:
+    """Raise SettingError, which names the engine, unless it has the setting and the value of "key=value"."""
+    try:
+        settings_of(name).parse(text)
     except SettingError as error:
         raise SettingError(f"{name}: {error}") from error
 
@@ -143,10 +153,7 @@ def require_profile(name: str, settings: Settings) -> None:
     if settings.profile not in valid:
         raise Unsupported(f"{name}: no profile {settings.profile!r}; valid: {', '.join(valid)}")
     for text in settings.changes:
-        try:
-            settings_of(name).parse(text)
-        except SettingError as error:
-            raise SettingError(f"{name}: {error}") from error
+        _require_setting(name, text)
 
 
 def distribution(name: str) -> str:

@@ -17,7 +17,7 @@ step as well; where that loop diverges without any contact, the scene is refused
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -100,12 +100,12 @@ class Drive:
         # (n, 3) and (n, 4) of the links, root first; engines may change theirs
         self.start_position, self.start_orientation = body.position.copy(), body.orientation.copy()
 
-    @property
+    @cached_property
     def servo_stiffness(self) -> Array:
         """Stiffness (j,) [N m/rad] of an engine's own servos, one per hinge."""
         return self._per_hinge(self.hinge_stiffness)
 
-    @property
+    @cached_property
     def servo_damping(self) -> Array:
         """Damping (j,) [N m s/rad] of an engine's own servos."""
         return self._per_hinge(self.hinge_damping)

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.detectors import REFERENCE, Pair, load
-from touchstone.adapters.driven_poses import driven_pieces, moved
 from touchstone.reports.studies.poses import corners, elliptic, parted_pair, random_box
+from touchstone.scenarios.avatar.driven_poses import driven_pieces, moved
 from touchstone.scenarios.avatar.hand import FINGERS, hand_parts
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector

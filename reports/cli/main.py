@@ -31,6 +31,7 @@ from touchstone.reports.cli.options import (
     known,
     printed,
     progress_for,
+    step_of,
     stop,
     tell_failures,
     version,
@@ -253,12 +254,10 @@ def _held(scenarios: Iterable[Scenario]) -> Iterator[str]:
 
 def _step(text: str, scenarios: Iterable[Scenario]) -> float:
     """A step such as 1/240; it must divide the frame of every scene."""
-    from fractions import Fraction
-
     from touchstone.adapters.recorder import substeps
 
     try:
-        value = float(Fraction(text))
+        value = step_of(text)
         for scenario in scenarios:
             substeps(scenario, value)
     except (ValueError, ZeroDivisionError, OverflowError) as error:

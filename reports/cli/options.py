@@ -231,3 +231,13 @@ def ended(
     if quiet:
         tell_failures(frame)
     exit_for(frame.verdict, by_name)
+
+
+def step_of(text: str) -> float:
+    """A step such as 1/240 or 0.005 [s]; raises ValueError, which says so."""
+    from fractions import Fraction
+
+    try:
+        return float(Fraction(text))
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise ValueError("expected a step in seconds, such as 1/240 or 0.005") from error

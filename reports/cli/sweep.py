@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,6 +21,7 @@ from touchstone.reports.cli.options import (
     measuring,
     printed,
     resumable,
+    step_of,
     stop,
 )
 
@@ -155,7 +155,7 @@ def steps_for(text: str, scenarios: list[Scenario]) -> list[float]:
     found = []
     for part in filter(None, map(str.strip, text.split(","))):
         try:
-            step = float(Fraction(part))
+            step = step_of(part)
             for scenario in scenarios:
                 substeps(scenario, step)
         except (ValueError, ZeroDivisionError, OverflowError) as error:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from touchstone.adapters.contract import Array, Engine
-from touchstone.adapters.recorder import frame_seconds, ready, record
+from touchstone.adapters.recorder import build, frame_seconds, record
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.results import Row
@@ -97,12 +97,11 @@ def timing(cell: Cell, scenario: Scenario, engine: Engine) -> Measured:
 
     The process is pinned to a core and alone, and has warmed up its engine (`timing_rounds`).
     """
-    settings = cell.settings
-    player = ready(engine, scenario, settings)
+    world, settings, _ = build(engine, scenario, cell.settings)
     spent: list[float] = []
     while len(spent) < scenario.frame_count and sum(spent) < TIMED_SECONDS:
-        spent.append(frame_seconds(player.world, scenario, settings, len(spent)))
-    player.world.close()
+        spent.append(frame_seconds(world, scenario, settings, len(spent)))
+    world.close()
     base = base_row(cell)
     facts = (
         replace(base, metric="run", value=sum(spent), unit="s"),

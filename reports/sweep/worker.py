@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -121,13 +122,14 @@ class _Server:
     """Child's end."""
 
     def __init__(self, loader: Loader, core: int | None) -> None:
-        self._loader = loader
-        if core is not None:
-            os.sched_setaffinity(0, {core})
+        self._loader, self._core = loader, core
 
     def handle(self, command: str, cells: Sequence[Cell]) -> list[Done]:
         """Play a batch of cells, or import all that the first of them needs (`start`)."""
         if command == "start":
             hash_of(cells[0])
+            gc.freeze()
             return []
+        if self._core is not None:
+            os.sched_setaffinity(0, {self._core})
         return play(cells, self._loader)

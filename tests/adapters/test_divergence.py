@@ -11,6 +11,7 @@ from touchstone.adapters.contract import Manifest, Settings, State
 from touchstone.adapters.divergence import EXPLODED, SPEED_MAX, Watch
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import RunEnded, record
+from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
 
@@ -201,3 +202,14 @@ def test_drivers_may_lift_and_throw(lab):
     assert watch.frame_fault(state) is None
     state.linear_velocity[0, 2] = 6e3
     assert "diverged: 'ball' moves at 6e+03 m/s" in str(watch.frame_fault(state))
+
+
+def test_kinetic_energy_stays_below_its_bound():
+    """The bound that spares the exact energy is never below it."""
+    scene = catalogue()["table_slide"]
+    watch, state, rng = Watch(scene), State(scene), np.random.default_rng(4)
+    for _ in range(50):
+        state.values[:] = rng.normal(size=len(state.values))
+        state.orientation /= np.linalg.norm(state.orientation, axis=1)[:, None]
+        exact = float(watch._kinetic(state).sum())
+        assert exact <= watch._largest_kinetic(state) < 2 * exact

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.driven_poses import driven_pieces, moved
+from touchstone.scenarios.avatar.driven_poses import driven_pieces, moved
 from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Tracker
 from touchstone.scenarios.solids import sphere_inertia
 

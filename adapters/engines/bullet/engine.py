@@ -43,6 +43,7 @@ from touchstone.adapters.material_combine import check_range, frictions, product
 from touchstone.adapters.posed_drive import posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive
+from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import (
     Ellipsoid,
     Scenario,
@@ -89,6 +90,7 @@ class World:
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
         n, hinges = len(scenario.bodies), sum(len(tracker.joints) for tracker in scenario.trackers)
         self._to_body = Rotation.from_quat(self._axes).inv()
+        self._root_to_body = [self._to_body[drive.links[0]] for drive in self._drives]
         # Inertial frames and hinges as read from Bullet.
         self._center, self._turn = np.zeros((n, 3)), np.tile(UNTURNED, (n, 1))
         self._velocity, self._omega = np.zeros((n, 3)), np.zeros((n, 3))
@@ -105,6 +107,9 @@ class World:
         self._moving = (*simulated, *self._driven)
         self._bodies.filter_pairs()
         self._contact_count = 0
+        # Body frames of all bodies as last read, and their arms to the centres of mass, world.
+        self._read_since_step = False
+        self._place, self._orientation, self._lever = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3))
 
     def _observe(self, multibody: Multibody) -> None:
         """Read a multibody's inertial frames, velocities and hinges."""
@@ -115,8 +120,9 @@ class World:
             states = pybullet.getLinkStates(
                 number, range(len(links)), computeLinkVelocity=1, computeForwardKinematics=1, **self._on
             )
-            for array, field in ((self._center, 0), (self._turn, 1), (self._velocity, 6), (self._omega, 7)):
-                array[links] = [state[field] for state in states]
+            rows = np.array([state[0] + state[1] + state[6] + state[7] for state in states])
+            self._center[links], self._turn[links] = rows[:, :3], rows[:, 3:7]
+            self._velocity[links], self._omega[links] = rows[:, 7:10], rows[:, 10:]
             joints = pybullet.getJointStates(number, range(len(links)), **self._on)
             self._angle[hinges], self._rate[hinges] = np.array([joint[:2] for joint in joints]).T
             if self._native:
@@ -127,13 +133,17 @@ class World:
         self._moment = step + 1
         self._place_posed()
         for k, (multibody, drive) in enumerate(zip(self._driven, self._drives)):
-            self._observe(multibody)
             number, bodies, _ = multibody
-            root, omega = bodies[0], self._omega[bodies[0]]
-            turned = Rotation.from_quat(self._turn[root]) * self._to_body[root]
-            arm = turned.apply(self._arm[root])
-            position, velocity = self._center[root] - arm, self._velocity[root] - np.cross(omega, arm)
-            wrench = drive.wrench(step, position, turned.as_quat(scalar_first=True), velocity, omega)
+            root = bodies[0]
+            if not self._read_since_step:
+                self._observe(multibody)
+                turned = Rotation.from_quat(self._turn[root]) * self._root_to_body[k]
+                self._orientation[root] = turned.as_quat(scalar_first=True)
+                self._lever[root] = turned.apply(self._arm[root])
+                self._place[root] = self._center[root] - self._lever[root]
+            position, orientation, omega = self._place[root], self._orientation[root], self._omega[root]
+            velocity = self._velocity[root] - cross(omega, self._lever[root])
+            wrench = drive.wrench(step, position, orientation, velocity, omega)
             self._wrench[k] = wrench
             force, torque = self._wrench[k].tolist()
             self._push(number, BASE, force, position)
@@ -186,6 +196,7 @@ class World:
 
     def step(self) -> None:
         """Advance one native step."""
+        self._read_since_step = False
         pybullet.stepSimulation(**self._on)
 
     def read(self, state: State) -> None:
@@ -193,8 +204,10 @@ class World:
         for multibody in self._moving:
             self._observe(multibody)
         turned = Rotation.from_quat(self._turn) * self._to_body
-        state.position[:] = self._center - turned.apply(self._arm)
-        state.orientation[:] = turned.as_quat(scalar_first=True)
+        self._lever, self._orientation = turned.apply(self._arm), turned.as_quat(scalar_first=True)
+        self._place = self._center - self._lever
+        self._read_since_step = True
+        state.position[:], state.orientation[:] = self._place, self._orientation
         state.linear_velocity[:], state.angular_velocity[:] = self._velocity, self._omega
         state.joint_angle[:], state.joint_rate[:] = self._angle, self._rate
         if not self._posed:

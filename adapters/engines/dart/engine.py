@@ -163,12 +163,11 @@ class World:
         poses = [node.getWorldTransform() for node in self._nodes]
         self._position = np.array([pose.translation() for pose in poses])
         self._orientation = np.array([pose.quaternion().wxyz() for pose in poses])
-        self._owner: dict[str, int] = {}
+        self._body_of: dict[Any, int] = {node: k for k, node in enumerate(self._nodes)}
         for k, (node, body) in enumerate(zip(self._nodes, scenario.bodies)):
             set_mass(node, body)
             for i, piece in enumerate(body.pieces):
                 add_piece(node, piece, f"{k}.{i}", restitution[k], friction[k])
-                self._owner[f"{k}.{i}"] = k
         _filter(self._world, scenario, self._nodes)
         detector = self._world.getConstraintSolver().getCollisionDetector().getType()
         self._to_midpoint = 0.5 if detector == "bullet" else 0.0
@@ -250,7 +249,9 @@ class World:
     def _add_contacts(self, contacts: list[Any], state: State) -> None:
         """Write DART's contacts into `state`."""
         pairs = [(one.collisionObject1, one.collisionObject2) for one in contacts]
-        first, second = np.array([[self._owner[o.getShapeFrame().getName()] for o in p] for p in pairs]).T
+        first, second = np.array(
+            [[self._body_of[o.getShapeFrame().getBodyNodePtr()] for o in pair] for pair in pairs]
+        ).T
         normal = np.array([contact.normal for contact in contacts])
         depth = np.array([contact.penetrationDepth for contact in contacts])
         point = np.array([contact.point for contact in contacts])
@@ -392,6 +393,7 @@ class World:
     def close(self) -> None:
         """Drop every reference into DART, which releases its memory."""
         self._nodes, self._moving, self._roots, self._hands = [], [], [], []
+        self._body_of = {}
         self._world.removeAllSkeletons()
 
 

@@ -17,6 +17,7 @@ the collision detector to BulletCollisionDetector if the collision shapes are al
 from __future__ import annotations
 
 import tempfile
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,8 @@ OPTION_FIELDS = {
     "fbf": ("maxOuterIterations", "tolerance"),
 }
 """Fields of the iterative solvers' options: largest number of sweeps, tolerance."""
+HULLS_KEPT = 1024
+"""Hulls whose triangles a process keeps."""
 ROOT_DOFS = 6
 """Number of coordinates of a free joint; those of the hinges follow in the tracker's order."""
 
@@ -236,17 +239,23 @@ def _add_ellipsoid(node: Any, shape: Ellipsoid, name: str) -> Any:
 
 def _add_hull(node: Any, shape: Hull, name: str) -> Any:
     """Add a MeshShape of the hull's outward triangles through a file that is deleted at once."""
+    with tempfile.NamedTemporaryFile("w", suffix=".obj", encoding="utf-8") as file:
+        file.write(_outward_triangles(shape))
+        file.flush()
+        mesh = f'<mesh filename="{Path(file.name).as_uri()}"/>'
+        link = f'<link name="l"><collision><geometry>{mesh}</geometry></collision></link>'
+        urdf = f'<robot name="r">{link}</robot>'
+        loaded = dartpy.utils.DartLoader().parseSkeletonString(urdf, dartpy.common.Uri(""))
+        return node.createShapeNode(loaded.getBodyNode(0).getShapeNode(0).getShape(), name)
+
+
+@lru_cache(HULLS_KEPT)
+def _outward_triangles(shape: Hull) -> str:
+    """A hull's triangles as an OBJ file, each counter-clockwise seen from outside."""
     hull = ConvexHull(np.array(shape.vertices))
     lines = ["v {!r} {!r} {!r}".format(*vertex) for vertex in shape.vertices]
     for triangle, outwards in zip(hull.simplices, hull.equations[:, :3]):
         p, q, r = hull.points[triangle]
         turned = triangle if np.cross(q - p, r - p) @ outwards > 0 else triangle[::-1]
         lines.append("f {} {} {}".format(*(turned + 1)))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "hull.obj"
-        path.write_text("\n".join(lines) + "\n", "utf-8")
-        mesh = f'<mesh filename="{path.as_uri()}"/>'
-        link = f'<link name="l"><collision><geometry>{mesh}</geometry></collision></link>'
-        urdf = f'<robot name="r">{link}</robot>'
-        loaded = dartpy.utils.DartLoader().parseSkeletonString(urdf, dartpy.common.Uri(""))
-        return node.createShapeNode(loaded.getBodyNode(0).getShapeNode(0).getShape(), name)
+    return "\n".join(lines) + "\n"

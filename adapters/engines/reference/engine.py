@@ -22,6 +22,7 @@ from touchstone.adapters.contract import (
     Settings,
     State,
     contact_overflow,
+    contact_words,
 )
 from touchstone.adapters.engines.reference.compiling import compile_seconds, nothing
 from touchstone.adapters.engines.reference.reference_world import mass_unit, translate
@@ -103,6 +104,7 @@ class _World:
         same = self._mass_unit == 1
         self._world = translate(scenario if same else heavier(scenario, 1 / self._mass_unit))
         self._state = self._world.state[0]
+        self._contact_words = contact_words(self._world.contacts)
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
         configure(self._state, settings.profile, settings.changes)
@@ -171,11 +173,9 @@ class _World:
             raise AdapterError(f"reference: more than {room} {full} in one step: {lost} were dropped")
         if count > len(state.contacts):
             raise AdapterError(f"reference: {contact_overflow(len(state.contacts))}")
-        rows, log = state.contacts[:count], self._world.contacts[:count]
-        for name in self._world.contacts.dtype.names or ():
-            rows[name] = log[name]
+        state.contact_words[:count] = self._contact_words[:count]
         if self._mass_unit != 1:
-            rows["impulse"] *= self._mass_unit
+            state.contacts["impulse"][:count] *= self._mass_unit
         state.contact_count = count
 
     def describe(self) -> Manifest:

@@ -14,8 +14,16 @@ import pytest
     ("arguments", "said"),
     [
         (["fal"], "unknown scenario 'fal'; did you mean 'fall'"),
-        (["fall", "--dt", "1/60,1/70"], "--dt 1/70: dt = 0.0142857 s does not divide the frame of 1/60 s"),
-        (["fall", "--dt", "x"], "--dt x: "),
+        (
+            ["fall", "--dt", "1/70"],
+            "--dt 1/70: dt = 0.0142857 s does not divide the frame of 1/60 s (next to it: 1/60, 1/120)",
+        ),
+        (["fall", "--dt", "0"], "--dt 0: dt = 0 s does not divide the frame of 1/60 s (such as 1/240)"),
+        (["fall", "--dt", "1/x"], "--dt 1/x: expected a step in seconds, such as 1/240 or 0.005"),
+        (
+            ["fall", "--engine", "mujoco", "--set", "bullet.solref=1"],
+            "--set bullet: unknown setting 'solref'",
+        ),
         (["fall", "--set", "impratoi=1,2"], "--set reference: unknown setting 'impratoi'"),
         (
             ["fall", "--engine", "mujoco", "--set", "impratio=1,x"],

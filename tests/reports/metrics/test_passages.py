@@ -8,9 +8,9 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from touchstone.adapters.driven_poses import driven_pieces
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context, Value
+from touchstone.scenarios.avatar.driven_poses import driven_pieces
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.gallery import TABLE_HALF
 from touchstone.scenarios.materials import TABLE_1
