@@ -248,10 +248,9 @@ class World:
 
     def _add_contacts(self, contacts: list[Any], state: State) -> None:
         """Write DART's contacts into `state`."""
-        pairs = [(one.collisionObject1, one.collisionObject2) for one in contacts]
-        first, second = np.array(
-            [[self._body_of[o.getShapeFrame().getBodyNodePtr()] for o in pair] for pair in pairs]
-        ).T
+        sides = zip(*((one.collisionObject1, one.collisionObject2) for one in contacts))
+        nodes = ([one.getShapeFrame().getBodyNodePtr() for one in side] for side in sides)
+        first, second = (np.array([self._body_of[node] for node in side]) for side in nodes)
         normal = np.array([contact.normal for contact in contacts])
         depth = np.array([contact.penetrationDepth for contact in contacts])
         point = np.array([contact.point for contact in contacts])
@@ -392,8 +391,7 @@ class World:
 
     def close(self) -> None:
         """Drop every reference into DART, which releases its memory."""
-        self._nodes, self._moving, self._roots, self._hands = [], [], [], []
-        self._body_of = {}
+        self._nodes, self._moving, self._roots, self._hands, self._body_of = [], [], [], [], {}
         self._world.removeAllSkeletons()
 
 
