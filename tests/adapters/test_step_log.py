@@ -104,7 +104,7 @@ def test_work_of_posed_bodies_is_unknown():
 
 
 def test_a_replaced_array_is_named():
-    """An engine that replaces an array of the state, instead of writing into it, is an error that names it."""
+    """An engine that replaces an array of the state instead of writing into it ends with its name."""
     scenario = catalogue()["fall"]
 
     class Replacing:
