@@ -6,18 +6,20 @@ limits. One QP covers all chains. Two chains that overlap share the depth in pro
 the gradient of the depth with respect to a chain's angles; this minimises |dq|^2. With pull = 0 the QP brings
 chains out of overlap. With pull = q_tracker - q it computes the attraction (section 4) subject to the
 contacts, and converges to a local minimum of |q - q_tracker|^2 among the free postures. Hildreth's method
-(1957) solves it: coordinate ascent on the multipliers, with the angles clamped to their limits. A constraint
-may be violated by s at a cost of (s / QP_LEVER)^2; without this compliance the turns near a stretched posture
-would be unbounded.
+(1957) solves it: coordinate ascent on the multipliers, with the angles clamped to their limits. It converges
+slowly where contacts nearly oppose each other; after every QP_NEWTON_EVERY sweeps a semismooth Newton step
+(Qi & Sun 1993) solves for all positive multipliers at once. A constraint may be violated by s at a cost of
+(s / QP_LEVER)^2; without this compliance the turns near a stretched posture would be unbounded.
 """
 
-from math import inf
+from math import inf, sqrt
 
 from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.core.conventions import (
     QP_LEVER,
-    QP_PLAIN_SWEEPS,
-    QP_RELAXATION,
+    QP_LINE_SEARCH,
+    QP_NEWTON_EVERY,
+    QP_NEWTON_STEPS,
     QP_ROUGH_TOLERANCE,
     QP_SWEEPS,
     QP_TOLERANCE,
@@ -26,6 +28,9 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_IK_JOINTS, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotate
+
+COMPLIANCE = QP_LEVER * QP_LEVER
+"""Violation of a constraint per unit of its multiplier [m^2]."""
 
 
 @kernel
@@ -53,7 +58,9 @@ def solve_posture_qp(bodies, joints, driver, pulled, movable, state):
     enough = QP_ROUGH_TOLERANCE if pulled else QP_TOLERANCE
     converged = False
     for k in range(QP_SWEEPS):
-        if _sweep(joints, driver, 1.0 if k < QP_PLAIN_SWEEPS else QP_RELAXATION) <= enough:
+        if k > 0 and k % QP_NEWTON_EVERY == 0:
+            _newton_steps(joints, driver)
+        if _sweep(joints, driver) <= enough:
             converged = True
             break
     if not converged:
@@ -157,17 +164,119 @@ def _push(joints, row, push):
 
 
 @kernel
-def _sweep(joints, driver, factor):
-    """Update every multiplier once, relaxed by `factor`; return the largest change of a depth [m]."""
+def _sweep(joints, driver):
+    """Update every multiplier once; return the largest change of a depth [m]."""
     most = 0.0
     for r in range(driver["constraint_count"]):
         row = driver["constraints"][r]
         made, free = _progress(joints, row)
-        given = QP_LEVER * QP_LEVER
-        due = (row["depth"] - made - given * row["multiplier"]) / (free + given)
-        push = max(factor * due, -row["multiplier"])
+        stiff = free + COMPLIANCE
+        push = max((row["depth"] - made - COMPLIANCE * row["multiplier"]) / stiff, -row["multiplier"])
         if push == 0.0:
             continue
         _push(joints, row, push)
-        most = max(most, abs(push) * (free + given))
+        most = max(most, abs(push) * stiff)
     return most
+
+
+@kernel
+def _newton_steps(joints, driver):
+    """Solve for all positive multipliers together. A step ends where one of them becomes zero; the next step
+    solves without it."""
+    rows, count = driver["constraints"], driver["constraint_count"]
+    for _ in range(QP_NEWTON_STEPS):
+        _solve_positive(joints, driver)
+        share, blocked = 1.0, -1
+        for r in range(count):
+            if share * rows[r]["step"] < -rows[r]["multiplier"]:
+                share, blocked = -rows[r]["multiplier"] / rows[r]["step"], r
+        for r in range(count):
+            rows[r]["step"] = -rows[r]["multiplier"] if r == blocked else share * rows[r]["step"]
+        slope = _dual_slope(joints, driver)
+        _add_steps(joints, driver, 1.0)
+        if not _step_back(joints, driver, slope) and blocked < 0:
+            break
+
+
+@kernel
+def _step_back(joints, driver, slope):
+    """Shorten a step, at whose start the dual had a slope, to about the maximum of the dual: hinges that
+    reach or leave their limits on the way change the dual's curvature."""
+    for _ in range(QP_LINE_SEARCH):
+        end = _dual_slope(joints, driver)
+        if end >= -0.1 * slope:
+            break
+        back = end / (slope - end)
+        _add_steps(joints, driver, back)
+        slope *= 1.0 + back
+        for r in range(driver["constraint_count"]):
+            driver["constraints"][r]["step"] *= 1.0 + back
+    return True
+
+
+@kernel
+def _add_steps(joints, driver, share):
+    """Add a share of `step` to every multiplier."""
+    for r in range(driver["constraint_count"]):
+        row = driver["constraints"][r]
+        if row["step"] != 0.0:
+            _push(joints, row, share * row["step"])
+
+
+@kernel
+def _solve_positive(joints, driver):
+    """Write to `step` the change of every positive multiplier that solves for all of these, by Cholesky's
+    method, and 0 for the others."""
+    rows, count = driver["constraints"], driver["constraint_count"]
+    for r in range(count):
+        row = rows[r]
+        row["step"] = 0.0
+        if row["multiplier"] <= 0:
+            continue
+        row["step"] = row["depth"] - _progress(joints, row)[0] - COMPLIANCE * row["multiplier"]
+        pivot = COMPLIANCE + _coupling(joints, row, row)
+        for s in range(r):
+            if rows[s]["multiplier"] > 0:
+                total = _coupling(joints, row, rows[s])
+                for k in range(s):
+                    if rows[k]["multiplier"] > 0:
+                        total -= row["factor"][k] * rows[s]["factor"][k]
+                row["factor"][s] = total / rows[s]["factor"][s]
+                row["step"] -= row["factor"][s] * rows[s]["step"]
+                pivot -= row["factor"][s] ** 2
+        # in exact arithmetic a pivot is at least the compliance
+        row["factor"][r] = sqrt(max(pivot, COMPLIANCE))
+        row["step"] /= row["factor"][r]
+    for r in range(count - 1, -1, -1):
+        row = rows[r]
+        if row["multiplier"] > 0:
+            row["step"] /= row["factor"][r]
+            for s in range(r):
+                if rows[s]["multiplier"] > 0:
+                    rows[s]["step"] -= row["factor"][s] * row["step"]
+
+
+@kernel
+def _dual_slope(joints, driver):
+    """Derivative of the dual along `step` [1]."""
+    slope = 0.0
+    for r in range(driver["constraint_count"]):
+        row = driver["constraints"][r]
+        if row["step"] != 0.0:
+            left = row["depth"] - _progress(joints, row)[0] - COMPLIANCE * row["multiplier"]
+            slope += row["step"] * left
+    return slope
+
+
+@kernel
+def _coupling(joints, row, other):
+    """Fall of a constraint's depth per unit of another's multiplier [m^2], by hinges inside their limits."""
+    total = 0.0
+    for i in range(2):
+        for j in range(2):
+            first, since = row["first"][i], other["first"][j]
+            for k in range(max(first, since), min(row["last"][i], other["last"][j]) + 1):
+                joint = joints[k]
+                if joint["lower"] < joint["angle"] + joint["pass_turn"] < joint["upper"]:
+                    total += row["jacobian"][i, k - first] * other["jacobian"][j, k - since]
+    return total

@@ -329,10 +329,13 @@ POSTURE_CONSTRAINTS = 32
 CONSTRAINT_ALIKE = 1e-3
 """Distance below which two points of a pair count as one [m]."""
 QP_SWEEPS = 96
-"""Sweeps of Hildreth's method; one pair takes 1, a corner about 10, almost opposing pairs tens."""
-QP_PLAIN_SWEEPS = 8
-QP_RELAXATION = 1.7
-"""Plain sweeps, and over-relaxation factor of the later ones [1]: hundreds of sweeps become tens."""
+"""Sweeps of Hildreth's method; one pair takes 1, a corner about 5."""
+QP_NEWTON_EVERY = 4
+"""Sweeps between two Newton steps: sweeps find which constraints push, Newton's method their multipliers."""
+QP_NEWTON_STEPS = 4
+"""Most Newton steps before the next sweep; one is enough where the same constraints push before and after."""
+QP_LINE_SEARCH = 8
+"""Steps back of a Newton step that goes too far."""
 QP_TOLERANCE = 1e-8
 """Change of a depth in a sweep at which the QP has converged [m]: a hundredth of OVERLAP_TOLERANCE."""
 QP_ROUGH_TOLERANCE = 1e-6

@@ -73,6 +73,8 @@ POSTURE_CONSTRAINT = record(
     jacobian=("f8", (2, CHAIN_JOINTS)),  # change of depth per rotation of these hinges [m]
     multiplier="f8",  # Lagrange multiplier [1/m]
     warm_multiplier="f8",  # multiplier of the last QP with the tracker's pull
+    factor=("f8", (POSTURE_CONSTRAINTS,)),  # row of the Cholesky factor in Newton's method
+    step="f8",  # solution of that factor [1/m]
 )
 DRIVER = record(
     root="i8",

@@ -31,10 +31,6 @@ PILES = (
     "impulses one after the other, each down to an approach of 1e-4 m/s, carry only part of a pile's load in "
     "a frame: its pieces creep, and separation lifts them; impulses=together: tower_10 gains 2e-11 J, not 0.2"
 )
-PRESSED = (
-    "a limb is pressed between contacts that nearly oppose each other: the posture QP ends at its 96 sweeps; "
-    "the next round detects and solves again, and overlap ends at 1e-6 m; with 960 sweeps none ends early"
-)
 SLIDING = (
     "several contacts slide at once between bodies that lean on each other: some solves end at 1e-9 "
     "to 1e-8 m/s, over what counts as converged; a row of dominoes multiplies that, or rounding, to its sides"
@@ -176,15 +172,6 @@ CAUSES: tuple[Cause, ...] = (
                 ),
                 "run": "load_1e6",
                 "symmetry.mirror": "arch_stands break_15 brick_wall dominoes pyramid",
-            },
-        },
-    ),
-    Cause(
-        "reference",
-        PRESSED,
-        {
-            "balanced accurate": {
-                "solver.caps": "arms_cross corner_slide volley wall_push",
             },
         },
     ),
