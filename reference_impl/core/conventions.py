@@ -253,6 +253,17 @@ LINE_SHARE, LINE_HALVES = 0.1, 10
 EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 1e6, 1.1
 """Longest extrapolation of impulses over their last change, and largest accepted ratio of the residual after
 it to that before [1]."""
+INTERIOR_STEPS, INTERIOR_ALLOWANCE = 50, 1e7
+"""Most steps of the interior-point method (15 to 30 usual), and multiplications of an island's steps for
+which it runs after the frame's are used up: some 30 bodies in a heap."""
+INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
+"""Residual at which it ends; residual below which it ends where rounding stops it, and steps that tell so
+[m/s]."""
+INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.5
+"""Shares of a full step below which it takes less of the derivative of friction, and above which more [1]."""
+INTERIOR_BOUNDARY, INTERIOR_CENTRE, INTERIOR_FRICTION = 0.995, 1e-6, 1e-9
+"""Share of the way to the boundary of a cone, least share of the products that a step aims at, and least
+coefficient of friction [1]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 

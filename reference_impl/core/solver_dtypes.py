@@ -36,11 +36,17 @@ ROW = record(
     # sweeps: impulse before the sweep, and conjugate direction
     swept=VECTOR,
     direction=VECTOR,
-    # Newton's method: proximal centre, velocity, and change of velocity along a step
+    # Newton's method: proximal centre, velocity, and change of velocity along a step (interior-point method:
+    # the vectors q and v, and the same change)
     centre=VECTOR,
     velocity=VECTOR,
     rate=VECTOR,
     stiffness="f8",  # [kg]
+    # interior-point method: scaling point and its size, error of v, and change of q for given products
+    scaling=VECTOR,
+    stretch="f8",
+    gap=VECTOR,
+    centred=VECTOR,
 )
 MOVER = record(
     body="i8",  # its row of `bodies`: a simulated body, or the root of a driver

@@ -44,7 +44,15 @@ from touchstone.reference_impl.solver.contact_rows import (
     rebuild,
     residual_of,
 )
-from touchstone.reference_impl.solver.envelope import add_block, factorise, lay_out, solve_factors
+from touchstone.reference_impl.solver.envelope import (
+    add_row,
+    begin_matrix,
+    factorise,
+    lay_out,
+    set_rates,
+    solve_factors,
+    subtract_impulse,
+)
 
 
 @kernel
@@ -201,7 +209,7 @@ def _solve_soft(solver, tolerance):
         _assemble(solver)
         factorise(solver)
         solve_factors(solver)
-        _set_rates(solver)
+        set_rates(solver)
         # line search: halve the step until g decreases
         fraction = 1.0
         for _ in range(LINE_HALVES):
@@ -230,10 +238,7 @@ def _gradient(solver, s):
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         px, py, pz = _project(row, s)
-        if row["b"] >= 0:
-            _subtract(g, 6 * movers[row["b"]]["place"], row["r_b"], px, py, pz)
-        if row["a"] >= 0:
-            _subtract(g, 6 * movers[row["a"]]["place"], row["r_a"], -px, -py, -pz)
+        subtract_impulse(solver, row, px, py, pz)
     size = 0.0
     for m in range(solver["mover_count"]):
         base, inverse = 6 * movers[m]["place"], movers[m]["inverse_inertia"]
@@ -247,68 +252,10 @@ def _gradient(solver, s):
 @kernel
 def _assemble(solver):
     """Assemble the derivative of g in its envelope: M + sum of J^T k P' J."""
-    movers, lower, upper, offset = solver["movers"], solver["lower"], solver["upper"], solver["offset"]
-    last = 6 * solver["mover_count"] - 1
-    for i in range(offset[last] + last + 1):
-        lower[i] = upper[i] = 0.0
-    for m in range(solver["mover_count"]):
-        base, inertia = 6 * movers[m]["place"], movers[m]["inertia"]
-        for i in range(3):
-            lower[offset[base + i] + base + i] = 1 / movers[m]["inverse_mass"]
-            row = offset[base + 3 + i] + base + 3
-            for j in range(i + 1):
-                lower[row + j] = upper[row + j] = inertia[i, j]
+    begin_matrix(solver)
     for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        if not _derivative(row, solver["kernel"]):
-            continue
-        p = movers[row["b"]]["place"] if row["b"] >= 0 else -1
-        q = movers[row["a"]]["place"] if row["a"] >= 0 else -1
-        for transposed in (False, True):
-            half = upper if transposed else lower
-            if p >= 0:
-                add_block(solver, half, transposed, p, p, row["r_b"], row["r_b"], 1.0)
-            if q >= 0:
-                add_block(solver, half, transposed, q, q, row["r_a"], row["r_a"], 1.0)
-            if p >= 0 and q >= 0:
-                if p > q:
-                    add_block(solver, half, transposed, p, q, row["r_b"], row["r_a"], -1.0)
-                else:
-                    add_block(solver, half, transposed, q, p, row["r_a"], row["r_b"], -1.0)
-
-
-@kernel
-def _subtract(g, base, r, px, py, pz):
-    """Subtract J^T p of one mover of a row from g."""
-    g[base] -= px
-    g[base + 1] -= py
-    g[base + 2] -= pz
-    g[base + 3] -= r[1] * pz - r[2] * py
-    g[base + 4] -= r[2] * px - r[0] * pz
-    g[base + 5] -= r[0] * py - r[1] * px
-
-
-@kernel
-def _set_rates(solver):
-    """Compute the change of the rows' velocities along the step."""
-    step, movers = solver["step"], solver["movers"]
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        d = row["rate"]
-        d[:] = 0.0
-        if row["b"] >= 0:
-            _add_rate(step, 6 * movers[row["b"]]["place"], row["r_b"], 1.0, d)
-        if row["a"] >= 0:
-            _add_rate(step, 6 * movers[row["a"]]["place"], row["r_a"], -1.0, d)
-
-
-@kernel
-def _add_rate(step, base, r, sign, out_rate):
-    """Add the change of a row's velocity by the step of one of its movers."""
-    x, y, z = step[base + 3], step[base + 4], step[base + 5]
-    out_rate[0] += sign * (step[base] + y * r[2] - z * r[1])
-    out_rate[1] += sign * (step[base + 1] + z * r[0] - x * r[2])
-    out_rate[2] += sign * (step[base + 2] + x * r[1] - y * r[0])
+        if _derivative(solver["rows"][k], solver["kernel"]):
+            add_row(solver, solver["rows"][k])
 
 
 @kernel

@@ -1,8 +1,9 @@
 """Contact solver: impulses that satisfy Coulomb's law in all rows of an island together.
 
 From a warm start, the solver sweeps by projected Gauss-Seidel with conjugate directions (Silcowitz, Niebe &
-Erleben 2010). If the sweeps do not converge, Newton's method solves the proximal problem (`contact_newton`).
-The solver keeps the impulses with the smallest residual.
+Erleben 2010). If the sweeps do not converge, Newton's method solves the proximal problem (`contact_newton`);
+where it cycles, an interior-point method gives it another start (`contact_interior`). The solver keeps the
+impulses with the smallest residual.
 
 It scales impulses that did not converge down until contacts do no positive work. With u the velocities
 without the impulses p, v those before the solve, and W the map from impulses to velocities, the work is
@@ -18,12 +19,14 @@ before: the mean force then points along that sliding. In such an island frictio
 
 A body between two walls steeper than the friction cone cannot rebound: every impulse holds it. Coulomb's law
 with rebound speeds then has no solution, but without them it has one, if the walls stand still (Acary &
-Cadoux 2013). An island that finds no solution with rebound speeds does not rebound.
+Cadoux 2013). An island that finds no solution with rebound speeds does not rebound. In the same way, a
+resting contact that separates slowly may come back as fast; in an island that finds no solution, it does not.
 """
 
 from math import inf
 
 from touchstone.reference_impl.core.conventions import (
+    APPROACH_MIN,
     DENSE_SWEEPS,
     DENSE_VISITS,
     FIRST_SWEEPS,
@@ -45,6 +48,7 @@ from touchstone.reference_impl.core.counters import (
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import surface_velocity
+from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import (
     into_cone,
@@ -103,6 +107,8 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
         state["counters"][COUNT_GUARDED] += 1
         _stop_rebound(solver)
         _solve_loaded(solver, state)
+    if lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
+        _solve_loaded(solver, state)
     if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
         reverse_slip(solver)
         _solve_loaded(solver, state)
@@ -141,6 +147,21 @@ def _stop_rebound(solver):
 
 
 @kernel
+def _stop_return(solver, pairs):
+    """Raise the floors of rows that separate slowly to 0, and return to the warm start; returns whether any
+    is raised."""
+    found = False
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        if -APPROACH_MIN <= row["floor"] < 0 and pairs[row["pair"]]["speculative_speed"] == 0:
+            row["floor"], found = 0.0, True
+    if found:
+        for k in range(solver["row_count"]):
+            copy_vector(solver["rows"][k]["start"], solver["rows"][k]["impulse"])
+    return found
+
+
+@kernel
 def _solve_loaded(solver, state):
     """Find the best impulses for the loaded rows, starting from their present ones."""
     for k in range(solver["row_count"]):
@@ -160,11 +181,17 @@ def _solve_loaded(solver, state):
 
 @kernel
 def _iterate(solver, state):
-    """Run sweeps, Newton's method, and more sweeps until one of them converges."""
+    """Run sweeps, Newton's method, the interior-point method and more sweeps until one of them converges."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
+        newton(solver, False, state)
+        take_best(solver)
+        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            return
+        interior(solver, state)
+        take_best(solver)
         for evenly in (False, True):
             newton(solver, evenly, state)
             take_best(solver)

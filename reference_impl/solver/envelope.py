@@ -148,3 +148,82 @@ def solve_factors(solver):
         x[i] /= lower[offset[i] + i]
         for k in range(begin[i], i):
             x[k] -= upper[offset[i] + k] * x[i]
+
+
+@kernel
+def begin_matrix(solver):
+    """Set the matrix to the masses and inertias M of the movers."""
+    movers, lower, upper, offset = solver["movers"], solver["lower"], solver["upper"], solver["offset"]
+    last = 6 * solver["mover_count"] - 1
+    for i in range(offset[last] + last + 1):
+        lower[i] = upper[i] = 0.0
+    for m in range(solver["mover_count"]):
+        base, inertia = 6 * movers[m]["place"], movers[m]["inertia"]
+        for i in range(3):
+            lower[offset[base + i] + base + i] = 1 / movers[m]["inverse_mass"]
+            row = offset[base + 3 + i] + base + 3
+            for j in range(i + 1):
+                lower[row + j] = upper[row + j] = inertia[i, j]
+
+
+@kernel
+def add_row(solver, row):
+    """Add J^T K J of one row to the matrix, where K is `kernel`."""
+    movers, lower, upper = solver["movers"], solver["lower"], solver["upper"]
+    p = movers[row["b"]]["place"] if row["b"] >= 0 else -1
+    q = movers[row["a"]]["place"] if row["a"] >= 0 else -1
+    for transposed in (False, True):
+        half = upper if transposed else lower
+        if p >= 0:
+            add_block(solver, half, transposed, p, p, row["r_b"], row["r_b"], 1.0)
+        if q >= 0:
+            add_block(solver, half, transposed, q, q, row["r_a"], row["r_a"], 1.0)
+        if p >= 0 and q >= 0:
+            if p > q:
+                add_block(solver, half, transposed, p, q, row["r_b"], row["r_a"], -1.0)
+            else:
+                add_block(solver, half, transposed, q, p, row["r_a"], row["r_b"], -1.0)
+
+
+@kernel
+def subtract_impulse(solver, row, px, py, pz):
+    """Subtract J^T p of a row from the gradient."""
+    g, movers = solver["gradient"], solver["movers"]
+    if row["b"] >= 0:
+        _subtract(g, 6 * movers[row["b"]]["place"], row["r_b"], px, py, pz)
+    if row["a"] >= 0:
+        _subtract(g, 6 * movers[row["a"]]["place"], row["r_a"], -px, -py, -pz)
+
+
+@kernel
+def _subtract(g, base, r, px, py, pz):
+    """Subtract J^T p of one mover of a row from g."""
+    g[base] -= px
+    g[base + 1] -= py
+    g[base + 2] -= pz
+    g[base + 3] -= r[1] * pz - r[2] * py
+    g[base + 4] -= r[2] * px - r[0] * pz
+    g[base + 5] -= r[0] * py - r[1] * px
+
+
+@kernel
+def set_rates(solver):
+    """Compute the change of the rows' velocities along the step."""
+    step, movers = solver["step"], solver["movers"]
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        d = row["rate"]
+        d[:] = 0.0
+        if row["b"] >= 0:
+            _add_rate(step, 6 * movers[row["b"]]["place"], row["r_b"], 1.0, d)
+        if row["a"] >= 0:
+            _add_rate(step, 6 * movers[row["a"]]["place"], row["r_a"], -1.0, d)
+
+
+@kernel
+def _add_rate(step, base, r, sign, out_rate):
+    """Add the change of a row's velocity by the step of one of its movers."""
+    x, y, z = step[base + 3], step[base + 4], step[base + 5]
+    out_rate[0] += sign * (step[base] + y * r[2] - z * r[1])
+    out_rate[1] += sign * (step[base + 1] + z * r[0] - x * r[2])
+    out_rate[2] += sign * (step[base + 2] + x * r[1] - y * r[0])

@@ -1,0 +1,354 @@
+"""Interior-point method for the contacts of one island: it does not cycle where Newton's method does.
+
+Coulomb's law is a complementarity of second-order cones (De Saxce & Feng 1998; Acary & Cadoux 2013). With u
+the velocity of a row over its floor, p its impulse, and the shift s = mu |u_t|,
+
+    v = (u_n + s, mu u_t)  and  q = (p_n, p_t / mu)
+
+lie in the cone |t| <= n and are orthogonal. Here all v and q start inside the cone and stay there. A step
+solves the linearised equations for products v.q that are equal in all rows and smaller than before, with the
+scaling of Nesterov & Todd and the corrector of Mehrotra. No row is open, stuck or sliding before the end.
+
+The derivative of the shift makes the matrix unsymmetric. After a short step the method takes less of that
+derivative; without it, each step is one of a convex problem. Vectors are scaled by the square root of the
+row's mass. Newton's method finishes the result.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.core.conventions import (
+    INTERIOR_ALLOWANCE,
+    INTERIOR_BOUNDARY,
+    INTERIOR_CENTRE,
+    INTERIOR_FRICTION,
+    INTERIOR_LEAST,
+    INTERIOR_LONG,
+    INTERIOR_SHORT,
+    INTERIOR_STALLS,
+    INTERIOR_STEPS,
+    INTERIOR_TARGET,
+)
+from touchstone.reference_impl.core.counters import COUNT_FACTORS
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import invert_symmetric
+from touchstone.reference_impl.solver.contact_rows import (
+    changed_velocity,
+    into_cone,
+    keep_best,
+    rebuild,
+    residual_of,
+)
+from touchstone.reference_impl.solver.envelope import (
+    add_row,
+    begin_matrix,
+    factorise,
+    lay_out,
+    set_rates,
+    solve_factors,
+    subtract_impulse,
+)
+
+
+@kernel
+def interior(solver, state):
+    """Find an island's impulses from none, to about INTERIOR_TARGET; stores them by `keep_best`.
+
+    It does nothing if the frame's budget does not allow INTERIOR_STEPS factorisations.
+    """
+    work = lay_out(solver)
+    if work < 0 or INTERIOR_STEPS * work > max(state["newton_work"], INTERIOR_ALLOWANCE):
+        return
+    _begin(solver)
+    share, least, stalled = 1.0, 1e300, 0
+    for _ in range(INTERIOR_STEPS):
+        _set_impulses(solver)
+        if not _set_scaling(solver):
+            break
+        residual, _ = residual_of(solver)
+        keep_best(solver, residual)
+        stalled = stalled + 1 if residual > least / 2 else 0
+        least = min(least, residual)
+        if residual <= INTERIOR_TARGET or (stalled >= INTERIOR_STALLS and least <= INTERIOR_LEAST):
+            break
+        begin_matrix(solver)
+        for k in range(solver["row_count"]):
+            _set_kernel(solver["rows"][k], share, solver["kernel"])
+            add_row(solver, solver["rows"][k])
+        factorise(solver)
+        state["counters"][COUNT_FACTORS] += 1
+        state["newton_work"] -= work
+        mean = _mean_product(solver)
+        _solve(solver, share, 0.0, False)
+        length = min(1.0, _longest(solver))
+        # products that vanish before the gaps do leave the method at the boundary, far from a solution
+        goal = max(max(INTERIOR_CENTRE, (1 - length) ** 3) * mean, min(mean, _largest_gap(solver) ** 2))
+        _solve(solver, share, goal, True)
+        length = min(1.0, INTERIOR_BOUNDARY * _longest(solver))
+        if length < INTERIOR_SHORT:
+            share = max(0.0, share - 0.5)
+        elif length > INTERIOR_LONG:
+            share = min(1.0, share + 0.25)
+        _advance(solver, length)
+
+
+@kernel
+def _begin(solver):
+    """Start on the axes of all cones, at the largest speed of the island."""
+    rows, count = solver["rows"], solver["row_count"]
+    speed = mass = 0.0
+    for m in range(solver["mover_count"]):
+        mover = solver["movers"][m]
+        invert_symmetric(mover["inverse_inertia"], mover["inertia"])
+        mover["velocity"][:] = 0.0
+        mover["omega"][:] = 0.0
+    for k in range(count):
+        x, y, z = _meeting(rows[k], solver["movers"])
+        speed, mass = max(speed, abs(x), abs(y), abs(z)), mass + rows[k]["mass"] / count
+    for k in range(count):
+        u, p = rows[k]["velocity"], rows[k]["centre"]
+        u[0] = p[0] = speed * sqrt(mass)
+        u[1] = u[2] = p[1] = p[2] = 0.0
+
+
+@inlined_kernel
+def _friction(row):
+    """Coefficient of friction of a row, at least INTERIOR_FRICTION: the cone needs an inside."""
+    return max(row["friction"], INTERIOR_FRICTION)
+
+
+@kernel
+def _meeting(row, movers):
+    """Velocity of a row over its floor, as `_on_axes` gives it [m/s]."""
+    f, n, floor = row["free"], row["normal"], row["floor"]
+    x, y, z = changed_velocity(row, movers)
+    return _on_axes(row, x + f[0] - floor * n[0], y + f[1] - floor * n[1], z + f[2] - floor * n[2])
+
+
+@kernel
+def _on_axes(row, x, y, z):
+    """Components of a velocity along the normal, and along the tangents times the friction [m/s]."""
+    n, t, s, mu = row["normal"], row["across_1"], row["across_2"], _friction(row)
+    return (
+        x * n[0] + y * n[1] + z * n[2],
+        mu * (x * t[0] + y * t[1] + z * t[2]),
+        mu * (x * s[0] + y * s[1] + z * s[2]),
+    )
+
+
+@inlined_kernel
+def _form(v):
+    """v_n^2 - |v_t|^2 of a vector v: positive inside the cone."""
+    size = sqrt(v[1] * v[1] + v[2] * v[2])
+    return (v[0] - size) * (v[0] + size)
+
+
+@kernel
+def _set_scaling(solver):
+    """Compute the scaling W of each row, W q = W^-1 v, and its `gap`, the error of v's definition.
+
+    Returns:
+        Whether all vectors are inside their cones; rounding may put them outside at the end.
+    """
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        u, p, w, gap, q = row["velocity"], row["centre"], row["scaling"], row["gap"], sqrt(row["mass"])
+        one, two = _form(u), _form(p)
+        if not (one > 0 and two > 0 and u[0] > 0 and p[0] > 0):
+            return False
+        x, y, z = _meeting(row, solver["movers"])
+        gap[0] = u[0] - q * x - sqrt(u[1] * u[1] + u[2] * u[2])
+        gap[1], gap[2] = u[1] - q * y, u[2] - q * z
+        one, two = sqrt(one), sqrt(two)
+        row["stretch"] = sqrt(one / two)
+        cosine = (u[0] * p[0] + u[1] * p[1] + u[2] * p[2]) / (one * two)
+        size = 2 * sqrt((1 + cosine) / 2)
+        w[0] = (u[0] / one + p[0] / two) / size
+        w[1], w[2] = (u[1] / one - p[1] / two) / size, (u[2] / one - p[2] / two) / size
+    return True
+
+
+@kernel
+def _set_impulses(solver):
+    """Set the impulses of the rows and the movers' velocities from the vectors q."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        p, n, t, s, q, mu = (
+            row["centre"],
+            row["normal"],
+            row["across_1"],
+            row["across_2"],
+            sqrt(row["mass"]),
+            _friction(row),
+        )
+        for i in range(3):
+            row["impulse"][i] = q * (p[0] * n[i] + mu * (p[1] * t[i] + p[2] * s[i]))
+        into_cone(row)
+    rebuild(solver)
+
+
+@kernel
+def _mean_product(solver):
+    """Mean of v.q over all rows [J]."""
+    total = 0.0
+    for k in range(solver["row_count"]):
+        u, p = solver["rows"][k]["velocity"], solver["rows"][k]["centre"]
+        total += u[0] * p[0] + u[1] * p[1] + u[2] * p[2]
+    return total / solver["row_count"]
+
+
+@kernel
+def _largest_gap(solver):
+    """Largest component of the rows' `gap` [sqrt(J)]."""
+    largest = 0.0
+    for k in range(solver["row_count"]):
+        gap = solver["rows"][k]["gap"]
+        largest = max(largest, abs(gap[0]), abs(gap[1]), abs(gap[2]))
+    return largest
+
+
+@kernel
+def _scale(row, sign, v):
+    """Apply a row's scaling W (sign 1) or its inverse (sign -1) to a vector."""
+    return _scaled(row, sign, v[0], v[1], v[2])
+
+
+@kernel
+def _scaled(row, sign, a, b, c):
+    """Apply a row's scaling W (sign 1) or its inverse (sign -1) to the vector (a, b, c)."""
+    w, x, y = row["scaling"], sign * row["scaling"][1], sign * row["scaling"][2]
+    factor = row["stretch"] if sign > 0 else 1 / row["stretch"]
+    across = x * b + y * c
+    turned = a + across / (1 + w[0])
+    return factor * (w[0] * a + across), factor * (b + turned * x), factor * (c + turned * y)
+
+
+@kernel
+def _unscale(row, x, y, z):
+    """Apply W^-2 to a vector: a change of v becomes a change of q."""
+    w, factor = row["scaling"], 1 / (row["stretch"] * row["stretch"])
+    double = 2 * (w[0] * x - w[1] * y - w[2] * z)
+    return factor * (double * w[0] - x), factor * (y - double * w[1]), factor * (z - double * w[2])
+
+
+@kernel
+def _set_kernel(row, share, out_kernel):
+    """Compute minus the derivative of a row's impulse with respect to its velocity [kg]."""
+    n, t, s, mu, mass = row["normal"], row["across_1"], row["across_2"], _friction(row), row["mass"]
+    g_1, g_2 = _slope(row, share)
+    for m in range(3):
+        x, y, z = n[m], mu * t[m], mu * s[m]
+        x, y, z = _unscale(row, x + g_1 * y + g_2 * z, y, z)
+        for i in range(3):
+            out_kernel[i, m] = mass * (x * n[i] + mu * (y * t[i] + z * s[i]))
+
+
+@kernel
+def _slope(row, share):
+    """Derivative of the shift with respect to v_t, times `share`."""
+    u = row["velocity"]
+    size = sqrt(u[1] * u[1] + u[2] * u[2])
+    if size == 0:
+        return 0.0, 0.0
+    return share * u[1] / size, share * u[2] / size
+
+
+@kernel
+def _solve(solver, share, goal, corrects):
+    """Solve for the step towards products v.q of `goal`; sets the rows' `direction` (of v), `swept` (of q).
+
+    Args:
+        corrects: allow for the product of the changes of v and q of the step solved last.
+    """
+    rows, movers, g = solver["rows"], solver["movers"], solver["gradient"]
+    for m in range(solver["mover_count"]):
+        mover = movers[m]
+        base, inertia, v, w = 6 * mover["place"], mover["inertia"], mover["velocity"], mover["omega"]
+        for i in range(3):
+            g[base + i] = v[i] / mover["inverse_mass"]
+            g[base + 3 + i] = inertia[i, 0] * w[0] + inertia[i, 1] * w[1] + inertia[i, 2] * w[2]
+    for k in range(solver["row_count"]):
+        row = rows[k]
+        u, c, gap, q, mu = row["velocity"], row["centred"], row["gap"], sqrt(row["mass"]), _friction(row)
+        n, t, s = row["normal"], row["across_1"], row["across_2"]
+        form = _form(u)
+        x, y, z = goal * u[0] / form, -goal * u[1] / form, -goal * u[2] / form
+        if corrects:
+            p, d, e = _correction(row)
+            x, y, z = x - p, y - d, z - e
+        c[0], c[1], c[2] = x, y, z
+        g_1, g_2 = _slope(row, share)
+        p, d, e = _unscale(row, gap[0] + g_1 * gap[1] + g_2 * gap[2], gap[1], gap[2])
+        x, y, z = q * (x + p), q * mu * (y + d), q * mu * (z + e)
+        subtract_impulse(
+            solver,
+            row,
+            x * n[0] + y * t[0] + z * s[0],
+            x * n[1] + y * t[1] + z * s[1],
+            x * n[2] + y * t[2] + z * s[2],
+        )
+    solve_factors(solver)
+    set_rates(solver)
+    for k in range(solver["row_count"]):
+        row = rows[k]
+        d, c, gap, q = row["rate"], row["centred"], row["gap"], sqrt(row["mass"])
+        x, y, z = _on_axes(row, d[0], d[1], d[2])
+        x, y, z = q * x - gap[0], q * y - gap[1], q * z - gap[2]
+        g_1, g_2 = _slope(row, share)
+        x += g_1 * y + g_2 * z
+        u, p = row["direction"], row["swept"]
+        u[0], u[1], u[2] = x, y, z
+        x, y, z = _unscale(row, x, y, z)
+        for i in range(3):
+            p[i] = c[i] - row["centre"][i]
+        p[0] -= x
+        p[1] -= y
+        p[2] -= z
+
+
+@kernel
+def _correction(row):
+    """Change of q that balances the product of the changes `direction` and `swept` (Mehrotra)."""
+    l_0, l_1, l_2 = _scale(row, 1, row["centre"])
+    a, b, c = _scale(row, -1, row["direction"])
+    d, e, f = _scale(row, 1, row["swept"])
+    x, y, z = a * d + b * e + c * f, a * e + d * b, a * f + d * c
+    size = sqrt(l_1 * l_1 + l_2 * l_2)
+    first = (l_0 * x - l_1 * y - l_2 * z) / ((l_0 - size) * (l_0 + size))
+    y, z = (y - first * l_1) / l_0, (z - first * l_2) / l_0
+    return _scaled(row, -1, first, y, z)
+
+
+@kernel
+def _longest(solver):
+    """Longest step over the full one that keeps all vectors in their cones."""
+    longest = 1e300
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        longest = min(longest, _exit(row["velocity"], row["direction"]), _exit(row["centre"], row["swept"]))
+    return longest
+
+
+@kernel
+def _exit(v, d):
+    """Least positive s at which v + s d leaves the cone."""
+    a = d[0] * d[0] - d[1] * d[1] - d[2] * d[2]
+    b = v[0] * d[0] - v[1] * d[1] - v[2] * d[2]
+    c = _form(v)
+    s = -v[0] / d[0] if d[0] < 0 else 1e300
+    root = b * b - a * c
+    if root >= 0:
+        q = -(b + sqrt(root)) if b > 0 else -(b - sqrt(root))
+        for one in (q / a if a != 0 else 0.0, c / q if q != 0 else 0.0):
+            if one > 0:
+                s = min(s, one)
+    return s
+
+
+@kernel
+def _advance(solver, s):
+    """Apply a fraction of the step to the rows."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        for i in range(3):
+            row["velocity"][i] += s * row["direction"][i]
+            row["centre"][i] += s * row["swept"][i]
