@@ -253,9 +253,9 @@ LINE_SHARE, LINE_HALVES = 0.1, 10
 EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 1e6, 1.1
 """Longest extrapolation of impulses over their last change, and largest accepted ratio of the residual after
 it to that before [1]."""
-INTERIOR_STEPS, INTERIOR_ALLOWANCE = 50, 1e7
-"""Most steps of the interior-point method (15 to 30 usual), and multiplications of an island's steps for
-which it runs after the frame's are used up: some 30 bodies in a heap."""
+INTERIOR_STEPS, INTERIOR_ALLOWANCE, INTERIOR_WORK = 50, 1e7, 5e8
+"""Most steps of the interior-point method (15 to 30 usual); multiplications of an island's steps for which it
+runs after the frame's are used up (30 bodies in a heap); and those over the frame's up to which it runs."""
 INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
 """Residual at which it ends; residual below which it ends where rounding stops it, and steps that tell so
 [m/s]."""

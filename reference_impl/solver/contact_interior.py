@@ -27,6 +27,7 @@ from touchstone.reference_impl.core.conventions import (
     INTERIOR_STALLS,
     INTERIOR_STEPS,
     INTERIOR_TARGET,
+    INTERIOR_WORK,
 )
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -53,11 +54,13 @@ from touchstone.reference_impl.solver.envelope import (
 def interior(solver, state):
     """Find an island's impulses from none, to about INTERIOR_TARGET; stores them by `keep_best`.
 
-    It does nothing if the frame's budget does not allow INTERIOR_STEPS factorisations.
+    Returns:
+        Whether the impulses improved. They do not if the budget does not allow INTERIOR_STEPS factorisations.
     """
-    work = lay_out(solver)
-    if work < 0 or INTERIOR_STEPS * work > max(state["newton_work"], INTERIOR_ALLOWANCE):
-        return
+    work, before = lay_out(solver), solver["best_residual"]
+    left = state["newton_work"]
+    if work < 0 or left < -INTERIOR_WORK or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
+        return False
     _begin(solver)
     share, least, stalled = 1.0, 1e300, 0
     for _ in range(INTERIOR_STEPS):
@@ -89,6 +92,7 @@ def interior(solver, state):
         elif length > INTERIOR_LONG:
             share = min(1.0, share + 0.25)
         _advance(solver, length)
+    return solver["best_residual"] < before
 
 
 @kernel

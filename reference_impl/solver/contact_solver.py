@@ -190,13 +190,16 @@ def _iterate(solver, state):
         take_best(solver)
         if solver["best_residual"] <= RESIDUAL_ACCEPTED:
             return
-        interior(solver, state)
-        take_best(solver)
-        for evenly in (False, True):
-            newton(solver, evenly, state)
+        if interior(solver, state):
+            take_best(solver)
+            newton(solver, False, state)
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
+        newton(solver, True, state)
+        take_best(solver)
+        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))
