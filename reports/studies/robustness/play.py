@@ -9,7 +9,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, nan
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -46,7 +46,7 @@ OUTCOMES = (
 FRAME_SECONDS = 5.0
 """Time of a frame from which a run counts as hanging [s]: three hundred times a frame of 60 Hz."""
 SCENE_SECONDS = 120.0
-"""Time of a whole run from which it counts as hanging [s]."""
+"""Processor time of a whole run from which it counts as hanging [s]: one that waits ends after PATIENCE."""
 PATIENCE = 300.0
 """Time without an answer after which the process is terminated [s]: longer than a cold compilation."""
 EXPLODED = 1.0
@@ -167,11 +167,11 @@ def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: Bound
 
 def _play(player: Player, scenario: Scenario) -> str:
     """Play frame by frame until the end or a timeout; returns "" or "hang"."""
-    start = perf_counter()
+    start = process_time()
     for _ in range(scenario.frame_count):
         before = player.seconds_played
         player.play(1)
-        if player.seconds_played - before > FRAME_SECONDS or perf_counter() - start > SCENE_SECONDS:
+        if player.seconds_played - before > FRAME_SECONDS or process_time() - start > SCENE_SECONDS:
             return "hang"
     return ""
 
