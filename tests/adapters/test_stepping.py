@@ -37,7 +37,7 @@ def test_a_frame_is_its_native_steps(lab, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("switches", "told", "asked"),
+    ("switches", "reported", "asked"),
     [([5, 5], 3.0, 1), ([5, 6, 6, 6], 2.0, 2), ([*range(100)], 0.5, 10)],
     ids=["at once", "second", "never"],
 )

@@ -47,7 +47,7 @@ def test_times_are_net_of_the_crossing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "word"),
+    ("reported", "word"),
     [
         ({}, IDENTICAL),
         ({"same": False, "moved": 1e-9}, WITHIN),
