@@ -5,8 +5,9 @@ another has not passed it; nor has one that bounces within a frame, grazes, or g
 deep part lies between two frames, the path is unknown; it counts as a passage only if
 
 - the bodies are too slow to have gone round, or
-- the velocities before lead in on one side and the velocities after lead back in on the other, or
-- only the velocities before lead in, and the engine reports no contact.
+- the velocities before lead in on one side and the velocities after lead back in on the other, each as deep
+  as a passage, or
+- only the velocities before lead in so deep, and the engine reports no contact.
 
 Reported contacts hide no passage that the first two conditions prove.
 """
@@ -120,9 +121,11 @@ def _sure(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
 
 
 def _entry(pair: Pair, steps: tuple[Step, Step]) -> Sample | None:
-    """The sample at which the pair enters, along steps of both bodies."""
+    """The sample at which the pair enters, along steps of both bodies; None if they graze at most."""
     level = -ENTERED * pair.thickness
-    return next((sample for sample in pair.samples(steps, level) if sample.distance <= level), None)
+    inside = [sample for sample in pair.samples(steps, level) if sample.distance <= level]
+    deepest = min((sample.distance for sample in inside), default=0.0)
+    return inside[0] if deepest <= -THROUGH * pair.thickness else None
 
 
 def _cannot_go_round(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:

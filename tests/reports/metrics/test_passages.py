@@ -214,6 +214,41 @@ def test_round_an_edge_is_no_passage(lab, recordings, seconds):
         assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
 
 
+def test_over_a_spinning_capsule_is_no_passage(lab, recordings):
+    """A fingertip goes over a capsule at 100 rad/s within a frame: the chord leads through the capsule, the
+    velocities after the frame along its surface (random scene 8186 of kind press)."""
+    links, _ = hand_parts()
+    tip = next(link for link in links if link.name == "ring_distal")
+    capsule = Piece("capsule", Capsule(0.008668, 0.015991))
+    inertia = box_inertia(0.05, (0.01, 0.01, 0.01))
+    one = Body("capsule", "simulated", "wood", (capsule,), mass=0.05, inertia=inertia)
+    two = replace(tip, kind="simulated", material="wood")
+    scenario = lab.scene(one, two, effects=("gravity",), duration=FRAME)
+    columns = {
+        "position": [
+            [(-0.0306, 0.0391, 0.0329), (0.0213, 0.0194, 0.0537)],
+            [(-0.0105, 0.0280, 0.0394), (-0.0128, 0.0424, 0.0591)],
+        ],
+        "orientation": [
+            [(0.1429, -0.8131, -0.3394, 0.4508), (0.3542, -0.1914, 0.0708, 0.9126)],
+            [(-0.5059, -0.8452, -0.0507, 0.1651), (0.3455, -0.1758, 0.0639, 0.9196)],
+        ],
+        "linear_velocity": [
+            [(1.0189, -0.3658, 1.0091), (-2.0781, 1.3650, 0.4119)],
+            [(1.0143, -0.4294, 0.7326), (-1.9641, 1.3389, 0.3053)],
+        ],
+        "angular_velocity": [
+            [(-93.1678, -37.2017, 13.5260), (1.9169, 2.4086, 1.1631)],
+            [(-55.8222, -76.3919, 16.6325), (1.6785, 1.4653, 1.0469)],
+        ],
+    }
+    told = recordings.contacts({"time": 1e-3, "body_a": 0, "body_b": 1, "normal": (-0.18, 0.51, 0.84)})
+    turned = {name: np.array(values) for name, values in columns.items()}
+    turned["orientation"] /= np.linalg.norm(turned["orientation"], axis=2, keepdims=True)
+    assert counted(recordings, scenario, **turned, contacts=told) == 0
+    assert counted(recordings, scenario, **turned) == 1  # no contact reported: nothing turned it aside
+
+
 def test_to_end_inside_is_no_passage(lab, recordings):
     """A ball that sinks into a plate and stays, or that started there and leaves, is not through; nor is one
     that sinks to the middle and comes back."""
