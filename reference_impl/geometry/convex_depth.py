@@ -100,12 +100,13 @@ def _outside(piece_a, piece_b, vertices, shift, scale, state, out_pair):
     dx, dy, dz = shift * n[0], shift * n[1], shift * n[2]
     shift_simplex(state, count, dx, dy, dz)
     count, far, _, x, y, z, steps = nearest_on_simplex(piece_a, piece_b, vertices, count, state)
-    if far > 0:
+    sharper = sqrt((x + dx) * (x + dx) + (y + dy) * (y + dy) + (z + dz) * (z + dz))
+    # from a simplex of rounding size, the second search may end farther away
+    if far > 0 and sharper <= distance + STAGNATION_GAP * scale:
         n[0], n[1], n[2] = -x / far, -y / far, -z / far
         witnesses(state, count, out_pair)
         point[0], point[1], point[2] = point[0] + dx, point[1] + dy, point[2] + dz
-        x, y, z = x + dx, y + dy, z + dz
-        distance = sqrt(x * x + y * y + z * z)
+        distance = sharper
     shift_simplex(state, 0, -dx, -dy, -dz)
     bound = -add_support(piece_a, piece_b, vertices, n[0], n[1], n[2], 0, state)
     return distance, iterations + steps, distance - bound <= STAGNATION_GAP * scale

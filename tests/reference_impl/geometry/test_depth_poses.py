@@ -84,6 +84,15 @@ COUNTEREXAMPLES = {
             (-0.5680939540487637, 0.8211896355098867, 0.053404452742685384, -0.008050237986228797),
         ),
     ),
+    # hard_tiles_64, `accurate`, 1/30 s: GJK's second search from a simplex of 2e-15 m ended 1.3e-6 m away
+    "corner": (
+        box((0.03125, 0.5, 0.1), (1.28125, 0.0, -0.1), (1.0, 0.0, 0.0, 0.0)),
+        box(
+            (0.05, 0.05, 0.05),
+            (1.2000000000000008, -2.9173966222745976e-18, 0.05000000000000382),
+            (1.0, 6.598367191586591e-16, 2.569174920529001e-14, -4.376094933501205e-17),
+        ),
+    ),
     # study, seed 0, pair 3369: right to 2e-16 m at a gap of 1.6e-6 m, and called unconverged
     "touching": (
         box(
@@ -108,6 +117,28 @@ def test_counterexamples(lab: SimpleNamespace, name: str) -> None:
     found = lab.measure(*pair)
     assert found.converged
     assert abs(found.distance - truth) <= EXACT * max(-truth, 1e-3 * size_of(pair))
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_flush_boxes_touch(lab: SimpleNamespace, axes: int) -> None:
+    """Boxes whose faces, edges or corners coincide up to rounding have distance 0, whatever the rounding."""
+    rng = np.random.default_rng(axes)
+    for _ in range(300):
+        one, two = rng.uniform(0.02, 0.5, (2, 3))
+        offset = rng.uniform(-1.0, 1.0, 3) * np.abs(one - two)
+        offset[:axes] = (one + two)[:axes] * rng.choice([-1.0, 1.0], axes)
+        offset += rng.normal(size=3) * 10 ** rng.uniform(-17.0, -12.0)
+        tilt = Rotation.from_rotvec(rng.normal(size=3) * 10 ** rng.uniform(-17.0, -12.0))
+        turn = Rotation.random(rng=rng) if rng.random() < 0.5 else Rotation.identity()
+        boxes = [
+            box(tuple(half.tolist()), tuple(place.tolist()), tuple(own.as_quat(scalar_first=True).tolist()))
+            for half, place, own in ((one, np.zeros(3), turn), (two, turn.apply(offset), turn * tilt))
+        ]
+        found, size = lab.measure(*boxes), size_of((boxes[0], boxes[1]))
+        assert found.converged
+        assert abs(found.distance) <= EXACT * size
+        gap = found.point_b - found.point_a - found.distance * found.normal
+        assert np.linalg.norm(gap) <= EXACT * size
 
 
 def moved(piece: Piece, turn: Rotation, shift: np.ndarray) -> Piece:
