@@ -3,7 +3,7 @@
 from math import inf
 
 from touchstone.reference_impl.broad_phase.detection import detect, is_free, place_listed
-from touchstone.reference_impl.continuous.free_rotation import is_isotropic
+from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.core.conventions import (
     IMPULSES_TOGETHER,
     OVER_RELAXATION,
@@ -17,14 +17,18 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT_GAVE_UP, COUNT_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector, matrix_of, turn
 from touchstone.reference_impl.driven.skeleton import place
+from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 
 
 @kernel
 def separate_simulated(world, first):
-    """Translate simulated bodies out of the overlap into which they sank during resting contact.
+    """Move simulated bodies out of the overlap into which they sank during resting contact.
 
-    A body squeezed by a driver has no room: after YIELD_ROUNDS, the driver must yield, which `squeezed` says.
+    Sweeps translate them. Where they stall, every other round solves for all pairs together, and turns bodies
+    too. A body squeezed by a driver has no room: after YIELD_ROUNDS, `squeezed` says that the driver must
+    yield.
 
     Args:
         first: first row of `pairs` that may be overwritten.
@@ -35,7 +39,7 @@ def separate_simulated(world, first):
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
     pairs, state = world.pairs, world.state
     left = SEPARATION_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
-    converged, end = True, first
+    converged, together, end = True, False, first
     for rounds in range(REMOVAL_ROUNDS):
         end, deepest = detect(world, SIMULATED, first)
         if rounds >= YIELD_ROUNDS:
@@ -44,6 +48,11 @@ def separate_simulated(world, first):
         if is_free(deepest):
             return end if rounds > 0 else first
         state["counters"][COUNT_ROUNDS] += 1
+        # sweeps stall where bodies are jammed; drivers must not move here
+        together = not converged and not together and left > 0 and len(world.drivers) == 0
+        if together:
+            _move_together(world, first, end, left)
+            continue
         converged = _push_apart(bodies, pairs, first, end, left, not converged)
         if not converged:
             state["counters"][CAP_SEPARATION_SWEEPS] += 1
@@ -110,6 +119,54 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
                 bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
             place(bodies[b])
     return converged
+
+
+@kernel
+def _move_together(world, first, end, left):
+    """Translate and turn simulated bodies by the least motion, in the metric of their masses, after which no
+    depth along the detected normals exceeds `left`; not at all where the solver finds no such motion.
+
+    Bodies at rest that separate at their depth per second, without friction, move by that much in a second:
+    the contact solver finds these velocities.
+    """
+    bodies, state, rows = world.bodies, world.state, world.pairs[first:end]
+    residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
+    for k in range(len(bodies)):
+        body = bodies[k]
+        if body["kind"] == SIMULATED:
+            copy_vector(body["velocity"], body["scratch"][0])
+            copy_vector(body["omega"], body["scratch"][1])
+            body["velocity"][:] = 0.0
+            body["omega"][:] = 0.0
+    for k in range(end - first):
+        pair = rows[k]
+        for i in range(3):
+            pair["point"][i] = (pair["point_a"][i] + pair["point_b"][i]) / 2
+        pair["friction"] = 0.0
+        begin_row(bodies, pair, pair["depth"] - left)
+    solve_contacts(bodies, world.joints, world.drivers, rows, end - first, False, state)
+    for k in range(len(bodies)):
+        if bodies[k]["kind"] == SIMULATED:
+            _move_by_velocity(bodies[k])
+    state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
+
+
+@kernel
+def _move_by_velocity(body):
+    """Move a body for a second at its velocities, and give it those in its `scratch`."""
+    v, w, m, c = body["velocity"], body["omega"], body["rotation"], body["center_of_mass"]
+    moves = v[0] != 0 or v[1] != 0 or v[2] != 0 or w[0] != 0 or w[1] != 0 or w[2] != 0
+    if moves:
+        turn(body["orientation"], w[0], w[1], w[2], body["orientation"])
+        matrix_of(body["orientation"], m)
+        for i in range(3):
+            arm = m[i, 0] * c[0] + m[i, 1] * c[1] + m[i, 2] * c[2]
+            body["position"][i] = body["center"][i] + v[i] - arm
+        place(body)
+    copy_vector(body["scratch"][0], v)
+    copy_vector(body["scratch"][1], w)
+    if moves:
+        refresh_inertia(body)
 
 
 @kernel

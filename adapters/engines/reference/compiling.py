@@ -96,6 +96,9 @@ def compile_solver(parent: int) -> None:
     _compile(pipeline.resolve_impacts, world, 0, 0.0)
     _compile(pipeline.guard_energy, world, 0, True, 0)
     _compile(pipeline.gather_contacts, world, 0.0)
+    # by now the first process is at the end of the driven loop
+    _compile(pipeline.separate_simulated, world, 0)
+    _compile(pipeline.earliest_impact, world, 0, 0, True)
 
 
 def _compile(compiled: Any, *arguments: object) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
-from touchstone.reference_impl.broad_phase.detection import place_pieces
+from touchstone.reference_impl.broad_phase.detection import detect, place_pieces
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SEPARATION_DEPTH, SIMULATED
 from touchstone.reference_impl.driven.overlap_removal import remove_overlap
 from touchstone.reference_impl.driven.skeleton import pose_links
@@ -254,6 +254,29 @@ def test_simulated_bodies_part_by_halves(lab: SimpleNamespace) -> None:
         atol=1e-12,
     )
     assert world.bodies["position"][2, 2] == pytest.approx(RADIUS - SEPARATION_DEPTH, abs=1e-12)
+
+
+def test_a_jammed_bar_turns(lab: SimpleNamespace) -> None:
+    """A slanted bar overlaps two walls by 10 um each: it has no room to translate, turns hardly more than
+    it must, and keeps its velocities."""
+    half, tilt, sunk = (0.5, 0.02, 0.02), 0.3, 1e-5
+    reach = half[0] * np.cos(tilt) + half[2] * np.sin(tilt) - sunk
+    walls = [lab.block(f"wall {x}", (1, 1, 1), (x * (reach + 1), 0, 0), "fixed") for x in (-1, 1)]
+    turn = (float(np.cos(tilt / 2)), 0.0, float(-np.sin(tilt / 2)), 0.0)
+    bar = lab.block("bar", half, (0, 0, 0), orientation=turn, linear_velocity=(1, 2, 3))
+    world = lab.build(lab.scene(*walls, bar))
+    separate_simulated(world.of_stages(), 0)
+    assert lab.counters(world)["gave_up"] == 0
+    end, deepest = detect(world.of_stages(), SIMULATED, 0)
+    assert end == 2
+    assert 0 < deepest <= SEPARATION_DEPTH + 1e-9
+    found = world.bodies[2]
+    np.testing.assert_allclose(found["position"], (0, 0, 0), atol=1e-9)
+    assert found["velocity"].tolist() == [1, 2, 3]
+    # the corners that touch are that far above and below the centre
+    height = half[0] * np.sin(tilt) - half[2] * np.cos(tilt)
+    turned = 2 * np.arctan2(-found["orientation"][2], found["orientation"][0]) - tilt
+    assert 1.0 - 1e-3 <= turned * height / (sunk - SEPARATION_DEPTH) <= 1.1
 
 
 @pytest.mark.parametrize("profile", TRANSLATIONS)
