@@ -215,6 +215,8 @@ WARM_START_CAPACITY = 4096
 RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 4e-13, 1e-9
 """Residual at which a contact solve ends, and at which it counts as converged [m/s]: bodies sink by that
 times a frame."""
+ROUNDING = 2.0**-52
+"""Relative spacing of doubles [1]: an impulse p hides velocities below that times p / m of its row."""
 RESIDUAL_OPEN = 1e-7
 """Residual from which a contact solve counts as open [m/s]: bodies sink by 2e-9 m a frame."""
 RESIDUAL_ROUNDING = 1e-14
