@@ -52,11 +52,13 @@ def test_the_last_version_tells_the_usual_time(tmp_path):
 
 
 def test_the_second_process_compiles_what_the_first_calls():
-    """The solver's kernels have one signature after both processes' parts are compiled."""
+    """The simulated loop's kernels have one signature after both processes' parts are compiled."""
     compiling.compile_seconds()
     compiling._compiled()
-    compiling.compile_solver(os.getppid())
-    names = ("solve_resting_contacts", "resolve_impacts", "guard_energy", "gather_contacts")
+    compiling.compile_simulated_loop(os.getppid())
+    names = ["solve_resting_contacts", "resolve_impacts", "guard_energy", "gather_contacts"]
+    names += ["separate_simulated", "earliest_impact", "update_fat_bounds", "is_isolated", "weigh_links"]
+    names += ["set_ways", "end_substep", "first_return"]
     found = [one for one in KERNELS if one.py_func.__name__ in names and one.signatures]
     assert {one.py_func.__name__ for one in found} == set(names)
     assert [one.signatures for one in found if len(one.signatures) > 1] == []

@@ -1,8 +1,9 @@
 """Compilation of the reference's kernels: once per version of their sources, in two processes.
 
-The kernels of the contact solver use none of the geometry's, so a second process compiles them meanwhile. The
-first process finds them in the kernel cache when it gets there. A lock keeps other processes from compiling
-the same kernels at the same time.
+The first process begins with the driven loop. A second one compiles the contact solver, which uses none of
+the driven loop's kernels, and then the rest of the simulated loop. The first process finds all of these in
+the kernel cache when it gets there. A lock keeps other processes from compiling the same kernels at the same
+time.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from touchstone.reference_impl.core.world import World
 from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
 
-HELPER = f"from {__name__} import compile_solver; compile_solver({{parent}})"
+HELPER = f"from {__name__} import compile_simulated_loop; compile_simulated_loop({{parent}})"
 """Program of the second process."""
 
 
@@ -88,17 +89,24 @@ def _helper() -> Iterator[None]:
         helper.wait()
 
 
-def compile_solver(parent: int) -> None:
-    """Compile the kernels of the contact solver in this process, which ends with its parent."""
+def compile_simulated_loop(parent: int) -> None:
+    """Compile kernels of the simulated loop in this process, which ends with its parent."""
     end_with_parent(parent, by_kernel=False)
     world = _small_world().of_stages()
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     _compile(pipeline.solve_resting_contacts, world, 0, 0.0, 0.0)
     _compile(pipeline.resolve_impacts, world, 0, 0.0)
     _compile(pipeline.guard_energy, world, 0, True, 0)
     _compile(pipeline.gather_contacts, world, 0.0)
-    # by now the first process is at the end of the driven loop
     _compile(pipeline.separate_simulated, world, 0)
     _compile(pipeline.earliest_impact, world, 0, 0, True)
+    # the first process is still in the driven loop
+    _compile(pipeline.update_fat_bounds, bodies, world.pieces, world.vertices, drivers, world.pairs, state)
+    _compile(pipeline.is_isolated, bodies, world.pieces, drivers, state)
+    _compile(pipeline.weigh_links, bodies, joints, drivers, world.pairs, 0, 0.0)
+    _compile(pipeline.set_ways, bodies, world.pairs, 0, 0.0, state["flight"])
+    _compile(pipeline.end_substep, bodies, joints, drivers, 0.0)
+    _compile(pipeline.first_return, bodies, world.pairs, 0, state)
 
 
 def _compile(compiled: Any, *arguments: object) -> None:

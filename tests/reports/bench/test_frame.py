@@ -161,6 +161,22 @@ def test_one_run_decides_no_close_call(monkeypatch) -> None:
         assert ("touchstone bench frame ball_snip decides" in row.reason) == (verdict == "")
 
 
+@pytest.mark.parametrize(
+    ("measured", "frames", "limit"),
+    [(0.05, np.inf, 0.075), (0.05, 100, 0.15), (0.2, np.inf, 0.3), (0.2, 100, 0.3)],
+)
+def test_one_run_is_judged_by_the_target_where_that_is_met(
+    monkeypatch, measured: float, frames: float, limit: float
+) -> None:
+    """Take 1.5 times the measured ratio as the limit of a single run only where it misses the target."""
+    limits(monkeypatch, measured)
+    base = time_limits.Row(
+        "run", "ball_snip", "reference", "balanced", 1 / 60, RATIO, 0.01, subject="dart recommended"
+    )
+    row = time_limits.judged_time("own steps", base, ("gallery",), "", frames)
+    assert (row.limit, row.verdict) == (pytest.approx(limit), "pass")
+
+
 def test_one_run_decides_no_99th_percentile() -> None:
     """Leave the 99th percentile of one run without verdict, however far it is from its limit."""
     base = time_limits.Row(
