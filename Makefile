@@ -5,6 +5,9 @@ READY := .venv/.ready
 # two workers: the tests of a scene run on one of them, and both share what was played
 PYTEST := $(BIN)/python -m pytest -n 2
 
+# cached bytecode: dozens of processes import the same modules
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test test-engines test-all check docs clean
 
 run: $(READY)
