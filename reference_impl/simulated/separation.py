@@ -1,11 +1,12 @@
 """Separation of simulated bodies that sank into other bodies during resting contact."""
 
-from math import inf
+from math import inf, sqrt
 
 from touchstone.reference_impl.broad_phase.detection import detect, is_free, place_listed
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.core.conventions import (
     IMPULSES_TOGETHER,
+    LEVERAGE,
     OVER_RELAXATION,
     OVERLAP_TOLERANCE,
     PLAIN_SWEEPS,
@@ -13,6 +14,7 @@ from touchstone.reference_impl.core.conventions import (
     SEPARATION_DEPTH,
     SEPARATION_SWEEPS,
     SIMULATED,
+    SINKING_SHARE,
     YIELD_ROUNDS,
 )
 from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT_GAVE_UP, COUNT_ROUNDS
@@ -51,7 +53,7 @@ def separate_simulated(world, first):
         # sweeps stall where bodies are jammed; drivers must not move here
         together = not converged and not together and left > 0 and len(world.drivers) == 0
         if together:
-            _move_together(world, first, end, left)
+            _move_together(world, first, end, left, LEVERAGE * deepest)
             continue
         converged = _push_apart(bodies, pairs, first, end, left, not converged)
         if not converged:
@@ -122,9 +124,10 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
 
 
 @kernel
-def _move_together(world, first, end, left):
+def _move_together(world, first, end, left, most):
     """Translate and turn simulated bodies by the least motion, in the metric of their masses, after which no
-    depth along the detected normals exceeds `left`; not at all where the solver finds no such motion.
+    depth along the detected normals exceeds `left`; not at all where the solver finds no such motion, or one
+    that moves a body by more than `most` [m] or SINKING_SHARE of its width.
 
     Bodies at rest that separate at their depth per second, without friction, move by that much in a second:
     the contact solver finds these velocities.
@@ -145,17 +148,29 @@ def _move_together(world, first, end, left):
         pair["friction"] = 0.0
         begin_row(bodies, pair, pair["depth"] - left)
     solve_contacts(bodies, world.joints, world.drivers, rows, end - first, False, state)
+    near = True
     for k in range(len(bodies)):
         if bodies[k]["kind"] == SIMULATED:
-            _move_by_velocity(bodies[k])
+            near = near and _way(bodies[k]) <= min(most, SINKING_SHARE * bodies[k]["width"])
+    for k in range(len(bodies)):
+        if bodies[k]["kind"] == SIMULATED:
+            _move_by_velocity(bodies[k], near)
     state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
 
 
 @kernel
-def _move_by_velocity(body):
-    """Move a body for a second at its velocities, and give it those in its `scratch`."""
+def _way(body):
+    """Bound on the way of a body's cores in a second at its velocities [m]."""
+    v, w = body["velocity"], body["omega"]
+    turned = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turned * body["reach"]
+
+
+@kernel
+def _move_by_velocity(body, allowed):
+    """Move a body for a second at its velocities, if allowed, and give it those in its `scratch`."""
     v, w, m, c = body["velocity"], body["omega"], body["rotation"], body["center_of_mass"]
-    moves = v[0] != 0 or v[1] != 0 or v[2] != 0 or w[0] != 0 or w[1] != 0 or w[2] != 0
+    moves = allowed and _way(body) > 0
     if moves:
         turn(body["orientation"], w[0], w[1], w[2], body["orientation"])
         matrix_of(body["orientation"], m)

@@ -22,7 +22,7 @@ from math import ceil, floor, hypot
 import numpy as np
 
 from touchstone.reports.metrics.contacts.swept_boxes import Motions, Pair, Sample, Step
-from touchstone.reports.metrics.contacts.swept_pairs import SweptPairs
+from touchstone.reports.metrics.contacts.swept_pairs import LARGE_TURN, SweptPairs
 from touchstone.reports.metrics.context import Context, judging
 
 THROUGH = 0.5
@@ -132,9 +132,12 @@ def _cannot_go_round(context: Context, pair: Pair, frame: int, deepest: Sample) 
     """Whether a path round the obstacle is longer than the bodies' speeds allow.
 
     Such a path passes the deepest point of the chord at a distance of at least the depth there. Paths are
-    those of A's material at that point, relative to B.
+    those of A's material at that point, relative to B. Where contacts change the spin of a piece within the
+    frame, its chord says little of the path.
     """
     motions, steps, share = pair.motions, pair.chords(frame), deepest.time - frame
+    if any(motions.spun(body, frame) > LARGE_TURN for body in pair.sided):
+        return False
     _, point = pair.sample(steps, share, deepest.time)
     locals_ = []
     for body, step in zip(pair.bodies, steps):

@@ -112,6 +112,11 @@ class Motions:
         center = self.center[step.frame, body] + share * step.way
         return turned, center - turned @ np.array(self.bodies[body].center_of_mass)
 
+    def spun(self, body: int, frame: int) -> float:
+        """Change of a body's spin from a frame to the next, times the frame [rad]."""
+        omega = self._recording.angular_velocity
+        return float(np.linalg.norm(omega[frame + 1, body] - omega[frame, body])) * self.frame
+
     def point_velocity(self, body: int, frame: int, point: Array) -> Array:
         """Velocity at a frame of a body's point, given by its world position at that frame [m/s]."""
         r = self._recording
@@ -134,12 +139,16 @@ class Pair:
         self._at_frames: dict[int, Sample] = {}
 
     @cached_property
+    def sided(self) -> list[int]:
+        """The bodies whose piece is no ball."""
+        return [body for body, piece in zip(self.bodies, self.pieces) if not isinstance(piece.shape, Sphere)]
+
+    @cached_property
     def _axes(self) -> int | None:
         """The body in whose axes normals are given: the one that turns less and is no ball; None: world
         axes."""
-        sided = [body for body, piece in zip(self.bodies, self.pieces) if not isinstance(piece.shape, Sphere)]
-        turned = {body: np.linalg.norm(self.motions.turn[:, body], axis=1).sum() for body in sided}
-        return min(sided, key=lambda body: turned[body], default=None)
+        turned = {body: np.linalg.norm(self.motions.turn[:, body], axis=1).sum() for body in self.sided}
+        return min(self.sided, key=lambda body: turned[body], default=None)
 
     def sample(self, steps: tuple[Step, Step], share: float, time: float) -> tuple[Sample, Array]:
         """The pair after a share of both bodies' steps, and the midpoint of the witnesses [m, world]."""
