@@ -127,7 +127,7 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
 def _move_together(world, first, end, left, most):
     """Translate and turn simulated bodies by the least motion, in the metric of their masses, after which no
     depth along the detected normals exceeds `left`; not at all where the solver finds no such motion, or one
-    that moves a body by more than `most` [m] or SINKING_SHARE of its width.
+    that translates a body by more than `most` [m], or moves it by more than SINKING_SHARE of its width.
 
     Bodies at rest that separate at their depth per second, without friction, move by that much in a second:
     the contact solver finds these velocities.
@@ -151,7 +151,9 @@ def _move_together(world, first, end, left, most):
     near = True
     for k in range(len(bodies)):
         if bodies[k]["kind"] == SIMULATED:
-            near = near and _way(bodies[k]) <= min(most, SINKING_SHARE * bodies[k]["width"])
+            v = bodies[k]["velocity"]
+            near = near and v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= most * most
+            near = near and _way(bodies[k]) <= SINKING_SHARE * bodies[k]["width"]
     for k in range(len(bodies)):
         if bodies[k]["kind"] == SIMULATED:
             _move_by_velocity(bodies[k], near)
