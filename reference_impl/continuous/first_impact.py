@@ -9,10 +9,12 @@ from touchstone.reference_impl.core.conventions import (
     DETECTION_SWEEP,
     IMPACT_SHARE,
     IMPACT_STEPS,
+    IMPULSES_TOGETHER,
     LANDING_DEPTH,
     LANDING_EVENTS,
     LANDING_MIN,
     OVERLAP_TOLERANCE,
+    SINKING_DEPTH,
     SINKING_SHARE,
     SINKING_SLACK,
     TOUCH_DISTANCE,
@@ -80,7 +82,8 @@ def _sinking(moving, first, sweeps):
             sank = start < 0 and distance_at(moving, first) < -OVERLAP_TOLERANCE
             return first, sank
     # separation corrects the sinking of round pieces in dense substeps, and of all after LANDING_EVENTS
-    if state["counters"][COUNT_EVENTS] < LANDING_EVENTS and (state["dense_substep"] == 0 or polyhedral):
+    few = state["counters"][COUNT_EVENTS] < LANDING_EVENTS
+    if few and (state["dense_substep"] == 0 or polyhedral):
         if not polyhedral:
             if not sweeps:
                 target = min(start, 0.0) - OVERLAP_TOLERANCE
@@ -94,12 +97,15 @@ def _sinking(moving, first, sweeps):
         # detection immediately after the start would find the same contact
         if landed >= LANDING_MIN:
             return landed, target < -OVERLAP_TOLERANCE
-    # limit the depth: from deep overlap, the shortest way out may lead to the far side
+    # limit the depth: from deep overlap, the shortest way out may lead to the far side; and a body that
+    # contacts accelerate may rotate more than its dense substep allows for
     depth = SINKING_SHARE * min(moving.piece_a["width"], moving.piece_b["width"])
+    if few and state["impulses"] == IMPULSES_TOGETHER:
+        depth = min(depth, SINKING_DEPTH)
     target = min(start, 0.0) - depth
     if sweeps:
         first = _swept(moving, first, target, depth / 2)
-    elif moving.pair["distance"] < target:
+    else:
         first = _closing(moving, first, target, depth / 2)
     return first, True
 

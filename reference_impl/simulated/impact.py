@@ -7,8 +7,8 @@ passes its impulse from ball to ball, and a break of equal balls stays symmetric
 on the order of bodies or contacts.
 
 A body that friction wedges between two others can pass an impulse to and fro with hardly any loss. After
-REFLECTION_ROUNDS, contacts that touch without approaching take part (Moreau 1988), and none approaches
-afterwards.
+REFLECTION_ROUNDS, or a solve that stayed open, contacts that touch without approaching take part (Moreau
+1988), and none approaches afterwards.
 """
 
 from math import sqrt
@@ -18,10 +18,11 @@ from touchstone.reference_impl.core.conventions import (
     IMPULSE_CAP,
     IMPULSES_TOGETHER,
     NO_FLOOR,
+    REFLECTION_FAILURES,
     REFLECTION_ROUNDS,
     SETTLE_MIN,
 )
-from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
+from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES, COUNT_OPEN_SOLVES
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import (
@@ -67,10 +68,14 @@ def resolve_impacts(world, count, time):
     pairs, contacts, state = world.pairs, world.contacts, world.state
     if state["impulses"] != IMPULSES_TOGETHER:
         return _resolve_in_turn(world, count, time)
-    v_rest = rest_speed(state)
+    v_rest, unsolved = rest_speed(state), state["counters"][COUNT_OPEN_SOLVES]
     done = False
     for k in range(IMPULSE_CAP):
-        if not _find_impacts(bodies, pairs, count, v_rest, k >= REFLECTION_ROUNDS, state):
+        failures = state["counters"][COUNT_OPEN_SOLVES] - unsolved
+        if failures > REFLECTION_FAILURES:
+            break
+        together = k >= REFLECTION_ROUNDS or failures > 0
+        if not _find_impacts(bodies, pairs, count, v_rest, together, state):
             done = True
             break
         strike_together(bodies, joints, drivers, pairs, count, state)

@@ -28,6 +28,7 @@ from touchstone.reference_impl.core.conventions import (
     NEWTON_ALLOWANCE,
     NEWTON_FACTORS,
     NEWTON_INNER,
+    NEWTON_MOST,
     NEWTON_STALLS,
     RESIDUAL_ACCEPTED,
     RESIDUAL_FALL,
@@ -73,7 +74,8 @@ def newton(solver, evenly, state):
     for k in range(count):
         heaviest = max(heaviest, rows[k]["mass"])
     compliance = min(COMPLIANCE_FIRST, sqrt(last))
-    left = min(NEWTON_FACTORS, int(max(state["newton_work"], NEWTON_ALLOWANCE) / work))
+    allowance = max(state["newton_work"], NEWTON_ALLOWANCE if state["newton_work"] > -NEWTON_MOST else 0.0)
+    left = min(NEWTON_FACTORS, int(allowance / work))
     while left > 0:
         for k in range(count):
             rows[k]["stiffness"] = (heaviest if evenly else rows[k]["mass"]) / compliance
