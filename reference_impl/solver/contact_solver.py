@@ -102,16 +102,16 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     rows = solver["rows"]
     for k in range(solver["row_count"]):
         into_cone(rows[k])
-    _solve_loaded(solver, state)
+    solve_loaded(solver, state)
     if solver["best_residual"] > RESIDUAL_ACCEPTED and _rebounds(solver):
         state["counters"][COUNT_GUARDED] += 1
         _stop_rebound(solver)
-        _solve_loaded(solver, state)
+        solve_loaded(solver, state)
     if lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
-        _solve_loaded(solver, state)
+        solve_loaded(solver, state)
     if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
         reverse_slip(solver)
-        _solve_loaded(solver, state)
+        solve_loaded(solver, state)
     residual = solver["best_residual"]
     state["counters"][COUNT_SOLVES] += 1
     state["counters"][COUNT_OPEN_SOLVES] += residual > RESIDUAL_OPEN
@@ -162,7 +162,7 @@ def _stop_return(solver, pairs):
 
 
 @kernel
-def _solve_loaded(solver, state):
+def solve_loaded(solver, state):
     """Find the best impulses for the loaded rows, starting from their present ones."""
     for k in range(solver["row_count"]):
         copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])

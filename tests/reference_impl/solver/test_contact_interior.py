@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from contact_islands import OPEN, loaded, names
 
 from touchstone.reference_impl.core.conventions import (
     INTERIOR_STEPS,
@@ -13,47 +12,18 @@ from touchstone.reference_impl.core.conventions import (
     RESIDUAL_ACCEPTED,
 )
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
-from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
-from touchstone.reference_impl.solver.contact_rows import prepare_row, rebuild, residual_of, take_best
+from touchstone.reference_impl.solver.contact_rows import residual_of, take_best
 
-ISLANDS = Path(__file__).with_name("open_islands.npz")
-"""Rows and movers, as `load_island` sets them, of contact solves in random heaps and wedges (seeds 880013,
-880058, 61004, `balanced`) that at most 600 factorisations of Newton's method left open."""
 CONVEX = ("heap_d", "wedge")
 """Islands in which the method reaches its target without Newton's."""
 
 
-def loaded(name: str) -> np.ndarray:
-    """A state whose solver holds a stored island, without impulses."""
-    state = np.zeros(1, STATE)
-    solver = state[0]["solver"]
-    with np.load(ISLANDS) as stored:
-        rows, movers = stored[f"{name}_rows"], stored[f"{name}_movers"]
-    solver["row_count"], solver["mover_count"] = len(rows), len(movers)
-    for field in rows.dtype.names:
-        solver["rows"][field][: len(rows)] = rows[field]
-    for field in movers.dtype.names:
-        solver["movers"][field][: len(movers)] = movers[field]
-    for k in range(len(rows)):
-        prepare_row(solver["rows"][k])
-    state[0]["newton_work"] = 1e9
-    solver["best_residual"] = np.inf
-    rebuild(solver)
-    return state
-
-
-def names() -> list[str]:
-    """Names of the stored islands."""
-    with np.load(ISLANDS) as stored:
-        return sorted(name.removesuffix("_rows") for name in stored if name.endswith("_rows"))
-
-
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", names(OPEN))
 def test_newton_finishes_what_it_could_not_begin(name: str) -> None:
     """Reach Coulomb's law in few factorisations, from no impulse, where Newton's method alone cycles."""
-    state = loaded(name)
+    state = loaded(OPEN, name)
     solver = state[0]["solver"]
     interior(solver, state[0])
     take_best(solver)
@@ -67,7 +37,7 @@ def test_newton_finishes_what_it_could_not_begin(name: str) -> None:
 @pytest.mark.parametrize("name", CONVEX)
 def test_steps_are_few(name: str) -> None:
     """Reach the target before the steps run out; the impulses stay in their cones."""
-    state = loaded(name)
+    state = loaded(OPEN, name)
     solver = state[0]["solver"]
     interior(solver, state[0])
     take_best(solver)
@@ -83,7 +53,7 @@ def test_steps_are_few(name: str) -> None:
 
 def test_the_answer_does_not_depend_on_the_order_of_rows() -> None:
     """Solve an island with its rows in reverse: the same velocities, to the target."""
-    state, other = loaded("heap_d"), loaded("heap_d")
+    state, other = loaded(OPEN, "heap_d"), loaded(OPEN, "heap_d")
     count, movers = int(state[0]["solver"]["row_count"]), int(state[0]["solver"]["mover_count"])
     other[0]["solver"]["rows"][:count] = other[0]["solver"]["rows"][:count][::-1].copy()
     for one in (state, other):
