@@ -43,6 +43,8 @@ def earliest_impact(world, touching, end, fast):
     first, drifted = 1.0, False
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
+    # a body that a driver squeezes sinks until the driver yields
+    limited = state["impulses"] == IMPULSES_TOGETHER and len(world.drivers) == 0
     for k in range(touching, end):
         pair = pairs[k]
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
@@ -55,7 +57,7 @@ def earliest_impact(world, touching, end, fast):
         if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
             continue
         if is_marked(bodies, pieces, pairs, pair):
-            fraction, sank = _sinking(moving, first, sweeps)
+            fraction, sank = _sinking(moving, first, sweeps, limited)
             first, drifted = min(first, fraction), drifted or sank
         elif sweeps:
             first = _swept(moving, first, gap, slack)
@@ -65,9 +67,11 @@ def earliest_impact(world, touching, end, fast):
 
 
 @kernel
-def _sinking(moving, first, sweeps):
+def _sinking(moving, first, sweeps, limited):
     """Fraction, at most `first`, at which a resting contact has sunk so far that it must be detected again.
 
+    Args:
+        limited: before LANDING_EVENTS, it sinks by SINKING_DEPTH at most.
     Returns:
         (fraction, drifted): `drifted` is whether the pair may overlap there.
     """
@@ -100,7 +104,7 @@ def _sinking(moving, first, sweeps):
     # limit the depth: from deep overlap, the shortest way out may lead to the far side; and a body that
     # contacts accelerate may rotate more than its dense substep allows for
     depth = SINKING_SHARE * min(moving.piece_a["width"], moving.piece_b["width"])
-    if few and state["impulses"] == IMPULSES_TOGETHER:
+    if few and limited:
         depth = min(depth, SINKING_DEPTH)
     target = min(start, 0.0) - depth
     if sweeps:
