@@ -180,7 +180,7 @@ REFLECTION_ROUNDS = 64
 """Rounds of simultaneous impacts of an event after which all touching contacts act together: a row of as many
 balls passes an impulse on in so many rounds."""
 REFLECTION_FAILURES = 2
-"""Open solves of an event's impacts after which no further round follows: a jammed island leaves each open."""
+"""Open solves of an event's impacts after which no round follows: a jammed island leaves each open."""
 LANDING_DEPTH = 1e-7
 """Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
 LANDING_EVENTS = 128
@@ -188,8 +188,8 @@ LANDING_EVENTS = 128
 LANDING_MIN = 1e-9
 """Fraction of a substep within which a landing is ignored: the next substep would find the same one [1]."""
 SINKING_SHARE, SINKING_DEPTH = 0.1, 1e-5
-"""Fraction of the thinner piece's width that a touching pair may sink before separation [1], and the depth that
-it may sink before LANDING_EVENTS [m]."""
+"""Fraction of the thinner piece's width that a touching pair may sink before separation [1], and the depth
+that it may sink before LANDING_EVENTS [m]."""
 SINKING_SLACK = 2.5e-7
 """Accepted deviation from OVERLAP_TOLERANCE in the time-of-impact search for a sinking pair [m]."""
 MANIFOLD_HEIGHT = 4e-6
@@ -251,8 +251,8 @@ INNER_SHARE = 1e-2
 NEWTON_INNER, NEWTON_FACTORS = 15, 300
 """Factorisations of one outer iteration, and of all outer iterations of an island."""
 NEWTON_WORK, NEWTON_ALLOWANCE, NEWTON_MOST = 3e7, 3e6, 1e9
-"""Multiplications of all factorisations of a frame, some 30 ms; those of an island after these are used up; and
-those over the frame's up to which islands have these, 1 to 2 s. Sweeps solve islands that need more."""
+"""Multiplications of all factorisations of a frame, some 30 ms; those of an island after these are used up;
+and those over the frame's up to which islands have these, 1 to 2 s. Sweeps solve islands that need more."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
