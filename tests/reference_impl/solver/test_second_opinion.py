@@ -13,7 +13,7 @@ CONVERGED = 1e-11
 """Error of Coulomb's law up to which a solution counts as converged [m/s]."""
 TWO_SOLUTIONS = ("dominoes_d",)
 """Islands in which Coulomb's law has two solutions: both solvers meet it to 1e-12 m/s, with velocities 2e-6
-m/s apart; halfway between them the error is 1e-8 m/s. A sliding point presses in one and opens in another."""
+m/s apart; halfway between them the error is 1e-8 m/s. A sliding point presses in one of them only."""
 ISLANDS = [(file, name) for file in (USUAL, OPEN) for name in names(file)]
 
 
