@@ -2,14 +2,14 @@
 
 Contact does not stop a driven body: overlap removal resolves shallow overlap, so the body slides along
 surfaces. From deep overlap, the shortest way out may lead to the far side of the obstacle. The motion of a
-driven body therefore ends where the depth of a link reaches a share DRIVEN_DEPTH_SHARE of the width of both
-pieces along the normal at the impact. DETECTION_FAST sweeps only links that moved farther than half the width
-of both.
+driven body therefore ends where the depth of a link reaches a share DRIVEN_DEPTH_SHARE of the least widths of
+both pieces. (Along the normal at the impact a piece may be wider, and a link deep at an edge could cross to
+the far side.) DETECTION_FAST sweeps only links that moved farther than half the width of both.
 """
 
 from touchstone.reference_impl.broad_phase.detection import find_swept_pairs
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair, set_path, shown_motion
-from touchstone.reference_impl.continuous.time_of_impact import MovingPair, gap_along, time_of_impact
+from touchstone.reference_impl.continuous.time_of_impact import MovingPair, time_of_impact
 from touchstone.reference_impl.core.conventions import (
     DETECTION_FAST,
     DETECTION_SWEEP,
@@ -141,14 +141,13 @@ def _deep(world, pair, until):
     of impact did not converge."""
     bodies, pieces, vertices, state = world.bodies, world.pieces, world.vertices, world.state
     a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
-    one, two, n = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["normal"]
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     moving = MovingPair(a, b, one, two, vertices, pair, state)
     met, _, converged = time_of_impact(moving, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
     if met == until:
         return until
-    width = -gap_along(one, two, vertices, n[0], n[1], n[2], state)
-    width -= gap_along(one, two, vertices, -n[0], -n[1], -n[2], state)
     if converged:
+        width = one["width"] + two["width"]
         target, slack = -DRIVEN_DEPTH_SHARE * width, DRIVEN_DEPTH_SLACK * width
         met, _, converged = time_of_impact(moving, met, until, target, slack)
     if not converged:

@@ -16,6 +16,9 @@ from math import sqrt
 
 from touchstone.reference_impl.core.conventions import (
     FLIGHT_EULER,
+    KEEPS_MOMENTUM,
+    KEEPS_NOTHING,
+    KEEPS_OMEGA,
     SPIN_ROUNDING,
     SPIN_STEP,
     SPIN_STEPS,
@@ -55,9 +58,9 @@ def rotate_freely(body, h, flight):
     Sets `spin_steps`: the number of series steps in h, or 0 if the body rotates about a fixed axis. With
     steps, also sets `spin_most` and `spin_bend`: bounds on |omega| [rad per h] and |omega'| [rad per h^2].
     FLIGHT_EULER rotates at the initial omega, then sets the omega that conserves angular momentum: a constant
-    omega would increase the energy. In both cases it sets `keeps_momentum`, and `end_substep` does the same.
+    omega would increase the energy. `end_substep` keeps what `spin_keeps` says.
     """
-    body["spin_steps"] = body["keeps_momentum"] = 0
+    body["spin_steps"], body["spin_keeps"] = 0, KEEPS_NOTHING
     inertia, omega, momentum = body["inertia"], body["old_omega"], body["momentum"]
     if is_isotropic(inertia):
         return
@@ -70,17 +73,19 @@ def rotate_freely(body, h, flight):
     size = sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
     steady = x * x + y * y + z * z <= (STEADY_SPIN * size * rate) ** 2
     euler = flight == FLIGHT_EULER and not steady
-    # an absurdly fast or NaN spin also keeps its axis
-    if euler or steady or not rate * h < SPIN_STEPS * SPIN_STEP:
+    # an absurdly fast or NaN spin keeps its axis, which conserves the energy but not the momentum
+    absurd = not rate * h < SPIN_STEPS * SPIN_STEP
+    if euler or steady or absurd:
         turn(body["old_orientation"], omega[0] * h, omega[1] * h, omega[2] * h, body["orientation"])
         matrix_of(body["orientation"], body["rotation"])
         if euler:
-            body["keeps_momentum"] = 1
+            body["spin_keeps"] = KEEPS_MOMENTUM
             free_omega(body, body["omega"])
         else:
+            body["spin_keeps"] = KEEPS_OMEGA if absurd else KEEPS_NOTHING
             refresh_inertia(body)
         return
-    body["keeps_momentum"] = 1
+    body["spin_keeps"] = KEEPS_MOMENTUM
     body["spin_steps"] = 1 + int(rate * h / SPIN_STEP)
     body["spin_span"] = h / body["spin_steps"]
     _run_steps(body)

@@ -8,7 +8,14 @@ with `moves` 0 is static.
 from math import sqrt
 
 from touchstone.reference_impl.continuous.free_rotation import free_omega, rotation_at
-from touchstone.reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, FLIGHT_EULER, HULL
+from touchstone.reference_impl.core.conventions import (
+    BOX,
+    CAPSULE,
+    ELLIPSOID,
+    FLIGHT_EULER,
+    HULL,
+    KEEPS_NOTHING,
+)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of, rotate, rotation_between, turn
 from touchstone.reference_impl.geometry.shapes import place_piece
@@ -42,7 +49,7 @@ def flight_way(body, h, flight):
 @kernel
 def shown_motion(body):
     """Set the motion of a driven body from `old_*` to its current pose: linear, by the shortest rotation."""
-    body["moves"], body["spin_steps"], body["keeps_momentum"] = 1, 0, 0
+    body["moves"], body["spin_steps"], body["spin_keeps"] = 1, 0, KEEPS_NOTHING
     turned = body["scratch"][0]
     rotation_between(body["old_orientation"], body["orientation"], turned)
     for i in range(3):

@@ -275,6 +275,8 @@ TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 
 # free rotation
+KEEPS_NOTHING, KEEPS_MOMENTUM, KEEPS_OMEGA = 0, 1, 2
+"""What is constant over a body's substep: angular momentum, omega, or neither because contacts turn it."""
 SPIN_STEP = 0.4
 """Rotation that one step of the series covers [rad]: 13 to 25 terms; the cost hardly depends on it."""
 SPIN_TERMS = 28
@@ -284,7 +286,7 @@ SPIN_ROUNDING = 1e-17
 STEADY_SPIN = 1e-15
 """Sine between angular momentum and velocity below which the axis is fixed [1]: a few roundings."""
 SPIN_STEPS = 10_000
-"""Steps of one substep beyond which a spin keeps its axis: 240,000 rad/s at 60 frames per second."""
+"""Steps of one substep beyond which a body keeps its omega: 240,000 rad/s at 60 frames per second."""
 
 # time of impact
 TIME_OF_IMPACT_STEPS = 500
@@ -294,9 +296,9 @@ LEAP_CUT = 0.5
 
 PAST_MIDDLE = 0.5
 """Fraction of the widths of link and obstacle beyond which the way out may lead to the far side [1]."""
-DRIVEN_DEPTH_SHARE = 0.25
-"""Fraction of the width of a driven link and an obstacle by which the link may penetrate it [1]: half way to
-where the far side is nearer."""
+DRIVEN_DEPTH_SHARE = 0.2
+"""Fraction of the least widths of a driven link and an obstacle by which the link may penetrate it [1]; from
+half of them on, the far side may be nearer."""
 DRIVEN_DEPTH_SLACK = 0.025
 """Accepted deviation from DRIVEN_DEPTH_SHARE [1]."""
 SEGMENT_TURN = 0.5

@@ -13,7 +13,7 @@ from touchstone.reference_impl.continuous.swept_motion import (
     pose_along,
     set_path,
 )
-from touchstone.reference_impl.core.conventions import SIMULATED
+from touchstone.reference_impl.core.conventions import KEEPS_MOMENTUM, KEEPS_NOTHING, KEEPS_OMEGA, SIMULATED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import (
     copy_quaternion,
@@ -109,7 +109,8 @@ def set_ways(bodies, pairs, held, h, flight):
         p = pairs[k]["resting_impulse"]
         if p[0] != 0 or p[1] != 0 or p[2] != 0:
             a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-            a["spin_steps"] = b["spin_steps"] = a["keeps_momentum"] = b["keeps_momentum"] = 0
+            a["spin_steps"] = b["spin_steps"] = 0
+            a["spin_keeps"] = b["spin_keeps"] = KEEPS_NOTHING
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             flight_motion(bodies[b], h, flight)
@@ -150,8 +151,10 @@ def end_substep(bodies, joints, drivers, s):
                 _blend(body["old_omega"], s, body["omega"])
             continue
         _blend(body["old_velocity"], s, body["velocity"])
-        if body["keeps_momentum"] == 1:
+        if body["spin_keeps"] == KEEPS_MOMENTUM:
             free_omega(body, body["omega"])
+        elif body["spin_keeps"] == KEEPS_OMEGA:
+            refresh_inertia(body)
         else:
             _turn_on(body, s)
     for d in range(len(drivers)):

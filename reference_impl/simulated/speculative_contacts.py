@@ -29,6 +29,7 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_SHARE,
     IMPACT_SLACK,
     IMPACT_TARGET,
+    KEEPS_NOTHING,
     PUSH_SLACK,
     SIMULATED,
     SPECULATIVE_SLACK,
@@ -249,7 +250,7 @@ def _coast(body, gravity, h):
     """Set the motion of a body over a time h without contacts."""
     copy_vector(body["center"], body["old_center"])
     copy_quaternion(body["orientation"], body["old_orientation"])
-    body["moves"], body["spin_steps"], body["keeps_momentum"] = 1, 0, 0
+    body["moves"], body["spin_steps"], body["spin_keeps"] = 1, 0, KEEPS_NOTHING
     for i in range(3):
         body["travel"][i], body["travel_bend"][i] = h * body["velocity"][i], h * h * gravity[i] / 2
         body["turn"][i], body["turn_bend"][i] = h * body["omega"][i], 0.0

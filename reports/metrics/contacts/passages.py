@@ -9,7 +9,8 @@ deep part lies between two frames, the path is unknown; it counts as a passage o
   as a passage, or
 - only the velocities before lead in so deep, and the engine reports no contact.
 
-Reported contacts hide no passage that the first two conditions prove.
+Reported contacts hide no passage that the first two conditions prove. If the spin of the larger piece changed
+within the frame, the last two prove nothing: its sides are known only at the frames.
 """
 
 from __future__ import annotations
@@ -109,6 +110,8 @@ def _sure(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
     if _cannot_go_round(context, pair, frame, deepest):
         return True
     motions, (a, b) = pair.motions, pair.bodies
+    if motions.spun(pair.larger, frame) > LARGE_TURN:
+        return False
     before = _entry(pair, (motions.onward(a, frame), motions.onward(b, frame)))
     if before is None:
         return False
