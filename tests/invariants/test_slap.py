@@ -119,7 +119,7 @@ def test_random_fast_scenes_have_no_passage(kind, seed):
     """Spinning bodies at up to 3 km/s meet plates, hands at up to 20 m/s a table: `balanced` lets none pass.
 
     In 504 and 511 a body that rocks on the plate uses up the frame's events. In 920207 and 922050 another
-    body makes a free plate spin within the frame. In 910362 and 910427 a finger is at the edge of a thin table.
+    body makes a free plate spin within the frame. In 910362 and 910427 a finger is at a thin table's edge.
     """
     scenario = random_scene(seed, kind)
     recording = record(
