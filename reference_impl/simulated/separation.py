@@ -2,7 +2,7 @@
 
 from math import inf, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, is_free, place_listed
+from touchstone.reference_impl.broad_phase.detection import detect, is_free, is_marked, mark_pairs, place_listed
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.core.conventions import (
     IMPULSES_TOGETHER,
@@ -35,8 +35,8 @@ def separate_simulated(world, first):
     Args:
         first: first row of `pairs` that may be overwritten.
     Returns:
-        Index after the last pair that touches afterwards, from `first`; `first` if no body moved. Overlap
-        that remains is counted.
+        Index after the last pair, from `first`, that touched in any round or touches afterwards: impulses or
+        this motion connect their bodies; `first` if no body moved. Overlap that remains is counted.
     """
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
     pairs, state = world.pairs, world.state
@@ -54,13 +54,27 @@ def separate_simulated(world, first):
         together = not converged and not together and left > 0 and len(world.drivers) == 0
         if together:
             _move_together(world, first, end, left, LEVERAGE * deepest)
-            continue
-        converged = _push_apart(bodies, pairs, first, end, left, not converged)
-        if not converged:
-            state["counters"][CAP_SEPARATION_SWEEPS] += 1
+        else:
+            converged = _push_apart(bodies, pairs, first, end, left, not converged)
+            if not converged:
+                state["counters"][CAP_SEPARATION_SWEEPS] += 1
+        first = _keep(bodies, pieces, pairs, first, end)
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
-    return end
+    return first
+
+
+@kernel
+def _keep(bodies, pieces, pairs, first, end):
+    """Move the pairs of `pairs[first:end]` that are not among those before to their end; returns the index
+    after the last."""
+    mark_pairs(bodies, pieces, pairs, first)
+    for k in range(first, end):
+        if not is_marked(bodies, pieces, pairs, pairs[k]):
+            if k != first:
+                pairs[first] = pairs[k]
+            first += 1
+    return first
 
 
 @kernel

@@ -6,7 +6,7 @@ deep part lies between two frames, the path is unknown; it counts as a passage o
 
 - the bodies are too slow to have gone round, or
 - the velocities before lead in on one side and the velocities after lead back in on the other, each as deep
-  as a passage, or
+  as a passage, and each body moved as far as one change from the former to the latter explains, or
 - only the velocities before lead in so deep, and the engine reports no contact.
 
 Reported contacts hide no passage that the first two conditions prove. If the spin of the larger piece changed
@@ -117,10 +117,23 @@ def _sure(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
         return False
     after = _entry(pair, (motions.backward(a, frame + 1), motions.backward(b, frame + 1)))
     if after is not None:
-        return bool(before.normal @ after.normal < 0)
+        known = not any(_struck_often(context, pair, body, frame) for body in pair.bodies)
+        return known and bool(before.normal @ after.normal < 0)
     rows = context.recording.contacts
     reported = (rows["body_a"] == a) & (rows["body_b"] == b) & (context.contact_frame == frame)
     return not reported.any()
+
+
+def _struck_often(context: Context, pair: Pair, body: int, frame: int) -> bool:
+    """Whether no single change of a body's velocity in a frame explains its displacement, within half of both
+    pieces and the fall of a frame: its path is unknown."""
+    motions = pair.motions
+    way, before = motions.chord(body, frame).way, motions.onward(body, frame).way
+    change = motions.onward(body, frame + 1).way - before
+    square = float(change @ change)
+    share = float(np.clip((way - before) @ change / square, 0.0, 1.0)) if square > 0 else 0.0
+    fall = float(np.linalg.norm(context.gravity)) * context.frame**2
+    return float(np.linalg.norm(way - before - share * change)) > THROUGH * pair.thickness + fall
 
 
 def _entry(pair: Pair, steps: tuple[Step, Step]) -> Sample | None:
