@@ -2,7 +2,13 @@
 
 from math import inf, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, is_free, is_marked, mark_pairs, place_listed
+from touchstone.reference_impl.broad_phase.detection import (
+    detect,
+    is_free,
+    is_marked,
+    mark_pairs,
+    place_listed,
+)
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.core.conventions import (
     IMPULSES_TOGETHER,
