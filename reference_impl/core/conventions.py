@@ -293,12 +293,10 @@ TIME_OF_IMPACT_STEPS = 500
 """Steps of conservative advancement; 3 are usual for a bullet, 6 to 50 for a spin of several radians."""
 LEAP_CUT = 0.5
 """Factor between trial leaps [1]; a trial takes one support query per piece, not a distance query."""
-
 PAST_MIDDLE = 0.5
 """Fraction of the widths of link and obstacle beyond which the way out may lead to the far side [1]."""
 DRIVEN_DEPTH_SHARE = 0.2
-"""Fraction of the least widths of a driven link and an obstacle by which the link may penetrate it [1]; from
-half of them on, the far side may be nearer."""
+"""Depth that a driven link may reach in an obstacle, over both least widths [1]; half is past the middle."""
 DRIVEN_DEPTH_SLACK = 0.025
 """Accepted deviation from DRIVEN_DEPTH_SHARE [1]."""
 SEGMENT_TURN = 0.5
