@@ -6,11 +6,12 @@ deep part lies between two frames, the path is unknown; it counts as a passage o
 
 - the bodies are too slow to have gone round, or
 - the velocities before lead in on one side and the velocities after lead back in on the other, each as deep
-  as a passage, and each body moved as far as one change from the former to the latter explains, or
+  as a passage, or
 - only the velocities before lead in so deep, and the engine reports no contact.
 
-Reported contacts hide no passage that the first two conditions prove. If the spin of the larger piece changed
-within the frame, the last two prove nothing: its sides are known only at the frames.
+Reported contacts hide no passage that the first two conditions prove. The last two prove nothing if the spin
+of the larger piece changed within the frame, since its sides are known only at the frames, or if a body moved
+otherwise than one change of its velocity explains, since others struck it on its way.
 """
 
 from __future__ import annotations
@@ -112,13 +113,14 @@ def _sure(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
     motions, (a, b) = pair.motions, pair.bodies
     if motions.spun(pair.larger, frame) > LARGE_TURN:
         return False
+    if any(_struck_often(context, pair, body, frame) for body in pair.bodies):
+        return False
     before = _entry(pair, (motions.onward(a, frame), motions.onward(b, frame)))
     if before is None:
         return False
     after = _entry(pair, (motions.backward(a, frame + 1), motions.backward(b, frame + 1)))
     if after is not None:
-        known = not any(_struck_often(context, pair, body, frame) for body in pair.bodies)
-        return known and bool(before.normal @ after.normal < 0)
+        return bool(before.normal @ after.normal < 0)
     rows = context.recording.contacts
     reported = (rows["body_a"] == a) & (rows["body_b"] == b) & (context.contact_frame == frame)
     return not reported.any()

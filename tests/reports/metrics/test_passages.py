@@ -292,6 +292,14 @@ def test_a_body_struck_often_has_no_known_path(lab, recordings, down, expected):
     assert counted(recordings, scenario, **columns, contacts=told) == expected
 
 
+def test_a_body_struck_aside_is_not_convicted(lab, recordings):
+    """No contact with the plate is reported, but others struck the ball: it may have gone round."""
+    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=2 * FRAME)
+    position = np.array([(0.0, 0.0, 0.3), (0.0, 0.0, -0.3), (1.0, 0.0, -0.3)])
+    velocity = np.array([(0.0, 0.0, -1.5), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)]) / FRAME
+    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+
+
 def test_pieces_of_a_body_pass_together(lab, recordings):
     """A body of two balls that goes through a plate passes once; two bodies twice."""
     dumbbell = lab.ball("dumbbell")
