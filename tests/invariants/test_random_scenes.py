@@ -165,7 +165,7 @@ def test_a_jammed_heap_does_not_sink(profile: str) -> None:
     assert broken(played(profile, range(20230, 20231))) == []
 
 
-JAMMED = pytest.mark.xfail(reason="separation lifts 10 kg off 1 g: 1.2e-6 of the energy in a frame", strict=True)
+JAMMED = pytest.mark.xfail(reason="separation lifts 10 kg off 1 g: rise of 1.2e-6 in a frame", strict=True)
 
 
 @pytest.mark.slow
