@@ -73,16 +73,16 @@ def rotate_freely(body, h, flight):
     size = sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
     steady = x * x + y * y + z * z <= (STEADY_SPIN * size * rate) ** 2
     euler = flight == FLIGHT_EULER and not steady
-    # an absurdly fast or NaN spin keeps its axis, which conserves the energy but not the momentum
-    absurd = not rate * h < SPIN_STEPS * SPIN_STEP
-    if euler or steady or absurd:
+    # a spin beyond the steps, or NaN, keeps its omega, which conserves the energy but not the momentum
+    too_fast = not rate * h < SPIN_STEPS * SPIN_STEP
+    if euler or steady or too_fast:
         turn(body["old_orientation"], omega[0] * h, omega[1] * h, omega[2] * h, body["orientation"])
         matrix_of(body["orientation"], body["rotation"])
         if euler:
             body["spin_keeps"] = KEEPS_MOMENTUM
             free_omega(body, body["omega"])
         else:
-            body["spin_keeps"] = KEEPS_OMEGA if absurd else KEEPS_NOTHING
+            body["spin_keeps"] = KEEPS_OMEGA if too_fast else KEEPS_NOTHING
             refresh_inertia(body)
         return
     body["spin_keeps"] = KEEPS_MOMENTUM

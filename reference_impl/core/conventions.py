@@ -276,7 +276,7 @@ TIME_MIN = 1e-12
 
 # free rotation
 KEEPS_NOTHING, KEEPS_MOMENTUM, KEEPS_OMEGA = 0, 1, 2
-"""What is constant over a body's substep: angular momentum, omega, or neither because contacts turn it."""
+"""What is constant over a body's substep: neither (contacts turn it), angular momentum, or omega."""
 SPIN_STEP = 0.4
 """Rotation that one step of the series covers [rad]: 13 to 25 terms; the cost hardly depends on it."""
 SPIN_TERMS = 28
