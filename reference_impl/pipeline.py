@@ -23,7 +23,6 @@ from touchstone.reference_impl.core.conventions import (
     EVENT_CAP,
     FIXED,
     IMPULSES_TOGETHER,
-    NEWTON_WORK,
     SIMULATED,
     TIME_MIN,
 )
@@ -38,6 +37,7 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
+from touchstone.reference_impl.core.solver_conventions import NEWTON_WORK
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.driven.attraction import approach, set_goals
 from touchstone.reference_impl.driven.global_depth import largest_depth

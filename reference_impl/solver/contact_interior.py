@@ -16,22 +16,24 @@ row's mass. Newton's method finishes the result.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import (
+from touchstone.reference_impl.core.counters import COUNT_FACTORS
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import invert_symmetric
+from touchstone.reference_impl.core.solver_conventions import (
     INTERIOR_ALLOWANCE,
     INTERIOR_BOUNDARY,
     INTERIOR_CENTRE,
+    INTERIOR_FEW,
     INTERIOR_FRICTION,
     INTERIOR_LEAST,
     INTERIOR_LONG,
+    INTERIOR_MOST,
     INTERIOR_SHORT,
     INTERIOR_STALLS,
     INTERIOR_STEPS,
     INTERIOR_TARGET,
-    INTERIOR_WORK,
+    NEWTON_MOST,
 )
-from touchstone.reference_impl.core.counters import COUNT_FACTORS
-from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import invert_symmetric
 from touchstone.reference_impl.solver.contact_rows import (
     changed_velocity,
     into_cone,
@@ -59,11 +61,12 @@ def interior(solver, state):
     """
     work, before = lay_out(solver), solver["best_residual"]
     left = state["newton_work"]
-    if work < 0 or left < -INTERIOR_WORK or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
+    if work < 0 or left < -INTERIOR_MOST or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
         return False
+    most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
     _begin(solver)
     share, least, stalled = 1.0, 1e300, 0
-    for _ in range(INTERIOR_STEPS):
+    for _ in range(most):
         _set_impulses(solver)
         if not _set_scaling(solver):
             break

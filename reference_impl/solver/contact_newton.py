@@ -13,7 +13,10 @@ soft contacts, whose solution is unique; the later ones are stiffer.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import (
+from touchstone.reference_impl.core.counters import COUNT_FACTORS
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
+from touchstone.reference_impl.core.solver_conventions import (
     COMPLIANCE_FALL,
     COMPLIANCE_FIRST,
     COMPLIANCE_LAST,
@@ -35,9 +38,6 @@ from touchstone.reference_impl.core.conventions import (
     RESIDUAL_ROUNDING,
     RESIDUAL_TARGET,
 )
-from touchstone.reference_impl.core.counters import COUNT_FACTORS
-from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
 from touchstone.reference_impl.solver.contact_rows import (
     changed_velocity,
     into_cone,
@@ -57,12 +57,13 @@ from touchstone.reference_impl.solver.envelope import (
 
 
 @kernel
-def newton(solver, evenly, state):
+def newton(solver, evenly, patient, state):
     """Improve an island's impulses until they reach RESIDUAL_TARGET or stall; stores them by `keep_best`.
 
     Args:
         evenly: all rows are as stiff as the stiffest. By their own mobility, the rows of a light body are too
             soft for the load of a heavy one that it carries.
+        patient: go on, with softer contacts, where an inner solve fails; otherwise, return there.
     """
     work = lay_out(solver)
     if work < 0:
@@ -85,6 +86,8 @@ def newton(solver, evenly, state):
         state["newton_work"] -= used * work
         left -= used
         if not solved:
+            if not patient:
+                return
             rebuild(solver)
             compliance = min(1.0, compliance * COMPLIANCE_RISE)
             continue

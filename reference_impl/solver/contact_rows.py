@@ -7,16 +7,16 @@ friction is at most mu times impulse.n, and exactly that, opposite to the slidin
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import (
+from touchstone.reference_impl.core.conventions import SLIP_MIN
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.solver_conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_OPEN,
     ROUNDING,
     SLIDE_ROUNDING,
     SLIDE_STEPS,
-    SLIP_MIN,
 )
-from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import copy_vector
 
 
 @kernel

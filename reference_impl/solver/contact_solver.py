@@ -1,8 +1,8 @@
 """Contact solver: impulses that satisfy Coulomb's law in all rows of an island together.
 
 From a warm start, the solver sweeps by projected Gauss-Seidel with conjugate directions (Silcowitz, Niebe &
-Erleben 2010). If the sweeps do not converge, Newton's method solves the proximal problem (`contact_newton`);
-where it cycles, an interior-point method gives it another start (`contact_interior`). The solver keeps the
+Erleben 2010). If the sweeps come close, Newton's method finishes the result (`contact_newton`); otherwise, or
+if it cycles, an interior-point method finds another start for it (`contact_interior`). The solver keeps the
 impulses with the smallest residual.
 
 It scales impulses that did not converge down until contacts do no positive work. With u the velocities
@@ -25,19 +25,7 @@ resting contact that separates slowly may come back as fast; in an island that f
 
 from math import inf
 
-from touchstone.reference_impl.core.conventions import (
-    APPROACH_MIN,
-    DENSE_SWEEPS,
-    DENSE_VISITS,
-    FIRST_SWEEPS,
-    FLIGHT_BALLISTIC,
-    FRICTION_PAPER,
-    MOST_SWEEPS,
-    MOST_VISITS,
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_OPEN,
-    RESIDUAL_TARGET,
-)
+from touchstone.reference_impl.core.conventions import APPROACH_MIN, FLIGHT_BALLISTIC, FRICTION_PAPER
 from touchstone.reference_impl.core.counters import (
     COUNT_GUARDED,
     COUNT_OPEN_SOLVES,
@@ -47,6 +35,17 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.solver_conventions import (
+    DENSE_SWEEPS,
+    DENSE_VISITS,
+    FIRST_SWEEPS,
+    INTERIOR_FROM,
+    MOST_SWEEPS,
+    MOST_VISITS,
+    RESIDUAL_ACCEPTED,
+    RESIDUAL_OPEN,
+    RESIDUAL_TARGET,
+)
 from touchstone.reference_impl.simulated.contact import surface_velocity
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
@@ -181,25 +180,24 @@ def solve_loaded(solver, state):
 
 @kernel
 def _iterate(solver, state):
-    """Run sweeps, Newton's method, the interior-point method and more sweeps until one of them converges."""
+    """Run sweeps, the interior-point method, Newton's method and more sweeps until one of them converges."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        newton(solver, False, state)
-        take_best(solver)
-        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
-            return
-        if interior(solver, state):
-            take_best(solver)
-            newton(solver, False, state)
+        if solver["best_residual"] <= INTERIOR_FROM:
+            newton(solver, False, False, state)
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
-        newton(solver, True, state)
-        take_best(solver)
-        if solver["best_residual"] <= RESIDUAL_ACCEPTED:
-            return
+        interior(solver, state)
+        # the second attempt is with all contacts as stiff as the stiffest
+        for attempt in range(2):
+            take_best(solver)
+            newton(solver, attempt == 1, True, state)
+            take_best(solver)
+            if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+                return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))

@@ -5,8 +5,13 @@ the factorisation causes no fill-in outside (Jennings 1966). Movers are ordered 
 the island (Cuthill & McKee 1969), which keeps rows short.
 """
 
+import numpy as np
+
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.solver_dtypes import NEWTON_ENTRIES, NEWTON_MOVERS, NEWTON_ROWS
+
+ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+"""Unsigned: with a signed literal, an unsigned index would become a floating-point number."""
 
 
 @kernel
@@ -80,40 +85,51 @@ def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
         block[5, j] = r_p[0] * y - r_p[1] * x
     for i in range(6):
         x, y, z = block[i, 0], block[i, 1], block[i, 2]
-        start = offset[6 * p + i] + 6 * q
-        # add only half of a diagonal block
-        stop = i + 1 if p == q else 6
-        for j in range(stop):
-            if j == 0:
-                value = x
-            elif j == 1:
-                value = y
-            elif j == 2:
-                value = z
-            elif j == 3:
-                value = r_q[1] * z - r_q[2] * y
-            elif j == 4:
-                value = r_q[2] * x - r_q[0] * z
-            else:
-                value = r_q[0] * y - r_q[1] * x
-            entries[start + j] += value
+        at = np.uint64(offset[6 * p + i] + 6 * q)
+        # only half of a diagonal block is stored
+        stop = i if p == q else 5
+        entries[at] += x
+        if stop >= 1:
+            entries[at + ONE] += y
+        if stop >= 2:
+            entries[at + TWO] += z
+        if stop >= 3:
+            entries[at + THREE] += r_q[1] * z - r_q[2] * y
+        if stop >= 4:
+            entries[at + FOUR] += r_q[2] * x - r_q[0] * z
+        if stop >= 5:
+            entries[at + FIVE] += r_q[0] * y - r_q[1] * x
 
 
 @inlined_kernel
 def _dot(one, p, two, q, count):
-    """Sum of one[p + k] two[q + k], as four independent sums for instruction-level parallelism."""
+    """Sum of one[p + k] two[q + k], as four independent sums for instruction-level parallelism.
+
+    Indices are unsigned: Numba tests signed ones for negative values, which doubles the time.
+    """
     a = b = c = d = 0.0
-    k = 0
-    while k + 4 <= count:
-        a += one[p + k] * two[q + k]
-        b += one[p + k + 1] * two[q + k + 1]
-        c += one[p + k + 2] * two[q + k + 2]
-        d += one[p + k + 3] * two[q + k + 3]
-        k += 4
-    while k < count:
-        a += one[p + k] * two[q + k]
-        k += 1
+    i, j = np.uint64(p), np.uint64(q)
+    end = i + np.uint64(count)
+    while i + FOUR <= end:
+        a += one[i] * two[j]
+        b += one[i + ONE] * two[j + ONE]
+        c += one[i + TWO] * two[j + TWO]
+        d += one[i + THREE] * two[j + THREE]
+        i, j = i + FOUR, j + FOUR
+    while i < end:
+        a += one[i] * two[j]
+        i, j = i + ONE, j + ONE
     return (a + b) + (c + d)
+
+
+@inlined_kernel
+def _subtract_product(one, p, two, q, count, factor):
+    """Subtract factor two[q + k] from one[p + k]; indices are unsigned, as in `_dot`."""
+    i, j = np.uint64(p), np.uint64(q)
+    end = i + np.uint64(count)
+    while i < end:
+        one[i] -= factor * two[j]
+        i, j = i + ONE, j + ONE
 
 
 @kernel
@@ -140,14 +156,12 @@ def solve_factors(solver):
     begin, x = solver["begin"], solver["step"]
     size = 6 * solver["mover_count"]
     for i in range(size):
-        total = -solver["gradient"][i]
-        for k in range(begin[i], i):
-            total -= lower[offset[i] + k] * x[k]
-        x[i] = total
+        first = begin[i]
+        x[i] = -solver["gradient"][i] - _dot(lower, offset[i] + first, x, first, i - first)
     for i in range(size - 1, -1, -1):
         x[i] /= lower[offset[i] + i]
-        for k in range(begin[i], i):
-            x[k] -= upper[offset[i] + k] * x[i]
+        first = begin[i]
+        _subtract_product(x, first, upper, offset[i] + first, i - first, x[i])
 
 
 @kernel

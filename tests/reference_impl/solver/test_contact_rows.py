@@ -138,5 +138,5 @@ def test_newton_solves_chains(seed: int, friction: float, evenly: bool) -> None:
     residual, _ = residual_of(solver)
     keep_best(solver, residual)
     state[0]["newton_work"] = 1e7
-    newton(solver, evenly, state[0])
+    newton(solver, evenly, True, state[0])
     assert solver["best_residual"] <= 1e-9

@@ -7,11 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.core.conventions import (
-    IMPULSES_SEQUENTIAL,
-    IMPULSES_TOGETHER,
-    RESIDUAL_ACCEPTED,
-)
+from touchstone.reference_impl.core.conventions import IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER
+from touchstone.reference_impl.core.solver_conventions import RESIDUAL_ACCEPTED
 
 HALF = 0.05
 

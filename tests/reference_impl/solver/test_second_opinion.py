@@ -11,7 +11,7 @@ from touchstone.reference_impl.solver.contact_solver import solve_loaded
 
 CONVERGED = 1e-11
 """Error of Coulomb's law up to which a solution counts as converged [m/s]."""
-TWO_SOLUTIONS = ("dominoes_d",)
+TWO_SOLUTIONS = ("dominoes_d", "heap_h", "wedge_b")
 """Islands in which Coulomb's law has two solutions: both solvers meet it to 1e-12 m/s, with velocities 2e-6
 m/s apart; halfway between them the error is 1e-8 m/s. A sliding point presses in one of them only."""
 ISLANDS = [(file, name) for file in (USUAL, OPEN) for name in names(file)]
