@@ -43,8 +43,10 @@ LINE_SHARE, LINE_HALVES = 0.1, 10
 EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 1e6, 1.1
 """Longest extrapolation of impulses over their last change, and largest accepted ratio of the residual after
 it to that before [1]."""
-INTERIOR_FROM = 1e-5
-"""Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s]."""
+INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 24
+"""Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s], and
+rows from which it does: Newton's method alone solves most smaller islands in as few factorisations, and keeps
+the solution of the substep before where Coulomb's law has several."""
 INTERIOR_STEPS, INTERIOR_ALLOWANCE = 120, 5e7
 """Most steps of the interior-point method (10 to 30 usual, 60 in jams), and multiplications of an island's
 steps for which it runs after the frame's are used up (30 bodies in a heap)."""

@@ -40,6 +40,7 @@ from touchstone.reference_impl.core.solver_conventions import (
     DENSE_VISITS,
     FIRST_SWEEPS,
     INTERIOR_FROM,
+    INTERIOR_ROWS,
     MOST_SWEEPS,
     MOST_VISITS,
     RESIDUAL_ACCEPTED,
@@ -185,8 +186,8 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        if solver["best_residual"] <= INTERIOR_FROM:
-            newton(solver, False, False, state)
+        if rows < INTERIOR_ROWS or solver["best_residual"] <= INTERIOR_FROM:
+            newton(solver, False, rows < INTERIOR_ROWS, state)
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
