@@ -218,8 +218,8 @@ DENSE_SINKING = 2e-7
 WARM_START_CAPACITY = 4096
 """Contact points whose forces warm-start the next resting contact solve."""
 UNPAID_ATTEMPTS, UNPAID_SHARE = 4, 0.25
-"""Repetitions of a substep whose separation adds energy that no motion pays, and share of its length that each
-takes [1]."""
+"""Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
+that each takes [1]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 

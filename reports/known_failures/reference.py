@@ -114,10 +114,6 @@ CAUSES: tuple[Cause, ...] = (
                 "solver.caps": "balls_box",
                 "solver.residual": "balls_box",
             },
-            "accurate": {
-                "overlap.max": "balls_box",
-                "rest.speed": "balls_box",
-            },
         },
     ),
     Cause(

@@ -165,18 +165,21 @@ def test_a_jammed_heap_does_not_sink(profile: str) -> None:
     assert broken(played(profile, range(20230, 20231))) == []
 
 
-JAMMED = pytest.mark.xfail(reason="separation lifts 10 kg off 1 g: rise of 1.2e-6 in a frame", strict=True)
+JAMMED = pytest.mark.xfail(
+    reason="separation lifts 10 kg off 1 g: rise of 6.5e-7 (balanced) and 3e-8 in a frame", strict=True
+)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [pytest.param(300002, marks=JAMMED), 100590])
-def test_a_jammed_heap_gains_no_energy_and_ends_in_time(seed: int) -> None:
-    """A body squeezed under a load sinks by a limited depth in a substep, and unsolved rounds of impacts end.
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("seed", [pytest.param(300002, marks=JAMMED), 100590, 7100668])
+def test_a_jammed_heap_gains_no_energy_and_ends_in_time(profile: str, seed: int) -> None:
+    """A body squeezed under a load sinks by a limited depth in a substep, and jams are solved.
 
-    Before, separation lifted the heap of seed 300002 (1 g under 10 kg) by 4 mm, and a frame of seed 100590
-    took 6 s.
+    Before, separation lifted the heap of seed 300002 (1 g under 10 kg) by 4 mm, a frame of seed 100590 took
+    6 s, and the heap of seed 7100668 gained 2e-3 of its energy in a frame.
     """
-    assert broken(played("accurate", range(seed, seed + 1)), LAWS) == []
+    assert broken(played(profile, range(seed, seed + 1)), LAWS) == []
 
 
 @pytest.mark.parametrize("profile", PROFILES)
