@@ -52,6 +52,7 @@ STATE = record(
     rows="i8",  # contact rows of the frame's substeps so far
     last_rows="i8",  # contact rows of the last substep
     dense_substep="i8",  # 1: the substep is dense
+    separates="i8",  # 1 while separation solves for the least motion
     squeezed="i8",  # 1: a simulated body has no room beside a driver
     # errors of a frame: each is 0 if the frame was resolved exactly
     residual="f8",  # largest residual of the contact solves [m/s]

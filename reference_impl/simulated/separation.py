@@ -167,7 +167,9 @@ def _move_together(world, first, end, left, most):
             pair["point"][i] = (pair["point_a"][i] + pair["point_b"][i]) / 2
         pair["friction"] = 0.0
         begin_row(bodies, pair, pair["depth"] - left)
+    state["separates"] = 1
     solve_contacts(bodies, world.joints, world.drivers, rows, end - first, False, state)
+    state["separates"] = 0
     near = True
     for k in range(len(bodies)):
         if bodies[k]["kind"] == SIMULATED:

@@ -186,7 +186,9 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        if rows < INTERIOR_ROWS or solver["best_residual"] <= INTERIOR_FROM:
+        # where bodies have no room to separate, the interior-point method ends far off
+        near = rows < INTERIOR_ROWS or solver["best_residual"] <= INTERIOR_FROM
+        if near or state["separates"] == 1:
             newton(solver, False, rows < INTERIOR_ROWS, state)
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
