@@ -35,7 +35,7 @@ NEWTON_INNER, NEWTON_FACTORS = 15, 150
 """Factorisations of one outer iteration, and of all outer iterations of an island."""
 NEWTON_WORK, NEWTON_ALLOWANCE, NEWTON_MOST = 3e7, 1e7, 3e9
 """Multiplications of all factorisations of a frame, some 15 ms; those of an island after these are used up;
-and those over the frame's up to which islands have these, about 2 s. Sweeps solve islands that need more."""
+and those over the frame's up to which islands have these, about 2 s."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
@@ -51,8 +51,8 @@ INTERIOR_STEPS, INTERIOR_ALLOWANCE = 120, 5e7
 """Most steps of the interior-point method (10 to 30 usual, 60 in jams), and multiplications of an island's
 steps for which it runs after the frame's are used up (30 bodies in a heap)."""
 INTERIOR_FEW, INTERIOR_MOST = 40, 4e9
-"""Most steps once islands do without Newton's method, and multiplications over the frame's up to which it
-takes these, 2 to 3 s."""
+"""Most steps of the interior-point method after NEWTON_MOST, and multiplications over the frame's up to which
+it runs, 2 to 3 s; after these, sweeps alone."""
 INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
 """Residual at which it ends; residual below which it ends where rounding stops it, and steps that tell so
 [m/s]."""

@@ -56,13 +56,11 @@ from touchstone.reference_impl.solver.envelope import (
 def interior(solver, state):
     """Find an island's impulses from none, to about INTERIOR_TARGET; stores them by `keep_best`.
 
-    Returns:
-        Whether the impulses improved. They do not if the budget does not allow INTERIOR_STEPS factorisations.
+    It does nothing if the frame's budget does not allow INTERIOR_STEPS factorisations.
     """
-    work, before = lay_out(solver), solver["best_residual"]
-    left = state["newton_work"]
+    work, left = lay_out(solver), state["newton_work"]
     if work < 0 or left < -INTERIOR_MOST or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
-        return False
+        return
     most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
     _begin(solver)
     share, least, stalled = 1.0, 1e300, 0
@@ -95,7 +93,6 @@ def interior(solver, state):
         elif length > INTERIOR_LONG:
             share = min(1.0, share + 0.25)
         _advance(solver, length)
-    return solver["best_residual"] < before
 
 
 @kernel

@@ -186,10 +186,10 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        # where bodies have no room to separate, the interior-point method ends far off
-        near = rows < INTERIOR_ROWS or solver["best_residual"] <= INTERIOR_FROM
-        if near or state["separates"] == 1:
-            newton(solver, False, rows < INTERIOR_ROWS, state)
+        small = rows < INTERIOR_ROWS
+        # where bodies have no room to separate, the interior-point method ends far from a solution
+        if small or state["separates"] == 1 or solver["best_residual"] <= INTERIOR_FROM:
+            newton(solver, False, small, state)
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return

@@ -292,7 +292,7 @@ def test_a_body_struck_often_has_no_known_path(lab, recordings, down, expected):
     assert counted(recordings, scenario, **columns, contacts=told) == expected
 
 
-def test_a_body_struck_aside_is_not_convicted(lab, recordings):
+def test_a_body_struck_aside_counts_no_passage(lab, recordings):
     """No contact with the plate is reported, but others struck the ball: it may have gone round."""
     scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=2 * FRAME)
     position = np.array([(0.0, 0.0, 0.3), (0.0, 0.0, -0.3), (1.0, 0.0, -0.3)])
