@@ -12,10 +12,12 @@ from touchstone.reference_impl.broad_phase.fat_bounds import is_isolated, reset_
 from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
 from touchstone.reference_impl.chains.chain_servo import advance_links, recoil, set_pushing_velocities
 from touchstone.reference_impl.chains.link_mobility import weigh_links
+from touchstone.reference_impl.continuous.contact_acceleration import corrects_rotation
 from touchstone.reference_impl.continuous.driven_time_of_impact import sweep_drivers
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.core.conventions import (
+    DENSE_CALM,
     DETECTION_DISCRETE,
     DETECTION_FAST,
     DETECTION_SWEEP,
@@ -29,6 +31,7 @@ from touchstone.reference_impl.core.conventions import (
     UNPAID_SHARE,
 )
 from touchstone.reference_impl.core.counters import (
+    COUNT_DENSE,
     COUNT_EVENTS,
     COUNT_GAVE_UP,
     STAGE_COLLISION,
@@ -201,7 +204,8 @@ def _simulate(world):
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
     vertices, pairs, state = world.vertices, world.pairs, world.state
     left, weighed, yielded = state["dt"], False, False
-    state["rows"] = 0
+    # a crowded frame mostly follows another: do not try event by event again
+    state["rows"] = state["event_rows"] if state["dense_frame"] == 1 else 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, h = gather_contacts(world, left)
@@ -214,7 +218,7 @@ def _simulate(world):
         weigh_links(bodies, joints, drivers, pairs, touching, state["dt"])
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])
-        if not resolve_impacts(world, touching, time):
+        if not resolve_impacts(world, touching, time, h):
             state["counters"][COUNT_GAVE_UP] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
         begin_substep(bodies, drivers)
@@ -241,6 +245,8 @@ def _simulate(world):
         if left <= TIME_MIN:
             break
         state["counters"][COUNT_EVENTS] += 1
+    busy = state["counters"][COUNT_DENSE] > 0 and state["counters"][COUNT_EVENTS] >= DENSE_CALM
+    state["dense_frame"] = 1 if busy and corrects_rotation(state) else 0
     if left > TIME_MIN:
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1

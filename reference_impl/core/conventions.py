@@ -152,8 +152,9 @@ IMPACT_STEPS = 60
 """Bracketing steps for the time of an impact; about 6 are usual."""
 APPROACH_MIN = 1e-4
 """Approach speed below which a contact is not an impact [m/s]."""
-SETTLE_MIN = 1e-6
-"""Approach speed from which touching pairs stop before the contact solve [m/s]; else they sink by 1e-8 m."""
+SETTLE_DEPTH = 1.7e-8
+"""Depth by which an approaching pair would sink in a substep, from which it stops before the contact solve
+[m]."""
 SEPARATION_MIN = 1e-8
 """Speed of a touching pair that is no separation [m/s]: a weight of 10 N does 1e-9 J of work per frame."""
 NO_FLOOR = -1e300
@@ -164,8 +165,17 @@ m."""
 STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
 """Fraction of a substep from which the end of sliding counts as its end, and fraction of the time to an
 earlier one that the substep takes [1]: exactly there, on the cone without sliding, sweeps converge slowly."""
-RESTING_CONTACT_ROUNDS = 6
-"""Attempts at a substep in which sliding contacts stop; 1 or 2 are usual."""
+STOP_ERROR = 1e-11
+"""Error in the position of a sliding contact below which its stop within a substep is no event [m]."""
+STOP_LATER = 1.1
+"""Ratio of the time to a stop and a shortened substep from which the substep is solved again, longer [1]."""
+BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
+"""Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
+share of it that a shortened substep allows [1]."""
+NEVER = 1e300
+"""Longer than any substep, as a share of it [1]."""
+RESTING_CONTACT_ROUNDS = 10
+"""Attempts at a substep in which sliding contacts stop or bodies rotate; 1 or 2 are usual."""
 SLIP_MIN = 1e-9
 """Sliding speed below which the direction of sliding is undefined [m/s]."""
 ENERGY_ROUNDING = 1e-13
@@ -208,11 +218,13 @@ TOUCH_CLOSED = 9e-7
 """Gap to which a speculative contact may close [m]: touching, but not yet an impact (IMPACT_TARGET)."""
 EVENT_CAP = 192
 """Substeps of one frame: DENSE_EVENTS, DENSE_PARTS, and the rest for impacts within dense substeps."""
+DENSE_CALM = 4
+"""Events of a crowded frame from which the next one is crowded from its start."""
 DENSE_PARTS = 32
 """Most dense substeps per frame that rotation may require."""
 DENSE_SPEED = 0.01
-"""Relative speed of touching polyhedra from which DENSE_PARTS / 2 is the least division of a frame [m/s]:
-their contact points move."""
+"""Relative speed of touching polyhedra from which DENSE_PARTS / 4 is the least division of a frame [m/s], or
+half of them where rotation is not corrected: their contact points move."""
 DENSE_SINKING = 2e-7
 """Sinking of a rotating body that the length of a dense substep allows [m]: a fifth of OVERLAP_TOLERANCE."""
 WARM_START_CAPACITY = 4096

@@ -51,6 +51,7 @@ STATE = record(
     event_rows="i8",  # contact rows of a frame's event-driven substeps, beyond which substeps are dense
     rows="i8",  # contact rows of the frame's substeps so far
     last_rows="i8",  # contact rows of the last substep
+    dense_frame="i8",  # 1: the last frame had dense substeps, and events
     dense_substep="i8",  # 1: the substep is dense
     separates="i8",  # 1 while separation solves for the least motion
     squeezed="i8",  # 1: a simulated body has no room beside a driver

@@ -44,6 +44,7 @@ def expand_manifolds(pieces, vertices, pairs, touching, state):
         a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
         pair["next_point"] = -1
         pair["level"] = 0.5
+        pair["edge_a"][:] = pair["edge_b"][:] = 0.0
         if not is_polyhedral(a, b):
             pair["manifold"] = -1
             if rows < len(pairs) and are_alongside(a, b, max(0.0, pair["distance"]) + TOUCH_DISTANCE):
@@ -93,6 +94,9 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
     count_a, count_b = _order(lower, count_a), _order(upper, count_b)
     area_a, area_b = _plane(lower, count_a, plane), _plane(upper, count_b, plane)
     if area_a == 0 and area_b == 0:
+        if count_a == 2 and count_b == 2:
+            _write_edge(lower, state["mobility"], pair["edge_a"])
+            _write_edge(upper, state["mobility"], pair["edge_b"])
         return 0, False
     face_on_a = _is_reference(area_a, area_b, pair["normal"])
     if face_on_a:
@@ -110,6 +114,15 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
             lower[kept, 0], lower[kept, 1], lower[kept, 2] = x, y, gap
             kept += 1
     return kept, face_on_a
+
+
+@kernel
+def _write_edge(points, frame, out_edge):
+    """Write the world direction between two points of the contact frame."""
+    x, y, z = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1], points[1, 2] - points[0, 2]
+    size = sqrt(x * x + y * y + z * z)
+    for i in range(3):
+        out_edge[i] = (frame[0, i] * x + frame[1, i] * y + frame[2, i] * z) / size
 
 
 @kernel

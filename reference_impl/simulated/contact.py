@@ -48,6 +48,16 @@ def relative_velocity(bodies, pair, state):
 
 
 @kernel
+def final_velocity(bodies, pair, state):
+    """As `relative_velocity`, at the end of a substep whose rotation changes it by the pair's `bias`."""
+    relative_velocity(bodies, pair, state)
+    v, n = state["velocity"], pair["normal"]
+    for i in range(3):
+        v[i] += pair["bias"][i]
+    return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
+
+
+@kernel
 def meeting_velocity(bodies, pair):
     """Velocity of B relative to A at a pair's contact point."""
     x, y, z = _velocity_at(bodies[pair["body_b"]], pair["point"])

@@ -7,9 +7,17 @@ dense substep.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import EVENT_CAP, FLIGHT_EULER, NO_FLOOR, SLIDE_MIN, SLIP_MIN
+from touchstone.reference_impl.core.conventions import (
+    EVENT_CAP,
+    FLIGHT_EULER,
+    NEVER,
+    NO_FLOOR,
+    SLIDE_MIN,
+    SLIP_MIN,
+    STOP_ERROR,
+)
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.simulated.contact import relative_velocity
+from touchstone.reference_impl.simulated.contact import final_velocity
 
 
 @kernel
@@ -22,7 +30,7 @@ def first_return(bodies, pairs, count, state):
     for k in range(count):
         pair = pairs[k]
         if pair["floor"] == NO_FLOOR:
-            left, now = _separation(pair), relative_velocity(bodies, pair, state)
+            left, now = _separation(pair), final_velocity(bodies, pair, state)
             if now < -left:
                 first = min(first, 2 * left / (left - now))
     return first
@@ -33,30 +41,32 @@ def note_free_slip(bodies, pairs, count, state):
     """Store each row's speed along its initial sliding direction, after forces and before impulses."""
     for k in range(count):
         pair = pairs[k]
-        relative_velocity(bodies, pair, state)
+        final_velocity(bodies, pair, state)
         slip = _slip(pair)
         pair["free_slip"] = _along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
 
 
 @kernel
-def first_stop(bodies, pairs, count, state):
-    """Fraction of the substep at which the first sliding contact stops or reverses, at most 1."""
-    first = 1.0
+def first_stop(bodies, pairs, count, h, state):
+    """Fraction of the substep at which the first sliding contact stops or reverses; over 1 if the first stops
+    later, by its present braking."""
+    first = NEVER
     if state["flight"] != FLIGHT_EULER and state["dense_substep"] == 0:
         for k in range(count):
             if pairs[k]["manifold"] < 0 or pairs[k]["manifold"] == k:
-                first = min(first, _stop(bodies, pairs, k, state))
+                first = min(first, _stop(bodies, pairs, k, h, state))
     return first
 
 
 @kernel
-def _stop(bodies, pairs, k, state):
+def _stop(bodies, pairs, k, h, state):
     """`first_stop` of one manifold as a whole, or of one row without a manifold.
 
     Along the initial sliding direction, the speed u becomes f without friction and u' with the friction p.
     Friction at the cone's limit L changes it by (u' - f) L / p, so sliding stops after
     u / (u - f + (f - u') L / p) of the substep. Friction that stops the sliding exactly at the end is less
-    than L; friction that reverses it points forward.
+    than L; friction that reverses it points forward. A stop whose position is exact to STOP_ERROR within h
+    is no event.
     """
     fastest, last, turns = 0.0, 0.0, False
     u = f = end = p = limit = 0.0
@@ -66,7 +76,7 @@ def _stop(bodies, pairs, k, state):
         n, held, slip = pair["normal"], pair["resting_impulse"], _slip(pair)
         j = n[0] * held[0] + n[1] * held[1] + n[2] * held[2]
         if j > 0 and slip > SLIP_MIN:
-            v_n = relative_velocity(bodies, pair, state)
+            v_n = final_velocity(bodies, pair, state)
             along = _along_slip(pair, v) / slip
             rest = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - v_n * v_n
             fastest, last = max(fastest, slip), max(last, rest)
@@ -74,12 +84,17 @@ def _stop(bodies, pairs, k, state):
             u, f, end = u + slip, f + pair["free_slip"], end + along
             p, limit = p - _along_slip(pair, held) / slip, limit + pair["friction"] * j
         k = pair["next_point"]
-    if fastest <= SLIDE_MIN or limit == 0 or not (turns or last <= SLIP_MIN * SLIP_MIN):
-        return 1.0
+    if fastest <= SLIDE_MIN or limit == 0:
+        return NEVER
+    if not (turns or last <= SLIP_MIN * SLIP_MIN):
+        return u / (u - end) if end < u else NEVER
     # p = 0 lies between braking and forward friction: halve the substep
     time = u - f + (f - end) * limit / p if p != 0 else 2 * u
     # the contact solve handles a stop within the first 1 / EVENT_CAP of the substep
-    return min(1.0, u / time) if 0 < time < EVENT_CAP * u else 1.0
+    if time <= 0 or time >= EVENT_CAP * u:
+        return 1.0
+    share = min(1.0, u / time)
+    return share if fastest * h * (1 - share) > STOP_ERROR else 1.0
 
 
 @kernel

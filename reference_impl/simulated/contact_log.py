@@ -1,5 +1,6 @@
 """Contact log of a frame: one row per impulse, with the surface velocities before and after it."""
 
+from touchstone.reference_impl.core.conventions import SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
@@ -44,6 +45,18 @@ def log_held(bodies, pairs, count, contacts, state, time):
             copy_vector(pair["before_a"], contacts[row]["velocity_a_before"])
             copy_vector(pair["before_b"], contacts[row]["velocity_b_before"])
             close_row(bodies, contacts[row], p)
+            _add_bias(bodies, pair, contacts[row])
+
+
+@kernel
+def _add_bias(bodies, pair, contact):
+    """Add to the velocities after a substep how rotation changes them, on a simulated body."""
+    to_b = bodies[pair["body_b"]]["kind"] == SIMULATED
+    for i in range(3):
+        if to_b:
+            contact["velocity_b_after"][i] += pair["bias"][i]
+        else:
+            contact["velocity_a_after"][i] -= pair["bias"][i]
 
 
 @kernel

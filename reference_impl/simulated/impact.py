@@ -20,7 +20,7 @@ from touchstone.reference_impl.core.conventions import (
     NO_FLOOR,
     REFLECTION_FAILURES,
     REFLECTION_ROUNDS,
-    SETTLE_MIN,
+    SETTLE_DEPTH,
 )
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES, COUNT_OPEN_SOLVES
 from touchstone.reference_impl.core.kernel import kernel
@@ -56,10 +56,11 @@ def rest_speed(state):
 
 
 @kernel
-def resolve_impacts(world, count, time):
+def resolve_impacts(world, count, time, h):
     """Resolve impacts of the touching pairs `pairs[:count]` until none approaches.
 
-    Under IMPULSES_TOGETHER a final solve stops all contacts that are too slow to bounce.
+    Under IMPULSES_TOGETHER a final solve stops all contacts that are too slow to bounce, if they would sink
+    by SETTLE_DEPTH within the substep of length h [s].
 
     Returns:
         Whether fewer than IMPULSE_CAP rounds or impulses sufficed.
@@ -81,7 +82,7 @@ def resolve_impacts(world, count, time):
         strike_together(bodies, joints, drivers, pairs, count, state)
         log_held(bodies, pairs, count, contacts, state, time)
     k = fastest_row(bodies, drivers, pairs, count, -1, state)
-    if k >= 0 and pairs[k]["key"] > SETTLE_MIN:
+    if k >= 0 and pairs[k]["key"] * h > SETTLE_DEPTH:
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["speculative_speed"])
         solve_contacts(bodies, joints, drivers, pairs, count, False, state)

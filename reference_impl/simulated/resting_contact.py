@@ -1,13 +1,16 @@
 """Resting contacts: impulses over a substep that keep touching pairs from approaching (section 5)."""
 
+from touchstone.reference_impl.continuous.contact_acceleration import bias_share, corrects_rotation, set_bias
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     FLIGHT_BALLISTIC,
     IMPULSE_CAP,
     IMPULSES_TOGETHER,
+    NEVER,
     NO_FLOOR,
     RESTING_CONTACT_ROUNDS,
     SEPARATION_MIN,
+    STOP_LATER,
     STOP_SHARE,
     STOP_SHORT,
 )
@@ -30,38 +33,49 @@ def solve_resting_contacts(world, count, time, h):
         count: `pairs[:count]` touch.
         time, h: start of the substep in the frame, and its length [s].
     Returns:
-        The length for which the impulses are valid [s], shorter if a sliding contact stops earlier.
+        The length for which the impulses are valid [s], shorter if a sliding contact stops earlier, or if
+        bodies rotate more than their contacts allow for.
     """
     bodies, pairs, state = world.bodies, world.pairs, world.state
-    converged = True
+    converged, most, extended, exact = True, h, False, corrects_rotation(state)
     for k in range(RESTING_CONTACT_ROUNDS):
-        _prepare_resting_contacts(bodies, pairs, count, state)
+        _prepare_resting_contacts(world, count, h)
         apply_forces(bodies, state["gravity"], h, state["flight"])
         if state["impulses"] == IMPULSES_TOGETHER:
             converged = _solve_together(world, count, h)
         else:
             converged = _solve_in_turn(world, count)
         # a stop time is meaningful only if the impulses converged
-        share = first_stop(bodies, pairs, count, state) if converged else 1.0
+        share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
+        if exact and state["dense_substep"] == 0:
+            share = min(share, bias_share(bodies, world.pieces, pairs, count, h, state))
+        later = min(most, STOP_SHORT * share * h)
         if share >= STOP_SHARE:
-            break
+            # other contacts brake as well: the stop was predicted too early, so solve up to it once more
+            if extended or later < STOP_LATER * h:
+                break
+            extended = True
         if k == RESTING_CONTACT_ROUNDS - 1:
             state["counters"][CAP_HOLD_ROUNDS] += 1
             break
         begin_again(bodies, world.joints, world.drivers)
-        h *= STOP_SHORT * share
+        h = later
     log_held(bodies, pairs, count, world.contacts, state, time)
     return h
 
 
 @kernel
-def _prepare_resting_contacts(bodies, pairs, count, state):
+def _prepare_resting_contacts(world, count, h):
     """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses."""
+    bodies, pairs, state = world.bodies, world.pairs, world.state
     patch_flight = max(APPROACH_MIN, rest_speed(state))
+    exact = corrects_rotation(state)
     for k in range(count):
         pair = pairs[k]
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["manifold"] < 0 else patch_flight))
+        if exact:
+            set_bias(bodies, world.pieces, pair, h, pair["bias"])
 
 
 @kernel

@@ -12,6 +12,7 @@ overlap: the distance of convex pieces is at least their gap along any normal (A
 from math import ceil, sqrt
 
 from touchstone.reference_impl.broad_phase.detection import detect, find_swept_pairs, set_coefficients
+from touchstone.reference_impl.continuous.contact_acceleration import corrects_rotation
 from touchstone.reference_impl.continuous.swept_motion import lever_of
 from touchstone.reference_impl.continuous.time_of_impact import (
     MovingPair,
@@ -169,7 +170,8 @@ def _gather_speculative(world, left):
             _coast(bodies[b], g, left)
     found = find_swept_pairs(world, SIMULATED, 0)
     # limit the substep so that no impact with restitution happens much too early
-    fastest, reach, bend, shifting = v_rest, v_rest * state["dt"], 0.0, False
+    fastest, reach, rate, least = v_rest, v_rest * state["dt"], 0.0, 0.0
+    most = DENSE_PARTS * left / state["dt"]
     for k in range(found):
         pair = pairs[k]
         _measure(bodies, pieces, vertices, pair, state)
@@ -177,16 +179,17 @@ def _gather_speculative(world, left):
             fastest = max(fastest, pair["key"])
         if pair["distance"] < max(TOUCH_DISTANCE, pair["key"] * left):
             a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
-            bend = max(bend, _centripetal(bodies[pair["body_a"]], pieces[pair["piece_a"]], vertices))
-            bend = max(bend, _centripetal(bodies[pair["body_b"]], pieces[pair["piece_b"]], vertices))
-            shifting = shifting or (is_polyhedral(a, b) and _meeting_speed(state) > DENSE_SPEED)
+            flat = is_polyhedral(a, b)
+            exact = flat and corrects_rotation(state)
+            rate = max(rate, _sinking_rate(bodies[pair["body_a"]], a, vertices, exact))
+            rate = max(rate, _sinking_rate(bodies[pair["body_b"]], b, vertices, exact))
+            if flat and _meeting_speed(state) > DENSE_SPEED:
+                least = max(least, most / (4 if exact else 2))
     parts = DENSE_SUBSTEPS if fastest > 0 else 1
     if reach > 0 and fastest * left <= DENSE_SUBSTEPS * reach:
         parts = ceil(fastest * left / reach)
     # limit the substep so that contact points of rotating bodies and of sliding faces move little within it
-    most = DENSE_PARTS * left / state["dt"]
-    parts = max(parts, ceil(most / 2 if shifting else 0.0))
-    parts = max(parts, ceil(min(left * sqrt(bend / (2 * DENSE_SINKING)), most)))
+    parts = max(parts, ceil(least), ceil(min(left * rate, most)))
     h, end = left / parts, 0
     for k in range(found):
         pair = pairs[k]
@@ -212,11 +215,17 @@ def _meeting_speed(state):
 
 
 @kernel
-def _centripetal(body, piece, vertices):
-    """Largest centripetal acceleration of a piece's core about its body's rotation axis [m/s^2]."""
+def _sinking_rate(body, piece, vertices, exact):
+    """Inverse of the time in which rotation moves a point of a piece's core by DENSE_SINKING [1/s], beyond
+    the straight line of its velocity or, if `exact`, the parabola of its acceleration."""
+    if body["kind"] != SIMULATED:
+        return 0.0
     _, lever = lever_of(body, piece, vertices)
     w = body["omega"]
-    return lever * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) if body["kind"] == SIMULATED else 0.0
+    spin = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    if exact:
+        return spin * (lever / (6 * DENSE_SINKING)) ** (1 / 3)
+    return spin * sqrt(lever / (2 * DENSE_SINKING))
 
 
 @kernel

@@ -69,6 +69,7 @@ def begin_row(bodies, pair, floor):
     """Initialise a row: its floor, its surface velocities and a zero impulse."""
     pair["resting_impulse"][:] = 0.0
     pair["floor"] = floor
+    pair["bias"][:] = 0.0
     surface_velocity(bodies[pair["body_a"]], pair["point"], pair["before_a"])
     surface_velocity(bodies[pair["body_b"]], pair["point"], pair["before_b"])
 

@@ -107,6 +107,7 @@ def load_island(bodies, drivers, pairs, head, state):
         u[0], u[1], u[2] = meeting_velocity(bodies, pair)
         for i in range(3):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
+            u[i] += pair["bias"][i]
         contact_mobility(bodies, drivers, pair, pair["point"], row["mobility"])
         prepare_row(row)
 

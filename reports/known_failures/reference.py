@@ -36,7 +36,7 @@ SLIDING = (
     "to 1e-8 m/s, over what counts as converged; a row of dominoes multiplies that, or rounding, to its sides"
 )
 STOPS = (
-    "sliding contacts stop one shortly after the other: after six attempts at a substep it goes on with one "
+    "sliding contacts stop one shortly after the other: after ten attempts at a substep it goes on with one "
     "more stop inside"
 )
 TOP = (
@@ -78,7 +78,7 @@ CAUSES: tuple[Cause, ...] = (
         "reference",
         CUT_SHORT,
         {
-            "balanced accurate": {
+            "accurate": {
                 "friction.deficit": "push_box:torso-box",
             },
         },
@@ -190,9 +190,6 @@ CAUSES: tuple[Cause, ...] = (
         {
             "balanced": {
                 "solver.caps": "arch_slides",
-            },
-            "accurate": {
-                "solver.caps": "coin_spins",
             },
         },
     ),
