@@ -95,7 +95,7 @@ def compile_simulated_loop(parent: int) -> None:
     world = _small_world().of_stages()
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     _compile(pipeline.solve_resting_contacts, world, 0, 0.0, 0.0)
-    _compile(pipeline.resolve_impacts, world, 0, 0.0)
+    _compile(pipeline.resolve_impacts, world, 0, 0.0, 0.0)
     _compile(pipeline.guard_energy, world, 0, True, 0)
     _compile(pipeline.gather_contacts, world, 0.0)
     _compile(pipeline.separate_simulated, world, 0)
