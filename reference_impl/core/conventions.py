@@ -224,7 +224,7 @@ DENSE_PARTS = 32
 """Most dense substeps per frame that rotation may require."""
 DENSE_SPEED = 0.01
 """Relative speed of touching polyhedra from which DENSE_PARTS / 4 is the least division of a frame [m/s], or
-half of them where rotation is not corrected: their contact points move."""
+DENSE_PARTS / 2 if contacts do not follow rotation: their contact points move."""
 DENSE_SINKING = 2e-7
 """Sinking of a rotating body that the length of a dense substep allows [m]: a fifth of OVERLAP_TOLERANCE."""
 WARM_START_CAPACITY = 4096

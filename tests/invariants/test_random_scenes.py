@@ -165,14 +165,18 @@ def test_a_jammed_heap_does_not_sink(profile: str) -> None:
     assert broken(played(profile, range(20230, 20231))) == []
 
 
-JAMMED = pytest.mark.xfail(
-    reason="separation lifts 10 kg off 1 g: rise of 8e-7 (balanced) and 9e-8 in a frame", strict=True
-)
+JAMMED = pytest.mark.xfail(reason="separation lifts 10 kg off 1 g: rise of 7e-7 in a frame", strict=True)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("seed", [pytest.param(300002, marks=JAMMED), 100590, 7100668])
+@pytest.mark.parametrize(
+    ("profile", "seed"),
+    [
+        ("balanced", 300002),
+        pytest.param("accurate", 300002, marks=JAMMED),
+        *((profile, seed) for profile in PROFILES for seed in (100590, 7100668)),
+    ],
+)
 def test_a_jammed_heap_gains_no_energy_and_ends_in_time(profile: str, seed: int) -> None:
     """A body squeezed under a load sinks by a limited depth in a substep, and jams are solved.
 

@@ -51,7 +51,6 @@ def moving_pair(lab: SimpleNamespace, case: str, seed: int):
     world = lab.build(lab.scene(below, above))
     for body in world.bodies:
         body["velocity"], body["omega"] = rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3)
-        body["old_velocity"], body["old_omega"] = body["velocity"], body["omega"]
     return world
 
 
