@@ -224,10 +224,10 @@ def _simulate(world):
         begin_substep(bodies, drivers)
         if touching > 0:
             note_energy(bodies, state)
-        first_held = state["contact_count"]
+        first_held, state["unpaid_energy"] = state["contact_count"], 0.0
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
-        # bodies sink less in a shorter substep
+        # bodies sink less in a shorter substep, and separation lifts them less
         for attempt in range(UNPAID_ATTEMPTS):
             if state["unpaid_energy"] <= 0:
                 break

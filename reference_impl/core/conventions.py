@@ -114,6 +114,8 @@ STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
 SEPARATION_DEPTH = 0.75 * OVERLAP_TOLERANCE
 """Depth that separation leaves if the energy guard is active [m]: a short lift adds little energy."""
+UNPAID_DEPTH = 0.99975 * OVERLAP_TOLERANCE
+"""Depth that it leaves in a substep repeated because no motion paid for the lift [m]."""
 SEPARATION_SWEEPS = 100
 """Sweeps over the pairs of simulated bodies in one round of separation; a heap takes tens."""
 PLAIN_SWEEPS = 20

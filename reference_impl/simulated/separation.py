@@ -21,6 +21,7 @@ from touchstone.reference_impl.core.conventions import (
     SEPARATION_SWEEPS,
     SIMULATED,
     SINKING_SHARE,
+    UNPAID_DEPTH,
     YIELD_ROUNDS,
 )
 from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT_GAVE_UP, COUNT_ROUNDS
@@ -46,7 +47,9 @@ def separate_simulated(world, first):
     """
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
     pairs, state = world.pairs, world.state
-    left = SEPARATION_DEPTH if state["impulses"] == IMPULSES_TOGETHER else 0.0
+    left = 0.0
+    if state["impulses"] == IMPULSES_TOGETHER:
+        left = UNPAID_DEPTH if state["unpaid_energy"] > 0 else SEPARATION_DEPTH
     converged, together, end = True, False, first
     for rounds in range(REMOVAL_ROUNDS):
         end, deepest = detect(world, SIMULATED, first)

@@ -165,18 +165,17 @@ def test_a_jammed_heap_does_not_sink(profile: str) -> None:
     assert broken(played(profile, range(20230, 20231))) == []
 
 
-JAMMED = pytest.mark.xfail(reason="separation lifts 10 kg off 1 g: rise of 7e-7 in a frame", strict=True)
+def test_separation_without_motion_lifts_little() -> None:
+    """Where no motion pays for it, separation lifts a body by a fraction of the tolerance.
+
+    Before, the heap of seed 123456454 gained 3e-6 of its energy in frame 36.
+    """
+    assert broken(played("balanced", range(123456454, 123456455)), LAWS) == []
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("profile", "seed"),
-    [
-        ("balanced", 300002),
-        pytest.param("accurate", 300002, marks=JAMMED),
-        *((profile, seed) for profile in PROFILES for seed in (100590, 7100668)),
-    ],
-)
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("seed", [100590, 300002, 7100668])
 def test_a_jammed_heap_gains_no_energy_and_ends_in_time(profile: str, seed: int) -> None:
     """A body squeezed under a load sinks by a limited depth in a substep, and jams are solved.
 
