@@ -12,7 +12,7 @@ from touchstone.reference_impl.broad_phase.fat_bounds import is_isolated, reset_
 from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
 from touchstone.reference_impl.chains.chain_servo import advance_links, recoil, set_pushing_velocities
 from touchstone.reference_impl.chains.link_mobility import weigh_links
-from touchstone.reference_impl.continuous.contact_acceleration import corrects_rotation
+from touchstone.reference_impl.continuous.contact_motion import corrects_rotation, restore_normals
 from touchstone.reference_impl.continuous.driven_time_of_impact import sweep_drivers
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
@@ -271,6 +271,7 @@ def _substep(world, touching, time, h):
     start, first_held = clock(state["clock"]), state["contact_count"]
     h = solve_resting_contacts(world, touching, time, h)
     returned = first_return(bodies, pairs, touching, state)
+    restore_normals(pairs, touching)
     state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
     set_ways(bodies, pairs, touching, h, state["flight"])
     fraction, drifted = _advance(world, touching, returned)

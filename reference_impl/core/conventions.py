@@ -169,7 +169,7 @@ STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
 earlier one that the substep takes [1]: exactly there, on the cone without sliding, sweeps converge slowly."""
 STOP_ERROR = 1e-11
 """Error in the position of a sliding contact below which its stop within a substep is no event [m]."""
-STOP_LATER = 1.1
+STOP_LATER = 1.0001
 """Ratio of the time to a stop and a shortened substep from which the substep is solved again, longer [1]."""
 BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and

@@ -40,8 +40,8 @@ def _velocity_at(body, point):
 def relative_velocity(bodies, pair, state):
     """Store both surface velocities and v, that of B relative to A, at a contact point; returns n . v."""
     a, b, v, n = state["velocity_a"], state["velocity_b"], state["velocity"], pair["normal"]
-    surface_velocity(bodies[pair["body_a"]], pair["point"], a)
-    surface_velocity(bodies[pair["body_b"]], pair["point"], b)
+    surface_velocity(bodies[pair["body_a"]], pair["lever_a"], a)
+    surface_velocity(bodies[pair["body_b"]], pair["lever_b"], b)
     for i in range(3):
         v[i] = b[i] - a[i]
     return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
@@ -60,32 +60,34 @@ def final_velocity(bodies, pair, state):
 @kernel
 def meeting_velocity(bodies, pair):
     """Velocity of B relative to A at a pair's contact point."""
-    x, y, z = _velocity_at(bodies[pair["body_b"]], pair["point"])
-    u, v, w = _velocity_at(bodies[pair["body_a"]], pair["point"])
+    x, y, z = _velocity_at(bodies[pair["body_b"]], pair["lever_b"])
+    u, v, w = _velocity_at(bodies[pair["body_a"]], pair["lever_a"])
     return x - u, y - v, z - w
 
 
 @kernel
-def contact_point(pair, out_point):
-    """Contact point of two witness points: their midpoint, or the one on a manifold's reference face.
+def place_contact(pair, level):
+    """Place a contact between its witness points, at `level` 0 on that of A, at 1 on that of B; impulses act
+    there.
 
-    All points of a manifold then lie in one plane, so a body that rotates about an edge can stick to all.
+    The level of a manifold is that of its reference face: all its points then lie in one plane, so a body
+    that rotates about an edge can stick to all.
     """
-    s = pair["level"]
     for i in range(3):
-        out_point[i] = (1 - s) * pair["point_a"][i] + s * pair["point_b"][i]
+        x = (1 - level) * pair["point_a"][i] + level * pair["point_b"][i]
+        pair["point"][i] = pair["lever_a"][i] = pair["lever_b"][i] = x
 
 
 @kernel
 def approach_speed(bodies, pair, state):
     """Compute a pair's contact point, and in `key` its approach speed in excess of `speculative_speed`."""
-    contact_point(pair, pair["point"])
+    place_contact(pair, pair["level"])
     pair["key"] = -relative_velocity(bodies, pair, state) - pair["speculative_speed"]
 
 
 @kernel
-def contact_mobility(bodies, drivers, pair, point, out_mobility):
-    """Velocity of B relative to A per impulse on B at `point` (3, 3) [1/kg]; Eq. 9 divides by n.M n.
+def contact_mobility(bodies, drivers, pair, out_mobility):
+    """Velocity of B relative to A per impulse on B (3, 3) [1/kg], at a pair's levers; Eq. 9 divides by n.M n.
 
     A driven link has the mass and inertia of its driver's coupled body, or its effective mass if the driver
     has chains (`link_mobility`).
@@ -93,6 +95,7 @@ def contact_mobility(bodies, drivers, pair, point, out_mobility):
     out_mobility[:] = 0.0
     for side in range(2):
         body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
+        point = pair["lever_a"] if side == 0 else pair["lever_b"]
         if body["driver"] >= 0:
             driver = drivers[body["driver"]]
             if body["link_inverse_mass"] > 0:

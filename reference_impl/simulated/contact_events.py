@@ -30,7 +30,7 @@ def first_return(bodies, pairs, count, state):
     for k in range(count):
         pair = pairs[k]
         if pair["floor"] == NO_FLOOR:
-            left, now = _separation(pair), final_velocity(bodies, pair, state)
+            left, now = -pair["key"], final_velocity(bodies, pair, state)
             if now < -left:
                 first = min(first, 2 * left / (left - now))
     return first

@@ -25,11 +25,11 @@ def log_contact(contacts, state, pair, point, time):
 
 
 @kernel
-def close_row(bodies, contact, p):
+def close_row(bodies, pair, contact, p):
     """Complete a row of the contact log with its impulse p and the surface velocities after it."""
     copy_vector(p, contact["impulse"])
-    surface_velocity(bodies[contact["body_a"]], contact["position"], contact["velocity_a_after"])
-    surface_velocity(bodies[contact["body_b"]], contact["position"], contact["velocity_b_after"])
+    surface_velocity(bodies[pair["body_a"]], pair["lever_a"], contact["velocity_a_after"])
+    surface_velocity(bodies[pair["body_b"]], pair["lever_b"], contact["velocity_b_after"])
 
 
 @kernel
@@ -44,7 +44,7 @@ def log_held(bodies, pairs, count, contacts, state, time):
         if row >= 0:
             copy_vector(pair["before_a"], contacts[row]["velocity_a_before"])
             copy_vector(pair["before_b"], contacts[row]["velocity_b_before"])
-            close_row(bodies, contacts[row], p)
+            close_row(bodies, pair, contacts[row], p)
             _add_bias(bodies, pair, contacts[row])
 
 

@@ -162,7 +162,7 @@ def strike(bodies, joints, drivers, pair, e, state):
     """Apply one impact at one point; leaves its impulse in `state["impulse"]`."""
     v, p, mobility = state["velocity"], state["impulse"], state["mobility"]
     relative_velocity(bodies, pair, state)
-    contact_mobility(bodies, drivers, pair, pair["point"], mobility)
+    contact_mobility(bodies, drivers, pair, mobility)
     mu, friction, law = pair["friction"], state["friction"], state["restitution_law"]
     guarded = contact_impulse(v, pair["normal"], mobility, e, mu, friction, law, p)
     apply_to_both(bodies, joints, drivers, pair, pair["point"], p)
@@ -177,4 +177,4 @@ def _log_strike(bodies, pair, contacts, state, time):
     if row >= 0:
         copy_vector(state["velocity_a"], contacts[row]["velocity_a_before"])
         copy_vector(state["velocity_b"], contacts[row]["velocity_b_before"])
-        close_row(bodies, contacts[row], state["impulse"])
+        close_row(bodies, pair, contacts[row], state["impulse"])

@@ -107,3 +107,4 @@ def to_middle(pairs, pair):
         k = other["next_point"]
     for i in range(3):
         point[i] /= count
+        pair["lever_a"][i] = pair["lever_b"][i] = point[i]

@@ -1,6 +1,11 @@
 """Resting contacts: impulses over a substep that keep touching pairs from approaching (section 5)."""
 
-from touchstone.reference_impl.continuous.contact_acceleration import bias_share, corrects_rotation, set_bias
+from touchstone.reference_impl.continuous.contact_motion import (
+    bias_share,
+    corrects_rotation,
+    move_to_middle,
+    restore_normals,
+)
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     FLIGHT_BALLISTIC,
@@ -16,6 +21,7 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import approach_speed
 from touchstone.reference_impl.simulated.contact_events import first_stop, note_free_slip
 from touchstone.reference_impl.simulated.contact_log import log_held
@@ -59,6 +65,7 @@ def solve_resting_contacts(world, count, time, h):
             state["counters"][CAP_HOLD_ROUNDS] += 1
             break
         begin_again(bodies, world.joints, world.drivers)
+        restore_normals(pairs, count)
         h = later
     log_held(bodies, pairs, count, world.contacts, state, time)
     return h
@@ -72,10 +79,11 @@ def _prepare_resting_contacts(world, count, h):
     exact = corrects_rotation(state)
     for k in range(count):
         pair = pairs[k]
+        copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["manifold"] < 0 else patch_flight))
         if exact:
-            set_bias(bodies, world.pieces, pair, h, pair["bias"])
+            move_to_middle(bodies, world.pieces, pair, h)
 
 
 @kernel

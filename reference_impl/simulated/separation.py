@@ -28,6 +28,7 @@ from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, matrix_of, turn
 from touchstone.reference_impl.driven.skeleton import place
+from touchstone.reference_impl.simulated.contact import place_contact
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 
 
@@ -166,8 +167,7 @@ def _move_together(world, first, end, left, most):
             body["omega"][:] = 0.0
     for k in range(end - first):
         pair = rows[k]
-        for i in range(3):
-            pair["point"][i] = (pair["point_a"][i] + pair["point_b"][i]) / 2
+        place_contact(pair, 0.5)
         pair["friction"] = 0.0
         begin_row(bodies, pair, pair["depth"] - left)
     state["separates"] = 1

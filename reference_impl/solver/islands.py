@@ -99,8 +99,8 @@ def load_island(bodies, drivers, pairs, head, state):
         solver["row_count"] = n + 1
         row["pair"] = own
         row["friction"], row["floor"] = pair["friction"], pair["floor"]
-        row["a"] = _load_mover(bodies, drivers, pair["body_a"], pair["point"], solver, row["r_a"])
-        row["b"] = _load_mover(bodies, drivers, pair["body_b"], pair["point"], solver, row["r_b"])
+        row["a"] = _load_mover(bodies, drivers, pair["body_a"], pair["lever_a"], solver, row["r_a"])
+        row["b"] = _load_mover(bodies, drivers, pair["body_b"], pair["lever_b"], solver, row["r_b"])
         copy_vector(pair["normal"], row["normal"])
         copy_vector(pair["resting_impulse"], row["impulse"])
         u = row["free"]
@@ -108,7 +108,7 @@ def load_island(bodies, drivers, pairs, head, state):
         for i in range(3):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
             u[i] += pair["bias"][i]
-        contact_mobility(bodies, drivers, pair, pair["point"], row["mobility"])
+        contact_mobility(bodies, drivers, pair, row["mobility"])
         prepare_row(row)
 
 

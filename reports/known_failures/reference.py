@@ -78,7 +78,7 @@ CAUSES: tuple[Cause, ...] = (
         "reference",
         CUT_SHORT,
         {
-            "accurate": {
+            "balanced": {
                 "friction.deficit": "push_box:torso-box",
             },
         },
@@ -176,11 +176,10 @@ CAUSES: tuple[Cause, ...] = (
         SLIDING,
         {
             "balanced accurate": {
-                "solver.caps": "arch_thin dominoes",
                 "symmetry.mirror": "dominoes",
             },
             "accurate": {
-                "solver.caps": "arch_slides tip_falls",
+                "solver.caps": "arch_slides arch_thin dominoes tip_falls",
             },
         },
     ),

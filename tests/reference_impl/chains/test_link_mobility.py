@@ -11,7 +11,7 @@ from touchstone.reference_impl.chains.chain_servo import recoil
 from touchstone.reference_impl.chains.link_mobility import chain_inertia, weigh_links
 from touchstone.reference_impl.core.world import PAIR, World
 from touchstone.reference_impl.driven.skeleton import composite_inertia, pose_links
-from touchstone.reference_impl.simulated.contact import apply_impulse, contact_mobility
+from touchstone.reference_impl.simulated.contact import apply_impulse, contact_mobility, place_contact
 
 FRAME = 1 / 60
 TURN = 1e-6
@@ -87,7 +87,8 @@ CONTACTS = [
 def test_a_link_has_the_mass_of_its_chain_and_servo(world, inward, point, normal):
     """Divide the hinges' squared slopes by the chain's inertia with the servo's damping and stiffness."""
     pair, driver, found = touch(world, inward, point, normal)[0], world.drivers[0], np.zeros((3, 3))
-    contact_mobility(world.bodies, world.drivers, pair, pair["point_a"], found)
+    place_contact(pair, 0.0)
+    contact_mobility(world.bodies, world.drivers, pair, found)
     # the box is one side of the contact
     box, r = world.bodies[-1], pair["point_a"] - world.bodies[-1]["center"]
     turned = np.cross(box["inverse_inertia"] @ np.cross(r, pair["normal"]), r)

@@ -49,7 +49,8 @@ def test_mobility_is_the_velocity_per_impulse(world, a: str, b: str) -> None:
     pair["body_a"], pair["body_b"] = index(a), index(b)
     # links take their velocity from the driver at the first push
     push(world, index("palm"), point, (0, 0, 0))
-    contact_mobility(world.bodies, world.drivers, pair[0], point, mobility)
+    pair["lever_a"] = pair["lever_b"] = point
+    contact_mobility(world.bodies, world.drivers, pair[0], mobility)
     for axis in np.eye(3):
         before = velocity(world, index(b), point) - velocity(world, index(a), point)
         push(world, index(b), point, axis)

@@ -1,0 +1,166 @@
+"""Motion of contacts within a substep.
+
+Over a substep bodies rotate, and contact points and normals move with them. Impulses at the points of its
+start do work on a body that pivots, and let a touching pair sink or part by h^2 / 2 times J' v. Rows of
+polyhedra therefore act at the geometry that the velocities of the start predict for the middle of the
+substep (midpoint rule), and add `bias`, the change of the relative velocity from there to the end. The pair
+then stays in contact to third order in h, and both bodies receive the impulse at one place, so their total
+angular momentum is kept.
+
+For a vertex q of B on a face of A, q moves with B and the normal n with A. For two edges along e_A and e_B,
+n rotates by n', which keeps it perpendicular to both, and the point moves along them:
+
+    n'.e_A = -n.(w_A x e_A),    n'.e_B = -n.(w_B x e_B)
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.core.conventions import (
+    BIAS_DEPTH,
+    BIAS_SHARE,
+    FLIGHT_BALLISTIC,
+    IMPULSES_TOGETHER,
+    NEVER,
+    SIMULATED,
+)
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+
+LEAST_CROSSING = 1e-3
+"""Squared sine of the angle between two edges below which their normal rotates too fast [1]."""
+
+
+@kernel
+def corrects_rotation(state):
+    """Whether the profile's resting contacts take rotation within a substep into account."""
+    return state["flight"] == FLIGHT_BALLISTIC and state["impulses"] == IMPULSES_TOGETHER
+
+
+@kernel
+def bias_share(bodies, pieces, pairs, count, h, state):
+    """Share of h for which the bias of all pressing pairs is exact enough, given the velocities after a
+    solve; NEVER if that is longer than h.
+
+    If J' v h changes linearly by d over the substep, a pair sinks or parts by d h / 6; `bias` is half of it.
+    """
+    error = 0.0
+    for k in range(count):
+        pair = pairs[k]
+        n, p, early, late = pair["normal"], pair["resting_impulse"], pair["bias"], state["velocity"]
+        if p[0] == 0 and p[1] == 0 and p[2] == 0:
+            continue
+        a, b, turned = state["velocity_a"], state["velocity_b"], state["impulse"]
+        _predict(bodies, pieces, pair, h / 2, a, b, turned, late)
+        d = n[0] * (late[0] - early[0]) + n[1] * (late[1] - early[1]) + n[2] * (late[2] - early[2])
+        error = max(error, abs(d) * h / 3)
+    return (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
+
+
+@kernel
+def move_to_middle(bodies, pieces, pair, h):
+    """Move a row's levers and normal to the middle of a substep of length h [s], and compute its `bias`."""
+    _predict(bodies, pieces, pair, h / 2, pair["lever_a"], pair["lever_b"], pair["normal"], pair["bias"])
+
+
+@kernel
+def restore_normals(pairs, count):
+    """Move normals back from the middle of a substep to its start."""
+    for k in range(count):
+        copy_vector(pairs[k]["start_normal"], pairs[k]["normal"])
+
+
+@kernel
+def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, out_bias):
+    """Predict a row's levers and normal after `half` [s] of the present velocities, and the change of its
+    relative velocity until then; no change for round pieces, and for features whose normal is undefined."""
+    a, b, p, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["point"], pair["start_normal"]
+    copy_vector(p, out_lever_a)
+    copy_vector(p, out_lever_b)
+    copy_vector(n, out_normal)
+    out_bias[:] = 0.0
+    level, e, f = pair["level"], pair["edge_a"], pair["edge_b"]
+    cos = e[0] * f[0] + e[1] * f[1] + e[2] * f[2]
+    sin2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - cos * cos
+    if pair["manifold"] < 0 or (level == 0.5 and sin2 <= LEAST_CROSSING):
+        return
+    u, v, w = _velocity(b, p)
+    x, y, z = _velocity(a, p)
+    out_bias[0], out_bias[1], out_bias[2] = x - u, y - v, z - w
+    # a vertex of the cores moves with its body, or a point of A's edge
+    on_a = level != 0.0
+    radius = -pieces[pair["piece_a"]]["radius"] if on_a else pieces[pair["piece_b"]]["radius"]
+    for i in range(3):
+        out_lever_a[i] = p[i] + radius * n[i]
+    u, v, w = _velocity(a if on_a else b, out_lever_a)
+    if level != 0.5:
+        x, y, z = _omega(b if on_a else a)
+        x, y, z = y * n[2] - z * n[1], z * n[0] - x * n[2], x * n[1] - y * n[0]
+    else:
+        along_a, along_b = _tilt(a, n, e), _tilt(b, n, f)
+        s, t = (along_a - cos * along_b) / sin2, (along_b - cos * along_a) / sin2
+        x, y, z = s * e[0] + t * f[0], s * e[1] + t * f[1], s * e[2] + t * f[2]
+        # B's edge moves over A's along both
+        r = pieces[pair["piece_b"]]["radius"]
+        for i in range(3):
+            out_lever_b[i] = p[i] + r * n[i]
+        u_b, v_b, w_b = _velocity(b, out_lever_b)
+        r -= radius
+        u_b, v_b, w_b = u_b - u - r * x, v_b - v - r * y, w_b - w - r * z
+        over_a = u_b * e[0] + v_b * e[1] + w_b * e[2]
+        over_b = u_b * f[0] + v_b * f[1] + w_b * f[2]
+        s = (over_a - cos * over_b) / sin2
+        u, v, w = u + s * e[0], v + s * e[1], w + s * e[2]
+    x, y, z = n[0] + half * x, n[1] + half * y, n[2] + half * z
+    size = sqrt(x * x + y * y + z * z)
+    x, y, z = x / size, y / size, z / size
+    out_normal[0], out_normal[1], out_normal[2] = x, y, z
+    # n - n_mid and the way of the contact point
+    x, y, z = n[0] - x, n[1] - y, n[2] - z
+    change = out_bias[0] * x + out_bias[1] * y + out_bias[2] * z
+    u, v, w = half * u + radius * x, half * v + radius * y, half * w + radius * z
+    _set_lever(a, p, half, u, v, w, out_lever_a)
+    _set_lever(b, p, half, u, v, w, out_lever_b)
+    x, y, z = _velocity(a, out_lever_a)
+    u, v, w = _velocity(b, out_lever_b)
+    # the normal velocity at the start is that along the start's normal
+    out_bias[0] += u - x + change * out_normal[0]
+    out_bias[1] += v - y + change * out_normal[1]
+    out_bias[2] += w - z + change * out_normal[2]
+
+
+@kernel
+def _set_lever(body, p, half, x, y, z, out_lever):
+    """Set the point on which impulses act, p + (x, y, z) less the way of the body's centre of mass."""
+    out_lever[0], out_lever[1], out_lever[2] = p[0] + x, p[1] + y, p[2] + z
+    if body["kind"] == SIMULATED:
+        for i in range(3):
+            out_lever[i] -= half * body["velocity"][i]
+
+
+@kernel
+def _velocity(body, point):
+    """Velocity of a body at a point; driven bodies do not move within a frame."""
+    if body["kind"] != SIMULATED:
+        return 0.0, 0.0, 0.0
+    c, w, v = body["center"], body["omega"], body["velocity"]
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    return v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x
+
+
+@kernel
+def _omega(body):
+    """Angular velocity of a body; driven bodies do not move within a frame."""
+    if body["kind"] != SIMULATED:
+        return 0.0, 0.0, 0.0
+    return body["omega"][0], body["omega"][1], body["omega"][2]
+
+
+@kernel
+def _tilt(body, n, edge):
+    """-n.(w x e): the rate at which a normal turns towards an edge that rotates with its body."""
+    x, y, z = _omega(body)
+    return -(
+        n[0] * (y * edge[2] - z * edge[1])
+        + n[1] * (z * edge[0] - x * edge[2])
+        + n[2] * (x * edge[1] - y * edge[0])
+    )
