@@ -71,7 +71,7 @@ CASES = [
 
 @pytest.mark.parametrize(
     ("transform", "profile", "count"),
-    # many small impacts amplify a mirrored rounding to 1e-5 m
+    # many small impacts amplify a mirrored rounding to 1.1e-6 m
     [*CASES, pytest.param("mirrored", "accurate", 4, marks=OPEN)],
 )
 def test_tumbling_boxes_end_alike(registry, transform: str, count: int, profile: str) -> None:
