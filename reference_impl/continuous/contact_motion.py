@@ -11,6 +11,9 @@ For a vertex q of B on a face of A, q moves with B and the normal n with A. For 
 n rotates by n', which keeps it perpendicular to both, and the point moves along them:
 
     n'.e_A = -n.(w_A x e_A),    n'.e_B = -n.(w_B x e_B)
+
+For a sphere on a box or a capsule, n turns with the feature that it touches, along the axes in which that
+extends, and with u / d, the velocity of the sphere's centre over the distance of the cores, along the others.
 """
 
 from math import sqrt
@@ -18,14 +21,19 @@ from math import sqrt
 from touchstone.reference_impl.core.conventions import (
     BIAS_DEPTH,
     BIAS_SHARE,
+    BOX,
+    CAPSULE,
     FLIGHT_BALLISTIC,
     IMPULSES_TOGETHER,
     NEVER,
     SIMULATED,
+    SPHERE,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
+LEAST_SLOPE = 1e-7
+"""Cosine of the angle between a normal and an axis below which they are perpendicular [1]."""
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which their normal rotates too fast [1]."""
 
@@ -72,7 +80,8 @@ def restore_normals(pairs, count):
 @kernel
 def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, out_bias):
     """Predict a row's levers and normal after `half` [s] of the present velocities, and the change of its
-    relative velocity until then; no change for round pieces, and for features whose normal is undefined."""
+    relative velocity until then; no change for other round pieces, and for features whose normal is
+    undefined."""
     a, b, p, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["point"], pair["start_normal"]
     copy_vector(p, out_lever_a)
     copy_vector(p, out_lever_b)
@@ -81,14 +90,19 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     level, e, f = pair["level"], pair["edge_a"], pair["edge_b"]
     cos = e[0] * f[0] + e[1] * f[1] + e[2] * f[2]
     sin2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - cos * cos
-    if pair["manifold"] < 0 or (level == 0.5 and sin2 <= LEAST_CROSSING):
-        return
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    on_a, crossing = level != 0.0, level == 0.5 and sin2 > LEAST_CROSSING
+    if level == 0.5 and not crossing:
+        on_a = one["kind"] == SPHERE
+        if not (on_a or two["kind"] == SPHERE):
+            return
+        if not _follows_ball(b if on_a else a, two if on_a else one, n):
+            return
     u, v, w = _velocity(b, p)
     x, y, z = _velocity(a, p)
     out_bias[0], out_bias[1], out_bias[2] = x - u, y - v, z - w
     # a vertex of the cores moves with its body, or a point of A's edge
-    on_a = level != 0.0
-    radius = -pieces[pair["piece_a"]]["radius"] if on_a else pieces[pair["piece_b"]]["radius"]
+    radius = -one["radius"] if on_a else two["radius"]
     for i in range(3):
         out_lever_a[i] = p[i] + radius * n[i]
     u, v, w = _velocity(a if on_a else b, out_lever_a)
@@ -96,16 +110,27 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
         x, y, z = _omega(b if on_a else a)
         x, y, z = y * n[2] - z * n[1], z * n[0] - x * n[2], x * n[1] - y * n[0]
     else:
+        # B's core, or A's if B is the ball, moves over the other
+        r = two["radius"] if on_a else -one["radius"]
+        for i in range(3):
+            out_lever_b[i] = p[i] + r * n[i]
+        u_b, v_b, w_b = _velocity(b if on_a else a, out_lever_b)
+        r -= radius
+        u_b, v_b, w_b = u_b - u, v_b - v, w_b - w
+    if level == 0.5 and not crossing:
+        along = u_b * n[0] + v_b * n[1] + w_b * n[2]
+        x, y, z = (u_b - along * n[0]) / r, (v_b - along * n[1]) / r, (w_b - along * n[2]) / r
+        for i in range(3):
+            if _is_free(two if on_a else one, i, n):
+                m, q = (two if on_a else one)["world_rotation"], out_normal
+                q[0], q[1], q[2] = m[0, i], m[1, i], m[2, i]
+                s = _tilt(b if on_a else a, n, q) - x * q[0] - y * q[1] - z * q[2]
+                x, y, z = x + s * q[0], y + s * q[1], z + s * q[2]
+    elif crossing:
         along_a, along_b = _tilt(a, n, e), _tilt(b, n, f)
         s, t = (along_a - cos * along_b) / sin2, (along_b - cos * along_a) / sin2
         x, y, z = s * e[0] + t * f[0], s * e[1] + t * f[1], s * e[2] + t * f[2]
-        # B's edge moves over A's along both
-        r = pieces[pair["piece_b"]]["radius"]
-        for i in range(3):
-            out_lever_b[i] = p[i] + r * n[i]
-        u_b, v_b, w_b = _velocity(b, out_lever_b)
-        r -= radius
-        u_b, v_b, w_b = u_b - u - r * x, v_b - v - r * y, w_b - w - r * z
+        u_b, v_b, w_b = u_b - r * x, v_b - r * y, w_b - r * z
         over_a = u_b * e[0] + v_b * e[1] + w_b * e[2]
         over_b = u_b * f[0] + v_b * f[1] + w_b * f[2]
         s = (over_a - cos * over_b) / sin2
@@ -126,6 +151,31 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     out_bias[0] += u - x + change * out_normal[0]
     out_bias[1] += v - y + change * out_normal[1]
     out_bias[2] += w - z + change * out_normal[2]
+
+
+@kernel
+def _follows_ball(body, piece, n):
+    """Whether `_is_free` tells how the normal of a sphere on this piece turns, and it may turn.
+
+    Not for two spheres: islands of hundreds of balls that stay unsolved would reach more caps.
+    """
+    if piece["kind"] != BOX or body["kind"] == SIMULATED:
+        return piece["kind"] == BOX or piece["kind"] == CAPSULE
+    free = 0
+    for i in range(3):
+        if _is_free(piece, i, n):
+            free += 1
+    return free != 2
+
+
+@kernel
+def _is_free(piece, i, n):
+    """Whether the nearest feature of a piece to a sphere extends along the piece's axis i: a box's face or
+    edge, or a capsule's side, whose axis lies across the normal."""
+    m = piece["world_rotation"]
+    if piece["kind"] == CAPSULE and i != 2:
+        return False
+    return abs(m[0, i] * n[0] + m[1, i] * n[1] + m[2, i] * n[2]) < LEAST_SLOPE
 
 
 @kernel
