@@ -102,20 +102,15 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     x, y, z = _velocity(a, p)
     out_bias[0], out_bias[1], out_bias[2] = x - u, y - v, z - w
     # a vertex of the cores moves with its body, or a point of A's edge
-    radius = -one["radius"] if on_a else two["radius"]
-    for i in range(3):
-        out_lever_a[i] = p[i] + radius * n[i]
+    radius = _core(pair, one if on_a else two, on_a, out_lever_a)
     u, v, w = _velocity(a if on_a else b, out_lever_a)
     if level != 0.5:
         x, y, z = _omega(b if on_a else a)
         x, y, z = y * n[2] - z * n[1], z * n[0] - x * n[2], x * n[1] - y * n[0]
     else:
         # B's core, or A's if B is the ball, moves over the other
-        r = two["radius"] if on_a else -one["radius"]
-        for i in range(3):
-            out_lever_b[i] = p[i] + r * n[i]
+        r = _core(pair, two if on_a else one, not on_a, out_lever_b) - radius
         u_b, v_b, w_b = _velocity(b if on_a else a, out_lever_b)
-        r -= radius
         u_b, v_b, w_b = u_b - u, v_b - v, w_b - w
     if level == 0.5 and not crossing:
         along = u_b * n[0] + v_b * n[1] + w_b * n[2]
@@ -134,7 +129,11 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
         over_a = u_b * e[0] + v_b * e[1] + w_b * e[2]
         over_b = u_b * f[0] + v_b * f[1] + w_b * f[2]
         s = (over_a - cos * over_b) / sin2
-        u, v, w = u + s * e[0], v + s * e[1], w + s * e[2]
+        # the contact follows the point halfway between the edges
+        r, t = r / 2, (u_b * n[0] + v_b * n[1] + w_b * n[2]) / 2
+        radius += r
+        u, v, w = u + s * e[0] + t * n[0], v + s * e[1] + t * n[1], w + s * e[2] + t * n[2]
+        u, v, w = u + r * x, v + r * y, w + r * z
     x, y, z = n[0] + half * x, n[1] + half * y, n[2] + half * z
     size = sqrt(x * x + y * y + z * z)
     x, y, z = x / size, y / size, z / size
@@ -151,6 +150,18 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     out_bias[0] += u - x + change * out_normal[0]
     out_bias[1] += v - y + change * out_normal[1]
     out_bias[2] += w - z + change * out_normal[2]
+
+
+@kernel
+def _core(pair, piece, of_a, out_core):
+    """Set the point of a piece's core that is nearest to the other's; returns its height over the contact."""
+    q, p, n = pair["point_a"] if of_a else pair["point_b"], pair["point"], pair["start_normal"]
+    radius = -piece["radius"] if of_a else piece["radius"]
+    height = 0.0
+    for i in range(3):
+        out_core[i] = q[i] + radius * n[i]
+        height += (out_core[i] - p[i]) * n[i]
+    return height
 
 
 @kernel

@@ -22,6 +22,8 @@ STEP = 1e-4
 """Of the finite differences [s]: they are exact to 1e-5 of the motions below."""
 SHORT = 1e-6
 """Length of a substep whose second order in the motions is rounding [s]."""
+LARGE_GAP = 1e-4
+"""Gap of a row that may touch within a substep [m]."""
 SECOND_ORDER = 5e-6
 """Of the motions below in half a STEP [1, m]; the first order is 1e-3."""
 ENERGY = 2e-5
@@ -126,11 +128,37 @@ def test_levers_are_in_the_middle(lab: SimpleNamespace, case: str, seed: int) ->
     middle = pair_after(world, pair, STEP / 2)
     move_to_middle(world.bodies, world.pieces, pair, STEP)
     np.testing.assert_allclose(pair["normal"], middle["normal"], atol=SECOND_ORDER)
+    # a corner's row acts at the corner, a ball's at its surface, that of edges halfway between them
     moves_with_b = pair["level"] == 0 or world.pieces[pair["piece_b"]]["kind"] == SPHERE
-    point = middle["point_b" if moves_with_b else "point_a"]
+    place_contact(middle, 0.5 if case == "edge on an edge" else float(moves_with_b))
+    point = middle["point"]
     for body, lever in (("body_a", "lever_a"), ("body_b", "lever_b")):
         found = pair[lever] + STEP / 2 * world.bodies[pair[body]]["velocity"]
         np.testing.assert_allclose(found, point, atol=SECOND_ORDER)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("case", TURNED)
+def test_bodies_are_equal(lab: SimpleNamespace, case: str, seed: int) -> None:
+    """Give the same geometry and opposite velocities if A and B change places, even over a gap."""
+    world = moving_pair(lab, case, seed)
+    pair = row_of(world)
+    pair["point_b"] += LARGE_GAP * pair["normal"]
+    place_contact(pair, pair["level"])
+    other = pair.copy().reshape(1)[0]
+    for name in ("piece", "body", "point", "edge"):
+        other[f"{name}_a"], other[f"{name}_b"] = pair[f"{name}_b"], pair[f"{name}_a"]
+    other["level"], other["normal"], other["start_normal"] = (
+        1 - pair["level"],
+        -pair["normal"],
+        -pair["normal"],
+    )
+    move_to_middle(world.bodies, world.pieces, pair, STEP)
+    move_to_middle(world.bodies, world.pieces, other, STEP)
+    np.testing.assert_allclose(other["lever_a"], pair["lever_b"], rtol=0, atol=1e-16)
+    np.testing.assert_allclose(other["lever_b"], pair["lever_a"], rtol=0, atol=1e-16)
+    np.testing.assert_allclose(other["normal"], -pair["normal"], rtol=0, atol=1e-16)
+    np.testing.assert_allclose(other["bias"], -pair["bias"], rtol=0, atol=1e-16)
 
 
 @pytest.mark.parametrize("seed", range(8))
