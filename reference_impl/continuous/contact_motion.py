@@ -12,8 +12,9 @@ n rotates by n', which keeps it perpendicular to both, and the point moves along
 
     n'.e_A = -n.(w_A x e_A),    n'.e_B = -n.(w_B x e_B)
 
-For a sphere on a box or a capsule, n turns with the feature that it touches, along the axes in which that
-extends, and with u / d, the velocity of the sphere's centre over the distance of the cores, along the others.
+For a sphere on a box or a capsule, n' has two parts. Along the axes in which the touched feature extends, n
+rotates with the feature. Across them it is u / d, with u the velocity of the sphere's centre relative to the
+feature, and d the distance of their cores.
 """
 
 from math import sqrt
@@ -80,8 +81,10 @@ def restore_normals(pairs, count):
 @kernel
 def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, out_bias):
     """Predict a row's levers and normal after `half` [s] of the present velocities, and the change of its
-    relative velocity until then; no change for other round pieces, and for features whose normal is
-    undefined."""
+    relative velocity until then.
+
+    Rows of other round pieces, and of nearly parallel edges, keep the geometry of the start.
+    """
     a, b, p, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["point"], pair["start_normal"]
     copy_vector(p, out_lever_a)
     copy_vector(p, out_lever_b)
@@ -96,19 +99,19 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
         on_a = one["kind"] == SPHERE
         if not (on_a or two["kind"] == SPHERE):
             return
-        if not _follows_ball(b if on_a else a, two if on_a else one, n):
+        if not _has_turning_normal(b if on_a else a, two if on_a else one, n):
             return
     u, v, w = _velocity(b, p)
     x, y, z = _velocity(a, p)
     out_bias[0], out_bias[1], out_bias[2] = x - u, y - v, z - w
-    # a vertex of the cores moves with its body, or a point of A's edge
+    # the contact follows a vertex, the centre of a sphere, or a point of A's edge
     radius = _core(pair, one if on_a else two, on_a, out_lever_a)
     u, v, w = _velocity(a if on_a else b, out_lever_a)
     if level != 0.5:
         x, y, z = _omega(b if on_a else a)
         x, y, z = y * n[2] - z * n[1], z * n[0] - x * n[2], x * n[1] - y * n[0]
     else:
-        # B's core, or A's if B is the ball, moves over the other
+        # the velocity of the other core relative to it
         r = _core(pair, two if on_a else one, not on_a, out_lever_b) - radius
         u_b, v_b, w_b = _velocity(b if on_a else a, out_lever_b)
         u_b, v_b, w_b = u_b - u, v_b - v, w_b - w
@@ -116,7 +119,7 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
         along = u_b * n[0] + v_b * n[1] + w_b * n[2]
         x, y, z = (u_b - along * n[0]) / r, (v_b - along * n[1]) / r, (w_b - along * n[2]) / r
         for i in range(3):
-            if _is_free(two if on_a else one, i, n):
+            if _extends_along(two if on_a else one, i, n):
                 m, q = (two if on_a else one)["world_rotation"], out_normal
                 q[0], q[1], q[2] = m[0, i], m[1, i], m[2, i]
                 s = _tilt(b if on_a else a, n, q) - x * q[0] - y * q[1] - z * q[2]
@@ -138,7 +141,7 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     size = sqrt(x * x + y * y + z * z)
     x, y, z = x / size, y / size, z / size
     out_normal[0], out_normal[1], out_normal[2] = x, y, z
-    # n - n_mid and the way of the contact point
+    # n - n_mid, and the displacement of the contact point
     x, y, z = n[0] - x, n[1] - y, n[2] - z
     change = out_bias[0] * x + out_bias[1] * y + out_bias[2] * z
     u, v, w = half * u + radius * x, half * v + radius * y, half * w + radius * z
@@ -154,7 +157,8 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
 
 @kernel
 def _core(pair, piece, of_a, out_core):
-    """Set the point of a piece's core that is nearest to the other's; returns its height over the contact."""
+    """Compute the witness point on a piece's core (3,) [m]; returns its distance from the contact point along
+    the normal [m]."""
     q, p, n = pair["point_a"] if of_a else pair["point_b"], pair["point"], pair["start_normal"]
     radius = -piece["radius"] if of_a else piece["radius"]
     height = 0.0
@@ -165,24 +169,27 @@ def _core(pair, piece, of_a, out_core):
 
 
 @kernel
-def _follows_ball(body, piece, n):
-    """Whether `_is_free` tells how the normal of a sphere on this piece turns, and it may turn.
+def _has_turning_normal(body, piece, n):
+    """Whether the normal of a sphere on this piece can rotate, and `_predict` computes its rate.
 
-    Not for two spheres: islands of hundreds of balls that stay unsolved would reach more caps.
+    The normal on a face of a body that does not move is constant. Two spheres are excluded: large islands of
+    spheres, whose solves do not converge, would reach more caps.
     """
     if piece["kind"] != BOX or body["kind"] == SIMULATED:
         return piece["kind"] == BOX or piece["kind"] == CAPSULE
     free = 0
     for i in range(3):
-        if _is_free(piece, i, n):
+        if _extends_along(piece, i, n):
             free += 1
     return free != 2
 
 
 @kernel
-def _is_free(piece, i, n):
-    """Whether the nearest feature of a piece to a sphere extends along the piece's axis i: a box's face or
-    edge, or a capsule's side, whose axis lies across the normal."""
+def _extends_along(piece, i, n):
+    """Whether the feature of a box or capsule that touches a sphere extends along the piece's axis i.
+
+    It does if the axis is perpendicular to the normal.
+    """
     m = piece["world_rotation"]
     if piece["kind"] == CAPSULE and i != 2:
         return False

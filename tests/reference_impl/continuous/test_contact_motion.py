@@ -128,7 +128,7 @@ def test_levers_are_in_the_middle(lab: SimpleNamespace, case: str, seed: int) ->
     middle = pair_after(world, pair, STEP / 2)
     move_to_middle(world.bodies, world.pieces, pair, STEP)
     np.testing.assert_allclose(pair["normal"], middle["normal"], atol=SECOND_ORDER)
-    # a corner's row acts at the corner, a ball's at its surface, that of edges halfway between them
+    # the contact point is the corner, the witness point on the sphere, or the midpoint between the edges
     moves_with_b = pair["level"] == 0 or world.pieces[pair["piece_b"]]["kind"] == SPHERE
     place_contact(middle, 0.5 if case == "edge on an edge" else float(moves_with_b))
     point = middle["point"]
@@ -139,7 +139,7 @@ def test_levers_are_in_the_middle(lab: SimpleNamespace, case: str, seed: int) ->
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("case", TURNED)
-def test_bodies_are_equal(lab: SimpleNamespace, case: str, seed: int) -> None:
+def test_a_and_b_are_interchangeable(lab: SimpleNamespace, case: str, seed: int) -> None:
     """Give the same geometry and opposite velocities if A and B change places, even over a gap."""
     world = moving_pair(lab, case, seed)
     pair = row_of(world)
