@@ -7,23 +7,23 @@ substep (midpoint rule), and add `bias`, the change of the relative velocity fro
 then stays in contact to third order in h, and both bodies receive the impulse at one place, so their total
 angular momentum is kept.
 
-For a vertex q of B on a face of A, q moves with B and the normal n with A. For two edges along e_A and e_B,
-n rotates by n', which keeps it perpendicular to both, and the point moves along them:
-
-    n'.e_A = -n.(w_A x e_A),    n'.e_B = -n.(w_B x e_B)
-
-For a sphere on a box or a capsule, n' has two parts. Along the axes in which the touched feature extends, n
-rotates with the feature. Across them it is u / d, with u the velocity of the sphere's centre relative to the
-feature, and d the distance of their cores.
+`normal_rates.py` computes how the normal moves with the features that touch.
 """
 
 from math import sqrt
 
+from touchstone.reference_impl.continuous.normal_rates import (
+    has_turning_normal,
+    rate_between_edges,
+    rate_on_face,
+    rate_on_sphere,
+    slip_along_edge,
+    squared_sine,
+    velocity_at,
+)
 from touchstone.reference_impl.core.conventions import (
     BIAS_DEPTH,
     BIAS_SHARE,
-    BOX,
-    CAPSULE,
     FLIGHT_BALLISTIC,
     IMPULSES_TOGETHER,
     NEVER,
@@ -33,8 +33,6 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
-LEAST_SLOPE = 1e-7
-"""Cosine of the angle between a normal and an axis below which they are perpendicular [1]."""
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which their normal rotates too fast [1]."""
 
@@ -86,57 +84,42 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     Rows of other round pieces, and of nearly parallel edges, keep the geometry of the start.
     """
     a, b, p, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["point"], pair["start_normal"]
+    one, two, level = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["level"]
     copy_vector(p, out_lever_a)
     copy_vector(p, out_lever_b)
     copy_vector(n, out_normal)
     out_bias[:] = 0.0
-    level, e, f = pair["level"], pair["edge_a"], pair["edge_b"]
-    cos = e[0] * f[0] + e[1] * f[1] + e[2] * f[2]
-    sin2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - cos * cos
-    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
-    on_a, crossing = level != 0.0, level == 0.5 and sin2 > LEAST_CROSSING
+    on_a, crossing = level != 0.0, level == 0.5 and squared_sine(pair) > LEAST_CROSSING
     if level == 0.5 and not crossing:
         on_a = one["kind"] == SPHERE
         if not (on_a or two["kind"] == SPHERE):
             return
-        if not _has_turning_normal(b if on_a else a, two if on_a else one, n):
+        if not has_turning_normal(b if on_a else a, two if on_a else one, n):
             return
-    u, v, w = _velocity(b, p)
-    x, y, z = _velocity(a, p)
+    u, v, w = velocity_at(b, p)
+    x, y, z = velocity_at(a, p)
     out_bias[0], out_bias[1], out_bias[2] = x - u, y - v, z - w
-    # the contact follows a vertex, the centre of a sphere, or a point of A's edge
+    # the contact follows a vertex, the centre of a sphere, or the point halfway between two edges
     radius = _core(pair, one if on_a else two, on_a, out_lever_a)
-    u, v, w = _velocity(a if on_a else b, out_lever_a)
+    u, v, w = velocity_at(a if on_a else b, out_lever_a)
     if level != 0.5:
-        x, y, z = _omega(b if on_a else a)
-        x, y, z = y * n[2] - z * n[1], z * n[0] - x * n[2], x * n[1] - y * n[0]
+        x, y, z = rate_on_face(b if on_a else a, n)
     else:
         # the velocity of the other core relative to it
         r = _core(pair, two if on_a else one, not on_a, out_lever_b) - radius
-        u_b, v_b, w_b = _velocity(b if on_a else a, out_lever_b)
+        u_b, v_b, w_b = velocity_at(b if on_a else a, out_lever_b)
         u_b, v_b, w_b = u_b - u, v_b - v, w_b - w
-    if level == 0.5 and not crossing:
-        along = u_b * n[0] + v_b * n[1] + w_b * n[2]
-        x, y, z = (u_b - along * n[0]) / r, (v_b - along * n[1]) / r, (w_b - along * n[2]) / r
-        for i in range(3):
-            if _extends_along(two if on_a else one, i, n):
-                m, q = (two if on_a else one)["world_rotation"], out_normal
-                q[0], q[1], q[2] = m[0, i], m[1, i], m[2, i]
-                s = _tilt(b if on_a else a, n, q) - x * q[0] - y * q[1] - z * q[2]
-                x, y, z = x + s * q[0], y + s * q[1], z + s * q[2]
-    elif crossing:
-        along_a, along_b = _tilt(a, n, e), _tilt(b, n, f)
-        s, t = (along_a - cos * along_b) / sin2, (along_b - cos * along_a) / sin2
-        x, y, z = s * e[0] + t * f[0], s * e[1] + t * f[1], s * e[2] + t * f[2]
-        u_b, v_b, w_b = u_b - r * x, v_b - r * y, w_b - r * z
-        over_a = u_b * e[0] + v_b * e[1] + w_b * e[2]
-        over_b = u_b * f[0] + v_b * f[1] + w_b * f[2]
-        s = (over_a - cos * over_b) / sin2
-        # the contact follows the point halfway between the edges
-        r, t = r / 2, (u_b * n[0] + v_b * n[1] + w_b * n[2]) / 2
-        radius += r
-        u, v, w = u + s * e[0] + t * n[0], v + s * e[1] + t * n[1], w + s * e[2] + t * n[2]
-        u, v, w = u + r * x, v + r * y, w + r * z
+        if crossing:
+            x, y, z = rate_between_edges(a, b, pair)
+            u_b, v_b, w_b = u_b - r * x, v_b - r * y, w_b - r * z
+            s, t = slip_along_edge(pair, u_b, v_b, w_b), (u_b * n[0] + v_b * n[1] + w_b * n[2]) / 2
+            e, r = pair["edge_a"], r / 2
+            radius += r
+            u, v, w = u + s * e[0] + t * n[0], v + s * e[1] + t * n[1], w + s * e[2] + t * n[2]
+            u, v, w = u + r * x, v + r * y, w + r * z
+        else:
+            other, piece = b if on_a else a, two if on_a else one
+            x, y, z = rate_on_sphere(other, piece, n, u_b, v_b, w_b, r, out_normal)
     x, y, z = n[0] + half * x, n[1] + half * y, n[2] + half * z
     size = sqrt(x * x + y * y + z * z)
     x, y, z = x / size, y / size, z / size
@@ -147,8 +130,8 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     u, v, w = half * u + radius * x, half * v + radius * y, half * w + radius * z
     _set_lever(a, p, half, u, v, w, out_lever_a)
     _set_lever(b, p, half, u, v, w, out_lever_b)
-    x, y, z = _velocity(a, out_lever_a)
-    u, v, w = _velocity(b, out_lever_b)
+    x, y, z = velocity_at(a, out_lever_a)
+    u, v, w = velocity_at(b, out_lever_b)
     # the normal velocity at the start is that along the start's normal
     out_bias[0] += u - x + change * out_normal[0]
     out_bias[1] += v - y + change * out_normal[1]
@@ -169,66 +152,9 @@ def _core(pair, piece, of_a, out_core):
 
 
 @kernel
-def _has_turning_normal(body, piece, n):
-    """Whether the normal of a sphere on this piece can rotate, and `_predict` computes its rate.
-
-    The normal on a face of a body that does not move is constant. Two spheres are excluded: large islands of
-    spheres, whose solves do not converge, would reach more caps.
-    """
-    if piece["kind"] != BOX or body["kind"] == SIMULATED:
-        return piece["kind"] == BOX or piece["kind"] == CAPSULE
-    free = 0
-    for i in range(3):
-        if _extends_along(piece, i, n):
-            free += 1
-    return free != 2
-
-
-@kernel
-def _extends_along(piece, i, n):
-    """Whether the feature of a box or capsule that touches a sphere extends along the piece's axis i.
-
-    It does if the axis is perpendicular to the normal.
-    """
-    m = piece["world_rotation"]
-    if piece["kind"] == CAPSULE and i != 2:
-        return False
-    return abs(m[0, i] * n[0] + m[1, i] * n[1] + m[2, i] * n[2]) < LEAST_SLOPE
-
-
-@kernel
 def _set_lever(body, p, half, x, y, z, out_lever):
     """Set the point on which impulses act, p + (x, y, z) less the way of the body's centre of mass."""
     out_lever[0], out_lever[1], out_lever[2] = p[0] + x, p[1] + y, p[2] + z
     if body["kind"] == SIMULATED:
         for i in range(3):
             out_lever[i] -= half * body["velocity"][i]
-
-
-@kernel
-def _velocity(body, point):
-    """Velocity of a body at a point; driven bodies do not move within a frame."""
-    if body["kind"] != SIMULATED:
-        return 0.0, 0.0, 0.0
-    c, w, v = body["center"], body["omega"], body["velocity"]
-    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
-    return v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x
-
-
-@kernel
-def _omega(body):
-    """Angular velocity of a body; driven bodies do not move within a frame."""
-    if body["kind"] != SIMULATED:
-        return 0.0, 0.0, 0.0
-    return body["omega"][0], body["omega"][1], body["omega"][2]
-
-
-@kernel
-def _tilt(body, n, edge):
-    """-n.(w x e): the rate at which a normal turns towards an edge that rotates with its body."""
-    x, y, z = _omega(body)
-    return -(
-        n[0] * (y * edge[2] - z * edge[1])
-        + n[1] * (z * edge[0] - x * edge[2])
-        + n[2] * (x * edge[1] - y * edge[0])
-    )
