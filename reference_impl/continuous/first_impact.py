@@ -71,7 +71,7 @@ def _sinking(moving, first, sweeps, limited):
     """Fraction, at most `first`, at which a resting contact has sunk so far that it must be detected again.
 
     Args:
-        limited: before LANDING_EVENTS, it sinks by SINKING_DEPTH at most.
+        limited: it sinks by SINKING_DEPTH at most.
     Returns:
         (fraction, drifted): `drifted` is whether the pair may overlap there.
     """
@@ -104,7 +104,7 @@ def _sinking(moving, first, sweeps, limited):
     # limit the depth: from deep overlap, the shortest way out may lead to the far side; and a body that
     # contacts accelerate may rotate more than its dense substep allows for
     depth = SINKING_SHARE * min(moving.piece_a["width"], moving.piece_b["width"])
-    if few and limited:
+    if limited:
         depth = min(depth, SINKING_DEPTH)
     target = min(start, 0.0) - depth
     if sweeps:

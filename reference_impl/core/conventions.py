@@ -196,12 +196,12 @@ REFLECTION_FAILURES = 2
 LANDING_DEPTH = 1e-7
 """Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
 LANDING_EVENTS = 128
-"""Events of a frame after which touching pairs may sink until the end of their substep."""
+"""Events of a frame after which touching pairs of polyhedra may sink by SINKING_DEPTH."""
 LANDING_MIN = 1e-9
 """Fraction of a substep within which a landing is ignored: the next substep would find the same one [1]."""
 SINKING_SHARE, SINKING_DEPTH = 0.1, 1e-5
 """Fraction of the thinner piece's width that a touching pair may sink before separation [1], and the depth
-that it may sink before LANDING_EVENTS [m]."""
+that it may sink where no driver squeezes it [m]."""
 SINKING_SLACK = 2.5e-7
 """Accepted deviation from OVERLAP_TOLERANCE in the time-of-impact search for a sinking pair [m]."""
 MANIFOLD_HEIGHT = 4e-6

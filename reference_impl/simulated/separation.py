@@ -149,12 +149,13 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
 
 @kernel
 def _move_together(world, first, end, left, most):
-    """Translate and turn simulated bodies by the least motion, in the metric of their masses, after which no
-    depth along the detected normals exceeds `left`; not at all where the solver finds no such motion, or one
-    that translates a body by more than `most` [m], or moves it by more than SINKING_SHARE of its width.
+    """Translate and turn simulated bodies by the least motion after which no depth along the detected normals
+    exceeds `left`; not at all where the solver finds no such motion, or one that translates a body by more
+    than `most` [m], or moves it by more than SINKING_SHARE of its width.
 
     Bodies at rest that separate at their depth per second, without friction, move by that much in a second:
-    the contact solver finds these velocities.
+    the contact solver finds these velocities. All bodies have the same mass: otherwise a light body turns by
+    degrees before a heavy one yields by a micrometre, and touches others.
     """
     bodies, state, rows = world.bodies, world.state, world.pairs[first:end]
     residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
@@ -165,6 +166,10 @@ def _move_together(world, first, end, left, most):
             copy_vector(body["omega"], body["scratch"][1])
             body["velocity"][:] = 0.0
             body["omega"][:] = 0.0
+            body["inverse_mass"] = 1.0
+            for i in range(3):
+                for j in range(3):
+                    body["inverse_inertia"][i, j] *= body["mass"]
     for k in range(end - first):
         pair = rows[k]
         place_contact(pair, 0.5)
@@ -195,10 +200,10 @@ def _way(body):
 
 @kernel
 def _move_by_velocity(body, allowed):
-    """Move a body for a second at its velocities, if allowed, and give it those in its `scratch`."""
+    """Move a body for a second at its velocities, if allowed; give it its mass, and the velocities in its
+    `scratch`."""
     v, w, m, c = body["velocity"], body["omega"], body["rotation"], body["center_of_mass"]
-    moves = allowed and _way(body) > 0
-    if moves:
+    if allowed and _way(body) > 0:
         turn(body["orientation"], w[0], w[1], w[2], body["orientation"])
         matrix_of(body["orientation"], m)
         for i in range(3):
@@ -207,8 +212,8 @@ def _move_by_velocity(body, allowed):
         place(body)
     copy_vector(body["scratch"][0], v)
     copy_vector(body["scratch"][1], w)
-    if moves:
-        refresh_inertia(body)
+    body["inverse_mass"] = 1 / body["mass"]
+    refresh_inertia(body)
 
 
 @kernel
