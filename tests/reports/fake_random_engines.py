@@ -70,5 +70,9 @@ class World(FakeWorld):
                     state.linear_velocity[moving] = np.nan
 
     def work(self):
-        reported = {"gave_up": 0.0, "residual": 1e-3 if self.fake == "stalls" else 1e-12}
+        reported = {
+            "gave_up": 0.0,
+            "dropped_time": 2e-3,
+            "residual": 1e-3 if self.fake == "stalls" else 1e-12,
+        }
         return {} if self.fake == "silent" else reported

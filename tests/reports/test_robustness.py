@@ -82,6 +82,7 @@ def test_runs_fall_into_their_class(fakes, name):
     if name == "rests":
         assert (found.frames, found.rise, found.overlap < 1e-8) == (scene.frame_count, 0.0, True)
         assert found.residual == 1e-12
+        assert found.dropped_time == pytest.approx(2e-3 * scene.frame_count)
     if name == "creeps":
         moving = sum(body.mass for body in scene.bodies if body.kind == "simulated")
         assert found.rise == pytest.approx(1.5 * moving * 1e-4 / available(scene), rel=1e-12)
@@ -128,6 +129,8 @@ def test_limits_hold_for_the_reference_alone(fakes):
         assert {row.verdict for row in rows if row.scenario == "tower"} == {""}
         worst = [row for row in rows if row.metric == "run"]
         assert [row.subject for row in worst] == ["exploded", "residual"]
+        dropped = [row.value for row in rows if row.metric == "robustness.dropped_time.max"]
+        assert dropped[0] == max(one.dropped_time for one in found) > 0
         assert (worst[0].reproduce, worst[0].reason[:8]) == (line(asked[0]), "diverged")
 
 

@@ -118,6 +118,11 @@ class Assessment:
         return counts["solves"], counts["solves.open"]
 
     @property
+    def dropped_time(self) -> float:
+        """Time of all frames that was not simulated [s]."""
+        return dict(zip(COUNTERS, self.counters))["dropped_time"]
+
+    @property
     def residual(self) -> float:
         """Largest residual of a frame [m/s]."""
         return max(self.residuals, default=nan)

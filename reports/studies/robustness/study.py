@@ -50,9 +50,17 @@ SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
     "residual": (("p50", 50), ("p995", 99.5), ("max", 100)),
     "overlap": (("max", 100),),
     "momentum": (("max", 100),),
+    "dropped_time": (("p99", 99), ("max", 100)),
     "slowest": (("p50", 50), ("max", 100)),
 }
-UNITS = {"rise": "1", "residual": "m/s", "overlap": "m", "momentum": "1", "slowest": "s"}
+UNITS = {
+    "rise": "1",
+    "residual": "m/s",
+    "overlap": "m",
+    "momentum": "1",
+    "dropped_time": "s",
+    "slowest": "s",
+}
 COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in OUTCOMES)
 OPEN = f"{STUDY}.solves.open"
 """Metric: share of contact solves with a residual over RESIDUAL_OPEN [1]."""

@@ -20,13 +20,15 @@ FIGURES = {
     "max ": "residual.max",
     "solves": "solves.open",
     "overlap": "overlap.max",
+    "dropped": "dropped_time.max",
     "frame": "slowest.max",
 }
 """Headings of columns, and the metrics below them."""
 NOTES = (
     "rise: of each run, the largest rise of energy in a frame over the energy at the start [1]",
     "residual: of each frame, what the contact solver left [m/s]; solves: share of contact solves that leave",
-    "more than 1e-7 m/s [1]; overlap [m]; frame: the slowest [s]",
+    "more than 1e-7 m/s [1]; overlap [m]; dropped: of each run, the time not simulated [s]; frame: the",
+    "slowest [s]",
 )
 
 
