@@ -165,7 +165,7 @@ def recoil(bodies, joints, driver):
         if body["link_inverse_mass"] == 0:
             continue
         mass = 1 / body["link_inverse_mass"]
-        p, torque, c = body["scratch"][0], body["scratch"][1], body["center"]
+        p, torque, c = driver["link_impulse"], driver["link_torque"], body["center"]
         for i in range(3):
             p[i] = mass * (body["velocity"][i] - body["wanted_velocity"][i])
             torque[i] = mass * LINK_GYRATION * LINK_GYRATION * (body["omega"][i] - body["wanted_omega"][i])

@@ -26,7 +26,7 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT_GAVE_UP, COUNT_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import copy_vector, matrix_of, turn
+from touchstone.reference_impl.core.rotation import matrix_of, turn
 from touchstone.reference_impl.driven.skeleton import place
 from touchstone.reference_impl.simulated.contact import place_contact
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
@@ -162,10 +162,10 @@ def _move_together(world, first, end, left, most):
     for k in range(len(bodies)):
         body = bodies[k]
         if body["kind"] == SIMULATED:
-            copy_vector(body["velocity"], body["scratch"][0])
-            copy_vector(body["omega"], body["scratch"][1])
-            body["velocity"][:] = 0.0
-            body["omega"][:] = 0.0
+            v, w, kept = body["velocity"], body["omega"], body["scratch"]
+            for i in range(3):
+                kept[0, i], kept[1, i] = v[i], w[i]
+                v[i] = w[i] = 0.0
             body["inverse_mass"] = 1.0
             for i in range(3):
                 for j in range(3):
@@ -210,8 +210,8 @@ def _move_by_velocity(body, allowed):
             arm = m[i, 0] * c[0] + m[i, 1] * c[1] + m[i, 2] * c[2]
             body["position"][i] = body["center"][i] + v[i] - arm
         place(body)
-    copy_vector(body["scratch"][0], v)
-    copy_vector(body["scratch"][1], w)
+    for i in range(3):
+        v[i], w[i] = body["scratch"][0, i], body["scratch"][1, i]
     body["inverse_mass"] = 1 / body["mass"]
     refresh_inertia(body)
 

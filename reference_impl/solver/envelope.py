@@ -105,6 +105,7 @@ def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
 def _dot(one, p, two, q, count):
     """Sum of one[p + k] two[q + k], as four independent sums for instruction-level parallelism.
 
+    The arrays are slices: fields of different lengths have different types, slices have one.
     Indices are unsigned: Numba tests signed ones for negative values, which doubles the time.
     """
     a = b = c = d = 0.0
@@ -135,7 +136,7 @@ def _subtract_product(one, p, two, q, count, factor):
 @kernel
 def factorise(solver):
     """Factorise into L U in place without pivoting; L has a unit diagonal."""
-    lower, upper, offset, begin = solver["lower"], solver["upper"], solver["offset"], solver["begin"]
+    lower, upper, offset, begin = solver["lower"][:], solver["upper"][:], solver["offset"], solver["begin"]
     for i in range(6 * solver["mover_count"]):
         row, first = offset[i], begin[i]
         for j in range(first, i):
@@ -152,8 +153,8 @@ def factorise(solver):
 @kernel
 def solve_factors(solver):
     """Solve for the step: minus the inverse of the matrix times the gradient."""
-    lower, upper, offset = solver["lower"], solver["upper"], solver["offset"]
-    begin, x = solver["begin"], solver["step"]
+    lower, upper, x = solver["lower"][:], solver["upper"][:], solver["step"][:]
+    offset, begin = solver["offset"], solver["begin"]
     size = 6 * solver["mover_count"]
     for i in range(size):
         first = begin[i]
