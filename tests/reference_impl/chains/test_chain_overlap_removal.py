@@ -35,7 +35,7 @@ from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import IDENTITY, Body, Scenario, Tracker
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FRAME = 1 / 60
 BODIES, JOINTS, CHAINS = avatar_parts()
 NAMES = [joint.name for joint in JOINTS]
@@ -362,7 +362,7 @@ def test_every_order_of_the_chains_comes_up() -> None:
 
 INTERPRETED = """
 import json, sys
-sys.path.insert(0, "tests/reference_impl")
+sys.path.insert(0, "tests/reference_impl/chains")
 from test_chain_overlap_removal import arms_cross, FRAME
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
