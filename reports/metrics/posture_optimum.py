@@ -46,8 +46,9 @@ def posture_over_best(context: Context) -> Values:
             raise NotMeasured(f"no free posture found at {recording.time[f]:.3f} s")
         best += float(np.sum((posture - tracked[f]) ** 2))
         last = [posture]
-    away = float(np.sum((shown[chosen] - tracked[chosen]) ** 2))
-    return {"": away / best if best > 0 else float("nan")}
+    if best == 0:
+        raise NotMeasured(f"tracked postures are free where the root is shown ({len(chosen)} frames)")
+    return {"": float(np.sum((shown[chosen] - tracked[chosen]) ** 2)) / best}
 
 
 def _person(context: Context) -> tuple[Tracker, NDArray[np.int64]]:

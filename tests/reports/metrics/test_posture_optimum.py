@@ -41,6 +41,16 @@ def test_where_it_is_not_measured(registry, known):
         known.value("posture.over_best", registry.played("ball_snip", "reference"), catalogue()["ball_snip"])
 
 
+def test_a_trunk_out_of_reach_leaves_nothing_to_compare(registry, known, monkeypatch):
+    """A person shown high above floor and wall could take the tracked posture itself: there is no ratio."""
+    monkeypatch.setattr(posture_optimum, "FRAMES", 2)
+    scenario, recording = catalogue()["wall_push"], registry.played("wall_push", "reference")
+    lift = [[0.0, 0.0, 0.0 if body.kind == "fixed" else 5.0] for body in scenario.bodies]
+    away = replace(recording, position=recording.position + lift)
+    with pytest.raises(NotMeasured, match="tracked postures are free where the root is shown"):
+        known.value("posture.over_best", away, scenario)
+
+
 def test_the_pressed_frames_are_the_trackers(registry):
     """The frames that are judged follow from the tracker, whatever is shown."""
     scenario, recording = catalogue()["wall_push"], registry.played("wall_push", "reference")
