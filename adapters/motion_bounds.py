@@ -1,12 +1,12 @@
 """Conservative bounds on the motion of a scenario's bodies, by kinematics and by energy.
 
 Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION of their tracker's path, unless
-another person comes near; links of a chain stay in a ball about the chain's root. A simulated body without
-contacts flies in closed form. A body with contacts is bounded by energy: impacts and friction remove energy,
-and gravity adds speed at most at rate g to each group of bodies that can exchange it. Two kinds of bodies are
-unbounded: those that a driven body can touch, and those that are not balls and touch others with both
-restitution and friction, because Eqs. 8 and 10 as printed add energy at every impact. A run checks the
-bounds: `Plan.broken`.
+another person comes near, or they start deep in fixed pieces; links of a chain stay in a ball about the
+chain's root. A simulated body without contacts flies in closed form. A body with contacts is bounded by
+energy: impacts and friction remove energy, and gravity adds speed at most at rate g to each group of bodies
+that can exchange it. Two kinds of bodies are unbounded: those that a driven body can touch, and those that
+are not balls and touch others with both restitution and friction, because Eqs. 8 and 10 as printed add energy
+at every impact. A run checks the bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ Indices = NDArray[np.intp]
 
 LARGEST_DEVIATION = 0.3
 """Maximum deviation of a driven link from its tracker's path [m], through obstacles or inertia."""
+DEEPEST_START = 0.1
+"""Maximum depth in fixed pieces at the start, by bounding boxes [m], at which LARGEST_DEVIATION holds for
+a driven body. Of 1,200 random persons 12 deviated farther, and all of them started at 0.14 m or more."""
 POSTURE = 0.1
 """Maximum by which the distance of two links of one driven body may fall below the tracked one [m]."""
 SLACK = 0.05
@@ -59,6 +62,7 @@ def bounds(scenario: Scenario) -> Bounds:
     if p > LARGEST_PIECE_COUNT:
         return Bounds(body, reach, low - np.inf, high + np.inf, np.zeros((n, p)))
     own = _follow(scenario, reach, low, high)
+    _start(scenario, world, low, high)
     _meet(scenario, reach, low, high)
     _fly(scenario, world, low, high)
     gap = _settle(scenario, world, reach, low, high)
@@ -106,6 +110,25 @@ def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
         spread = (LARGEST_DEVIATION + stride + arm)[:, None]
         low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
     return np.maximum(own, 0.0)
+
+
+def _start(scenario: Scenario, world: _World, low: Array, high: Array) -> None:
+    """Set no bounds for driven bodies that start deep in fixed pieces: overlap removal pushes them out of one
+    piece after the other."""
+    fixed = [scenario.bodies[k].kind == "fixed" for k in world.body]
+    fixed_low, fixed_high = world.low[fixed], world.high[fixed]
+    for tracker in scenario.trackers:
+        links = list(scenario.links(tracker))
+        first = sample(tracker, np.zeros(1))
+        place, rotation = link_poses(scenario, tracker, first.position, first.orientation, first.angle)
+        depth = np.zeros(len(fixed_low))
+        for link, position, turned in zip(links, place, rotation):
+            for piece in scenario.bodies[link].pieces:
+                least, most = piece_box(piece, position[0], turned[0])
+                ways = np.hstack([most - fixed_low, fixed_high - least])
+                depth = np.maximum(depth, ways.min(axis=1))
+        if depth.sum() > DEEPEST_START:
+            low[links], high[links] = -np.inf, np.inf
 
 
 def _meet(scenario: Scenario, reach: Array, low: Array, high: Array) -> None:

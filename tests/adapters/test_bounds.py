@@ -60,6 +60,15 @@ def test_what_printed_laws_may_speed_up_is_not_bounded(lab: SimpleNamespace) -> 
         assert np.isfinite(made.high[1]).all() == bounded
 
 
+@pytest.mark.parametrize(("x", "bounded"), [(0.0, False), (0.35, True)])
+def test_a_start_deep_in_a_block_has_no_bounds(lab: SimpleNamespace, x: float, bounded: bool) -> None:
+    """Bound a person who starts beside a block, but not one who starts inside it and is pushed out."""
+    parts = avatar_parts()
+    block = lab.block("block", (0.2, 0.3, 0.3), (x, 0.0, 0.2), kind="fixed")
+    made = bounds(lab.person(parts, bodies=(*parts[0], block)))
+    assert np.isfinite(made.low[:-1]).all() == np.isfinite(made.high[:-1]).all() == bounded
+
+
 def test_a_tracker_through_its_own_body_is_refused(lab: SimpleNamespace) -> None:
     """Refuse a person whose own limbs meet by its tracker while they are declared never to."""
     parts = avatar_parts()
