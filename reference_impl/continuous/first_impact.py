@@ -14,6 +14,7 @@ from touchstone.reference_impl.core.conventions import (
     LANDING_EVENTS,
     LANDING_MIN,
     OVERLAP_TOLERANCE,
+    SECANT_STEPS,
     SINKING_DEPTH,
     SINKING_SHARE,
     SINKING_SLACK,
@@ -127,8 +128,8 @@ def _swept(moving, until, target, slack):
 @kernel
 def _closing(moving, late, target, slack):
     """Fraction at which a pair's distance is `target` within `slack`, by the Illinois method (a bracketed
-    secant); `late` if the distance is not below `target` there. The last fraction found above the target,
-    counted, if IMPACT_STEPS did not suffice.
+    secant), and by bisection after SECANT_STEPS; `late` if the distance is not below `target` there. The last
+    fraction found above the target, counted, if IMPACT_STEPS did not suffice.
 
     Within the slack, up to CLOSING_EXTRA steps go on to a thousandth of it, and a last secant step follows
     without a test. Otherwise, rounding that changes the number of steps would change the result by the slack.
@@ -140,8 +141,10 @@ def _closing(moving, late, target, slack):
     if gap_early <= 0:
         return 0.0
     side, extra, last, gap_last = 0, 0, late, gap_late
-    for _ in range(IMPACT_STEPS):
+    for step in range(IMPACT_STEPS):
         s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
+        if step >= SECANT_STEPS:
+            s = (early + late) / 2
         gap = distance_at(moving, s) - target
         if abs(gap) <= slack:
             extra += 1

@@ -150,8 +150,11 @@ CLOSING_SHARE = 1e-3
 """Share of the slack at which the search for a time of impact ends [1]."""
 IMPACT_SHARE = 0.4
 """Accepted deviation from `impact_gap`, relative to it [1]."""
-IMPACT_STEPS = 60
+IMPACT_STEPS = 90
 """Bracketing steps for the time of an impact; about 6 are usual."""
+SECANT_STEPS = 60
+"""Those of them before bisection, by secants: where a nearly constant distance begins to fall steeply, as
+when the other end of a tilting box lands, a secant shortens the bracket by a ten-thousandth."""
 APPROACH_MIN = 1e-4
 """Approach speed below which a contact is not an impact [m/s]."""
 SETTLE_DEPTH = 1.7e-8

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from moving_pair import Scene
+from scipy.spatial.transform import Rotation
 
 from touchstone.reference_impl.continuous.first_impact import _closing
 from touchstone.reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET
 from touchstone.reference_impl.core.counters import CAP_CLOSING
-from touchstone.scenarios.scenario import Sphere
+from touchstone.scenarios.scenario import Box, Sphere
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 10.0])
@@ -52,3 +53,23 @@ def test_bracketing_that_runs_out_of_steps_is_counted(slack: float, capped: int)
     fraction = _closing(scene.moving_pair(), 1.0, target, slack)
     assert counters[CAP_CLOSING] == capped
     assert abs(scene.distance(fraction) - target) <= max(slack, 1e-15)
+
+
+def test_the_landing_of_the_other_end_is_found() -> None:
+    """Find when the raised end of a box lands while its lower end stays put: its distance is constant until
+    then. Secants alone move by so little a step that they run out of steps."""
+    start, turn, gap = -4e-3, 6e-3, 6e-7
+    # the centre moves so that the lower edge stays at the gap, to third order in the turn
+    height = gap - 0.5 * np.sin(start) + 0.1 * np.cos(start)
+    rise = -turn * (0.5 * np.cos(start) + 0.1 * np.sin(start))
+    bend = turn**2 * (0.5 * np.sin(start) - 0.1 * np.cos(start)) / 2
+    scene = Scene(Box((2.0, 2.0, 0.5)), Box((0.5, 0.1, 0.1))).move(0, (0.0, 0.0, -0.5))
+    scene.move(
+        *(1, (0.0, 0.0, height), (0.0, 0.0, rise), (0.0, turn, 0.0)),
+        travel_bend=(0.0, 0.0, bend),
+        posture=Rotation.from_euler("y", start),
+    )
+    slack, depth = 5e-8, 1e-7
+    fraction = _closing(scene.moving_pair(), 1.0, gap - depth, slack)
+    assert scene.state[0]["counters"][CAP_CLOSING] == 0
+    assert fraction == pytest.approx((depth - start) / turn, abs=slack / turn)
