@@ -1,8 +1,9 @@
 """Tolerances, limits and budgets of the contact solver."""
 
-RESIDUAL_TARGET, RESIDUAL_ACCEPTED = 4e-13, 1e-9
-"""Residual at which a contact solve ends, and at which it counts as converged [m/s]: bodies sink by that
-times a frame."""
+RESIDUAL_TARGET, RESIDUAL_DENSE, RESIDUAL_ACCEPTED = 4e-13, 9e-10, 1e-9
+"""Residual at which a contact solve ends, at which it ends in a dense substep, and at which it counts as
+converged [m/s]: bodies sink by that times a frame. The way from the second to the first takes up to half of
+the factorisations."""
 ROUNDING = 2.0**-52
 """Relative spacing of doubles [1]: an impulse p hides velocities below that times p / m of its row."""
 RESIDUAL_OPEN = 1e-7
@@ -54,8 +55,10 @@ INTERIOR_FEW, INTERIOR_MOST = 40, 4e9
 """Most steps of the interior-point method after NEWTON_MOST, and multiplications over the frame's up to which
 it runs, 2 to 3 s; after these, sweeps alone."""
 INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
-"""Residual at which it ends; residual below which it ends where rounding stops it, and steps that tell so
-[m/s]."""
+"""Residual at which it ends and leaves the rest to Newton's method, except in dense substeps; residual below
+which it ends where rounding stops it, and steps that tell so [m/s]."""
+INTERIOR_START = 3.0
+"""Speed of the products v.q at a start near the present impulses, over the residual of these [1]."""
 INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.8
 """Shares of a full step below which it takes less of the derivative of friction, and above which more [1]."""
 INTERIOR_BOUNDARY, INTERIOR_CENTRE, INTERIOR_FRICTION = 0.995, 1e-6, 1e-9

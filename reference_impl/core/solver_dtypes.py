@@ -63,6 +63,7 @@ SOLVER = record(
     row_count="i8",
     mover_count="i8",
     best_residual="f8",  # [m/s]
+    target="f8",  # residual at which a solve ends [m/s]
     rows=(ROW, (ROW_CAPACITY,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
     order=("i8", (NEWTON_MOVERS,)),  # mover of each block

@@ -12,6 +12,7 @@ from math import sqrt
 from touchstone.reference_impl.core.conventions import (
     BOX,
     CAPSULE,
+    DENSE_HEIGHT,
     HULL,
     MANIFOLD_HEIGHT,
     MANIFOLD_VERTICES,
@@ -88,9 +89,13 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
         whether the reference face is A's; its plane is in `state["tangent"]`.
     """
     lower, upper, plane = state["w"], state["a"], state["tangent"]
+    height, reach = MANIFOLD_HEIGHT, TOUCH_DISTANCE
+    # points that may land within a dense substep are speculative contacts
+    if state["dense_substep"] == 1:
+        height = reach = DENSE_HEIGHT
     _frame(pair["normal"], state["mobility"])
-    count_a = _feature(piece_a, vertices, 1.0, pair["point_a"], state["mobility"], lower)
-    count_b = _feature(piece_b, vertices, -1.0, pair["point_a"], state["mobility"], upper)
+    count_a = _feature(piece_a, vertices, 1.0, pair["point_a"], state["mobility"], height, lower)
+    count_b = _feature(piece_b, vertices, -1.0, pair["point_a"], state["mobility"], height, upper)
     count_a, count_b = _order(lower, count_a), _order(upper, count_b)
     area_a, area_b = _plane(lower, count_a, plane), _plane(upper, count_b, plane)
     if area_a == 0 and area_b == 0:
@@ -104,13 +109,13 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
         count = _clip(upper, count_b, lower, count_a, state["normal"])
     else:
         count = _clip(lower, count_a, upper, count_b, state["normal"])
-    # keep the touching points
+    # keep the touching points, and those near
     points, kept = upper if face_on_a else lower, 0
     for k in range(count):
         x, y = points[k, 0], points[k, 1]
         gap = points[k, 2] - (plane[0] * x + plane[1] * y + plane[2])
         gap = gap if face_on_a else -gap
-        if gap <= max(0.0, pair["distance"]) + TOUCH_DISTANCE:
+        if gap <= max(0.0, pair["distance"]) + reach:
             lower[kept, 0], lower[kept, 1], lower[kept, 2] = x, y, gap
             kept += 1
     return kept, face_on_a
@@ -151,8 +156,8 @@ def _frame(n, out_frame):
 
 
 @kernel
-def _feature(piece, vertices, sign, origin, frame, out_points):
-    """Gather the vertices of a polyhedron within MANIFOLD_HEIGHT of its support plane along sign * z; returns
+def _feature(piece, vertices, sign, origin, frame, depth, out_points):
+    """Gather the vertices of a polyhedron within `depth` of its support plane along sign * z; returns
     their count."""
     rotation, position, size = piece["world_rotation"], piece["world_position"], piece["size"]
     is_hull, first, radius = piece["kind"] == HULL, piece["first_vertex"], piece["radius"]
@@ -183,7 +188,7 @@ def _feature(piece, vertices, sign, origin, frame, out_points):
             height = sign * point[2]
             if gather == 0:
                 top = max(top, height)
-            elif height >= top - MANIFOLD_HEIGHT and kept < MANIFOLD_VERTICES:
+            elif height >= top - depth and kept < MANIFOLD_VERTICES:
                 kept += 1
     return kept
 

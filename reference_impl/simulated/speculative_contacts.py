@@ -82,6 +82,9 @@ def gather_contacts(world, left):
         end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
     for k in range(end):
         pairs[k]["is_kept"] = 0
+        # a pair that touches does not pass by: its other points may close their gap at most
+        if pairs[k]["distance"] <= TOUCH_DISTANCE:
+            pairs[k]["key"] = 0.0
     for d in range(len(drivers)):
         if drivers[d]["pushes"] == 1:
             end = _keep_pushing(bodies, pieces, vertices, drivers[d], pairs, end, state)

@@ -30,6 +30,7 @@ from touchstone.reference_impl.core.solver_conventions import (
     INTERIOR_MOST,
     INTERIOR_SHORT,
     INTERIOR_STALLS,
+    INTERIOR_START,
     INTERIOR_STEPS,
     INTERIOR_TARGET,
     NEWTON_MOST,
@@ -53,16 +54,27 @@ from touchstone.reference_impl.solver.envelope import (
 
 
 @kernel
-def interior(solver, state):
-    """Find an island's impulses from none, to about INTERIOR_TARGET; stores them by `keep_best`.
+def interior(solver, afar, state):
+    """Find an island's impulses to about INTERIOR_TARGET, or to the target of a dense substep; stores them by
+    `keep_best`.
 
     It does nothing if the frame's budget does not allow INTERIOR_STEPS factorisations.
+
+    Args:
+        afar: start without impulses, otherwise near the present ones. From afar it takes more steps, but it
+            also converges where the present impulses are misleading.
     """
     work, left = lay_out(solver), state["newton_work"]
     if work < 0 or left < -INTERIOR_MOST or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
         return
     most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
-    _begin(solver)
+    for m in range(solver["mover_count"]):
+        invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
+    if afar:
+        _begin_afar(solver)
+    else:
+        _begin_near(solver)
+    target = solver["target"] if state["dense_substep"] == 1 else INTERIOR_TARGET
     share, least, stalled = 1.0, 1e300, 0
     for _ in range(most):
         _set_impulses(solver)
@@ -72,7 +84,7 @@ def interior(solver, state):
         keep_best(solver, residual)
         stalled = stalled + 1 if residual > least / 2 else 0
         least = min(least, residual)
-        if residual <= INTERIOR_TARGET or (stalled >= INTERIOR_STALLS and least <= INTERIOR_LEAST):
+        if residual <= target or (stalled >= INTERIOR_STALLS and least <= INTERIOR_LEAST):
             break
         begin_matrix(solver)
         for k in range(solver["row_count"]):
@@ -96,22 +108,77 @@ def interior(solver, state):
 
 
 @kernel
-def _begin(solver):
-    """Start on the axes of all cones, at the largest speed of the island."""
-    rows, count = solver["rows"], solver["row_count"]
-    speed = mass = 0.0
+def _begin_afar(solver):
+    """Start without impulses, on the axes of all cones, at the largest speed of the island."""
+    rows, count, speed = solver["rows"], solver["row_count"], 0.0
     for m in range(solver["mover_count"]):
-        mover = solver["movers"][m]
-        invert_symmetric(mover["inverse_inertia"], mover["inertia"])
-        mover["velocity"][:] = 0.0
-        mover["omega"][:] = 0.0
+        solver["movers"][m]["velocity"][:] = 0.0
+        solver["movers"][m]["omega"][:] = 0.0
     for k in range(count):
         x, y, z = _meeting(rows[k], solver["movers"])
-        speed, mass = max(speed, abs(x), abs(y), abs(z)), mass + rows[k]["mass"] / count
+        speed = max(speed, abs(x), abs(y), abs(z))
+    speed *= sqrt(_mean_mass(solver))
     for k in range(count):
         u, p = rows[k]["velocity"], rows[k]["centre"]
-        u[0] = p[0] = speed * sqrt(mass)
+        u[0] = p[0] = speed
         u[1] = u[2] = p[1] = p[2] = 0.0
+
+
+@kernel
+def _begin_near(solver):
+    """Start near the present impulses: of all vectors with equal products v.q, those with q - v of the
+    impulses. The products fall with the square of the residual."""
+    product = (INTERIOR_START * solver["best_residual"]) ** 2 * _mean_mass(solver)
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        i, n, t, s, q, mu = (
+            row["impulse"],
+            row["normal"],
+            row["across_1"],
+            row["across_2"],
+            sqrt(row["mass"]),
+            _friction(row),
+        )
+        x, y, z = _meeting(row, solver["movers"])
+        x = (i[0] * n[0] + i[1] * n[1] + i[2] * n[2]) / q - q * (x + sqrt(y * y + z * z))
+        y = (i[0] * t[0] + i[1] * t[1] + i[2] * t[2]) / (q * mu) - q * y
+        z = (i[0] * s[0] + i[1] * s[1] + i[2] * s[2]) / (q * mu) - q * z
+        size = sqrt(y * y + z * z)
+        if size > 0:
+            y, z = y / size, z / size
+        _split(x + size, x - size, y, z, product, row["centre"])
+        _split(-x - size, size - x, y, z, product, row["velocity"])
+
+
+@kernel
+def _mean_mass(solver):
+    """Mean of the rows' masses [kg]."""
+    mass = 0.0
+    for k in range(solver["row_count"]):
+        mass += solver["rows"][k]["mass"] / solver["row_count"]
+    return mass
+
+
+@kernel
+def _split(one, two, y, z, product, out_vector):
+    """Compute (x + sqrt(x^2 + 4 product)) / 2 of a vector x.
+
+    The root is that of the cone's algebra: of both eigenvalues.
+
+    Args:
+        one, two: eigenvalues of x, x_n + |x_t| and x_n - |x_t|.
+        y, z: direction of x_t.
+    """
+    one, two = _positive(one, product), _positive(two, product)
+    out_vector[0] = (one + two) / 2
+    out_vector[1], out_vector[2] = (one - two) / 2 * y, (one - two) / 2 * z
+
+
+@inlined_kernel
+def _positive(x, product):
+    """(x + sqrt(x^2 + 4 product)) / 2, without cancellation."""
+    root = sqrt(x * x + 4 * product)
+    return (x + root) / 2 if x >= 0 else 2 * product / (root - x)
 
 
 @inlined_kernel

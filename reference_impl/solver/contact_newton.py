@@ -36,7 +36,6 @@ from touchstone.reference_impl.core.solver_conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_FALL,
     RESIDUAL_ROUNDING,
-    RESIDUAL_TARGET,
 )
 from touchstone.reference_impl.solver.contact_rows import (
     changed_velocity,
@@ -101,7 +100,7 @@ def newton(solver, evenly, patient, state):
         rebuild(solver)
         residual, _ = residual_of(solver)
         keep_best(solver, residual)
-        if residual <= RESIDUAL_TARGET:
+        if residual <= solver["target"]:
             return
         if residual > RESIDUAL_FALL * last:
             stalled += 1

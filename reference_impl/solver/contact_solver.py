@@ -44,6 +44,7 @@ from touchstone.reference_impl.core.solver_conventions import (
     MOST_SWEEPS,
     MOST_VISITS,
     RESIDUAL_ACCEPTED,
+    RESIDUAL_DENSE,
     RESIDUAL_OPEN,
     RESIDUAL_TARGET,
 )
@@ -175,7 +176,8 @@ def solve_loaded(solver, state):
         residual, _ = residual_of(solver)
     solver["best_residual"] = inf
     keep_best(solver, residual)
-    if not residual <= RESIDUAL_TARGET:
+    solver["target"] = RESIDUAL_DENSE if state["dense_substep"] == 1 else RESIDUAL_TARGET
+    if not residual <= solver["target"]:
         _iterate(solver, state)
         take_best(solver)
 
@@ -187,18 +189,23 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        small = rows < INTERIOR_ROWS
+        small, dense = rows < INTERIOR_ROWS, state["dense_substep"] == 1
+        close = not dense and (small or solver["best_residual"] <= INTERIOR_FROM)
         # where bodies have no room to separate, the interior-point method ends far from a solution
-        if small or state["separates"] == 1 or solver["best_residual"] <= INTERIOR_FROM:
+        if close or state["separates"] == 1:
             newton(solver, False, small, state)
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
-        interior(solver, state)
-        # the second attempt is with all contacts as stiff as the stiffest
-        for attempt in range(2):
+        # from the present impulses; from none; and with all contacts as stiff as the stiffest
+        for attempt in range(0 if dense else 1, 3):
+            if attempt < 2:
+                take_best(solver)
+                interior(solver, attempt == 1, state)
+                if solver["best_residual"] <= solver["target"]:
+                    return
             take_best(solver)
-            newton(solver, attempt == 1, True, state)
+            newton(solver, attempt == 2, attempt > 0, state)
             take_best(solver)
             if solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
@@ -230,7 +237,7 @@ def _sweep(solver, state, most):
             if not always:
                 residual, _ = residual_of(solver)
             keep_best(solver, residual)
-            if residual <= RESIDUAL_TARGET:
+            if residual <= solver["target"]:
                 return True
         for k in range(count):
             p, q, m = rows[k]["impulse"], rows[k]["swept"], rows[k]["mass"]

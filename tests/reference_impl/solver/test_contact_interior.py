@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from contact_islands import OPEN, loaded, names
+from contact_islands import OPEN, USUAL, loaded, names
 
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.solver_conventions import (
+    FIRST_SWEEPS,
     INTERIOR_STEPS,
     INTERIOR_TARGET,
     RESIDUAL_ACCEPTED,
+    RESIDUAL_DENSE,
 )
-from touchstone.reference_impl.solver.contact_interior import interior
+from touchstone.reference_impl.solver.contact_interior import _split, interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import residual_of, take_best
+from touchstone.reference_impl.solver.contact_solver import _sweep
 
 CONVEX = ("heap_d", "wedge")
 """Islands in which the method reaches its target without Newton's."""
@@ -25,7 +28,7 @@ def test_newton_finishes_what_it_could_not_begin(name: str) -> None:
     """Reach Coulomb's law in few factorisations, from no impulse, where Newton's method alone cycles."""
     state = loaded(OPEN, name)
     solver = state[0]["solver"]
-    interior(solver, state[0])
+    interior(solver, True, state[0])
     take_best(solver)
     newton(solver, False, True, state[0])
     take_best(solver)
@@ -39,7 +42,7 @@ def test_steps_are_few(name: str) -> None:
     """Reach the target before the steps run out; the impulses stay in their cones."""
     state = loaded(OPEN, name)
     solver = state[0]["solver"]
-    interior(solver, state[0])
+    interior(solver, True, state[0])
     take_best(solver)
     residual, _ = residual_of(solver)
     assert residual == solver["best_residual"] <= INTERIOR_TARGET
@@ -51,13 +54,46 @@ def test_steps_are_few(name: str) -> None:
     assert (across <= rows["friction"] * j * (1 + 1e-12)).all()
 
 
+def test_a_start_near_the_solution_saves_steps() -> None:
+    """Take at most three quarters of the steps from the impulses that some sweeps leave, in rows of dominoes."""
+    steps = [0, 0]
+    for name in names(USUAL):
+        for afar in range(2) if name.startswith("dominoes") else ():
+            state = loaded(USUAL, name)
+            solver = state[0]["solver"]
+            state[0]["dense_substep"], solver["target"] = 1, RESIDUAL_DENSE
+            _sweep(solver, state[0], FIRST_SWEEPS)
+            take_best(solver)
+            interior(solver, afar == 1, state[0])
+            steps[afar] += int(state[0]["counters"][COUNT_FACTORS])
+    assert steps[0] < 0.75 * steps[1]
+
+
+@pytest.mark.parametrize("x", [(1e-3, 2e-3, -1e-3), (-5.0, 0.0, 0.0), (1e-9, 1e-12, 0.0), (3.0, -1.0, 1e-3)])
+def test_split_vectors_have_the_product(x: tuple[float, float, float]) -> None:
+    """Split x into q - v with q and v in the cone and q o v = (product, 0, 0)."""
+    product, y, z = 1e-8, x[1], x[2]
+    size = float(np.hypot(y, z))
+    if size > 0:
+        y, z = y / size, z / size
+    q, v = np.zeros(3), np.zeros(3)
+    _split(x[0] + size, x[0] - size, y, z, product, q)
+    _split(-x[0] - size, size - x[0], y, z, product, v)
+    scale = max(np.abs(x).max(), np.sqrt(product))
+    np.testing.assert_allclose(q - v, x, rtol=0, atol=1e-15 * scale)
+    assert q[0] > np.hypot(q[1], q[2])
+    assert v[0] > np.hypot(v[1], v[2])
+    np.testing.assert_allclose(q @ v, product, rtol=1e-9)
+    np.testing.assert_allclose(q[0] * v[1:] + v[0] * q[1:], 0, atol=1e-15 * (scale + 1) ** 2)
+
+
 def test_the_answer_does_not_depend_on_the_order_of_rows() -> None:
     """Solve an island with its rows in reverse: the same velocities, to the target."""
     state, other = loaded(OPEN, "heap_d"), loaded(OPEN, "heap_d")
     count, movers = int(state[0]["solver"]["row_count"]), int(state[0]["solver"]["mover_count"])
     other[0]["solver"]["rows"][:count] = other[0]["solver"]["rows"][:count][::-1].copy()
     for one in (state, other):
-        interior(one[0]["solver"], one[0])
+        interior(one[0]["solver"], True, one[0])
         take_best(one[0]["solver"])
     change = state[0]["solver"]["movers"]["velocity"] - other[0]["solver"]["movers"]["velocity"]
     assert np.abs(change[:movers]).max() <= 10 * INTERIOR_TARGET
