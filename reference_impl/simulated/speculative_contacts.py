@@ -30,6 +30,7 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_SHARE,
     IMPACT_SLACK,
     IMPACT_TARGET,
+    IMPULSES_TOGETHER,
     KEEPS_NOTHING,
     PUSH_SLACK,
     SIMULATED,
@@ -83,7 +84,7 @@ def gather_contacts(world, left):
     for k in range(end):
         pairs[k]["is_kept"] = 0
         # a pair that touches does not pass by: its other points may close their gap at most
-        if pairs[k]["distance"] <= TOUCH_DISTANCE:
+        if pairs[k]["distance"] <= TOUCH_DISTANCE and state["impulses"] == IMPULSES_TOGETHER:
             pairs[k]["key"] = 0.0
     for d in range(len(drivers)):
         if drivers[d]["pushes"] == 1:

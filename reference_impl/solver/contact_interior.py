@@ -24,19 +24,16 @@ from touchstone.reference_impl.core.solver_conventions import (
     INTERIOR_BOUNDARY,
     INTERIOR_CENTRE,
     INTERIOR_FEW,
-    INTERIOR_FRICTION,
     INTERIOR_LEAST,
     INTERIOR_LONG,
     INTERIOR_MOST,
     INTERIOR_SHORT,
     INTERIOR_STALLS,
-    INTERIOR_START,
     INTERIOR_STEPS,
     INTERIOR_TARGET,
     NEWTON_MOST,
 )
 from touchstone.reference_impl.solver.contact_rows import (
-    changed_velocity,
     into_cone,
     keep_best,
     rebuild,
@@ -50,6 +47,13 @@ from touchstone.reference_impl.solver.envelope import (
     set_rates,
     solve_factors,
     subtract_impulse,
+)
+from touchstone.reference_impl.solver.interior_start import (
+    begin_afar,
+    begin_near,
+    cone_friction,
+    meeting_on_axes,
+    on_axes,
 )
 
 
@@ -71,9 +75,9 @@ def interior(solver, afar, state):
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
     if afar:
-        _begin_afar(solver)
+        begin_afar(solver)
     else:
-        _begin_near(solver)
+        begin_near(solver)
     target = solver["target"] if state["dense_substep"] == 1 else INTERIOR_TARGET
     share, least, stalled = 1.0, 1e300, 0
     for _ in range(most):
@@ -107,105 +111,6 @@ def interior(solver, afar, state):
         _advance(solver, length)
 
 
-@kernel
-def _begin_afar(solver):
-    """Start without impulses, on the axes of all cones, at the largest speed of the island."""
-    rows, count, speed = solver["rows"], solver["row_count"], 0.0
-    for m in range(solver["mover_count"]):
-        solver["movers"][m]["velocity"][:] = 0.0
-        solver["movers"][m]["omega"][:] = 0.0
-    for k in range(count):
-        x, y, z = _meeting(rows[k], solver["movers"])
-        speed = max(speed, abs(x), abs(y), abs(z))
-    speed *= sqrt(_mean_mass(solver))
-    for k in range(count):
-        u, p = rows[k]["velocity"], rows[k]["centre"]
-        u[0] = p[0] = speed
-        u[1] = u[2] = p[1] = p[2] = 0.0
-
-
-@kernel
-def _begin_near(solver):
-    """Start near the present impulses: of all vectors with equal products v.q, those with q - v of the
-    impulses. The products fall with the square of the residual."""
-    product = (INTERIOR_START * solver["best_residual"]) ** 2 * _mean_mass(solver)
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        i, n, t, s, q, mu = (
-            row["impulse"],
-            row["normal"],
-            row["across_1"],
-            row["across_2"],
-            sqrt(row["mass"]),
-            _friction(row),
-        )
-        x, y, z = _meeting(row, solver["movers"])
-        x = (i[0] * n[0] + i[1] * n[1] + i[2] * n[2]) / q - q * (x + sqrt(y * y + z * z))
-        y = (i[0] * t[0] + i[1] * t[1] + i[2] * t[2]) / (q * mu) - q * y
-        z = (i[0] * s[0] + i[1] * s[1] + i[2] * s[2]) / (q * mu) - q * z
-        size = sqrt(y * y + z * z)
-        if size > 0:
-            y, z = y / size, z / size
-        _split(x + size, x - size, y, z, product, row["centre"])
-        _split(-x - size, size - x, y, z, product, row["velocity"])
-
-
-@kernel
-def _mean_mass(solver):
-    """Mean of the rows' masses [kg]."""
-    mass = 0.0
-    for k in range(solver["row_count"]):
-        mass += solver["rows"][k]["mass"] / solver["row_count"]
-    return mass
-
-
-@kernel
-def _split(one, two, y, z, product, out_vector):
-    """Compute (x + sqrt(x^2 + 4 product)) / 2 of a vector x.
-
-    The root is that of the cone's algebra: of both eigenvalues.
-
-    Args:
-        one, two: eigenvalues of x, x_n + |x_t| and x_n - |x_t|.
-        y, z: direction of x_t.
-    """
-    one, two = _positive(one, product), _positive(two, product)
-    out_vector[0] = (one + two) / 2
-    out_vector[1], out_vector[2] = (one - two) / 2 * y, (one - two) / 2 * z
-
-
-@inlined_kernel
-def _positive(x, product):
-    """(x + sqrt(x^2 + 4 product)) / 2, without cancellation."""
-    root = sqrt(x * x + 4 * product)
-    return (x + root) / 2 if x >= 0 else 2 * product / (root - x)
-
-
-@inlined_kernel
-def _friction(row):
-    """Coefficient of friction of a row, at least INTERIOR_FRICTION: the cone needs an inside."""
-    return max(row["friction"], INTERIOR_FRICTION)
-
-
-@kernel
-def _meeting(row, movers):
-    """Velocity of a row over its floor, as `_on_axes` gives it [m/s]."""
-    f, n, floor = row["free"], row["normal"], row["floor"]
-    x, y, z = changed_velocity(row, movers)
-    return _on_axes(row, x + f[0] - floor * n[0], y + f[1] - floor * n[1], z + f[2] - floor * n[2])
-
-
-@kernel
-def _on_axes(row, x, y, z):
-    """Components of a velocity along the normal, and along the tangents times the friction [m/s]."""
-    n, t, s, mu = row["normal"], row["across_1"], row["across_2"], _friction(row)
-    return (
-        x * n[0] + y * n[1] + z * n[2],
-        mu * (x * t[0] + y * t[1] + z * t[2]),
-        mu * (x * s[0] + y * s[1] + z * s[2]),
-    )
-
-
 @inlined_kernel
 def _form(v):
     """v_n^2 - |v_t|^2 of a vector v: positive inside the cone."""
@@ -226,7 +131,7 @@ def _set_scaling(solver):
         one, two = _form(u), _form(p)
         if not (one > 0 and two > 0 and u[0] > 0 and p[0] > 0):
             return False
-        x, y, z = _meeting(row, solver["movers"])
+        x, y, z = meeting_on_axes(row, solver["movers"])
         gap[0] = u[0] - q * x - sqrt(u[1] * u[1] + u[2] * u[2])
         gap[1], gap[2] = u[1] - q * y, u[2] - q * z
         one, two = sqrt(one), sqrt(two)
@@ -249,7 +154,7 @@ def _set_impulses(solver):
             row["across_1"],
             row["across_2"],
             sqrt(row["mass"]),
-            _friction(row),
+            cone_friction(row),
         )
         for i in range(3):
             row["impulse"][i] = q * (p[0] * n[i] + mu * (p[1] * t[i] + p[2] * s[i]))
@@ -304,7 +209,7 @@ def _unscale(row, x, y, z):
 @kernel
 def _set_kernel(row, share, out_kernel):
     """Compute minus the derivative of a row's impulse with respect to its velocity [kg]."""
-    n, t, s, mu, mass = row["normal"], row["across_1"], row["across_2"], _friction(row), row["mass"]
+    n, t, s, mu, mass = row["normal"], row["across_1"], row["across_2"], cone_friction(row), row["mass"]
     g_1, g_2 = _slope(row, share)
     for m in range(3):
         x, y, z = n[m], mu * t[m], mu * s[m]
@@ -339,7 +244,7 @@ def _solve(solver, share, goal, corrects):
             g[base + 3 + i] = inertia[i, 0] * w[0] + inertia[i, 1] * w[1] + inertia[i, 2] * w[2]
     for k in range(solver["row_count"]):
         row = rows[k]
-        u, c, gap, q, mu = row["velocity"], row["centred"], row["gap"], sqrt(row["mass"]), _friction(row)
+        u, c, gap, q, mu = row["velocity"], row["centred"], row["gap"], sqrt(row["mass"]), cone_friction(row)
         n, t, s = row["normal"], row["across_1"], row["across_2"]
         form = _form(u)
         x, y, z = goal * u[0] / form, -goal * u[1] / form, -goal * u[2] / form
@@ -362,7 +267,7 @@ def _solve(solver, share, goal, corrects):
     for k in range(solver["row_count"]):
         row = rows[k]
         d, c, gap, q = row["rate"], row["centred"], row["gap"], sqrt(row["mass"])
-        x, y, z = _on_axes(row, d[0], d[1], d[2])
+        x, y, z = on_axes(row, d[0], d[1], d[2])
         x, y, z = q * x - gap[0], q * y - gap[1], q * z - gap[2]
         g_1, g_2 = _slope(row, share)
         x += g_1 * y + g_2 * z

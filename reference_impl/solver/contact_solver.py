@@ -189,8 +189,9 @@ def _iterate(solver, state):
     if rows > 1 and state["friction"] != FRICTION_PAPER:
         if _sweep(solver, state, FIRST_SWEEPS):
             return
-        small, dense = rows < INTERIOR_ROWS, state["dense_substep"] == 1
-        close = not dense and (small or solver["best_residual"] <= INTERIOR_FROM)
+        small = rows < INTERIOR_ROWS
+        dense = not small and state["dense_substep"] == 1
+        close = small or (not dense and solver["best_residual"] <= INTERIOR_FROM)
         # where bodies have no room to separate, the interior-point method ends far from a solution
         if close or state["separates"] == 1:
             newton(solver, False, small, state)

@@ -14,10 +14,11 @@ from touchstone.reference_impl.core.solver_conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_DENSE,
 )
-from touchstone.reference_impl.solver.contact_interior import _split, interior
+from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import residual_of, take_best
 from touchstone.reference_impl.solver.contact_solver import _sweep
+from touchstone.reference_impl.solver.interior_start import _split
 
 CONVEX = ("heap_d", "wedge")
 """Islands in which the method reaches its target without Newton's."""
@@ -55,7 +56,7 @@ def test_steps_are_few(name: str) -> None:
 
 
 def test_a_start_near_the_solution_saves_steps() -> None:
-    """Take at most three quarters of the steps from the impulses that some sweeps leave, in rows of dominoes."""
+    """Rows of dominoes take at most three quarters of the steps from the impulses that some sweeps leave."""
     steps = [0, 0]
     for name in names(USUAL):
         for afar in range(2) if name.startswith("dominoes") else ():
