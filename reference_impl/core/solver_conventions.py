@@ -41,9 +41,9 @@ NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
 """Least decrease of g.M^-1 g over that of a full Newton step [1], and most halvings of the step."""
-EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 1e6, 1.1
-"""Longest extrapolation of impulses over their last change, and largest accepted ratio of the residual after
-it to that before [1]."""
+EXTRAPOLATION_LEAST, EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 3.0, 1e6, 1.1
+"""Shortest and longest extrapolation of impulses over their last change, and largest accepted ratio of the
+residual after it to that before [1]. Shorter ones go on for tens of iterations, and rounding ends them."""
 INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 24
 """Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s], and
 rows from which it does: Newton's method alone solves most smaller islands in as few factorisations, and keeps

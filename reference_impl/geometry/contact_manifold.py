@@ -14,6 +14,7 @@ from touchstone.reference_impl.core.conventions import (
     CAPSULE,
     DENSE_HEIGHT,
     HULL,
+    IMPULSES_TOGETHER,
     MANIFOLD_HEIGHT,
     MANIFOLD_VERTICES,
     TOUCH_DISTANCE,
@@ -91,7 +92,7 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
     lower, upper, plane = state["w"], state["a"], state["tangent"]
     height, reach = MANIFOLD_HEIGHT, TOUCH_DISTANCE
     # points that may land within a dense substep are speculative contacts
-    if state["dense_substep"] == 1:
+    if state["dense_substep"] == 1 and state["impulses"] == IMPULSES_TOGETHER:
         height = reach = DENSE_HEIGHT
     _frame(pair["normal"], state["mobility"])
     count_a = _feature(piece_a, vertices, 1.0, pair["point_a"], state["mobility"], height, lower)

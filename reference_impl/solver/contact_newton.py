@@ -23,6 +23,7 @@ from touchstone.reference_impl.core.solver_conventions import (
     COMPLIANCE_LEAST,
     COMPLIANCE_RISE,
     COMPLIANCE_ROUNDING,
+    EXTRAPOLATION_LEAST,
     EXTRAPOLATION_MOST,
     EXTRAPOLATION_RISE,
     INNER_SHARE,
@@ -130,7 +131,7 @@ def _extrapolate(solver, residual):
         if load > 0 and change < 0:
             length = min(length, load / -change)
         copy_vector(p, rows[k]["swept"])
-    while length >= 1:
+    while length >= EXTRAPOLATION_LEAST:
         for k in range(count):
             p, q, d = rows[k]["impulse"], rows[k]["swept"], rows[k]["direction"]
             for i in range(3):
