@@ -14,8 +14,10 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_TARGET,
     OVERLAP_TOLERANCE,
     TOUCH_CLOSED,
+    TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.pipeline import step
+from touchstone.reference_impl.simulated.speculative_contacts import gather_contacts
 from touchstone.scenarios.scenario import ORIGIN
 
 RADIUS = 0.05
@@ -164,3 +166,28 @@ def test_a_heap_comes_to_rest(lab: SimpleNamespace, profile: str, rows: int) -> 
     assert centers[:, 2].min() > RADIUS - 1e-5
     # what fell for four seconds without time lost lies by now: a ball may topple after two
     assert np.abs(world.bodies["velocity"]).max() < 0.05
+
+
+@pytest.mark.parametrize("stale", [0.0, 5.0])
+@pytest.mark.parametrize(("height", "rows"), [(1.8e-5, -1), (5e-7, 1000)])
+def test_the_other_edge_of_a_touching_box_closes_its_gap_at_most(
+    lab: SimpleNamespace, height: float, rows: int, stale: float
+) -> None:
+    """Let a tilted box touch the ground with one edge, and give its other edge the speed that closes its gap,
+    whatever approach speed an earlier use of the pair's row has left; in a crowded frame up to 20 um away."""
+    half, gap, dt = 0.05, 8e-7, 1 / 60
+    angle = height / (2 * half)
+    box = lab.block(
+        "box",
+        (half,) * 3,
+        (0.0, 0.0, half * float(np.cos(angle) + np.sin(angle)) + gap),
+        orientation=(float(np.cos(angle / 2)), 0.0, float(-np.sin(angle / 2)), 0.0),
+        angular_velocity=(0.0, 1.0, 0.0),
+    )
+    world = crowded(lab, box, lab.ground(), rows=rows)
+    world.pairs["key"] = stale
+    end, h = gather_contacts(world.of_stages(), dt)
+    found = world.pairs[:end]
+    np.testing.assert_allclose(sorted(found["distance"]), [gap, gap, gap + height, gap + height], atol=1e-12)
+    allowed = np.where(found["distance"] > TOUCH_DISTANCE, (found["distance"] - TOUCH_CLOSED) / h, 0.0)
+    np.testing.assert_allclose(found["speculative_speed"], allowed, atol=1e-12)
