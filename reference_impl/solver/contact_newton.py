@@ -58,7 +58,7 @@ from touchstone.reference_impl.solver.envelope import (
 
 @kernel
 def newton(solver, evenly, patient, state):
-    """Improve an island's impulses until they reach RESIDUAL_TARGET or stall; stores them by `keep_best`.
+    """Improve an island's impulses until they reach the solver's target or stall; stores them by `keep_best`.
 
     Args:
         evenly: all rows are as stiff as the stiffest. By their own mobility, the rows of a light body are too

@@ -3,7 +3,8 @@
 From a warm start, the solver sweeps by projected Gauss-Seidel with conjugate directions (Silcowitz, Niebe &
 Erleben 2010). If the sweeps come close, Newton's method finishes the result (`contact_newton`); otherwise, or
 if it cycles, an interior-point method finds another start for it (`contact_interior`). The solver keeps the
-impulses with the smallest residual.
+impulses with the smallest residual. In the large islands of a dense substep, the interior-point method comes
+first and starts from the sweeps' impulses.
 
 It scales impulses that did not converge down until contacts do no positive work. With u the velocities
 without the impulses p, v those before the solve, and W the map from impulses to velocities, the work is
@@ -219,7 +220,7 @@ def _iterate(solver, state):
 
 @kernel
 def _sweep(solver, state, most):
-    """Run at most `most` sweeps over all rows; returns whether they reached RESIDUAL_TARGET."""
+    """Run at most `most` sweeps over all rows; returns whether they reached the solver's target."""
     rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
     always = state["friction"] == FRICTION_PAPER
     last = 0.0
