@@ -150,11 +150,11 @@ def scale_of(piece_a, piece_b):
 def witnesses(state, count, out_pair):
     """Witnesses on A and B from the barycentric weights of a simplex, in B's frame.
 
-    `state["feature"]` receives the corners of that simplex.
+    `state["feature"]` receives the corners of that simplex; none of a tetrahedron, which contains the origin.
     """
     w, a, weights = state["w"], state["a"], state["weights"]
-    state["feature_count"] = count
-    for k in range(count):
+    state["feature_count"] = count if count <= 3 else 0
+    for k in range(state["feature_count"]):
         state["feature"][k, 0], state["feature"][k, 1] = state["corner"][k, 0], state["corner"][k, 1]
     for i in range(3):
         on_a = on_difference = 0.0

@@ -13,6 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reference_impl.core.conventions import TOUCHING_DISTANCE_SHARE
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.core.world import PAIR
+from touchstone.reference_impl.geometry.convex_depth import witnesses
 from touchstone.scenarios.scenario import Box, Ellipsoid, Hull, Piece, Sphere
 from touchstone.scenarios.solids import elliptic_hull
 
@@ -297,3 +300,16 @@ def test_ellipsoids_part_at_their_depth(lab: SimpleNamespace, seed: int) -> None
     parted = lab.measure(one, lab.piece(shapes[1], shift - found.distance * found.normal, turns[1]))
     # EPA's room for 256 vertices ends a few deep pairs at a gap of about 1e-8 m
     assert abs(parted.distance) <= (1e-11 if found.converged else 1e-7)
+
+
+def test_a_tetrahedron_writes_nothing_beyond_the_state() -> None:
+    """Witnesses of a simplex of four vertices, which rounding can leave of an overlap, have no feature.
+
+    Before, its fourth corner was written behind the state, and two of 10,000 random runs ended in `free()`.
+    """
+    states = np.zeros(2, STATE)
+    states[0]["corner"][:4] = 7
+    states[0]["weights"] = 0.25
+    witnesses(states[0], 4, np.zeros(1, PAIR)[0])
+    assert states[0]["feature_count"] == 0
+    assert not states[1:].view(np.uint8).any()
