@@ -58,7 +58,8 @@ INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
 """Residual at which it ends and leaves the rest to Newton's method, except in dense substeps; residual below
 which it ends where rounding stops it, and steps that tell so [m/s]."""
 INTERIOR_START = 3.0
-"""Speed of the products v.q at a start near the present impulses, over the residual of these [1]."""
+"""Velocity error that a start near the present impulses allows for, over their residual [1]; its square times
+the mean mass is the product v.q of every row."""
 INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.8
 """Shares of a full step below which it takes less of the derivative of friction, and above which more [1]."""
 INTERIOR_BOUNDARY, INTERIOR_CENTRE, INTERIOR_FRICTION = 0.995, 1e-6, 1e-9
