@@ -211,8 +211,8 @@ MANIFOLD_HEIGHT = 4e-6
 """Height over the support plane below which a vertex belongs to the touching feature, and least extent of a
 manifold [m]: some TOUCH_DISTANCE, because a slightly tilted face still touches at its far end."""
 DENSE_HEIGHT = 2e-5
-"""The same height in a dense substep, and largest gap of its manifold points beyond the deepest [m]: what may
-land within it."""
+"""The same height in a dense substep and where separation moves bodies together, and the largest gap of
+manifold points there [m]: what may land."""
 MANIFOLD_VERTICES = 64
 """Most vertices of a face that manifold clipping uses."""
 DENSE_SUBSTEPS = 8

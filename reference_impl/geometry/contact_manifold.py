@@ -14,7 +14,6 @@ from touchstone.reference_impl.core.conventions import (
     CAPSULE,
     DENSE_HEIGHT,
     HULL,
-    IMPULSES_TOGETHER,
     MANIFOLD_HEIGHT,
     MANIFOLD_VERTICES,
     TOUCH_DISTANCE,
@@ -29,11 +28,12 @@ EQUAL_AREA = 1e-9
 
 
 @kernel
-def expand_manifolds(pieces, vertices, pairs, touching, state):
+def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
     """Write one row per manifold point of each touching pair of polyhedra, or of capsules side by side; other
     pairs keep their witnesses.
 
     Args:
+        wide: whether points with a gap of up to DENSE_HEIGHT are kept too.
         pairs: `pairs[:touching]` touch. The own row of a pair of polyhedra receives the deepest point. The
             other points are appended until `pairs` is full. Rows of one pair share `manifold`, the index of
             the first row, or -1 for other pairs. `next_point` links these rows and ends with -1.
@@ -58,7 +58,7 @@ def expand_manifolds(pieces, vertices, pairs, touching, state):
                 rows += 1
             continue
         pair["manifold"] = k
-        count, face_on_a = _clipped_feature(a, b, vertices, pair, state)
+        count, face_on_a = _clipped_feature(a, b, vertices, pair, wide, state)
         count = _keep_four(state["w"], count)
         # in reverse: the appended rows start as copies of the pair's row, which the deepest point overwrites
         for c in range(count - 1, -1, -1):
@@ -82,7 +82,7 @@ def is_polyhedral(piece_a, piece_b):
 
 
 @kernel
-def _clipped_feature(piece_a, piece_b, vertices, pair, state):
+def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
     """Clip the incident feature (face, edge or corner) of one piece by the reference face of the other.
 
     Returns:
@@ -90,10 +90,7 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, state):
         whether the reference face is A's; its plane is in `state["tangent"]`.
     """
     lower, upper, plane = state["w"], state["a"], state["tangent"]
-    height, reach = MANIFOLD_HEIGHT, TOUCH_DISTANCE
-    # points that may land within a dense substep are speculative contacts
-    if state["dense_substep"] == 1 and state["impulses"] == IMPULSES_TOGETHER:
-        height = reach = DENSE_HEIGHT
+    height, reach = (DENSE_HEIGHT, DENSE_HEIGHT) if wide else (MANIFOLD_HEIGHT, TOUCH_DISTANCE)
     _frame(pair["normal"], state["mobility"])
     count_a = _feature(piece_a, vertices, 1.0, pair["point_a"], state["mobility"], height, lower)
     count_b = _feature(piece_b, vertices, -1.0, pair["point_a"], state["mobility"], height, upper)

@@ -28,6 +28,7 @@ from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of, turn
 from touchstone.reference_impl.driven.skeleton import place
+from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
 from touchstone.reference_impl.simulated.contact import place_contact
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 
@@ -150,14 +151,14 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
 @kernel
 def _move_together(world, first, end, left, most):
     """Translate and turn simulated bodies by the least motion after which no depth along the detected normals
-    exceeds `left`; not at all where the solver finds no such motion, or one that translates a body by more
-    than `most` [m], or moves it by more than SINKING_SHARE of its width.
+    exceeds `left`, at any manifold point; not at all where the solver finds no such motion, or one that
+    translates a body by more than `most` [m], or moves it by more than SINKING_SHARE of its width.
 
     Bodies at rest that separate at their depth per second, without friction, move by that much in a second:
     the contact solver finds these velocities. All bodies have the same mass: otherwise a light body turns by
     degrees before a heavy one yields by a micrometre, and touches others.
     """
-    bodies, state, rows = world.bodies, world.state, world.pairs[first:end]
+    bodies, state, rows = world.bodies, world.state, world.pairs[first:]
     residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
     for k in range(len(bodies)):
         body = bodies[k]
@@ -170,13 +171,15 @@ def _move_together(world, first, end, left, most):
             for i in range(3):
                 for j in range(3):
                     body["inverse_inertia"][i, j] *= body["mass"]
-    for k in range(end - first):
+    # of two parallel faces, a motion that separates the deepest points alone may sink others as deep
+    count = expand_manifolds(world.pieces, world.vertices, rows, end - first, True, state)
+    for k in range(count):
         pair = rows[k]
         place_contact(pair, 0.5)
         pair["friction"] = 0.0
-        begin_row(bodies, pair, pair["depth"] - left)
+        begin_row(bodies, pair, -pair["distance"] - left)
     state["separates"] = 1
-    solve_contacts(bodies, world.joints, world.drivers, rows, end - first, False, state)
+    solve_contacts(bodies, world.joints, world.drivers, rows, count, False, state)
     state["separates"] = 0
     near = True
     for k in range(len(bodies)):

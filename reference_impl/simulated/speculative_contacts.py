@@ -89,7 +89,9 @@ def gather_contacts(world, left):
     for d in range(len(drivers)):
         if drivers[d]["pushes"] == 1:
             end = _keep_pushing(bodies, pieces, vertices, drivers[d], pairs, end, state)
-    end = expand_manifolds(pieces, vertices, pairs, end, state)
+    # points that may land within a dense substep are speculative contacts
+    wide = crowded and state["impulses"] == IMPULSES_TOGETHER
+    end = expand_manifolds(pieces, vertices, pairs, end, wide, state)
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["speculative_speed"] = 0.0

@@ -32,7 +32,8 @@ def rows_of(lab: SimpleNamespace, *bodies: Body, capacity: int = 8) -> np.ndarra
     world = lab.build(lab.scene(*bodies))
     pairs = world.pairs[:capacity]
     touching, _ = detect(world.of_stages()._replace(pairs=pairs), SIMULATED, 0)
-    return pairs[: expand_manifolds(world.pieces, world.vertices, pairs, touching, world.state[0])].copy()
+    end = expand_manifolds(world.pieces, world.vertices, pairs, touching, False, world.state[0])
+    return pairs[:end].copy()
 
 
 def table(lab: SimpleNamespace, half=(0.5, 0.4, 0.3)) -> Body:

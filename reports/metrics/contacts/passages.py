@@ -10,8 +10,8 @@ deep part lies between two frames, the path is unknown; it counts as a passage o
 - only the velocities before lead in so deep, and the engine reports no contact.
 
 Reported contacts hide no passage that the first two conditions prove. The last two prove nothing if the spin
-of the larger piece changed within the frame, since its sides are known only at the frames, or if a body moved
-otherwise than one change of its velocity explains, since others struck it on its way.
+of a piece that is no ball changed within the frame: it tumbles or was struck, so its orientation on the way
+is unknown. Nor do they if a body moved otherwise than one change of its velocity explains: others struck it.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def _sure(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
     if _cannot_go_round(context, pair, frame, deepest):
         return True
     motions, (a, b) = pair.motions, pair.bodies
-    if motions.spun(pair.larger, frame) > LARGE_TURN:
+    if any(motions.spun(body, frame) > LARGE_TURN for body in pair.sided):
         return False
     if any(_struck_often(context, pair, body, frame) for body in pair.bodies):
         return False

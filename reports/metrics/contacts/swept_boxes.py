@@ -143,12 +143,6 @@ class Pair:
         """The bodies whose piece is no ball."""
         return [body for body, piece in zip(self.bodies, self.pieces) if not isinstance(piece.shape, Sphere)]
 
-    @property
-    def larger(self) -> int:
-        """The body whose piece has the larger bounding ball."""
-        one, two = (extent.outer for extent in self.extents)
-        return self.bodies[1] if two > one else self.bodies[0]
-
     @cached_property
     def _axes(self) -> int | None:
         """The body in whose axes normals are given: the one that turns less and is no ball; None: world

@@ -14,7 +14,7 @@ from touchstone.scenarios.avatar.driven_poses import driven_pieces
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.gallery import TABLE_HALF
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import Body, Box, Capsule, Piece, Scenario, Tracker
+from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Piece, Scenario, Tracker
 from touchstone.scenarios.solids import box_inertia
 
 FRAME = 1 / 60
@@ -247,6 +247,33 @@ def test_over_a_spinning_capsule_is_no_passage(lab, recordings):
     turned["orientation"] /= np.linalg.norm(turned["orientation"], axis=2, keepdims=True)
     assert counted(recordings, scenario, **turned, contacts=told) == 0
     assert counted(recordings, scenario, **turned) == 1  # no contact reported: nothing turned it aside
+
+
+def test_tumbling_past_each_other_is_no_passage(lab, recordings):
+    """A capsule that tumbles by half a revolution a frame flies past a spinning disc: torque-free rotation
+    keeps them 12 mm apart, constant spins lead both in (random scene 135793329)."""
+    pieces = Piece("disc", Ellipsoid((0.03936, 0.0131, 0.03933))), Piece("capsule", Capsule(0.00809, 0.03127))
+    bodies = [replace(lab.ball(), name=piece.name, pieces=(piece,)) for piece in pieces]
+    scenario = lab.scene(*bodies, effects=(), duration=FRAME)
+    columns = {
+        "position": [
+            [(0.05255, -0.00518, 0.11353), (0.02274, -0.04059, 0.04053)],
+            [(0.06511, 0.01093, 0.13729), (0.03347, -0.00037, 0.09936)],
+        ],
+        "orientation": [
+            [(0.20209, -0.55901, 0.02933, -0.80362), (0.66168, -0.74286, 0.02042, 0.09965)],
+            [(0.68796, -0.30763, -0.3073, -0.58107), (0.27505, 0.23719, 0.21131, -0.90743)],
+        ],
+        "linear_velocity": [
+            [(0.75372, 0.9668, 1.50706), (0.64403, 2.41284, 3.61126)],
+            [(0.75372, 0.9668, 1.34356), (0.64403, 2.41284, 3.44776)],
+        ],
+        "angular_velocity": [
+            [(7.32994, -20.95969, 80.21614), (147.88658, -177.68108, 55.38355)],
+            [(7.65793, -20.524, 80.29797), (183.73794, 100.87717, -112.12722)],
+        ],
+    }
+    assert counted(recordings, scenario, **{name: np.array(values) for name, values in columns.items()}) == 0
 
 
 def test_to_end_inside_is_no_passage(lab, recordings):
