@@ -60,7 +60,8 @@ def resolve_impacts(world, count, time, h):
     """Resolve impacts of the touching pairs `pairs[:count]` until none approaches.
 
     Under IMPULSES_TOGETHER a final solve stops all contacts that are too slow to bounce, if they would sink
-    by SETTLE_DEPTH within the substep of length h [s].
+    by SETTLE_DEPTH within the substep of length h [s]. Before a dense substep, large islands are solved until
+    they would not: the resting contacts stop the rest.
 
     Returns:
         Whether fewer than IMPULSE_CAP rounds or impulses sufficed.
@@ -85,7 +86,9 @@ def resolve_impacts(world, count, time, h):
     if k >= 0 and pairs[k]["key"] * h > SETTLE_DEPTH:
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["speculative_speed"])
+        state["settling"] = SETTLE_DEPTH / h if state["dense_substep"] == 1 else 0.0
         solve_contacts(bodies, joints, drivers, pairs, count, False, state)
+        state["settling"] = 0.0
         log_held(bodies, pairs, count, contacts, state, time)
     return done
 

@@ -34,7 +34,7 @@ from touchstone.reference_impl.core.counters import (
     COUNT_SWEEPS,
     COUNT_UNCONVERGED,
 )
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.core.solver_conventions import (
     DENSE_SWEEPS,
@@ -106,7 +106,7 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     for k in range(solver["row_count"]):
         into_cone(rows[k])
     solve_loaded(solver, state)
-    if solver["best_residual"] > RESIDUAL_ACCEPTED and _rebounds(solver):
+    if solver["best_residual"] > _accepted(solver) and _rebounds(solver):
         state["counters"][COUNT_GUARDED] += 1
         _stop_rebound(solver)
         solve_loaded(solver, state)
@@ -115,20 +115,25 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
         reverse_slip(solver)
         solve_loaded(solver, state)
-    residual = solver["best_residual"]
+    residual, accepted = solver["best_residual"], _accepted(solver)
     state["counters"][COUNT_SOLVES] += 1
-    state["counters"][COUNT_OPEN_SOLVES] += residual > RESIDUAL_OPEN
-    converged = residual <= RESIDUAL_ACCEPTED
-    if not converged:
+    state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, accepted)
+    state["counters"][COUNT_UNCONVERGED] += residual > accepted
+    if residual > RESIDUAL_ACCEPTED:
         make_passive(solver)
-        state["counters"][COUNT_UNCONVERGED] += 1
-    if residual > state["residual"]:
+    if residual > max(state["residual"], state["settling"]):
         _, worst = residual_of(solver)
         pair = pairs[rows[max(worst, 0)]["pair"]]
         state["residual"] = residual
         state["residual_body_a"], state["residual_body_b"] = pair["body_a"], pair["body_b"]
     store_island(bodies, joints, drivers, pairs, state)
-    return converged
+    return residual <= accepted
+
+
+@inlined_kernel
+def _accepted(solver):
+    """Residual at which a solve counts as converged [m/s]."""
+    return max(RESIDUAL_ACCEPTED, solver["target"])
 
 
 @kernel
@@ -178,6 +183,9 @@ def solve_loaded(solver, state):
     solver["best_residual"] = inf
     keep_best(solver, residual)
     solver["target"] = RESIDUAL_DENSE if state["dense_substep"] == 1 else RESIDUAL_TARGET
+    # in small islands exact solves cost little, and keep the result independent of the order of bodies
+    if solver["row_count"] >= INTERIOR_ROWS:
+        solver["target"] = max(solver["target"], state["settling"])
     if not residual <= solver["target"]:
         _iterate(solver, state)
         take_best(solver)
@@ -197,7 +205,7 @@ def _iterate(solver, state):
         if close or state["separates"] == 1:
             newton(solver, False, small, state)
             take_best(solver)
-            if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            if solver["best_residual"] <= _accepted(solver):
                 return
         # from the present impulses; from none; and with all contacts as stiff as the stiffest
         for attempt in range(0 if dense else 1, 3):
@@ -209,7 +217,7 @@ def _iterate(solver, state):
             take_best(solver)
             newton(solver, attempt == 2, attempt > 0, state)
             take_best(solver)
-            if solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            if solver["best_residual"] <= _accepted(solver):
                 return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):
