@@ -84,8 +84,11 @@ def _sinking(moving, first, sweeps, limited):
         target = min(start, 0.0) - OVERLAP_TOLERANCE
         late = _swept(moving, first, target, SINKING_SLACK)
         if late == first:
-            sank = start < 0 and distance_at(moving, first) < -OVERLAP_TOLERANCE
-            return first, sank
+            distance = distance_at(moving, first)
+            # a pair that sinks later has landed before, whether `first` is from a pair before or after it
+            landed = first < 1 and distance < start - LANDING_DEPTH
+            if not (landed and _swept(moving, 1.0, target, SINKING_SLACK) < 1):
+                return first, start < 0 and distance < -OVERLAP_TOLERANCE
     # separation corrects the sinking of round pieces in dense substeps, and of all after LANDING_EVENTS
     few = state["counters"][COUNT_EVENTS] < LANDING_EVENTS
     if few and (state["dense_substep"] == 0 or polyhedral):

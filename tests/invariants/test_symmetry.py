@@ -19,7 +19,6 @@ from touchstone.scenarios.transforms import mirror, mirrored, permuted, translat
 
 FRAME = 1 / 60
 PROFILES = ("balanced", "accurate")
-OPEN = pytest.mark.xfail(reason="impacts multiply a last bit by up to ten orders", strict=False)
 OFFSET: Vector = (1.0, -2.0, 0.5)
 TUMBLE_LIMITS = {1: 1e-9, 2: 1e-8, 4: 1e-6}
 """Distance of the ends of so many tumbling boxes [m]: each impact multiplies a rounding by up to ten."""
@@ -40,9 +39,9 @@ def farthest(one: dict[str, np.ndarray], two: dict[str, np.ndarray]) -> float:
     return max(float(np.linalg.norm(one[name] - two[name])) for name in one)
 
 
-def tumbling(count: int) -> Scenario:
+def tumbling(count: int, seed: int) -> Scenario:
     """Boxes thrown at a floor with spin: e = 0.3, mu = 0.5, 1.2 s."""
-    rng = np.random.default_rng(count)
+    rng = np.random.default_rng(seed)
     boxes = [
         block(
             f"box_{k}",
@@ -60,23 +59,16 @@ def tumbling(count: int) -> Scenario:
     return Scenario("tumbling", "a test", (), (slab("floor", "wood"), *boxes), 1.2, coefficients)
 
 
-CASES = [
-    (transform, profile, count)
-    for transform in ("mirrored", "permuted", "translated")
-    for profile in PROFILES
-    for count in TUMBLE_LIMITS
-    if (transform, profile, count) != ("mirrored", "accurate", 4)
-]
-
-
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("transform", ["mirrored", "permuted", "translated"])
 @pytest.mark.parametrize(
-    ("transform", "profile", "count"),
-    # many small impacts amplify a mirrored rounding to 1.1e-6 m
-    [*CASES, pytest.param("mirrored", "accurate", 4, marks=OPEN)],
+    # from 4 boxes on, ends were up to 3e-5 m apart: whether a landing was found depended on the order of pairs
+    ("count", "seed"),
+    [(1, 1), (2, 2), (4, 4), (2, 102), (2, 104), (4, 101), (4, 102), (4, 105)],
 )
-def test_tumbling_boxes_end_alike(registry, transform: str, count: int, profile: str) -> None:
+def test_tumbling_boxes_end_alike(registry, transform: str, count: int, seed: int, profile: str) -> None:
     """End at the transformed place from a transformed start."""
-    scene = tumbling(count)
+    scene = tumbling(count, seed)
     own = ends(registry, scene, profile)
     match transform:
         case "mirrored":
@@ -101,7 +93,7 @@ def test_a_break_does_not_know_the_order_of_its_balls(registry, profile: str) ->
         assert farthest(own, ends(registry, permuted(scene, order), profile)) <= 1e-12
 
 
-@OPEN
+@pytest.mark.xfail(reason="a heap multiplies what a solve leaves as displacements of 1e-14 m", strict=False)
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_heap_does_not_know_the_order_of_its_bodies(registry, profile: str) -> None:
     """Let fourteen bodies fall on each other in ten orders: they rest at the same places, to 1e-9 m."""
