@@ -178,6 +178,9 @@ CAUSES: tuple[Cause, ...] = (
             "balanced accurate": {
                 "symmetry.mirror": "dominoes",
             },
+            "balanced": {
+                "symmetry.offset": "dominoes",
+            },
             "accurate": {
                 "solver.caps": "arch_slides arch_thin dominoes tip_falls",
             },

@@ -28,6 +28,7 @@ _ALL = (
     Metric("rest.lost", "1", "lower", rest.rest_lost),
     Metric("rest.moved", "m", "lower", rest.rest_moved, _MM),
     Metric("symmetry.mirror", "m/s", "lower", symmetry.symmetry_mirror),
+    Metric("symmetry.offset", "m", "lower", symmetry.symmetry_offset, _MM),
     Metric("overlap.max", "m", "lower", overlap.overlap_max, _MM),
     Metric("overlap.p95", "m", "lower", overlap.overlap_p95, _MM),
     Metric("overlap.time", "m s", "lower", overlap.overlap_time, ("mm s", 1e3)),

@@ -36,6 +36,10 @@ def test_what_leaves_the_mirror_plane_counts_twice(recordings, known):
     scenario = catalogue()["dominoes"]
     aside = moving(recordings, scenario, {"domino_4": (0.01, 0.5, 0.0)})
     assert known.value("symmetry.mirror", aside, scenario)[""].value == pytest.approx(0.02, rel=1e-12)
+    position = aside.position.copy()
+    position[7, scenario.body_index("domino_4"), 0] += 3e-3
+    found = known.value("symmetry.offset", replace(aside, position=position), scenario)[""]
+    assert (found.value, found.reason) == (pytest.approx(6e-3, rel=1e-12), "of domino_4")
 
 
 def test_no_symmetry_without_partners(recordings, known):
