@@ -12,8 +12,8 @@ from touchstone.scenarios.plan import Plan
 from touchstone.scenarios.scenario import Scenario, Tracker
 
 SPEED_MAX = 1e6
-"""Speed [m/s] and angular speed [rad/s] beyond which a run has diverged: 16 km or 2,600 turns per frame, in
-scenes that measure metres and last seconds."""
+"""Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last seconds.
+A rotation has diverged if it moves a point that fast at 1 m, or at the body's radius if that is smaller."""
 EXPLODED = 300.0
 """Factor over the allowed energy beyond which a run has diverged, wherever its bodies are. Known defects stay
 below: the worst of the catalogue, under the reference's `paper`, are 13 (`rod_e1`) and 42 (`stack`, which
@@ -41,6 +41,8 @@ class Watch:
         self._weight = self._mass * self._simulated
         self._largest_inertia = np.linalg.norm(self._inertia, axis=(1, 2))  # at least the largest moment
         self._offset = self._center[self._simulated].any()
+        sizes = [max(map(extent, body.pieces), default=1.0) for body in scenario.bodies]
+        self._arm = np.minimum(sizes, 1.0)  # radius at which a rotation's speed is judged [m]
         self._gravity = np.array(scenario.acting_gravity)
         self._driven = bool(scenario.trackers)
         drive_speed = max((_drive_speed(scenario, tracker) for tracker in scenario.trackers), default=0.0)
@@ -54,7 +56,7 @@ class Watch:
         self._fall = 0.0
 
     def step_fault(self, state: State) -> str | None:
-        """Message if a value is not finite or exceeds SPEED_MAX; None otherwise."""
+        """Message if a value is not finite or a speed exceeds SPEED_MAX; None otherwise."""
         if np.vdot(state.values, state.values) < SPEED_MAX**2:
             return None
         for name in STATE_FIELDS:
@@ -75,12 +77,14 @@ class Watch:
             return f"diverged: the {quantity} of {of} is not finite"
         if not name.endswith("velocity"):
             return None
-        speeds = np.abs(rows).max(axis=1)
+        angular = name.startswith("angular")
+        values = np.abs(rows).max(axis=1)
+        speeds = values * self._arm if angular else values
         row = int(np.argmax(speeds))
         if speeds[row] < SPEED_MAX:
             return None
-        unit = "rad/s" if name.startswith("angular") else "m/s"
-        return f"diverged: the {quantity} of {self._names[row]!r} is {speeds[row]:.2g} {unit}"
+        unit = "rad/s" if angular else "m/s"
+        return f"diverged: the {quantity} of {self._names[row]!r} is {values[row]:.2g} {unit}"
 
     def frame_fault(self, state: State) -> str | None:
         """Message if energy grows without a cause or a body leaves its plan's bounds; None otherwise."""

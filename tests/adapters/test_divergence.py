@@ -106,6 +106,16 @@ def test_absurd_speeds_are_told(scenario, state, name, unit):
         )
 
 
+def test_a_small_body_may_spin_fast(lab):
+    """Judge a rotation by the speed of the surface: 1e7 rad/s of a ball of 1 mm are 10 km/s."""
+    scenario = lab.scene(lab.ball(radius=1e-3), lab.ground())
+    state = State(scenario)
+    state.angular_velocity[0, 2] = 1e7
+    assert Watch(scenario).step_fault(state) is None
+    state.angular_velocity[0, 2] = 1.01e9
+    assert Watch(scenario).step_fault(state) == "diverged: the angular velocity of 'ball' is 1e+09 rad/s"
+
+
 def test_far_places_are_finite_numbers(scenario, state):
     """Say nothing of a place far away where nothing bounds it: it may be a body that falls for hours."""
     state.position[0] = (1e9, 0.0, 0.0)
