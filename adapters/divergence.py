@@ -12,8 +12,8 @@ from touchstone.scenarios.plan import Plan
 from touchstone.scenarios.scenario import Scenario, Tracker
 
 SPEED_MAX = 1e6
-"""Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last seconds.
-A rotation has diverged if it moves a point that fast at 1 m, or at the body's radius if that is smaller."""
+"""Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last
+seconds. A rotation has diverged if it moves a point that fast at 1 m, or at the body's radius if that is less."""
 EXPLODED = 300.0
 """Factor over the allowed energy beyond which a run has diverged, wherever its bodies are. Known defects stay
 below: the worst of the catalogue, under the reference's `paper`, are 13 (`rod_e1`) and 42 (`stack`, which

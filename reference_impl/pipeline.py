@@ -45,13 +45,9 @@ from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetri
 from touchstone.reference_impl.core.solver_conventions import NEWTON_WORK
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.driven.attraction import approach, set_goals
+from touchstone.reference_impl.driven.driver_poses import store_free_pose
 from touchstone.reference_impl.driven.global_depth import largest_depth
-from touchstone.reference_impl.driven.overlap_removal import (
-    follow_pushed,
-    pass_free,
-    remove_overlap,
-    store_free_pose,
-)
+from touchstone.reference_impl.driven.overlap_removal import follow_pushed, pass_free, remove_overlap
 from touchstone.reference_impl.driven.skeleton import (
     composite_inertia,
     move_from_shown,

@@ -26,8 +26,8 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED, STAGE_COLLISION
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
+from touchstone.reference_impl.driven.driver_poses import interpolate, restore_entry, store_entry
 from touchstone.reference_impl.driven.global_depth import Mover, side_of
-from touchstone.reference_impl.driven.overlap_removal import interpolate, restore_entry, store_entry
 from touchstone.reference_impl.driven.skeleton import pose_links, pose_moved
 
 
@@ -35,58 +35,72 @@ from touchstone.reference_impl.driven.skeleton import pose_links, pose_moved
 def sweep_drivers(world):
     """Stop each driver's motion from its last free pose where a link first goes deep into a fixed or
     simulated body; its coupling keeps its velocity."""
-    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
+    joints, drivers, state = world.joints, world.drivers, world.state
+    for d in range(len(drivers)):
+        if drivers[d]["has_free"] == 0:
+            continue
+        if state["detection"] != DETECTION_FAST or is_far(world.bodies, joints, drivers[d], state):
+            stop_deep(world, d)
+
+
+@kernel
+def stop_deep(world, d):
+    """Move driver d back towards its last free pose, to where a link first goes deep into a fixed or
+    simulated body on its way to the current pose, which is stored as the pose at entry; poses the links.
+    DETECTION_FAST needs the paths that `is_far` bounds.
+
+    Returns:
+        Whether it moved back.
+    """
+    bodies, joints, driver, state = world.bodies, world.joints, world.drivers[d], world.state
     since = clock(state["clock"])
     for b in range(len(bodies)):
-        bodies[b]["moves"], bodies[b]["path"] = 0, 0.0
-    for d in range(len(drivers)):
-        driver = drivers[d]
-        if driver["has_free"] == 0:
-            continue
-        store_entry(joints, driver)
-        segments = 1 + int(_largest_turn(bodies, joints, driver) / SEGMENT_TURN)
-        if state["detection"] == DETECTION_FAST and not _is_fast(bodies, joints, driver, state):
-            continue
-        reached = 1.0
-        for k in range(segments):
-            _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
-            fraction = _free_fraction(world, Mover(MOVER_DRIVER, d))
-            if fraction < 1:
-                reached = (k + fraction) / segments
-                break
-        if reached < 1:
-            interpolate(bodies, joints, driver, PART_WHOLE, reached)
-        else:
-            restore_entry(joints, driver)
-        _set_moving(bodies, joints, driver, 0)
-        # sweeps leave links at intermediate poses
-        pose_links(bodies, joints, driver)
+        if bodies[b]["driver"] != d:
+            bodies[b]["moves"], bodies[b]["path"] = 0, 0.0
+    store_entry(joints, driver)
+    segments = 1 + int(_largest_turn(bodies, joints, driver) / SEGMENT_TURN)
+    reached = 1.0
+    for k in range(segments):
+        _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
+        fraction = _free_fraction(world, Mover(MOVER_DRIVER, d))
+        if fraction < 1:
+            reached = (k + fraction) / segments
+            break
+    if reached < 1:
+        interpolate(bodies, joints, driver, PART_WHOLE, reached)
+    else:
+        restore_entry(joints, driver)
+    _set_moving(bodies, joints, driver, 0)
+    # sweeps leave links at intermediate poses
+    pose_links(bodies, joints, driver)
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+    return reached < 1
+
+
+@kernel
+def is_far(bodies, joints, driver, state):
+    """Whether a link may have moved since the last free pose by more than half the sum of its width and the
+    least width; poses the links and bounds their paths."""
+    _largest_turn(bodies, joints, driver)
+    pose_moved(bodies, joints, driver)
+    far = _set_path(bodies[driver["root"]], state)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        far = _set_path(bodies[joints[k]["child"]], state) or far
+    return far
 
 
 @kernel
 def _largest_turn(bodies, joints, driver):
-    """Bound on the rotation angle of any link between the last free pose and the pose at entry [rad]."""
+    """Bound on the rotation angle of any link since the last free pose [rad]."""
     root, turned = bodies[driver["root"]], driver["scratch"][0]
-    rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
+    rotation_between(driver["free_orientation"], driver["orientation"], turned)
     most = root["spin_most"] = abs(turned[0]) + abs(turned[1]) + abs(turned[2])
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        angle = abs(joints[k]["entry_angle"] - joints[k]["free_angle"])
+        angle = abs(joints[k]["angle"] - joints[k]["free_angle"])
         angle += bodies[joints[k]["parent"]]["spin_most"]
         bodies[joints[k]["child"]]["spin_most"] = angle
         most = max(most, angle)
     return most
-
-
-@kernel
-def _is_fast(bodies, joints, driver, state):
-    """Whether a link may have moved since the last free pose by more than half the sum of its width and the
-    least width; poses the links and bounds their paths."""
-    pose_moved(bodies, joints, driver)
-    fast = _set_path(bodies[driver["root"]], state)
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        fast = _set_path(bodies[joints[k]["child"]], state) or fast
-    return fast
 
 
 @kernel

@@ -123,6 +123,8 @@ OVER_RELAXATION = 1.8
 """Factor by which separation moves two simulated bodies further than their depth after PLAIN_SWEEPS [1]."""
 LEVERAGE = 8.0
 """Most translation of a body over the deepest overlap when separation moves jammed bodies together [1]."""
+RETURN_ROUNDS = 8
+"""Rounds of separation after which bodies that still overlap a driver return to their last free poses."""
 YIELD_ROUNDS = REMOVAL_ROUNDS // 2
 """Rounds of separation after which drivers yield to simulated bodies."""
 WAY_BACK_STEPS = 24

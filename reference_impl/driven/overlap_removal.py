@@ -5,10 +5,10 @@ from math import inf, sqrt
 
 from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
-from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.chains.chain_overlap_removal import free_chains, shuffle_chains
 from touchstone.reference_impl.chains.chain_servo import note_pushing_links
 from touchstone.reference_impl.chains.posture_qp import apply_turns
+from touchstone.reference_impl.continuous.driven_time_of_impact import is_far, stop_deep
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
     DETOUR,
@@ -36,7 +36,12 @@ from touchstone.reference_impl.core.counters import (
     COUNT_WAY_BACK,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
+from touchstone.reference_impl.driven.driver_poses import (
+    interpolate,
+    restore_entry,
+    store_entry,
+    store_free_pose,
+)
 from touchstone.reference_impl.driven.global_depth import Mover, global_depth, largest_depth, side_of
 from touchstone.reference_impl.driven.min_norm_translation import min_norm_translation
 from touchstone.reference_impl.driven.skeleton import place, pose_links, pose_moved
@@ -120,14 +125,16 @@ def _free_driver(world, d, later):
     """Remove the overlap of driver d, or else take the way back, which is counted; poses its links.
 
     Translation frees the links outside chains, then inverse kinematics frees the chains. The whole driver
-    translates to resolve what the chains cannot.
+    translates to resolve what the chains cannot. A motion that leads through an obstacle is cut short, and
+    becomes the pose at entry of the way back.
 
     Args:
         later: share of its overlap with drivers processed later that this driver resolves, 0 or 1 [1].
     Returns:
-        Whether it is free; if not, it is at its pose at entry.
+        Whether it is free; if not, it is at its last free pose, or at its pose at entry if it has none.
     """
-    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
     mover = Mover(MOVER_TRUNK, d)
     end, free = _translate(world, d, mover, later)
     if free and drivers[d]["chain_count"] > 0:
@@ -138,6 +145,10 @@ def _free_driver(world, d, later):
             mover = Mover(MOVER_DRIVER, d)
             end, _ = _translate(world, d, mover, later)
             free = is_free(largest_depth(bodies, pairs, end, d))
+    if free and state["detection"] != DETECTION_DISCRETE and _is_moved_far(bodies, joints, drivers[d], state):
+        free = not stop_deep(world, d)
+        store_entry(joints, drivers[d])
+        end = detect_for(world, d, later)
     if not free:
         if not _way_back(world, d, later):
             return False
@@ -189,6 +200,20 @@ def _translate(world, d, mover, later):
 
 
 @kernel
+def _is_moved_far(bodies, joints, driver, state):
+    """Whether the removal moved a driver that is then far from its last free pose: only its motion before the
+    removal was swept."""
+    if driver["has_free"] == 0:
+        return False
+    moved = False
+    for i in range(3):
+        moved = moved or driver["position"][i] != driver["entry_position"][i]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        moved = moved or joints[k]["angle"] != joints[k]["entry_angle"]
+    return moved and is_far(bodies, joints, driver, state)
+
+
+@kernel
 def _is_detour(driver, deepest):
     """Whether a driver's translation since entry is longer than its way back and DETOUR times the depth.
 
@@ -229,46 +254,18 @@ def follow_pushed(world, d):
 
 
 @kernel
-def store_entry(joints, driver):
-    """Store the current pose as the pose at entry."""
-    copy_vector(driver["position"], driver["entry_position"])
-    copy_quaternion(driver["orientation"], driver["entry_orientation"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["entry_angle"] = joints[k]["angle"]
-
-
-@kernel
-def restore_entry(joints, driver):
-    """Restore the pose at entry; does not pose the links."""
-    copy_vector(driver["entry_position"], driver["position"])
-    copy_quaternion(driver["entry_orientation"], driver["orientation"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["angle"] = joints[k]["entry_angle"]
-
-
-@kernel
-def store_free_pose(bodies, joints, driver):
-    """Store the current pose, at which the links are posed, as the last free pose."""
-    copy_vector(bodies[driver["root"]]["center"], bodies[driver["root"]]["free_center"])
-    copy_vector(driver["position"], driver["free_position"])
-    copy_quaternion(driver["orientation"], driver["free_orientation"])
-    driver["has_free"] = 1
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["free_angle"] = joints[k]["angle"]
-        copy_vector(bodies[joints[k]["child"]]["center"], bodies[joints[k]["child"]]["free_center"])
-
-
-@kernel
 def _way_back(world, d, later):
     """Return to the last free pose, then move towards the pose at entry as far as is free: first the links
     outside chains, then each chain.
 
     Returns:
-        Whether the driver is free; if not, it is at its pose at entry.
+        Whether the driver is free; if not, it is at its last free pose, where nothing fixed is, or at its
+        pose at entry if it has none.
     """
     driver = world.drivers[d]
     if driver["has_free"] == 0 or not _free_at(world, d, later, PART_WHOLE, 0.0):
-        interpolate(world.bodies, world.joints, driver, PART_WHOLE, 1.0)
+        if driver["has_free"] == 0:
+            interpolate(world.bodies, world.joints, driver, PART_WHOLE, 1.0)
         detect(world, DRIVEN, 0)
         return False
     _bisect(world, d, later, PART_ROOT)
@@ -301,28 +298,6 @@ def _free_at(world, d, later, part, t):
     interpolate(world.bodies, world.joints, world.drivers[d], part, t)
     end = detect_for(world, d, later)
     return is_free(largest_depth(world.bodies, world.pairs, end, d))
-
-
-@kernel
-def interpolate(bodies, joints, driver, part, t):
-    """Interpolate a part of the driver between its last free pose (t = 0) and its pose at entry (1), and pose
-    the links: linear, orientation by slerp, within reach cones."""
-    if part < 0:
-        turned = driver["scratch"][0]
-        for i in range(3):
-            driver["position"][i] = (1 - t) * driver["free_position"][i] + t * driver["entry_position"][i]
-        rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
-        turn(driver["free_orientation"], t * turned[0], t * turned[1], t * turned[2], driver["orientation"])
-    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
-    for k in range(first, end):
-        joint = joints[k]
-        joint["last_angle"] = joint["angle"]
-        if part == PART_WHOLE or joint["chain"] == part:
-            joint["last_angle"] = joint["free_angle"]
-            joint["angle"] = (1 - t) * joint["free_angle"] + t * joint["entry_angle"]
-    if driver["chain_count"] > 0:
-        keep_in_cones(joints, first, end - 1)
-    pose_links(bodies, joints, driver)
 
 
 @kernel

@@ -10,6 +10,7 @@ from touchstone.reference_impl.broad_phase.detection import (
     place_listed,
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
+from touchstone.reference_impl.continuous.swept_motion import pose_along
 from touchstone.reference_impl.core.conventions import (
     IMPULSES_TOGETHER,
     LEVERAGE,
@@ -17,6 +18,7 @@ from touchstone.reference_impl.core.conventions import (
     OVERLAP_TOLERANCE,
     PLAIN_SWEEPS,
     REMOVAL_ROUNDS,
+    RETURN_ROUNDS,
     SEPARATION_DEPTH,
     SEPARATION_SWEEPS,
     SIMULATED,
@@ -55,14 +57,17 @@ def separate_simulated(world, first):
     converged, together, end = True, False, first
     for rounds in range(REMOVAL_ROUNDS):
         end, deepest = detect(world, SIMULATED, first)
+        if rounds == RETURN_ROUNDS:
+            _return_squeezed(bodies, pairs, first, end)
+            end, deepest = detect(world, SIMULATED, first)
         if rounds >= YIELD_ROUNDS:
             deepest = _leave_to_drivers(bodies, pairs, first, end)
             state["squeezed"] = 1
         if is_free(deepest):
             return end if rounds > 0 else first
         state["counters"][COUNT_ROUNDS] += 1
-        # sweeps stall where bodies are jammed; drivers must not move here
-        together = not converged and not together and left > 0 and len(world.drivers) == 0
+        # sweeps stall where bodies are jammed
+        together = not converged and not together and left > 0
         if together:
             _move_together(world, first, end, left, LEVERAGE * deepest)
         else:
@@ -86,6 +91,18 @@ def _keep(bodies, pieces, pairs, first, end):
                 pairs[first] = pairs[k]
             first += 1
     return first
+
+
+@kernel
+def _return_squeezed(bodies, pairs, first, end):
+    """Return simulated bodies that overlap a driven body to their poses at the start of the substep."""
+    for k in range(first, end):
+        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+        if is_free(pairs[k]["depth"]) or (a["driver"] < 0 and b["driver"] < 0):
+            continue
+        body = b if b["kind"] == SIMULATED else a
+        pose_along(body, 0.0)
+        refresh_inertia(body)
 
 
 @kernel
@@ -162,11 +179,13 @@ def _move_together(world, first, end, left, most):
     residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
     for k in range(len(bodies)):
         body = bodies[k]
+        v, w, kept = body["velocity"], body["omega"], body["scratch"]
+        for i in range(3):
+            kept[0, i], kept[1, i] = v[i], w[i]
+            v[i] = w[i] = 0.0
+        # the solver moves the links of a driver, but not a body without one
+        body["driver"] = -2 - body["driver"]
         if body["kind"] == SIMULATED:
-            v, w, kept = body["velocity"], body["omega"], body["scratch"]
-            for i in range(3):
-                kept[0, i], kept[1, i] = v[i], w[i]
-                v[i] = w[i] = 0.0
             body["inverse_mass"] = 1.0
             for i in range(3):
                 for j in range(3):
@@ -188,8 +207,8 @@ def _move_together(world, first, end, left, most):
             near = near and v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= most * most
             near = near and _way(bodies[k]) <= SINKING_SHARE * bodies[k]["width"]
     for k in range(len(bodies)):
-        if bodies[k]["kind"] == SIMULATED:
-            _move_by_velocity(bodies[k], near)
+        bodies[k]["driver"] = -2 - bodies[k]["driver"]
+        _end_motion(bodies[k], near)
     state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
 
 
@@ -202,11 +221,11 @@ def _way(body):
 
 
 @kernel
-def _move_by_velocity(body, allowed):
-    """Move a body for a second at its velocities, if allowed; give it its mass, and the velocities in its
-    `scratch`."""
+def _end_motion(body, allowed):
+    """Move a simulated body for a second at its velocities, if allowed, and give it its mass; give any body
+    the velocities in its `scratch`."""
     v, w, m, c = body["velocity"], body["omega"], body["rotation"], body["center_of_mass"]
-    if allowed and _way(body) > 0:
+    if allowed and body["kind"] == SIMULATED and _way(body) > 0:
         turn(body["orientation"], w[0], w[1], w[2], body["orientation"])
         matrix_of(body["orientation"], m)
         for i in range(3):
@@ -215,8 +234,9 @@ def _move_by_velocity(body, allowed):
         place(body)
     for i in range(3):
         v[i], w[i] = body["scratch"][0, i], body["scratch"][1, i]
-    body["inverse_mass"] = 1 / body["mass"]
-    refresh_inertia(body)
+    if body["kind"] == SIMULATED:
+        body["inverse_mass"] = 1 / body["mass"]
+        refresh_inertia(body)
 
 
 @kernel

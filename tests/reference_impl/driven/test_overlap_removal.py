@@ -195,7 +195,7 @@ def test_no_free_pose_gives_up_where_it_stood(lab: SimpleNamespace, profile: str
 
 
 def test_a_free_pose_that_is_free_no_more_gives_up(lab: SimpleNamespace) -> None:
-    """Give up when something stands where the last free pose was."""
+    """Give up at the last free pose when something simulated stands there: no fixed body does."""
     blocker = lab.block("blocker", (0.1, 0.1, 0.1), (3.0, 0.0, 0.0))
     world = driven_world(lab, (0.0, 0.5, 0.0), *walls(lab, 2 * RADIUS - 0.03), blocker)
     world.bodies[3]["position"] = (0.0, 0.5, 0.0)
@@ -203,6 +203,22 @@ def test_a_free_pose_that_is_free_no_more_gives_up(lab: SimpleNamespace) -> None
     world.drivers[0]["position"] = (0.005, -0.5, 0.0)
     assert not remove(world)
     assert lab.counters(world)["gave_up"] == 1
+    np.testing.assert_allclose(world.bodies[0]["position"], (0.0, 0.5, 0.0), atol=1e-15)
+
+
+@pytest.mark.parametrize("profile", TRANSLATIONS)
+def test_the_far_side_of_an_obstacle_is_no_way_out(lab: SimpleNamespace, profile: str) -> None:
+    """Take the way back where the shortest translation leads to the far side of an obstacle.
+
+    Before, the thumb of random scene 864200362 crossed a box within a frame.
+    """
+    face = 0.06
+    box = lab.block("box", (0.09, 1.0, 1.0), (face + 0.09, 0.0, 0.0), kind="fixed")
+    world = driven_world(lab, (0.0, 0.0, 0.0), box, profile=profile)
+    world.drivers[0]["position"] = (0.17, 0.0, 0.0)
+    assert remove(world)
+    assert lab.counters(world)["way_back"] == 1
+    np.testing.assert_allclose(world.bodies[0]["position"], (face - RADIUS, 0, 0), atol=2e-6)
 
 
 def test_only_the_velocity_into_the_obstacle_stops(lab: SimpleNamespace) -> None:
@@ -256,17 +272,28 @@ def test_simulated_bodies_part_by_halves(lab: SimpleNamespace) -> None:
     assert world.bodies["position"][2, 2] == pytest.approx(RADIUS - SEPARATION_DEPTH, abs=1e-12)
 
 
-def test_a_jammed_bar_turns(lab: SimpleNamespace) -> None:
+@pytest.mark.parametrize("kind", ["fixed", "driven"])
+def test_a_jammed_bar_turns(lab: SimpleNamespace, kind: str) -> None:
     """A slanted bar overlaps two walls by 10 um each: it has no room to translate, turns hardly more than
-    it must, and keeps its velocities."""
+    it must, and keeps its velocities. Driven walls stay where they are."""
     half, tilt, sunk = (0.5, 0.02, 0.02), 0.3, 1e-5
     reach = half[0] * np.cos(tilt) + half[2] * np.sin(tilt) - sunk
-    walls = [lab.block(f"wall {x}", (1, 1, 1), (x * (reach + 1), 0, 0), "fixed") for x in (-1, 1)]
+    starts = {f"wall {x}": (x * (reach + 1), 0.0, 0.0) for x in (-1, 1)}
+    driven = kind == "driven"
+    walls = [
+        lab.block(name, (1, 1, 1), (0, 0, 0) if driven else start, kind) for name, start in starts.items()
+    ]
+    trackers = tuple(lab.still(*row) for row in starts.items()) if driven else ()
     turn = (float(np.cos(tilt / 2)), 0.0, float(-np.sin(tilt / 2)), 0.0)
     bar = lab.block("bar", half, (0, 0, 0), orientation=turn, linear_velocity=(1, 2, 3))
-    world = lab.build(lab.scene(*walls, bar))
+    world = lab.build(lab.scene(*walls, bar, trackers=trackers))
+    world.drivers["velocity"] = (4, 5, 6)
+    world.bodies["velocity"][:2] = (4, 5, 6)
     separate_simulated(world.of_stages(), 0)
     assert lab.counters(world)["gave_up"] == 0
+    assert world.state["squeezed"] == 0
+    assert world.bodies["velocity"][:2].tolist() == [[4, 5, 6]] * 2
+    assert world.bodies["driver"].tolist() == ([0, 1, -1] if driven else [-1] * 3)
     end, deepest = detect(world.of_stages(), SIMULATED, 0)
     assert end == 2
     assert 0 < deepest <= SEPARATION_DEPTH + 1e-9
@@ -277,6 +304,20 @@ def test_a_jammed_bar_turns(lab: SimpleNamespace) -> None:
     height = half[0] * np.sin(tilt) - half[2] * np.cos(tilt)
     turned = 2 * np.arctan2(-found["orientation"][2], found["orientation"][0]) - tilt
     assert 1.0 - 1e-3 <= turned * height / (sunk - SEPARATION_DEPTH) <= 1.1
+
+
+def test_a_ball_squeezed_by_drivers_returns(lab: SimpleNamespace) -> None:
+    """Return a ball that has no room between two driven blocks to where its substep began."""
+    starts = {f"wall {x}": (x * (1 + RADIUS - 1e-3), 0.0, 0.0) for x in (-1, 1)}
+    walls = [lab.block(name, (1, 1, 1), (0, 0, 0), "driven") for name in starts]
+    trackers = tuple(lab.still(*row) for row in starts.items())
+    world = lab.build(lab.scene(*walls, lab.ball("ball", (0.0, 0.0, 1.5)), trackers=trackers))
+    ball = world.bodies[2]
+    ball["old_center"], ball["old_orientation"], ball["moves"] = (0, 0, 1.5), (1, 0, 0, 0), 1
+    ball["position"] = (0, 0, 0.5)
+    separate_simulated(world.of_stages(), 0)
+    assert world.state["squeezed"] == 0
+    np.testing.assert_allclose(ball["position"], (0, 0, 1.5), rtol=0, atol=0)
 
 
 @pytest.mark.parametrize("profile", TRANSLATIONS)
