@@ -13,7 +13,7 @@ from touchstone.scenarios.scenario import Scenario, Tracker
 
 SPEED_MAX = 1e6
 """Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last
-seconds. A rotation has diverged if it moves a point that fast at 1 m, or at the body's radius if that is less."""
+seconds. A rotation has diverged if it moves a point that fast at the body's radius, but at most at 1 m."""
 EXPLODED = 300.0
 """Factor over the allowed energy beyond which a run has diverged, wherever its bodies are. Known defects stay
 below: the worst of the catalogue, under the reference's `paper`, are 13 (`rod_e1`) and 42 (`stack`, which
