@@ -64,6 +64,7 @@ SOLVER = record(
     mover_count="i8",
     best_residual="f8",  # [m/s]
     target="f8",  # residual at which a solve ends [m/s]
+    work="f8",  # multiplications of a factorisation, or -1 if the island is too large for the matrix
     rows=(ROW, (ROW_CAPACITY,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
     order=("i8", (NEWTON_MOVERS,)),  # mover of each block

@@ -68,8 +68,8 @@ def interior(solver, afar, state):
         afar: start without impulses, otherwise near the present ones. From afar it takes more steps, but it
             also converges where the present impulses are misleading.
     """
-    work, left = lay_out(solver), state["newton_work"]
-    if work < 0 or left < -INTERIOR_MOST or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
+    fits, work, left = lay_out(solver), solver["work"], state["newton_work"]
+    if not fits or left < -INTERIOR_MOST or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
         return
     most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
     for m in range(solver["mover_count"]):

@@ -65,10 +65,9 @@ def newton(solver, evenly, patient, state):
             soft for the load of a heavy one that it carries.
         patient: go on, with softer contacts, where an inner solve fails; otherwise, return there.
     """
-    work = lay_out(solver)
-    if work < 0:
+    if not lay_out(solver):
         return
-    rows, count = solver["rows"], solver["row_count"]
+    rows, count, work = solver["rows"], solver["row_count"], solver["work"]
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
     last, stalled, heaviest = solver["best_residual"], 0, 0.0

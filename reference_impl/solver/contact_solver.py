@@ -106,11 +106,13 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     for k in range(solver["row_count"]):
         into_cone(rows[k])
     solve_loaded(solver, state)
-    if solver["best_residual"] > _accepted(solver) and _rebounds(solver):
+    # too large for Newton's method: it is the sweeps that find no solution
+    fits = solver["work"] >= 0
+    if fits and solver["best_residual"] > _accepted(solver) and _rebounds(solver):
         state["counters"][COUNT_GUARDED] += 1
         _stop_rebound(solver)
         solve_loaded(solver, state)
-    if lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
+    if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
         solve_loaded(solver, state)
     if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
         reverse_slip(solver)

@@ -8,6 +8,7 @@ the island (Cuthill & McKee 1969), which keeps rows short.
 import numpy as np
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.solver_conventions import NEWTON_INNER, NEWTON_WORK
 from touchstone.reference_impl.core.solver_dtypes import NEWTON_ENTRIES, NEWTON_MOVERS, NEWTON_ROWS
 
 ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
@@ -16,14 +17,11 @@ ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint6
 
 @kernel
 def lay_out(solver):
-    """Order the movers and lay out the envelope.
-
-    Returns:
-        Number of multiplications of a factorisation, or -1 if the island is too large.
-    """
+    """Order the movers, lay out the envelope, and set the solver's `work`; returns whether the island fits."""
     movers, count = solver["movers"], solver["mover_count"]
+    solver["work"] = -1.0
     if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
-        return -1.0
+        return False
     # the last mover of a first ordering is an end of the island
     end = _order_from(solver, 0)
     _order_from(solver, end)
@@ -41,11 +39,15 @@ def lay_out(solver):
         for i in range(6 * place, 6 * place + 6):
             length = i - begin + 1
             if used + length > NEWTON_ENTRIES:
-                return -1.0
+                return False
             solver["begin"][i], solver["offset"][i] = begin, used - begin
             used += length
             work += length * length
-    return work
+    # an outer iteration of Newton's method would exceed the frame's budget
+    if NEWTON_INNER * work > NEWTON_WORK:
+        return False
+    solver["work"] = work
+    return True
 
 
 @kernel
