@@ -17,7 +17,7 @@ ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint6
 
 @kernel
 def lay_out(solver):
-    """Order the movers, lay out the envelope, and set the solver's `work`; returns whether the island fits."""
+    """Order the movers, lay out the envelope and set the solver's `work`; returns whether the island fits."""
     movers, count = solver["movers"], solver["mover_count"]
     solver["work"] = -1.0
     if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
