@@ -124,7 +124,7 @@ OVER_RELAXATION = 1.8
 LEVERAGE = 8.0
 """Most translation of a body over the deepest overlap when separation moves jammed bodies together [1]."""
 RETURN_ROUNDS = 8
-"""Rounds of separation after which bodies that still overlap a driver return to their last free poses."""
+"""Rounds of separation after which bodies that still overlap a driver return to where their substep began."""
 YIELD_ROUNDS = REMOVAL_ROUNDS // 2
 """Rounds of separation after which drivers yield to simulated bodies."""
 WAY_BACK_STEPS = 24

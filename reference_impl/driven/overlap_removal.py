@@ -263,15 +263,15 @@ def _way_back(world, d, later):
         pose at entry if it has none.
     """
     driver = world.drivers[d]
-    if driver["has_free"] == 0 or not _free_at(world, d, later, PART_WHOLE, 0.0):
-        if driver["has_free"] == 0:
-            interpolate(world.bodies, world.joints, driver, PART_WHOLE, 1.0)
-        detect(world, DRIVEN, 0)
-        return False
-    _bisect(world, d, later, PART_ROOT)
-    for i in range(driver["chain_count"]):
-        _bisect(world, d, later, driver["order"][i])
-    return True
+    if driver["has_free"] == 0:
+        interpolate(world.bodies, world.joints, driver, PART_WHOLE, 1.0)
+    elif _free_at(world, d, later, PART_WHOLE, 0.0):
+        _bisect(world, d, later, PART_ROOT)
+        for i in range(driver["chain_count"]):
+            _bisect(world, d, later, driver["order"][i])
+        return True
+    detect(world, DRIVEN, 0)
+    return False
 
 
 @kernel

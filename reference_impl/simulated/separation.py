@@ -40,8 +40,8 @@ def separate_simulated(world, first):
     """Move simulated bodies out of the overlap into which they sank during resting contact.
 
     Sweeps translate them. Where they stall, every other round solves for all pairs together, and turns bodies
-    too. A body squeezed by a driver has no room: after YIELD_ROUNDS, `squeezed` says that the driver must
-    yield.
+    too. A body that overlaps a driver after RETURN_ROUNDS returns to where its substep began. If it does so
+    after YIELD_ROUNDS, `squeezed` says that the driver must yield.
 
     Args:
         first: first row of `pairs` that may be overwritten.
@@ -183,7 +183,7 @@ def _move_together(world, first, end, left, most):
         for i in range(3):
             kept[0, i], kept[1, i] = v[i], w[i]
             v[i] = w[i] = 0.0
-        # the solver moves the links of a driver, but not a body without one
+        # hide the drivers (-2 - d, undone by the same): the solver would move their links
         body["driver"] = -2 - body["driver"]
         if body["kind"] == SIMULATED:
             body["inverse_mass"] = 1.0

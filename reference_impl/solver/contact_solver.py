@@ -106,7 +106,7 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     for k in range(solver["row_count"]):
         into_cone(rows[k])
     solve_loaded(solver, state)
-    # too large for Newton's method: it is the sweeps that find no solution
+    # an island too large for Newton's method may have a solution that sweeps do not reach
     fits = solver["work"] >= 0
     if fits and solver["best_residual"] > _accepted(solver) and _rebounds(solver):
         state["counters"][COUNT_GUARDED] += 1
@@ -182,7 +182,7 @@ def solve_loaded(solver, state):
     # the residual of Coulomb's law does not apply to Eq. 10 as printed
     if state["friction"] != FRICTION_PAPER:
         residual, _ = residual_of(solver)
-    solver["best_residual"] = inf
+    solver["best_residual"], solver["work"] = inf, 0.0
     keep_best(solver, residual)
     solver["target"] = RESIDUAL_DENSE if state["dense_substep"] == 1 else RESIDUAL_TARGET
     # in small islands exact solves cost little, and keep the result independent of the order of bodies

@@ -17,8 +17,11 @@ ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint6
 
 @kernel
 def lay_out(solver):
-    """Order the movers, lay out the envelope and set the solver's `work`; returns whether the island fits."""
+    """Order the movers, lay out the envelope and set the solver's `work`, once per solve: it is 0 before.
+    Returns whether the island fits."""
     movers, count = solver["movers"], solver["mover_count"]
+    if solver["work"] != 0:
+        return solver["work"] > 0
     solver["work"] = -1.0
     if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
         return False

@@ -87,7 +87,6 @@ def load_island(bodies, drivers, pairs, head, state):
                 bodies[m]["mover"] = -1
         k = pairs[k]["next_row"]
     solver["row_count"] = solver["mover_count"] = 0
-    solver["work"] = 0.0
     k = head
     while k >= 0:
         pair, own = pairs[k], k
