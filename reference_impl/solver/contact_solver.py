@@ -22,6 +22,7 @@ A body between two walls steeper than the friction cone cannot rebound: every im
 with rebound speeds then has no solution, but without them it has one, if the walls stand still (Acary &
 Cadoux 2013). An island that finds no solution with rebound speeds does not rebound. In the same way, a
 resting contact that separates slowly may come back as fast; in an island that finds no solution, it does not.
+Neither applies to islands too large for Newton's method, which only lack sweeps.
 """
 
 from math import inf
