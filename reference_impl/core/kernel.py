@@ -51,7 +51,15 @@ def inlined_kernel(function):
     return _compiled(function, forceinline=True)
 
 
-def _compiled(function, **options):
+def vectorised_kernel(function):
+    """Compile `function` as a kernel whose straight-line arithmetic LLVM packs into vectors (SLP).
+
+    Dense blocks take half of the time, to the same bits; frames of most scenes would take 5 % longer.
+    """
+    return _compiled(function, vectorised=True)
+
+
+def _compiled(function, vectorised=False, **options):
     # no C wrapper: only Python and other kernels call a kernel
     options |= {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
     options["cache"] = CACHE_FOLDER is not None and LINK_BY_NAME is None
@@ -60,10 +68,14 @@ def _compiled(function, **options):
     if JIT:
         _forget_literals(compiled)
         _collect_less(compiled)
+        if vectorised:
+            _vectorise(compiled)
     if LINK_BY_NAME is not None:
         callee = numba.njit(no_cpython_wrapper=True, **options)(function)
         KERNELS.append(callee)
         _forget_literals(callee)
+        if vectorised:
+            _vectorise(callee)
         LINK_BY_NAME(compiled, callee)
     return compiled
 
@@ -92,6 +104,21 @@ def _collect_less(compiled):
                 gc.set_threshold(*usual)
 
     compiled.compile = compile_with_rare_collections
+
+
+def _vectorise(compiled):
+    """Enable LLVM's SLP vectorizer, which Numba disables, while a kernel and its callees compile."""
+    compile_now = compiled.compile
+
+    def compile_with_vectors(signature):
+        with global_compiler_lock:
+            usual, config.SLP_VECTORIZE = config.SLP_VECTORIZE, 1
+            try:
+                return compile_now(signature)
+            finally:
+                config.SLP_VECTORIZE = usual
+
+    compiled.compile = compile_with_vectors
 
 
 def compile_count():

@@ -6,8 +6,8 @@ ROW_CAPACITY = 16_384
 """Most contact points of one island; the solver drops further ones and counts them as lost."""
 MOVER_CAPACITY = 8_192
 """Most movers of one island."""
-NEWTON_ROWS, NEWTON_MOVERS, NEWTON_ENTRIES = 2_048, 192, 180_000
-"""Largest island for Newton's method: contact points, movers, and entries of the matrix's envelope."""
+NEWTON_ROWS, NEWTON_MOVERS, NEWTON_BLOCKS = 2_048, 192, 5_000
+"""Largest island for Newton's method: contact points, movers, and blocks of half the matrix's envelope."""
 
 ROW = record(
     pair="i8",  # its row of `pairs`
@@ -68,12 +68,13 @@ SOLVER = record(
     rows=(ROW, (ROW_CAPACITY,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
     order=("i8", (NEWTON_MOVERS,)),  # mover of each block
-    offset=("i8", (6 * NEWTON_MOVERS,)),  # entries (i, j) and (j, i), i >= j: lower and upper[offset[i] + j]
-    begin=("i8", (6 * NEWTON_MOVERS,)),  # first column of row i
-    lower=("f8", (NEWTON_ENTRIES,)),
-    upper=("f8", (NEWTON_ENTRIES,)),
+    # envelope: blocks (p, q) and (q, p), p >= q, from entry 36 (offset[p] + q) of their half; first q of p
+    offset=("i8", (NEWTON_MOVERS,)),
+    begin=("i8", (NEWTON_MOVERS,)),
+    lower=("f8", (36 * NEWTON_BLOCKS,)),
+    upper=("f8", (36 * NEWTON_BLOCKS,)),
     gradient=("f8", (6 * NEWTON_MOVERS,)),
     step=("f8", (6 * NEWTON_MOVERS,)),
-    block=("f8", (6, 3)),
+    block=MATRIX,  # scratch
     kernel=MATRIX,  # negative derivative of a row's impulse with respect to its velocity [kg]
 )

@@ -99,11 +99,11 @@ def interior(solver, afar, state):
         state["newton_work"] -= work
         mean = _mean_product(solver)
         _solve(solver, share, 0.0, False)
-        length = min(1.0, _longest(solver))
+        length = _longest(solver, 1.0)
         # products that vanish before the gaps do leave the method at the boundary, far from a solution
         goal = max(max(INTERIOR_CENTRE, (1 - length) ** 3) * mean, min(mean, _largest_gap(solver) ** 2))
         _solve(solver, share, goal, True)
-        length = min(1.0, INTERIOR_BOUNDARY * _longest(solver))
+        length = INTERIOR_BOUNDARY * _longest(solver, 1 / INTERIOR_BOUNDARY)
         if length < INTERIOR_SHORT:
             share = max(0.0, share - 0.5)
         elif length > INTERIOR_LONG:
@@ -295,29 +295,33 @@ def _correction(row):
 
 
 @kernel
-def _longest(solver):
-    """Longest step over the full one that keeps all vectors in their cones."""
-    longest = 1e300
+def _longest(solver, most):
+    """Longest step over the full one, at most `most`, that keeps all vectors in their cones."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        longest = min(longest, _exit(row["velocity"], row["direction"]), _exit(row["centre"], row["swept"]))
-    return longest
+        most = _exit(row["centre"], row["swept"], _exit(row["velocity"], row["direction"], most))
+    return most
 
 
 @kernel
-def _exit(v, d):
-    """Least positive s at which v + s d leaves the cone."""
+def _exit(v, d, most):
+    """Least positive s at which v + s d leaves the cone, at most `most`."""
+    x, y, z = v[0] + most * d[0], v[1] + most * d[1], v[2] + most * d[2]
+    # the cone is convex
+    if x > 0 and x * x > y * y + z * z:
+        return most
     a = d[0] * d[0] - d[1] * d[1] - d[2] * d[2]
     b = v[0] * d[0] - v[1] * d[1] - v[2] * d[2]
     c = _form(v)
-    s = -v[0] / d[0] if d[0] < 0 else 1e300
+    if d[0] < 0:
+        most = min(most, -v[0] / d[0])
     root = b * b - a * c
     if root >= 0:
         q = -(b + sqrt(root)) if b > 0 else -(b - sqrt(root))
         for one in (q / a if a != 0 else 0.0, c / q if q != 0 else 0.0):
             if one > 0:
-                s = min(s, one)
-    return s
+                most = min(most, one)
+    return most
 
 
 @kernel

@@ -1,18 +1,23 @@
 """Matrix with six unknowns per mover in a symmetric envelope: ordering, LU factorisation and solution.
 
-Row i of the lower half and column i of the upper half store their entries from `begin[i]` to the diagonal;
-the factorisation causes no fill-in outside (Jennings 1966). Movers are ordered breadth first from an end of
-the island (Cuthill & McKee 1969), which keeps rows short.
+The matrix consists of blocks of 6 x 6, one per pair of movers. Mover p has the blocks (p, q) of the lower half
+and (q, p) of the upper half for q from `begin[p]` to p; the factorisation causes no fill-in outside (Jennings
+1966). Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969), which keeps the
+envelope narrow.
+
+Both blocks are stored from entry 36 (offset[p] + q) of their half: those of the upper half by rows, those of
+the lower half transposed. So all loops of the factorisation run along rows of six contiguous entries.
 """
 
 import numpy as np
 
-from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel, vectorised_kernel
 from touchstone.reference_impl.core.solver_conventions import NEWTON_INNER, NEWTON_WORK
-from touchstone.reference_impl.core.solver_dtypes import NEWTON_ENTRIES, NEWTON_MOVERS, NEWTON_ROWS
+from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, NEWTON_MOVERS, NEWTON_ROWS
 
 ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
-"""Unsigned: with a signed literal, an unsigned index would become a floating-point number."""
+"""Unsigned: with a signed literal, an unsigned index would become a floating-point number. Numba tests signed
+indices for negative values, which doubles the time."""
 
 
 @kernel
@@ -38,14 +43,13 @@ def lay_out(solver):
             b["first_place"] = min(b["first_place"], a["place"])
     used, work = 0, 0.0
     for place in range(count):
-        begin = 6 * movers[solver["order"][place]]["first_place"]
-        for i in range(6 * place, 6 * place + 6):
-            length = i - begin + 1
-            if used + length > NEWTON_ENTRIES:
-                return False
-            solver["begin"][i], solver["offset"][i] = begin, used - begin
-            used += length
-            work += length * length
+        begin = movers[solver["order"][place]]["first_place"]
+        if used + place - begin + 1 > NEWTON_BLOCKS:
+            return False
+        solver["begin"][place], solver["offset"][place] = begin, used - begin
+        used += place - begin + 1
+        for i in range(6 * (place - begin) + 1, 6 * (place - begin) + 7):
+            work += i * i
     # an outer iteration of Newton's method would exceed the frame's budget
     if NEWTON_INNER * work > NEWTON_WORK:
         return False
@@ -71,119 +75,24 @@ def _order_from(solver, first):
     return order[count - 1]
 
 
-@kernel
-def add_block(solver, entries, transposed, p, q, r_p, r_q, sign):
-    """Add sign J_p^T K J_q of one row, where K is `kernel`, to the block of places p >= q.
-
-    For the upper half, which is stored by columns, K is transposed.
-    """
-    matrix, block, offset = solver["kernel"], solver["block"], solver["offset"]
-    for j in range(3):
-        if transposed:
-            x, y, z = matrix[j, 0], matrix[j, 1], matrix[j, 2]
-        else:
-            x, y, z = matrix[0, j], matrix[1, j], matrix[2, j]
-        x, y, z = sign * x, sign * y, sign * z
-        block[0, j], block[1, j], block[2, j] = x, y, z
-        block[3, j] = r_p[1] * z - r_p[2] * y
-        block[4, j] = r_p[2] * x - r_p[0] * z
-        block[5, j] = r_p[0] * y - r_p[1] * x
-    for i in range(6):
-        x, y, z = block[i, 0], block[i, 1], block[i, 2]
-        at = np.uint64(offset[6 * p + i] + 6 * q)
-        # only half of a diagonal block is stored
-        stop = i if p == q else 5
-        entries[at] += x
-        if stop >= 1:
-            entries[at + ONE] += y
-        if stop >= 2:
-            entries[at + TWO] += z
-        if stop >= 3:
-            entries[at + THREE] += r_q[1] * z - r_q[2] * y
-        if stop >= 4:
-            entries[at + FOUR] += r_q[2] * x - r_q[0] * z
-        if stop >= 5:
-            entries[at + FIVE] += r_q[0] * y - r_q[1] * x
-
-
 @inlined_kernel
-def _dot(one, p, two, q, count):
-    """Sum of one[p + k] two[q + k], as four independent sums for instruction-level parallelism.
-
-    The arrays are slices: fields of different lengths have different types, slices have one.
-    Indices are unsigned: Numba tests signed ones for negative values, which doubles the time.
-    """
-    a = b = c = d = 0.0
-    i, j = np.uint64(p), np.uint64(q)
-    end = i + np.uint64(count)
-    while i + FOUR <= end:
-        a += one[i] * two[j]
-        b += one[i + ONE] * two[j + ONE]
-        c += one[i + TWO] * two[j + TWO]
-        d += one[i + THREE] * two[j + THREE]
-        i, j = i + FOUR, j + FOUR
-    while i < end:
-        a += one[i] * two[j]
-        i, j = i + ONE, j + ONE
-    return (a + b) + (c + d)
-
-
-@inlined_kernel
-def _subtract_product(one, p, two, q, count, factor):
-    """Subtract factor two[q + k] from one[p + k]; indices are unsigned, as in `_dot`."""
-    i, j = np.uint64(p), np.uint64(q)
-    end = i + np.uint64(count)
-    while i < end:
-        one[i] -= factor * two[j]
-        i, j = i + ONE, j + ONE
-
-
-@kernel
-def factorise(solver):
-    """Factorise into L U in place without pivoting; L has a unit diagonal."""
-    lower, upper, offset, begin = solver["lower"][:], solver["upper"][:], solver["offset"], solver["begin"]
-    for i in range(6 * solver["mover_count"]):
-        row, first = offset[i], begin[i]
-        for j in range(first, i):
-            low, other = max(first, begin[j]), offset[j]
-            upper[row + j] -= _dot(lower, other + low, upper, row + low, j - low)
-            value = lower[row + j] - _dot(lower, row + low, upper, other + low, j - low)
-            lower[row + j] = value / lower[other + j]
-        whole = lower[row + i]
-        pivot = whole - _dot(lower, row + first, upper, row + first, i - first)
-        # replace a pivot that rounding has cancelled
-        lower[row + i] = pivot if abs(pivot) > 1e-16 * whole else 1e-16 * whole
-
-
-@kernel
-def solve_factors(solver):
-    """Solve for the step: minus the inverse of the matrix times the gradient."""
-    lower, upper, x = solver["lower"][:], solver["upper"][:], solver["step"][:]
-    offset, begin = solver["offset"], solver["begin"]
-    size = 6 * solver["mover_count"]
-    for i in range(size):
-        first = begin[i]
-        x[i] = -solver["gradient"][i] - _dot(lower, offset[i] + first, x, first, i - first)
-    for i in range(size - 1, -1, -1):
-        x[i] /= lower[offset[i] + i]
-        first = begin[i]
-        _subtract_product(x, first, upper, offset[i] + first, i - first, x[i])
+def _entry(solver, p, q):
+    """First entry of the blocks (p, q) and (q, p), p >= q, in their halves."""
+    return np.uint64(36 * (solver["offset"][p] + q))
 
 
 @kernel
 def begin_matrix(solver):
     """Set the matrix to the masses and inertias M of the movers."""
-    movers, lower, upper, offset = solver["movers"], solver["lower"], solver["upper"], solver["offset"]
-    last = 6 * solver["mover_count"] - 1
-    for i in range(offset[last] + last + 1):
+    movers, lower, upper, count = solver["movers"], solver["lower"], solver["upper"], solver["mover_count"]
+    for i in range(_entry(solver, count - 1, count)):
         lower[i] = upper[i] = 0.0
-    for m in range(solver["mover_count"]):
-        base, inertia = 6 * movers[m]["place"], movers[m]["inertia"]
+    for m in range(count):
+        at, inertia = _entry(solver, movers[m]["place"], movers[m]["place"]), movers[m]["inertia"]
         for i in range(3):
-            lower[offset[base + i] + base + i] = 1 / movers[m]["inverse_mass"]
-            row = offset[base + 3 + i] + base + 3
-            for j in range(i + 1):
-                lower[row + j] = upper[row + j] = inertia[i, j]
+            lower[at + np.uint64(7 * i)] = 1 / movers[m]["inverse_mass"]
+            for j in range(3):
+                lower[at + np.uint64(6 * i + j + 21)] = inertia[i, j]
 
 
 @kernel
@@ -192,17 +101,174 @@ def add_row(solver, row):
     movers, lower, upper = solver["movers"], solver["lower"], solver["upper"]
     p = movers[row["b"]]["place"] if row["b"] >= 0 else -1
     q = movers[row["a"]]["place"] if row["a"] >= 0 else -1
-    for transposed in (False, True):
-        half = upper if transposed else lower
-        if p >= 0:
-            add_block(solver, half, transposed, p, p, row["r_b"], row["r_b"], 1.0)
-        if q >= 0:
-            add_block(solver, half, transposed, q, q, row["r_a"], row["r_a"], 1.0)
-        if p >= 0 and q >= 0:
-            if p > q:
-                add_block(solver, half, transposed, p, q, row["r_b"], row["r_a"], -1.0)
-            else:
-                add_block(solver, half, transposed, q, p, row["r_a"], row["r_b"], -1.0)
+    if p >= 0:
+        _add_block(solver, lower, _entry(solver, p, p), False, row["r_b"], row["r_b"], 1.0)
+    if q >= 0:
+        _add_block(solver, lower, _entry(solver, q, q), False, row["r_a"], row["r_a"], 1.0)
+    if p >= 0 and q >= 0:
+        at = _entry(solver, max(p, q), min(p, q))
+        first, second = (row["r_a"], row["r_b"]) if p > q else (row["r_b"], row["r_a"])
+        _add_block(solver, upper, at, False, first, second, -1.0)
+        _add_block(solver, lower, at, True, first, second, -1.0)
+
+
+@vectorised_kernel
+def _add_block(solver, entries, at, transposed, r_p, r_q, sign):
+    """Add sign J_p^T K J_q of one row, where K is `kernel` or its transpose, to the block at an entry."""
+    matrix, k = solver["kernel"], solver["block"]
+    for i in range(3):
+        for j in range(3):
+            k[i, j] = sign * (matrix[j, i] if transposed else matrix[i, j])
+    for i in range(3):
+        _add_entries(entries, at + np.uint64(6 * i), k[i, 0], k[i, 1], k[i, 2], r_q)
+    for i in range(3):
+        j, m = (i + 1) % 3, (i + 2) % 3
+        x = r_p[j] * k[m, 0] - r_p[m] * k[j, 0]
+        y = r_p[j] * k[m, 1] - r_p[m] * k[j, 1]
+        z = r_p[j] * k[m, 2] - r_p[m] * k[j, 2]
+        _add_entries(entries, at + np.uint64(6 * i + 18), x, y, z, r_q)
+
+
+@inlined_kernel
+def _add_entries(entries, at, x, y, z, r):
+    """Add a row (x, y, z) of a matrix by velocities, times J, to six entries."""
+    entries[at] += x
+    entries[at + ONE] += y
+    entries[at + TWO] += z
+    entries[at + THREE] += r[1] * z - r[2] * y
+    entries[at + FOUR] += r[2] * x - r[0] * z
+    entries[at + FIVE] += r[0] * y - r[1] * x
+
+
+@vectorised_kernel
+def factorise(solver):
+    """Factorise into L U in place without pivoting; L has a unit diagonal, that of U is stored inverted."""
+    lower, upper, begin = solver["lower"], solver["upper"], solver["begin"]
+    for p in range(solver["mover_count"]):
+        own = _entry(solver, p, p)
+        # the upper half has no diagonal blocks: it stores the diagonal
+        for i in range(6):
+            upper[own + np.uint64(i)] = lower[own + np.uint64(7 * i)]
+        for q in range(begin[p], p):
+            at = _entry(solver, p, q)
+            for k in range(max(begin[p], begin[q]), q):
+                _subtract_product(upper, at, lower, _entry(solver, q, k), upper, _entry(solver, p, k))
+                _subtract_product(lower, at, upper, _entry(solver, q, k), lower, _entry(solver, p, k))
+            _divide(upper, at, lower, _entry(solver, q, q), True)
+            _divide(lower, at, lower, _entry(solver, q, q), False)
+        for q in range(begin[p], p):
+            at = _entry(solver, p, q)
+            _subtract_product(lower, own, lower, at, upper, at)
+        _factorise_block(lower, own, upper)
+
+
+@inlined_kernel
+def _subtract_product(out, at, one, p, two, q):
+    """Subtract A^T B of the blocks A at one[p] and B at two[q] from the block at out[at]."""
+    for i in range(6):
+        row = at + np.uint64(6 * i)
+        a, b, c = out[row], out[row + ONE], out[row + TWO]
+        d, e, f = out[row + THREE], out[row + FOUR], out[row + FIVE]
+        for k in range(6):
+            factor, other = one[p + np.uint64(6 * k + i)], q + np.uint64(6 * k)
+            a -= factor * two[other]
+            b -= factor * two[other + ONE]
+            c -= factor * two[other + TWO]
+            d -= factor * two[other + THREE]
+            e -= factor * two[other + FOUR]
+            f -= factor * two[other + FIVE]
+        out[row], out[row + ONE], out[row + TWO] = a, b, c
+        out[row + THREE], out[row + FOUR], out[row + FIVE] = d, e, f
+
+
+@inlined_kernel
+def _divide(out, at, factors, diagonal, by_lower):
+    """Multiply the block at out[at] by L^-1 or, otherwise, by U^-T of the factorised block at a diagonal."""
+    for i in range(6):
+        row = at + np.uint64(6 * i)
+        a, b, c = out[row], out[row + ONE], out[row + TWO]
+        d, e, f = out[row + THREE], out[row + FOUR], out[row + FIVE]
+        for k in range(i):
+            factor = factors[diagonal + np.uint64(6 * i + k if by_lower else 6 * k + i)]
+            other = at + np.uint64(6 * k)
+            a -= factor * out[other]
+            b -= factor * out[other + ONE]
+            c -= factor * out[other + TWO]
+            d -= factor * out[other + THREE]
+            e -= factor * out[other + FOUR]
+            f -= factor * out[other + FIVE]
+        inverse = 1.0 if by_lower else factors[diagonal + np.uint64(7 * i)]
+        out[row], out[row + ONE], out[row + TWO] = inverse * a, inverse * b, inverse * c
+        out[row + THREE], out[row + FOUR], out[row + FIVE] = inverse * d, inverse * e, inverse * f
+
+
+@inlined_kernel
+def _factorise_block(lower, at, upper):
+    """Factorise a diagonal block, whose diagonal before the factorisation is stored at upper[at]."""
+    for i in range(6):
+        row = at + np.uint64(6 * i)
+        for k in range(i):
+            other = at + np.uint64(6 * k)
+            factor = lower[row + np.uint64(k)] * lower[other + np.uint64(k)]
+            lower[row + np.uint64(k)] = factor
+            for j in range(k + 1, 6):
+                lower[row + np.uint64(j)] -= factor * lower[other + np.uint64(j)]
+        # replace a pivot that rounding has cancelled
+        pivot, least = lower[row + np.uint64(i)], 1e-16 * upper[at + np.uint64(i)]
+        lower[row + np.uint64(i)] = 1 / (pivot if abs(pivot) > least else least)
+
+
+@vectorised_kernel
+def solve_factors(solver):
+    """Solve for the step: minus the inverse of the matrix times the gradient."""
+    lower, upper, begin, x = solver["lower"], solver["upper"], solver["begin"], solver["step"]
+    count = solver["mover_count"]
+    for p in range(count):
+        own, base = _entry(solver, p, p), np.uint64(6 * p)
+        for i in range(6):
+            x[base + np.uint64(i)] = -solver["gradient"][base + np.uint64(i)]
+        for q in range(begin[p], p):
+            _subtract_transposed(x, base, lower, _entry(solver, p, q), np.uint64(6 * q))
+        for i in range(6):
+            for k in range(i):
+                x[base + np.uint64(i)] -= lower[own + np.uint64(6 * i + k)] * x[base + np.uint64(k)]
+    for p in range(count - 1, -1, -1):
+        own, base = _entry(solver, p, p), np.uint64(6 * p)
+        for i in range(5, -1, -1):
+            for k in range(i + 1, 6):
+                x[base + np.uint64(i)] -= lower[own + np.uint64(6 * i + k)] * x[base + np.uint64(k)]
+            x[base + np.uint64(i)] *= lower[own + np.uint64(7 * i)]
+        for q in range(begin[p], p):
+            _subtract_rows(x, np.uint64(6 * q), upper, _entry(solver, p, q), base)
+
+
+@inlined_kernel
+def _subtract_transposed(x, base, entries, at, other):
+    """Subtract a transposed block times x[other:] from x[base:]."""
+    a, b, c = x[base], x[base + ONE], x[base + TWO]
+    d, e, f = x[base + THREE], x[base + FOUR], x[base + FIVE]
+    for k in range(6):
+        factor, row = x[other + np.uint64(k)], at + np.uint64(6 * k)
+        a -= factor * entries[row]
+        b -= factor * entries[row + ONE]
+        c -= factor * entries[row + TWO]
+        d -= factor * entries[row + THREE]
+        e -= factor * entries[row + FOUR]
+        f -= factor * entries[row + FIVE]
+    x[base], x[base + ONE], x[base + TWO] = a, b, c
+    x[base + THREE], x[base + FOUR], x[base + FIVE] = d, e, f
+
+
+@inlined_kernel
+def _subtract_rows(x, base, entries, at, other):
+    """Subtract a block times x[other:] from x[base:]."""
+    a, b, c = x[other], x[other + ONE], x[other + TWO]
+    d, e, f = x[other + THREE], x[other + FOUR], x[other + FIVE]
+    for i in range(6):
+        row = at + np.uint64(6 * i)
+        early = a * entries[row] + b * entries[row + ONE] + c * entries[row + TWO]
+        late = d * entries[row + THREE] + e * entries[row + FOUR] + f * entries[row + FIVE]
+        x[base + np.uint64(i)] -= early + late
 
 
 @kernel

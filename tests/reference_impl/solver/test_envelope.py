@@ -1,0 +1,104 @@
+"""Steps of Newton's method equal those of a dense matrix, in islands of any shape."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, SOLVER
+from touchstone.reference_impl.solver.envelope import (
+    add_row,
+    begin_matrix,
+    factorise,
+    lay_out,
+    solve_factors,
+)
+
+CHAIN = [(k, k + 1) for k in range(19)] + [(-1, k) for k in range(20)]
+"""Dominoes on a floor, which is no mover."""
+STAR = [(k, 0) for k in range(1, 7)]
+"""Six bodies on one."""
+
+
+def loop(rng: np.random.Generator) -> list[tuple[int, int]]:
+    """Twelve bodies in random order with twenty contacts more."""
+    order = rng.permutation(12).tolist()
+    return [*pairwise(order), *(tuple(rng.choice(12, 2, replace=False)) for _ in range(20))]
+
+
+def cross(r: np.ndarray) -> np.ndarray:
+    """Matrix of the cross product with r (3, 3)."""
+    return np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
+
+
+def loaded(rng: np.random.Generator, sides: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """A solver with one row per pair of movers, and its dense matrix; places are laid out."""
+    solvers = np.zeros(1, SOLVER)
+    solver = solvers[0]
+    rows, movers = solver["rows"], solver["movers"]
+    solver["mover_count"], solver["row_count"] = 1 + max(max(pair) for pair in sides), len(sides)
+    for mover in movers[: solver["mover_count"]]:
+        mover["inverse_mass"] = rng.uniform(0.5, 2)
+        mover["inertia"] = np.diag(rng.uniform(0.5, 2, 3))
+    for row, (a, b) in zip(rows, sides):
+        row["a"], row["b"] = a, b
+        row["r_a"], row["r_b"] = rng.normal(size=(2, 3))
+    assert lay_out(solver)
+    begin_matrix(solver)
+    size = 6 * solver["mover_count"]
+    dense = np.zeros((size, size))
+    for mover in movers[: solver["mover_count"]]:
+        base = 6 * mover["place"]
+        dense[base : base + 3, base : base + 3] = np.eye(3) / mover["inverse_mass"]
+        dense[base + 3 : base + 6, base + 3 : base + 6] = mover["inertia"]
+    for row in rows[: len(sides)]:
+        # friction makes it unsymmetric
+        solver["kernel"] = np.eye(3) + rng.uniform(-0.3, 0.3, (3, 3))
+        add_row(solver, row)
+        jacobian = np.zeros((3, size))
+        for side, sign in (("a", -1), ("b", 1)):
+            if row[side] >= 0:
+                base = 6 * movers[row[side]]["place"]
+                jacobian[:, base : base + 3] = sign * np.eye(3)
+                jacobian[:, base + 3 : base + 6] = -sign * cross(row[f"r_{side}"])
+        dense += jacobian.T @ solver["kernel"] @ jacobian
+    return solvers, dense
+
+
+@pytest.mark.parametrize("kind", ["one", "chain", "star", "loop"])
+def test_a_step_solves_the_dense_system(kind: str) -> None:
+    """Solve for minus the inverse of M + sum of J^T K J times the gradient."""
+    rng = np.random.default_rng(len(kind))
+    sides = {"one": [(-1, 0), (0, -1)], "chain": CHAIN, "star": STAR, "loop": loop(rng)}[kind]
+    solvers, dense = loaded(rng, sides)
+    solver = solvers[0]
+    gradient = rng.normal(size=len(dense))
+    solver["gradient"][: len(dense)] = gradient
+    factorise(solver)
+    for _ in range(2):
+        solve_factors(solver)
+        assert solver["step"][: len(dense)] == pytest.approx(-np.linalg.solve(dense, gradient), abs=1e-12)
+
+
+def test_a_cancelled_pivot_stays_finite() -> None:
+    """Replace a pivot of 0 by a rounding of its diagonal."""
+    solvers, _ = loaded(np.random.default_rng(0), [(-1, 0)])
+    solver = solvers[0]
+    solver["lower"][:36] = np.ones(36)
+    factorise(solver)
+    solve_factors(solver)
+    assert np.isfinite(solver["step"][:6]).all()
+
+
+def test_a_wide_island_does_not_fit() -> None:
+    """Refuse an island whose envelope has too many blocks; the solver has no work then."""
+    solver = np.zeros(1, SOLVER)[0]
+    count = int(NEWTON_BLOCKS**0.5) + 40
+    sides = [(a, b) for a in range(count) for b in (0, count - 1) if a not in (0, count - 1)]
+    solver["mover_count"], solver["row_count"] = count, len(sides)
+    for row, (a, b) in zip(solver["rows"], sides):
+        row["a"], row["b"] = a, b
+    assert not lay_out(solver)
+    assert solver["work"] == -1
