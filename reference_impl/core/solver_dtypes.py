@@ -42,10 +42,12 @@ ROW = record(
     velocity=VECTOR,
     rate=VECTOR,
     stiffness="f8",  # [kg]
-    # interior-point method: scaling point and its size, error of v, and change of q for given products
+    # interior-point method: scaling point and its size, error of v, derivative of its shift, and change of q
+    # for given products
     scaling=VECTOR,
     stretch="f8",
     gap=VECTOR,
+    slope=("f8", (2,)),
     centred=VECTOR,
 )
 MOVER = record(

@@ -98,11 +98,13 @@ def interior(solver, afar, state):
         state["counters"][COUNT_FACTORS] += 1
         state["newton_work"] -= work
         mean = _mean_product(solver)
-        _solve(solver, share, 0.0, False)
+        _begin_gradient(solver)
+        _solve(solver)
         length = _longest(solver, 1.0)
         # products that vanish before the gaps do leave the method at the boundary, far from a solution
         goal = max(max(INTERIOR_CENTRE, (1 - length) ** 3) * mean, min(mean, _largest_gap(solver) ** 2))
-        _solve(solver, share, goal, True)
+        _correct_gradient(solver, goal)
+        _solve(solver)
         length = INTERIOR_BOUNDARY * _longest(solver, 1 / INTERIOR_BOUNDARY)
         if length < INTERIOR_SHORT:
             share = max(0.0, share - 0.5)
@@ -208,34 +210,24 @@ def _unscale(row, x, y, z):
 
 @kernel
 def _set_kernel(row, share, out_kernel):
-    """Compute minus the derivative of a row's impulse with respect to its velocity [kg]."""
+    """Compute minus the derivative of a row's impulse with respect to its velocity [kg], and the row's
+    `slope`: the derivative of the shift with respect to v_t, times `share`."""
     n, t, s, mu, mass = row["normal"], row["across_1"], row["across_2"], cone_friction(row), row["mass"]
-    g_1, g_2 = _slope(row, share)
+    u, slope = row["velocity"], row["slope"]
+    size = sqrt(u[1] * u[1] + u[2] * u[2])
+    share = share / size if size > 0 else 0.0
+    slope[0], slope[1] = share * u[1], share * u[2]
     for m in range(3):
         x, y, z = n[m], mu * t[m], mu * s[m]
-        x, y, z = _unscale(row, x + g_1 * y + g_2 * z, y, z)
+        x, y, z = _unscale(row, x + slope[0] * y + slope[1] * z, y, z)
         for i in range(3):
             out_kernel[i, m] = mass * (x * n[i] + mu * (y * t[i] + z * s[i]))
 
 
 @kernel
-def _slope(row, share):
-    """Derivative of the shift with respect to v_t, times `share`."""
-    u = row["velocity"]
-    size = sqrt(u[1] * u[1] + u[2] * u[2])
-    if size == 0:
-        return 0.0, 0.0
-    return share * u[1] / size, share * u[2] / size
-
-
-@kernel
-def _solve(solver, share, goal, corrects):
-    """Solve for the step towards products v.q of `goal`; sets the rows' `direction` (of v), `swept` (of q).
-
-    Args:
-        corrects: allow for the product of the changes of v and q of the step solved last.
-    """
-    rows, movers, g = solver["rows"], solver["movers"], solver["gradient"]
+def _begin_gradient(solver):
+    """Compute the gradient of a step towards products v.q of 0, and set the rows' `centred` to 0."""
+    movers, g = solver["movers"], solver["gradient"]
     for m in range(solver["mover_count"]):
         mover = movers[m]
         base, inertia, v, w = 6 * mover["place"], mover["inertia"], mover["velocity"], mover["omega"]
@@ -243,34 +235,51 @@ def _solve(solver, share, goal, corrects):
             g[base + i] = v[i] / mover["inverse_mass"]
             g[base + 3 + i] = inertia[i, 0] * w[0] + inertia[i, 1] * w[1] + inertia[i, 2] * w[2]
     for k in range(solver["row_count"]):
-        row = rows[k]
-        u, c, gap, q, mu = row["velocity"], row["centred"], row["gap"], sqrt(row["mass"]), cone_friction(row)
-        n, t, s = row["normal"], row["across_1"], row["across_2"]
+        row = solver["rows"][k]
+        gap, slope = row["gap"], row["slope"]
+        row["centred"][:] = 0.0
+        x, y, z = _unscale(row, gap[0] + slope[0] * gap[1] + slope[1] * gap[2], gap[1], gap[2])
+        _subtract_change(solver, row, x, y, z)
+
+
+@kernel
+def _correct_gradient(solver, goal):
+    """Change the gradient for products v.q of `goal`, and for the product of the changes of v and q of the
+    step solved last; sets the rows' `centred`."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        u, c = row["velocity"], row["centred"]
         form = _form(u)
-        x, y, z = goal * u[0] / form, -goal * u[1] / form, -goal * u[2] / form
-        if corrects:
-            p, d, e = _correction(row)
-            x, y, z = x - p, y - d, z - e
-        c[0], c[1], c[2] = x, y, z
-        g_1, g_2 = _slope(row, share)
-        p, d, e = _unscale(row, gap[0] + g_1 * gap[1] + g_2 * gap[2], gap[1], gap[2])
-        x, y, z = q * (x + p), q * mu * (y + d), q * mu * (z + e)
-        subtract_impulse(
-            solver,
-            row,
-            x * n[0] + y * t[0] + z * s[0],
-            x * n[1] + y * t[1] + z * s[1],
-            x * n[2] + y * t[2] + z * s[2],
-        )
+        x, y, z = _correction(row)
+        c[0], c[1], c[2] = goal * u[0] / form - x, -goal * u[1] / form - y, -goal * u[2] / form - z
+        _subtract_change(solver, row, c[0], c[1], c[2])
+
+
+@kernel
+def _subtract_change(solver, row, x, y, z):
+    """Subtract J^T p of a row from the gradient, with p the impulse of a change (x, y, z) of q."""
+    n, t, s, q = row["normal"], row["across_1"], row["across_2"], sqrt(row["mass"])
+    x, y, z = q * x, q * cone_friction(row) * y, q * cone_friction(row) * z
+    subtract_impulse(
+        solver,
+        row,
+        x * n[0] + y * t[0] + z * s[0],
+        x * n[1] + y * t[1] + z * s[1],
+        x * n[2] + y * t[2] + z * s[2],
+    )
+
+
+@kernel
+def _solve(solver):
+    """Solve for the step of the present gradient; sets the rows' `direction` (of v) and `swept` (of q)."""
     solve_factors(solver)
     set_rates(solver)
     for k in range(solver["row_count"]):
-        row = rows[k]
-        d, c, gap, q = row["rate"], row["centred"], row["gap"], sqrt(row["mass"])
+        row = solver["rows"][k]
+        d, c, gap, slope, q = row["rate"], row["centred"], row["gap"], row["slope"], sqrt(row["mass"])
         x, y, z = on_axes(row, d[0], d[1], d[2])
         x, y, z = q * x - gap[0], q * y - gap[1], q * z - gap[2]
-        g_1, g_2 = _slope(row, share)
-        x += g_1 * y + g_2 * z
+        x += slope[0] * y + slope[1] * z
         u, p = row["direction"], row["swept"]
         u[0], u[1], u[2] = x, y, z
         x, y, z = _unscale(row, x, y, z)

@@ -1,9 +1,9 @@
 """Matrix with six unknowns per mover in a symmetric envelope: ordering, LU factorisation and solution.
 
-The matrix consists of blocks of 6 x 6, one per pair of movers. Mover p has the blocks (p, q) of the lower half
-and (q, p) of the upper half for q from `begin[p]` to p; the factorisation causes no fill-in outside (Jennings
-1966). Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969), which keeps the
-envelope narrow.
+The matrix consists of blocks of 6 x 6, one per pair of movers. Mover p has the blocks (p, q) of the lower
+half and (q, p) of the upper half for q from `begin[p]` to p; the factorisation causes no fill-in outside
+(Jennings 1966). Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969): the
+envelope stays narrow.
 
 Both blocks are stored from entry 36 (offset[p] + q) of their half: those of the upper half by rows, those of
 the lower half transposed. So all loops of the factorisation run along rows of six contiguous entries.
