@@ -112,6 +112,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["contact_count"] = 0
     s["residual"] = s["dropped_time"] = s["parted_energy"] = s["guarded_energy"] = 0.0
     s["newton_work"] = NEWTON_WORK
+    s["missed_before"], s["missed"] = s["missed"], 0
     s["residual_body_a"] = s["residual_body_b"] = -1
     if s["skip_drive"] == 0:
         _drive(world)

@@ -306,8 +306,8 @@ class Scenario:
             raise ScenarioError(self.name, found)
 
     def reduced(self, **fields: object) -> Scenario:
-        """Copy with some `bodies`, `effects` or `chains` removed. It is not validated again: part of a valid
-        scenario is valid, except that bodies may lack pieces."""
+        """Copy with some `bodies`, `effects` or `chains` removed, or with bodies in another order. It is not
+        validated again: part of a valid scenario is valid, except that bodies may lack pieces."""
         copy = object.__new__(Scenario)
         for field in dataclass_fields(self):
             object.__setattr__(copy, field.name, fields.get(field.name, getattr(self, field.name)))

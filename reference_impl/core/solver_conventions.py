@@ -6,6 +6,9 @@ converged [m/s]: bodies sink by that times a frame. The way from the second to t
 the factorisations."""
 ROUNDING = 2.0**-52
 """Relative spacing of doubles [1]: an impulse p hides velocities below that times p / m of its row."""
+STEADY_SHARE, STEADY_ROUNDINGS = 0.02, 32
+"""Share of RESIDUAL_TARGET at which a solve ends in the frame after a warm start that missed it, but at least
+so many roundings of the impulses [1]: the impulses then remain a solution while nothing moves."""
 RESIDUAL_OPEN = 1e-7
 """Residual from which a contact solve counts as open [m/s]: bodies sink by 2e-9 m a frame."""
 RESIDUAL_ROUNDING = 1e-14

@@ -57,6 +57,8 @@ STATE = record(
     separates="i8",  # 1 while separation solves for the least motion
     squeezed="i8",  # 1: a simulated body has no room beside a driver
     # errors of a frame: each is 0 if the frame was resolved exactly
+    missed="i8",  # 1: a warm start of this frame missed its target
+    missed_before="i8",  # 1: one of the previous frame did
     residual="f8",  # largest residual of the contact solves [m/s]
     residual_body_a="i8",  # its bodies, or -1
     residual_body_b="i8",

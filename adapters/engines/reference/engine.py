@@ -12,8 +12,10 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.lib.recfunctions import structured_to_unstructured
+from numpy.typing import NDArray
 
 from touchstone.adapters.contract import (
+    BODIES,
     AdapterError,
     BodyFacts,
     Manifest,
@@ -25,7 +27,7 @@ from touchstone.adapters.contract import (
     contact_words,
 )
 from touchstone.adapters.engines.reference.compiling import compile_seconds, nothing
-from touchstone.adapters.engines.reference.reference_world import mass_unit, translate
+from touchstone.adapters.engines.reference.reference_world import body_order, mass_unit, translate
 from touchstone.adapters.engines.reference.settings import configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect
@@ -50,6 +52,8 @@ INEXACT = {
     "parted_energy": "parted_energy",
 }
 """Counter -> state field with what a frame left unresolved: 0 if nothing (bodies: -1)."""
+FLIPPED = [0, 2, 1, *range(3, 13), *(16, 17, 18), *(13, 14, 15), *(22, 23, 24), *(19, 20, 21)]
+"""Places of the words of a contact after its bodies have changed sides (CONTACT_FIELDS)."""
 
 
 class ReferenceEngine:
@@ -100,9 +104,14 @@ def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.nd
 class _World:
     def __init__(self, scenario: Scenario, settings: Settings, version: str) -> None:
         self._scenario, self._settings, self._version = scenario, settings, version
+        # rows of the bodies in the arrays, and bodies of the rows
+        self._bodies = np.array(body_order(scenario), int)
+        self._rows = np.argsort(self._bodies)
+        self._reordered = bool((self._rows != np.arange(len(self._rows))).any())
+        arranged = scenario.reduced(bodies=tuple(scenario.bodies[k] for k in self._bodies.tolist()))
         self._mass_unit = mass_unit(scenario)
         same = self._mass_unit == 1
-        self._world = translate(scenario if same else heavier(scenario, 1 / self._mass_unit))
+        self._world = translate(arranged if same else heavier(arranged, 1 / self._mass_unit))
         self._state = self._world.state[0]
         self._contact_words = contact_words(self._world.contacts)
         self._state["dt"] = settings.dt
@@ -138,7 +147,7 @@ class _World:
                 if driver in trial.bodies["driver"][[pair["body_a"], pair["body_b"]]]
             ]
             deepest = min(mine, key=lambda pair: pair["distance"])
-            a, b = (self._scenario.bodies[deepest[side]].name for side in ("body_a", "body_b"))
+            a, b = (self._scenario.bodies[self._bodies[deepest[side]]].name for side in ("body_a", "body_b"))
             raise AdapterError(
                 f"reference: trackers[{driver}] starts stuck: in frame 1 {a!r} and {b!r} overlap by "
                 f"{-deepest['distance']:.3g} m and no way out is found; start it free of overlap"
@@ -162,8 +171,10 @@ class _World:
         """Copy poses, velocities, hinges and contacts into `state`; raises AdapterError at overflow."""
         bodies, joints = self._world.bodies, self._world.joints
         self._stages += self._state["stage_seconds"]
-        state.position[:], state.orientation[:] = bodies["position"], bodies["orientation"]
-        state.linear_velocity[:], state.angular_velocity[:] = bodies["velocity"], bodies["omega"]
+        fields = (bodies[name] for name in ("position", "orientation", "velocity", "omega"))
+        if self._reordered:
+            fields = (field[self._rows] for field in fields)
+        state.position[:], state.orientation[:], state.linear_velocity[:], state.angular_velocity[:] = fields
         state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
         count = int(self._state["contact_count"])
         lost = int(self._state["counters"][counters.COUNT_LOST])
@@ -174,9 +185,20 @@ class _World:
         if count > len(state.contacts):
             raise AdapterError(f"reference: {contact_overflow(len(state.contacts))}")
         state.contact_words[:count] = self._contact_words[:count]
+        if self._reordered:
+            self._name_bodies(state.contacts[:count], state.contact_words[:count])
         if self._mass_unit != 1:
             state.contacts["impulse"][:count] *= self._mass_unit
         state.contact_count = count
+
+    def _name_bodies(self, rows: np.ndarray, words: NDArray[np.int64]) -> None:
+        """Replace rows of the arrays by the scenario's bodies; A comes before B there."""
+        words[:, BODIES] = self._bodies[words[:, BODIES]]
+        flipped = rows["body_a"] > rows["body_b"]
+        if flipped.any():
+            words[flipped] = words[flipped][:, FLIPPED]
+            rows["normal"][flipped] *= -1
+            rows["impulse"][flipped] *= -1
 
     def describe(self) -> Manifest:
         """Manifest read from the arrays: masses, inertias, coefficients and settings."""
@@ -191,7 +213,7 @@ class _World:
         }
         for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):
             settings[name.lower().replace("_", " ")] = getattr(conventions, name)
-        rows = zip(scenario.bodies, world.bodies)
+        rows = zip(scenario.bodies, world.bodies[self._rows])
         facts = {
             body.name: BodyFacts(
                 float(row["mass"]) * unit,
@@ -217,13 +239,15 @@ class _World:
             pairs,
             drives,
             limits={j: (float(row["lower"]), float(row["upper"])) for j, row in zip(names, world.joints)},
-            pieces={b.name: int((world.pieces["body"] == k).sum()) for k, b in enumerate(scenario.bodies)},
+            pieces={
+                b.name: int((world.pieces["body"] == k).sum()) for k, b in zip(self._rows, scenario.bodies)
+            },
             freedom=6 * (int((world.bodies["kind"] == conventions.SIMULATED).sum()) + len(world.drivers))
             + len(names),
         )
 
     def _pair(self, a: int, b: int) -> PairFacts:
-        one, two = (self._world.bodies[k]["material"] for k in (a, b))
+        one, two = (self._world.bodies[self._rows[k]]["material"] for k in (a, b))
         return PairFacts(
             self._scenario.bodies[a].name,
             self._scenario.bodies[b].name,
@@ -246,6 +270,9 @@ class _World:
         """Work counters of the last frame, and what it left unresolved (INEXACT)."""
         counted = dict(zip(counters.COUNTERS, map(float, self._state["counters"].tolist())))
         left = {name: float(self._state[field]) for name, field in INEXACT.items()}
+        for name in ("residual.body_a", "residual.body_b"):
+            if left[name] >= 0:
+                left[name] = float(self._bodies[int(left[name])])
         left["parted_energy"] *= self._mass_unit
         return counted | left
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import lru_cache
 from math import frexp
@@ -32,6 +33,8 @@ impulse, would underflow and the solver would not converge."""
 MASS_RANGE = (1e-30, 1e30)
 """Masses beyond which a scene is computed in another unit of mass [kg]: squares of impulses would underflow
 or overflow, and no solve would converge."""
+NUMBER = re.compile(r"(\d+)")
+"""Numbers in names, by which bodies are sorted."""
 LARGEST_UNIT = 1022
 """Largest binary exponent of a unit of mass [1]: its reciprocal is a normal number."""
 
@@ -52,6 +55,24 @@ def matrix(quaternion: tuple[float, ...]) -> np.ndarray:
     found = Rotation.from_quat(np.array(quaternion), scalar_first=True).as_matrix()
     found.flags.writeable = False
     return found
+
+
+def body_order(scenario: Scenario) -> list[int]:
+    """Indices of the bodies in the order of the arrays: fixed bodies, links of drivers, simulated bodies.
+
+    Links follow their trackers; other bodies are sorted by name, `ball_2` before `ball_10`. So the order of
+    bodies in a scene, which says nothing about it, does not change the last bits of its motion.
+    """
+    places = {link: k for tracker in scenario.trackers for k, link in enumerate(scenario.links(tracker))}
+    groups = scenario.groups()
+
+    def key(index: int) -> tuple[int, int, int, list[tuple[int, str]]]:
+        body = scenario.bodies[index]
+        parts = [(int(part), "") if part.isdecimal() else (-1, part) for part in NUMBER.split(body.name)]
+        kind = (conventions.FIXED, conventions.DRIVEN, conventions.SIMULATED).index(KINDS[body.kind])
+        return kind, groups[index], places.get(index, 0), parts
+
+    return sorted(range(len(scenario.bodies)), key=key)
 
 
 def translate(scenario: Scenario) -> World:

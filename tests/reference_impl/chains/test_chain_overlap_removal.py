@@ -340,7 +340,7 @@ def test_a_tracker_that_starts_stuck_is_refused(lab: SimpleNamespace) -> None:
     """Name tracker, frame, pair and depth where two walls leave no room for the torso."""
     walls = [lab.block(f"wall_{s}", (0.5, 0.5, 3.0), (0.0, 0.6 * s, 0.0), kind="fixed") for s in (-1, 1)]
     scenario = walking(*walls, times=(0.0, 0.2), ways=(0.0, 0.0), angles=(posture(),) * 2)
-    expected = r"^reference: trackers\[0\] starts stuck: in frame 1 '\w+' and 'wall_-?1' overlap by 0\.\d+ m"
+    expected = r"^reference: trackers\[0\] starts stuck: in frame 1 'wall_-?1' and '\w+' overlap by 0\.\d+ m"
     with pytest.raises(AdapterError, match=expected):
         ReferenceEngine().build(scenario, Settings("balanced", FRAME))
 
