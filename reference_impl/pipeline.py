@@ -40,7 +40,7 @@ from touchstone.reference_impl.core.counters import (
     STAGE_INTEGRATION,
     STAGE_REMOVAL,
 )
-from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
 from touchstone.reference_impl.core.solver_conventions import NEWTON_WORK
 from touchstone.reference_impl.core.world import World
@@ -136,7 +136,7 @@ def _weigh(bodies, joints, driver):
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
 
 
-@kernel
+@inlined_kernel
 def _drive(world):
     """Driven loop: coupling, overlap removal, and velocities of driven bodies for this frame's contacts."""
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
@@ -178,7 +178,7 @@ def _drive(world):
     state["stage_seconds"][STAGE_DRIVE] += coupled - start + clock(state["clock"]) - removed
 
 
-@kernel
+@inlined_kernel
 def _fly(world):
     """Simulated loop of a frame without contacts: one substep of free flight."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
@@ -195,7 +195,7 @@ def _fly(world):
     state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start
 
 
-@kernel
+@inlined_kernel
 def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
@@ -284,7 +284,7 @@ def _substep(world, touching, time, h):
     return h, fraction
 
 
-@kernel
+@inlined_kernel
 def _advance(world, touching, returned):
     """Pose simulated bodies at the earliest impact of the substep, but at most at its fraction `returned`.
 

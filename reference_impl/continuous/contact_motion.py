@@ -30,7 +30,7 @@ from touchstone.reference_impl.core.conventions import (
     SIMULATED,
     SPHERE,
 )
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
 LEAST_CROSSING = 1e-3
@@ -43,7 +43,7 @@ def corrects_rotation(state):
     return state["flight"] == FLIGHT_BALLISTIC and state["impulses"] == IMPULSES_TOGETHER
 
 
-@kernel
+@inlined_kernel
 def bias_share(bodies, pieces, pairs, count, h, state):
     """Share of h for which the bias of all pressing pairs is exact enough, given the velocities after a
     solve; NEVER if that is longer than h.
@@ -63,7 +63,7 @@ def bias_share(bodies, pieces, pairs, count, h, state):
     return (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
 
 
-@kernel
+@inlined_kernel
 def move_to_middle(bodies, pieces, pair, h):
     """Move a row's levers and normal to the middle of a substep of length h [s], and compute its `bias`."""
     _predict(bodies, pieces, pair, h / 2, pair["lever_a"], pair["lever_b"], pair["normal"], pair["bias"])

@@ -21,11 +21,11 @@ from touchstone.reference_impl.core.conventions import (
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.counters import CAP_CLOSING, COUNT_EVENTS, COUNT_UNCONVERGED
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 
 
-@kernel
+@inlined_kernel
 def earliest_impact(world, touching, end, fast):
     """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
     pair sinks because another of its points has landed.

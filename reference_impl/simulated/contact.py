@@ -11,7 +11,7 @@ import numpy as np
 
 from touchstone.reference_impl.continuous.time_of_impact import gap_along
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, OVERLAP_TOLERANCE
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.driven.skeleton import move_links
 
 
@@ -57,7 +57,7 @@ def final_velocity(bodies, pair, state):
     return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
 
 
-@kernel
+@inlined_kernel
 def meeting_velocity(bodies, pair):
     """Velocity of B relative to A at a pair's contact point."""
     x, y, z = _velocity_at(bodies[pair["body_b"]], pair["lever_b"])
@@ -181,7 +181,7 @@ def _change_velocity(moved, point, px, py, pz, out_v, out_w):
     return dx, dy, dz
 
 
-@kernel
+@inlined_kernel
 def align_internal_edges(bodies, pieces, vertices, pairs, count, state):
     """Give pairs that approach the normal of another contact of one of their bodies, if that separates them.
 

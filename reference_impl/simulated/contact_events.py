@@ -16,11 +16,11 @@ from touchstone.reference_impl.core.conventions import (
     SLIP_MIN,
     STOP_ERROR,
 )
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.simulated.contact import final_velocity
 
 
-@kernel
+@inlined_kernel
 def first_return(bodies, pairs, count, state):
     """Fraction of the substep at which the first separating contact returns to its initial gap, at most 1.
 
@@ -46,7 +46,7 @@ def note_free_slip(bodies, pairs, count, state):
         pair["free_slip"] = _along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
 
 
-@kernel
+@inlined_kernel
 def first_stop(bodies, pairs, count, h, state):
     """Fraction of the substep at which the first sliding contact stops or reverses; over 1 if the first stops
     later, by its present braking."""
@@ -58,7 +58,7 @@ def first_stop(bodies, pairs, count, h, state):
     return first
 
 
-@kernel
+@inlined_kernel
 def _stop(bodies, pairs, k, h, state):
     """`first_stop` of one manifold as a whole, or of one row without a manifold.
 

@@ -2,7 +2,7 @@
 
 from touchstone.reference_impl.core.conventions import SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import surface_velocity
 
@@ -59,7 +59,7 @@ def _add_bias(bodies, pair, contact):
             contact["velocity_a_after"][i] -= pair["bias"][i]
 
 
-@kernel
+@inlined_kernel
 def shorten_resting_contacts(contacts, first, end, fraction):
     """Scale the impulses and velocity changes in rows `first` to `end` - 1 to a fraction of their substep."""
     for k in range(first, end):

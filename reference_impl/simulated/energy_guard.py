@@ -19,13 +19,13 @@ from touchstone.reference_impl.core.conventions import (
     SIMULATED,
     UNPAID_ROUNDING,
 )
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.simulated.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.simulated.separation import kinetic_energy
 from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
 
 
-@kernel
+@inlined_kernel
 def note_energy(bodies, state):
     """Store the energy of each simulated body before a substep, and mark the body as in no island."""
     for b in range(len(bodies)):
@@ -41,7 +41,7 @@ def _height_energy(body, state):
     return -body["mass"] * (g[0] * c[0] + g[1] * c[1] + g[2] * c[2])
 
 
-@kernel
+@inlined_kernel
 def guard_energy(world, count, parted, first):
     """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
 
@@ -86,7 +86,7 @@ def _reset(bodies, drivers, pair):
                 guard["momentum"][i] = guard["turning"][i] = 0.0
 
 
-@kernel
+@inlined_kernel
 def _sum_up(bodies, drivers, pair, state):
     """Add each body of a row to the sums of its island, once per body."""
     island = bodies[pair["island"]]["guard"]

@@ -23,7 +23,7 @@ from touchstone.reference_impl.core.conventions import (
     SETTLE_DEPTH,
 )
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES, COUNT_OPEN_SOLVES
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import (
     apply_to_both,
@@ -55,7 +55,7 @@ def rest_speed(state):
     return coarse if state["dense_substep"] == 1 else min(state["v_rest"], coarse)
 
 
-@kernel
+@inlined_kernel
 def resolve_impacts(world, count, time, h):
     """Resolve impacts of the touching pairs `pairs[:count]` until none approaches.
 
@@ -93,7 +93,7 @@ def resolve_impacts(world, count, time, h):
     return done
 
 
-@kernel
+@inlined_kernel
 def _find_impacts(bodies, pairs, count, v_rest, together, state):
     """Initialise the rows; returns whether any bounces.
 
@@ -137,7 +137,7 @@ def fastest_row(bodies, drivers, pairs, count, struck, state):
     return fastest
 
 
-@kernel
+@inlined_kernel
 def _resolve_in_turn(world, count, time):
     """Resolve impacts one at a time, the fastest approach first, until none approaches.
 

@@ -2,7 +2,7 @@
 
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, ENERGY_ROUNDING, RESTITUTION_GUARDED
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import apply_to_both, relative_velocity
 from touchstone.reference_impl.simulated.impulse import lossless_share
@@ -10,7 +10,7 @@ from touchstone.reference_impl.solver.contact_solver import solve_island
 from touchstone.reference_impl.solver.islands import is_head, join_islands
 
 
-@kernel
+@inlined_kernel
 def strike_together(bodies, joints, drivers, pairs, count, state):
     """Apply impact impulses to all rows that have a floor, island by island.
 

@@ -20,7 +20,7 @@ from touchstone.reference_impl.core.conventions import (
     STOP_SHORT,
 )
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.simulated.contact import approach_speed
 from touchstone.reference_impl.simulated.contact_events import first_stop, note_free_slip
@@ -31,7 +31,7 @@ from touchstone.reference_impl.solver.contact_solver import begin_row, solve_con
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
 
-@kernel
+@inlined_kernel
 def solve_resting_contacts(world, count, time, h):
     """Apply forces over a substep, and impulses in the friction cone that let no touching pair approach.
 
@@ -75,7 +75,7 @@ def solve_resting_contacts(world, count, time, h):
     return h
 
 
-@kernel
+@inlined_kernel
 def _prepare_resting_contacts(world, count, h):
     """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
@@ -108,7 +108,7 @@ def _floor(pair, state, flight):
     return NO_FLOOR if flies else -separation
 
 
-@kernel
+@inlined_kernel
 def _solve_together(world, count, h):
     """Solve all rows together with a warm start; returns whether the impulses converged."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
@@ -118,7 +118,7 @@ def _solve_together(world, count, h):
     return solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
 
 
-@kernel
+@inlined_kernel
 def _solve_in_turn(world, count):
     """Solve one point at a time, the fastest approach first, as an impact without restitution.
 

@@ -44,7 +44,7 @@ from touchstone.reference_impl.core.counters import (
     COUNT_UNCONVERGED,
     STAGE_COLLISION,
 )
-from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
@@ -53,7 +53,7 @@ from touchstone.reference_impl.simulated.contact import align_internal_edges, wi
 from touchstone.reference_impl.simulated.impact import rest_speed
 
 
-@kernel
+@inlined_kernel
 def gather_contacts(world, left):
     """Gather the contacts of the next substep, with near pairs if it is dense, and compute its length.
 

@@ -8,7 +8,7 @@ friction is at most mu times impulse.n, and exactly that, opposite to the slidin
 from math import sqrt
 
 from touchstone.reference_impl.core.conventions import SLIP_MIN
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.core.solver_conventions import (
     RESIDUAL_ACCEPTED,
@@ -192,7 +192,7 @@ def make_passive(solver):
         rebuild(solver)
 
 
-@kernel
+@inlined_kernel
 def prepare_row(row):
     """Compute a row's tangents, normal mobility, and tangential mobility at a fixed normal velocity."""
     n, t, s, w = row["normal"], row["across_1"], row["across_2"], row["mobility"]

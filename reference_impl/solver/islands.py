@@ -6,7 +6,7 @@ driver with chains.
 
 from touchstone.reference_impl.core.conventions import NO_FLOOR
 from touchstone.reference_impl.core.counters import COUNT_LOST
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY
 from touchstone.reference_impl.driven.skeleton import move_links
@@ -74,7 +74,7 @@ def island_of(bodies, m):
     return m
 
 
-@kernel
+@inlined_kernel
 def load_island(bodies, drivers, pairs, head, state):
     """Copy the rows and movers of an island to the solver; no `resting_impulse` has been applied yet."""
     solver = state["solver"]
@@ -150,7 +150,7 @@ def _copy_mass(inverse_inertia, center, mover):
             mover["inverse_inertia"][i, j] = inverse_inertia[i, j]
 
 
-@kernel
+@inlined_kernel
 def store_island(bodies, joints, drivers, pairs, state):
     """Apply the solver's result: copy the rows' impulses to `pairs`, and change the movers' velocities."""
     solver = state["solver"]

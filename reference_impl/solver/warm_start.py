@@ -4,10 +4,10 @@ Each body has a list of its stored points, so a look-up visits the contacts of o
 """
 
 from touchstone.reference_impl.core.conventions import SIMULATED, WARM_START_CAPACITY
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 
 
-@kernel
+@inlined_kernel
 def load_impulse(bodies, pair, state, h):
     """Set `resting_impulse` from the stored force at the pair's nearest contact point, if there is one."""
     body = bodies[_anchor(bodies, pair)]
@@ -28,7 +28,7 @@ def load_impulse(bodies, pair, state, h):
             pair["resting_impulse"][i] = h * state["warm_start_force"][nearest, i]
 
 
-@kernel
+@inlined_kernel
 def store_impulses(bodies, pairs, count, state, h):
     """Store the forces at the contact points after a contact solve over a substep of length h."""
     for b in range(len(bodies)):
