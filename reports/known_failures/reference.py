@@ -178,10 +178,8 @@ CAUSES: tuple[Cause, ...] = (
             "balanced accurate": {
                 "symmetry.mirror": "dominoes",
             },
-            "balanced": {
-                "symmetry.offset": "dominoes",
-            },
             "accurate": {
+                "symmetry.offset": "dominoes",
                 "solver.caps": "arch_slides arch_thin dominoes tip_falls",
             },
         },

@@ -36,7 +36,7 @@ def ends(registry, scenario: Scenario, profile: str) -> dict[str, np.ndarray]:
 
 
 def reordered_ends(registry, scenario: Scenario, order: Sequence[int], profile: str) -> dict[str, np.ndarray]:
-    """`ends` of a scene whose simulated bodies have names by which the reference sorts them in another order."""
+    """`ends` of a scene whose simulated bodies are renamed: the reference sorts them by name."""
     moving = [body for body in scenario.bodies if body.kind == "simulated"]
     names = {f"body_{place}": body.name for place, body in zip(order, moving)}
     renamed = [replace(body, name=name) for name, body in zip(names, moving)]
@@ -96,8 +96,8 @@ def test_tumbling_boxes_end_alike(registry, transform: str, count: int, seed: in
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_break_does_not_know_the_order_of_its_balls(registry, profile: str) -> None:
-    """Break fifteen balls in three orders: they end at the same places, to the bit where only the order in the
-    scene differs, and within 1e-12 m half a second later where the order in the arrays does."""
+    """Break fifteen balls in three orders: they end at the same places, to the bit where only the scene's
+    order differs, and within 1e-12 m half a second later where that of the arrays does."""
     scene = catalogue()["break_15"]
     own = ends(registry, scene, profile)
     for seed in range(3):

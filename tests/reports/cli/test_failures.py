@@ -68,7 +68,7 @@ def test_a_tracker_that_starts_stuck_is_told(touchstone, added, lab):
     rows = list(csv.DictReader(io.StringIO(out)))
     assert code == 5
     assert [(row["metric"], row["verdict"]) for row in rows] == [("run", "error")]
-    reported = r"reference: trackers\[0\] starts stuck: in frame 1 '\w+' and 'wall_-?1' overlap by 0\.\d+ m"
+    reported = r"reference: trackers\[0\] starts stuck: in frame 1 'wall_-?1' and '\w+' overlap by 0\.\d+ m"
     assert re.search(reported, rows[0]["reason"])
 
 
