@@ -104,7 +104,7 @@ def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.nd
 class _World:
     def __init__(self, scenario: Scenario, settings: Settings, version: str) -> None:
         self._scenario, self._settings, self._version = scenario, settings, version
-        # rows of the bodies in the arrays, and bodies of the rows
+        # the scenario's index of each row of the arrays, and the row of each body
         self._bodies = np.array(body_order(scenario), int)
         self._rows = np.argsort(self._bodies)
         self._reordered = bool((self._rows != np.arange(len(self._rows))).any())
@@ -192,7 +192,7 @@ class _World:
         state.contact_count = count
 
     def _name_bodies(self, rows: np.ndarray, words: NDArray[np.int64]) -> None:
-        """Replace rows of the arrays by the scenario's bodies; A comes before B there."""
+        """Replace the arrays' indices of bodies by the scenario's, in which A comes before B."""
         words[:, BODIES] = self._bodies[words[:, BODIES]]
         flipped = rows["body_a"] > rows["body_b"]
         if flipped.any():
