@@ -163,43 +163,58 @@ def factorise(solver):
 
 
 @inlined_kernel
+def _six(entries, at):
+    """Six contiguous entries."""
+    return (
+        entries[at],
+        entries[at + ONE],
+        entries[at + TWO],
+        entries[at + THREE],
+        entries[at + FOUR],
+        entries[at + FIVE],
+    )
+
+
+@inlined_kernel
+def _set_six(out, at, row, factor):
+    """Set six contiguous entries to a row times a factor."""
+    out[at], out[at + ONE], out[at + TWO] = factor * row[0], factor * row[1], factor * row[2]
+    out[at + THREE], out[at + FOUR], out[at + FIVE] = factor * row[3], factor * row[4], factor * row[5]
+
+
+@inlined_kernel
+def _minus(row, factor, entries, at):
+    """A row minus a factor times six contiguous entries."""
+    a, b, c, d, e, f = _six(entries, at)
+    return (
+        row[0] - factor * a,
+        row[1] - factor * b,
+        row[2] - factor * c,
+        row[3] - factor * d,
+        row[4] - factor * e,
+        row[5] - factor * f,
+    )
+
+
+@inlined_kernel
 def _subtract_product(out, at, one, p, two, q):
     """Subtract A^T B of the blocks A at one[p] and B at two[q] from the block at out[at]."""
     for i in range(6):
-        row = at + np.uint64(6 * i)
-        a, b, c = out[row], out[row + ONE], out[row + TWO]
-        d, e, f = out[row + THREE], out[row + FOUR], out[row + FIVE]
+        row = _six(out, at + np.uint64(6 * i))
         for k in range(6):
-            factor, other = one[p + np.uint64(6 * k + i)], q + np.uint64(6 * k)
-            a -= factor * two[other]
-            b -= factor * two[other + ONE]
-            c -= factor * two[other + TWO]
-            d -= factor * two[other + THREE]
-            e -= factor * two[other + FOUR]
-            f -= factor * two[other + FIVE]
-        out[row], out[row + ONE], out[row + TWO] = a, b, c
-        out[row + THREE], out[row + FOUR], out[row + FIVE] = d, e, f
+            row = _minus(row, one[p + np.uint64(6 * k + i)], two, q + np.uint64(6 * k))
+        _set_six(out, at + np.uint64(6 * i), row, 1.0)
 
 
 @inlined_kernel
 def _divide(out, at, factors, diagonal, by_lower):
     """Multiply the block at out[at] by L^-1 or, otherwise, by U^-T of the factorised block at a diagonal."""
     for i in range(6):
-        row = at + np.uint64(6 * i)
-        a, b, c = out[row], out[row + ONE], out[row + TWO]
-        d, e, f = out[row + THREE], out[row + FOUR], out[row + FIVE]
+        row = _six(out, at + np.uint64(6 * i))
         for k in range(i):
             factor = factors[diagonal + np.uint64(6 * i + k if by_lower else 6 * k + i)]
-            other = at + np.uint64(6 * k)
-            a -= factor * out[other]
-            b -= factor * out[other + ONE]
-            c -= factor * out[other + TWO]
-            d -= factor * out[other + THREE]
-            e -= factor * out[other + FOUR]
-            f -= factor * out[other + FIVE]
-        inverse = 1.0 if by_lower else factors[diagonal + np.uint64(7 * i)]
-        out[row], out[row + ONE], out[row + TWO] = inverse * a, inverse * b, inverse * c
-        out[row + THREE], out[row + FOUR], out[row + FIVE] = inverse * d, inverse * e, inverse * f
+            row = _minus(row, factor, out, at + np.uint64(6 * k))
+        _set_six(out, at + np.uint64(6 * i), row, 1.0 if by_lower else factors[diagonal + np.uint64(7 * i)])
 
 
 @inlined_kernel
@@ -245,25 +260,16 @@ def solve_factors(solver):
 @inlined_kernel
 def _subtract_transposed(x, base, entries, at, other):
     """Subtract a transposed block times x[other:] from x[base:]."""
-    a, b, c = x[base], x[base + ONE], x[base + TWO]
-    d, e, f = x[base + THREE], x[base + FOUR], x[base + FIVE]
+    row = _six(x, base)
     for k in range(6):
-        factor, row = x[other + np.uint64(k)], at + np.uint64(6 * k)
-        a -= factor * entries[row]
-        b -= factor * entries[row + ONE]
-        c -= factor * entries[row + TWO]
-        d -= factor * entries[row + THREE]
-        e -= factor * entries[row + FOUR]
-        f -= factor * entries[row + FIVE]
-    x[base], x[base + ONE], x[base + TWO] = a, b, c
-    x[base + THREE], x[base + FOUR], x[base + FIVE] = d, e, f
+        row = _minus(row, x[other + np.uint64(k)], entries, at + np.uint64(6 * k))
+    _set_six(x, base, row, 1.0)
 
 
 @inlined_kernel
 def _subtract_rows(x, base, entries, at, other):
     """Subtract a block times x[other:] from x[base:]."""
-    a, b, c = x[other], x[other + ONE], x[other + TWO]
-    d, e, f = x[other + THREE], x[other + FOUR], x[other + FIVE]
+    a, b, c, d, e, f = _six(x, other)
     for i in range(6):
         row = at + np.uint64(6 * i)
         early = a * entries[row] + b * entries[row + ONE] + c * entries[row + TWO]
