@@ -121,6 +121,17 @@ def _vectorise(compiled):
     compiled.compile = compile_with_vectors
 
 
+def entry_point(compiled, *arguments):
+    """Compiled code of a kernel for arguments of these types, to be called from Python.
+
+    A call of the kernel itself looks up the types of its arguments first, which takes 1 us for the arrays of
+    a world. A call of the entry point with arguments of other types is undefined.
+    """
+    if not JIT:
+        return compiled
+    return compiled.compile(tuple(compiled.typeof_pyval(value) for value in arguments))
+
+
 def compile_count():
     """Number of kernels compiled in this process (cache misses of the dispatchers called from Python)."""
     return sum(sum(k.stats.cache_misses.values()) for k in KERNELS if hasattr(k, "stats"))

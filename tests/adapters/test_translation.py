@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.engines.reference.compiling import small_world
 from touchstone.adapters.engines.reference.reference_world import (
     PAIRS_AT_LEAST,
     PAIRS_PER_PIECE,
@@ -15,9 +16,12 @@ from touchstone.adapters.engines.reference.reference_world import (
     pair_capacity,
     translate,
 )
+from touchstone.adapters.engines.reference.settings import configure
 from touchstone.reference_impl.core import conventions
+from touchstone.reference_impl.core.kernel import entry_point
 from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY
 from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.pipeline import prepare, step
 from touchstone.scenarios.avatar.avatar import arm_with_hand_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import (
@@ -199,3 +203,28 @@ def test_links_know_what_moves_them(lab) -> None:
     assert world.bodies[index("thumb_middle")]["above"] == index("thumb_proximal")
     # the palm has no pieces
     assert world.bodies[index("thumb_proximal")]["above"] == index("right_forearm")
+
+
+@pytest.mark.parametrize("name", ["fall", "ball_snip", "arms_cross", "table_slide"])
+def test_all_worlds_have_arrays_of_the_same_types(name):
+    """The compiled step is called without a look at the types of its arguments (`entry_point`)."""
+    for array, usual in zip(translate(catalogue()[name]), small_world(), strict=True):
+        assert array.dtype == usual.dtype
+        assert array.ndim == usual.ndim
+        assert array.flags.carray
+
+
+def test_entry_point_is_the_kernel():
+    """The compiled code of a step advances a world as the kernel does, to the bit."""
+    one, two = (translate(catalogue()["fall"]) for _ in range(2))
+    for world in (one, two):
+        configure(world.state[0], "balanced")
+        world.state["dt"], world.state["gravity"] = 1 / 60, (0.0, 0.0, -9.81)
+        prepare(*world)
+    compiled = entry_point(step, *small_world())
+    for _ in range(10):
+        step(*one)
+        compiled(*two)
+    assert one.bodies["velocity"].any()
+    for name in ("position", "orientation", "velocity", "omega"):
+        assert np.array_equal(one.bodies[name], two.bodies[name])

@@ -57,14 +57,15 @@ def nothing(bodies, pieces, joints, drivers, vertices, pairs, contacts, state): 
 
 def _compiled() -> float:
     start = perf_counter()
-    world = _small_world()
+    world = small_world()
     pipeline.prepare(*world)
     pipeline.step(*world)
     nothing(*world)
     return perf_counter() - start
 
 
-def _small_world() -> World:
+def small_world() -> World:
+    """A world of one ball: the kernels compile for its arrays' types, which are those of every world."""
     inertia = sphere_inertia(1.0, 1.0)
     ball = Body("ball", "simulated", "m", (Piece("ball", Sphere(1.0)),), mass=1.0, inertia=inertia)
     world = translate(Scenario("compile", "", (), (ball,), 1 / 60, (PairCoefficients("m", "m", 0.0, 0.0),)))
@@ -92,7 +93,7 @@ def _helper() -> Iterator[None]:
 def compile_simulated_loop(parent: int) -> None:
     """Compile kernels of the simulated loop in this process, which ends with its parent."""
     end_with_parent(parent, by_kernel=False)
-    world = _small_world().of_stages()
+    world = small_world().of_stages()
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     _compile(pipeline.solve_resting_contacts, world, 0, 0.0, 0.0)
     _compile(pipeline.resolve_impacts, world, 0, 0.0, 0.0)

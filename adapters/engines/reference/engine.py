@@ -7,7 +7,8 @@ record the time of the impulse and the velocities before and after it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -26,14 +27,14 @@ from touchstone.adapters.contract import (
     contact_overflow,
     contact_words,
 )
-from touchstone.adapters.engines.reference.compiling import compile_seconds, nothing
+from touchstone.adapters.engines.reference.compiling import compile_seconds, nothing, small_world
 from touchstone.adapters.engines.reference.reference_world import body_order, mass_unit, translate
 from touchstone.adapters.engines.reference.settings import configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
-from touchstone.reference_impl.core.kernel import JIT
+from touchstone.reference_impl.core.kernel import JIT, entry_point
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.pipeline import prepare, step
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
@@ -84,20 +85,27 @@ def _unturned(bodies: np.ndarray) -> bool:
     return bool((q / size[:, None] == q).all())
 
 
-def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.ndarray, np.ndarray]]:
+@cache
+def _entry_points() -> tuple[Callable[..., None], Callable[..., None]]:
+    """Compiled code of a step and of an empty kernel; the arrays of all worlds have the same types."""
+    world = small_world()
+    return entry_point(step, *world), entry_point(nothing, *world)
+
+
+def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.ndarray, list[np.ndarray]]]:
     """Precompute tracker targets: views of drivers and joints, each with the values to copy per frame.
 
-    One copy serves all drivers and one all hinges; each takes a third of a microsecond.
+    One copy serves all drivers and one all hinges; each takes up to a third of a microsecond.
     """
     if not motions:
         return []
     poses = np.stack([np.hstack([m.position, m.orientation]) for m in motions], axis=1)
     shown = np.concatenate([poses[:-1], poses[1:]], axis=2)
-    found = [(structured_to_unstructured(world.drivers[list(TARGETS)], copy=False), shown)]
+    found = [(structured_to_unstructured(world.drivers[list(TARGETS)], copy=False), list(shown))]
     if len(world.joints):
         angles, rates = (np.hstack([getattr(m, name)[1:] for m in motions]) for name in ("angle", "rate"))
         joints = structured_to_unstructured(world.joints[["target_angle", "target_rate"]], copy=False)
-        found.append((joints, np.stack([angles, rates], axis=2)))
+        found.append((joints, list(np.stack([angles, rates], axis=2))))
     return found
 
 
@@ -130,6 +138,7 @@ class _World:
         self._targets = _targets(self._world, [sample(tracker, times) for tracker in scenario.trackers])
         self._next = 0
         self._stages = np.zeros(len(counters.STAGES))
+        self._step, self._cross = _entry_points()
         prepare(*self._world)
         if not self._world.drivers["has_free"].all():
             self._refuse_stuck()
@@ -160,12 +169,12 @@ class _World:
     def step(self) -> None:
         """Set the targets of the frame and run the compiled step."""
         self._aim_at(self._next)
-        step(*self._world)
+        self._step(*self._world)
 
     def _aim_at(self, frame: int) -> None:
         """Copy the tracker's poses at the frame's start and end into the world."""
         for target, shown in self._targets:
-            target[:] = shown[frame]
+            target[...] = shown[frame]
 
     def read(self, state: State) -> None:
         """Copy poses, velocities, hinges and contacts into `state`; raises AdapterError at overflow."""
@@ -258,7 +267,7 @@ class _World:
     def cross(self) -> None:
         """Set the targets of a step and call an empty kernel with its arguments."""
         self._aim_at(self._next)
-        nothing(*self._world)
+        self._cross(*self._world)
 
     def stage_seconds(self) -> Mapping[str, float]:
         """Time per stage since the last call [s]."""
