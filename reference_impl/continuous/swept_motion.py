@@ -188,6 +188,33 @@ def most_curl(body, lever, s, until):
 
 
 @kernel
+def carried_curl(carrier, other, s, until):
+    """Bound on the second derivative of the heights of `other`'s points along a normal n that turns with
+    `carrier`, between two fractions [m].
+
+    With d from the carrier's centre of mass to the point, |(n.d)''| <= |n''| |d| + 2 |n'| |d'| + |d''|.
+    """
+    apart = early = late = bend = 0.0
+    for i in range(3):
+        way = turn = 0.0
+        if other["moves"] == 1:
+            way, turn = other["travel"][i], other["travel_bend"][i]
+        if carrier["moves"] == 1:
+            way, turn = way - carrier["travel"][i], turn - carrier["travel_bend"][i]
+        apart += (other["center"][i] - carrier["center"][i]) ** 2
+        early += (way + 2 * s * turn) ** 2
+        late += (way + 2 * until * turn) ** 2
+        bend += turn * turn
+    axis, reach = carrier["turn_bend"], other["reach"]
+    speed = sqrt(max(early, late))
+    apart = sqrt(apart) + (until - s) * speed + reach
+    speed += reach * most_spin(axis, other, False, s, until)
+    turned = most_curl(carrier, carrier["moves"] * 1.0, s, until) * apart
+    turned += 2 * most_spin(axis, carrier, False, s, until) * speed
+    return turned + 2 * sqrt(bend) + most_curl(other, other["moves"] * reach, s, until)
+
+
+@kernel
 def lever_of(body, piece, vertices):
     """Whether the rotation axis is fixed, and the largest distance [m] of the piece's core from that axis, or
     from the centre of mass if the axis moves; 0 without rotation."""

@@ -12,10 +12,11 @@ largest distance from the centre. For free rotation it is the bound on |omega| t
 rounding radius of a piece does not contribute, because rotation moves only the core. An advance ends where
 the right-hand side falls to the target (Mirtich 1996; Zhang, Lee & Kim 2006).
 
-Fast rotation makes these advances short; a leap is longer. Along the fixed n, the height of every point is
+Fast rotation makes these advances short; a leap is longer. Along a fixed n, the height of every point is
 above its chord minus curl t^2 / 8, where curl bounds its second derivative. The gap along n is thus at least
 the smaller of its values at both ends, minus that term. The gap at the end is measured, not bounded, so near
-the impact leaps converge like Newton's method.
+the impact leaps converge like Newton's method. The same holds in the frame of either body, where its piece
+is at rest: a face that leans on another body and tips keeps its gap along the normal that turns with it.
 """
 
 from math import sqrt
@@ -24,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from touchstone.reference_impl.continuous.swept_motion import (
+    carried_curl,
     center_speed,
     lever_of,
     most_curl,
@@ -32,7 +34,7 @@ from touchstone.reference_impl.continuous.swept_motion import (
     pose_along,
 )
 from touchstone.reference_impl.core.conventions import LEAP_CUT, SHARPENING_SHIFT, TIME_OF_IMPACT_STEPS
-from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.gjk import add_support, enter_frame
 from touchstone.reference_impl.geometry.shapes import place_piece
@@ -162,24 +164,63 @@ def _leap(moving, s, until, gap, target, curl, advance):
 
     Args:
         gap: distance at s minus the target [m], positive.
-        curl: bound on the second derivative of the points' heights along the normal [m].
+        curl: bound on the second derivative of the points' heights along the normal at rest [m].
     """
     a, b, pair = moving.body_a, moving.body_b, moving.pair
-    one, two, n = moving.piece_a, moving.piece_b, pair["normal"]
+    n = pair["normal"]
+    curl_a, curl_b = carried_curl(a, b, s, until), carried_curl(b, a, s, until)
+    least = min(curl, curl_a, curl_b)
+    ax, ay, az = _into(a, n)
+    bx, by, bz = _into(b, n)
     # Newton step for the witness points with twice the worst curvature, so that the check below can pass
     closing = point_speed(n, a, pair["point_a"], s)
     closing -= point_speed(n, b, pair["point_b"], s)
-    leap = min(_time_to_close(gap, closing, curl), until - s)
+    leap = min(_time_to_close(gap, closing, least), until - s)
     # shorten the leap while another point comes too near
     while leap > advance:
-        dip = curl * leap * leap / 8
-        if dip <= gap:
+        square = leap * leap / 8
+        if least * square <= gap:
             place_pair(moving, s + leap)
-            gap_then = gap_along(one, two, moving.vertices, n[0], n[1], n[2], moving.state) - target
-            if gap_then >= dip:
+            if (
+                _stays_above(moving, n[0], n[1], n[2], gap, target, curl * square)
+                or _stays_above(moving, *_out_of(a, ax, ay, az), gap, target, curl_a * square)
+                or _stays_above(moving, *_out_of(b, bx, by, bz), gap, target, curl_b * square)
+            ):
                 return leap
         leap *= LEAP_CUT
     return advance
+
+
+@inlined_kernel
+def _stays_above(moving, x, y, z, gap, target, dip):
+    """Whether the pair stays above the target: the gaps along its normal, `gap` above it at the start of a
+    leap and measured along (x, y, z) at the end, exceed the dip between."""
+    if dip > gap:
+        return False
+    then = gap_along(moving.piece_a, moving.piece_b, moving.vertices, x, y, z, moving.state)
+    return then - target >= dip
+
+
+@inlined_kernel
+def _into(body, v):
+    """A world vector in the frame of a body."""
+    m = body["rotation"]
+    return (
+        m[0, 0] * v[0] + m[1, 0] * v[1] + m[2, 0] * v[2],
+        m[0, 1] * v[0] + m[1, 1] * v[1] + m[2, 1] * v[2],
+        m[0, 2] * v[0] + m[1, 2] * v[1] + m[2, 2] * v[2],
+    )
+
+
+@inlined_kernel
+def _out_of(body, x, y, z):
+    """A vector of a body's frame in the world."""
+    m = body["rotation"]
+    return (
+        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
+        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
+        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
+    )
 
 
 @kernel

@@ -60,6 +60,8 @@ class Scene:
 
     def moving_pair(self) -> MovingPair:
         """The pair as the kernels take it."""
+        offset = self.pieces["position"] - self.bodies["center_of_mass"]
+        self.bodies["reach"] = np.linalg.norm(offset, axis=1) + self.pieces["reach"]
         return MovingPair(*self.bodies, *self.pieces, self.vertices, self.pairs[0], self.state[0])
 
     def impact(self, start=0.0, until=1.0, target=IMPACT_TARGET, slack=IMPACT_SLACK) -> Found:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from touchstone.reference_impl.continuous.swept_motion import (
+    carried_curl,
     center_speed,
     flight_motion,
     most_curl,
@@ -107,3 +108,28 @@ def test_points_bend_no_more_than_their_bound(turn, bend, size, point, n) -> Non
     bound = most_curl(body, float(np.linalg.norm(point)), 0.3, 0.5)
     # roundings of the heights are divided by the square of the step
     assert np.abs(np.diff(heights, 2)).max() / step**2 <= bound + 1e-15 / step**2
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(vectors, min_size=10, max_size=10), st.sampled_from([0.1, 2.0, 20.0]), st.booleans())
+def test_points_bend_no_more_along_a_carried_normal(drawn, size, rests) -> None:
+    """Bound the second difference of a point's height along a normal that turns with another body."""
+    carrier, other = np.zeros(2, BODY)
+    for body, (turn, bend, center, travel) in zip((carrier, other), (drawn[:4], drawn[4:8]), strict=True):
+        body["moves"], body["old_orientation"] = 1, (1.0, 0.0, 0.0, 0.0)
+        body["turn"], body["turn_bend"] = size * turn, size * bend
+        body["old_center"], body["travel"], body["travel_bend"] = center, travel, travel[::-1]
+    carrier["moves"] = 0 if rests else 1
+    point, n = drawn[8], drawn[9]
+    n = np.array([0.0, 0.0, 1.0]) if np.linalg.norm(n) < 0.1 else n / np.linalg.norm(n)
+    other["reach"] = np.linalg.norm(point)
+    carrier["rotation"], carrier["center"] = np.eye(3), carrier["old_center"]
+    heights, step, fractions = [], 1e-3, np.arange(0.3, 0.5, 1e-3)
+    for s in fractions[::-1]:
+        pose_along(carrier, s)
+        pose_along(other, s)
+        away = other["rotation"] @ point + other["center"] - carrier["center"]
+        heights.append(carrier["rotation"] @ n @ away)
+    bound = carried_curl(carrier, other, 0.3, 0.5)
+    # roundings of the heights are divided by the square of the step
+    assert np.abs(np.diff(heights, 2)).max() / step**2 <= bound + 4e-15 / step**2

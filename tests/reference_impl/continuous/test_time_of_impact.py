@@ -140,6 +140,26 @@ def test_a_needle_thin_plate_stops_a_bullet(half: float) -> None:
     assert_true(scene, found, np.linspace(0.4, 0.42, 400))
 
 
+@pytest.mark.parametrize("spin", [0.001, 0.01, 0.1])
+def test_a_face_that_tips_on_an_edge(spin: float) -> None:
+    """Sweep a plate that tips about the edge of a box which it stays in contact with, in few iterations."""
+    edge = np.array([0.0, 0.0, 0.2])
+    up = np.array([0.0, 0.0, 0.02])
+    scene = Scene(Box((0.01, 0.1, 0.2)), Box((0.3, 0.1, 0.02))).move(0, (-0.01, 0, 0))
+    # the plate's lower face leans by 0.3 rad, and rotates about the edge
+    lean = Rotation.from_rotvec([0, 0.3, 0])
+    scene.move(1, edge + lean.apply(up), turn=(0, spin, 0), posture=lean)
+    away = np.cross([0, spin, 0], lean.apply(up))
+    scene.bodies[1]["travel"] = away
+    scene.bodies[1]["travel_bend"] = np.cross([0, spin / 2, 0], away)
+    fraction, iterations, converged = scene.impact(target=-1e-6)
+    assert converged
+    assert iterations <= 100
+    assert scene.distance(fraction / 2) > -1e-6 - CLOSE
+    if spin < 0.1:
+        assert fraction == 1
+
+
 def test_a_cap_is_reported_and_safe() -> None:
     """Stop a hopelessly fast wheel at the cap, unconverged, at a fraction that is still free."""
     rim = [(0.3 * np.cos(a), 0.3 * np.sin(a), z) for a in np.arange(7) for z in (-0.02, 0.02)]
