@@ -144,7 +144,7 @@ CAUSES: tuple[Cause, ...] = (
         PILES,
         {
             "paper": {
-                "contact.gap": "tower_40",
+                "contact.gap": "load_1e4 tower_40",
                 "contact.impulse_balance": "break_15",
                 "energy.injected": (
                     "arch_slides arch_stands arch_thin brick_wall coin_falls coin_rolls coin_spins "
@@ -180,7 +180,7 @@ CAUSES: tuple[Cause, ...] = (
             },
             "accurate": {
                 "symmetry.offset": "dominoes",
-                "solver.caps": "arch_slides arch_thin dominoes tip_falls",
+                "solver.caps": "arch_slides arch_thin dominoes",
             },
         },
     ),

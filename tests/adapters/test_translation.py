@@ -207,7 +207,7 @@ def test_links_know_what_moves_them(lab) -> None:
 
 @pytest.mark.parametrize("name", ["fall", "ball_snip", "arms_cross", "table_slide"])
 def test_all_worlds_have_arrays_of_the_same_types(name):
-    """The compiled step is called without a look at the types of its arguments (`entry_point`)."""
+    """Hand every world to the same compiled step, which does not look its types up (`entry_point`)."""
     for array, usual in zip(translate(catalogue()[name]), small_world(), strict=True):
         assert array.dtype == usual.dtype
         assert array.ndim == usual.ndim
