@@ -113,9 +113,13 @@ class Motions:
         return turned, center - turned @ np.array(self.bodies[body].center_of_mass)
 
     def spun(self, body: int, frame: int) -> float:
-        """Change of a body's spin from a frame to the next, times the frame [rad]."""
-        omega = self._recording.angular_velocity
-        return float(np.linalg.norm(omega[frame + 1, body] - omega[frame, body])) * self.frame
+        """How far a body's rotation from a frame to the next is from a steady one [rad]: by its spins at both,
+        and by its chord. Of a body that turns by half a revolution or more about an axis that moves, the chord
+        may have another axis.
+        """
+        omega = self._recording.angular_velocity[frame : frame + 2, body] * self.frame
+        departures = omega[1] - omega[0], self.turn[frame, body] - omega.mean(axis=0)
+        return max(float(np.linalg.norm(departure)) for departure in departures)
 
     def point_velocity(self, body: int, frame: int, point: Array) -> Array:
         """Velocity at a frame of a body's point, given by its world position at that frame [m/s]."""

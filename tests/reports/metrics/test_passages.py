@@ -389,3 +389,32 @@ def test_the_first_passage_is_named(lab, recordings, known):
     columns = moving(scenario, 1, position, velocity)
     found = known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)[""]
     assert found == Value(1.0, "first plate through ball at 0.075 s")
+
+
+def test_a_spinning_needle_is_far_from_a_plate(lab, recordings):
+    """A needle turns about its length by a revolution a frame, 2 cm from a thin plate. The shortest rotation
+    between the frames has another axis, and with a revolution about that the needle would sweep the plate."""
+    sizes = {"needle": (3.2e-4, 3.2e-4, 0.0323), "plate": (0.0226, 0.0226, 1.6e-4)}
+    bodies = [lab.block(name, half, (0.0, 0.0, 0.0)) for name, half in sizes.items()]
+    scenario = lab.scene(*bodies, effects=("gravity",), duration=1 / 240, frame_rate=240)
+    columns = {
+        "position": [
+            [(-0.01031, 0.11165, 0.02352), (0.02508, 0.14593, 0.0411)],
+            [(-0.00999, 0.11283, 0.02361), (0.02502, 0.14648, 0.04882)],
+        ],
+        "orientation": [
+            [(0.28898, 0.19788, 0.90512, -0.241), (1.0, 0.0, 0.0, 0.0)],
+            [(-0.32633, -0.25334, -0.87744, 0.24378), (1.0, 0.0, 0.0, 0.0)],
+        ],
+        "linear_velocity": [
+            [(0.07716, 0.2829, 0.04227), (-0.01413, 0.13312, 1.87465)],
+            [(0.07716, 0.2829, 0.0014), (-0.01413, 0.13312, 1.83377)],
+        ],
+        "angular_velocity": [
+            [(644.42, -855.93, -1104.47), (0.0, 0.0, 0.0)],
+            [(677.33, -921.33, -1029.62), (0.0, 0.0, 0.0)],
+        ],
+    }
+    turned = {name: np.array(values) for name, values in columns.items()}
+    turned["orientation"] /= np.linalg.norm(turned["orientation"], axis=2, keepdims=True)
+    assert counted(recordings, scenario, **turned) == 0
