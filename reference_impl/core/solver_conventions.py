@@ -23,6 +23,9 @@ SLIDE_STEPS = 40
 """Iterations for the friction of one sliding row; about 5 are usual."""
 SLIDE_ROUNDING = 1e-15
 """Relative deviation from the cone at which that friction has converged [1]: some roundings."""
+SPEED_LEAST, SLIDE_MOST = 1e-100, 1e100
+"""Slowest approach that gets an impulse [m/s], and largest ratio of the sliding velocity to friction for
+which friction is computed [1/kg]: their squares neither underflow nor overflow."""
 COMPLIANCE_FIRST, COMPLIANCE_LAST, COMPLIANCE_LEAST = 0.03, 1e-5, 1e-10
 """Compliance of the proximal problem over the row's own mobility [1]: first, with a unique solution, or the
 square root of the residual [m/s] if that is less; last; and least, for towers and jammed bodies."""

@@ -5,7 +5,7 @@ velocities by the impulses. Coulomb's law: u.n >= floor and impulse.n >= 0, one 
 friction is at most mu times impulse.n, and exactly that, opposite to the sliding, if there is any.
 """
 
-from math import sqrt
+from math import isnan, sqrt
 
 from touchstone.reference_impl.core.conventions import SLIP_MIN
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -14,8 +14,10 @@ from touchstone.reference_impl.core.solver_conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_OPEN,
     ROUNDING,
+    SLIDE_MOST,
     SLIDE_ROUNDING,
     SLIDE_STEPS,
+    SPEED_LEAST,
 )
 
 
@@ -102,6 +104,9 @@ def residual_of(solver):
         change = _violation(row, solver["movers"])
         if not change <= largest:
             largest, worst = change, k
+        # NaN exceeds all
+        if isnan(change):
+            break
     return largest, worst
 
 
@@ -235,7 +240,7 @@ def solve_row(row, movers, always):
     z += f[2] - w[2, 0] * p[0] - w[2, 1] * p[1] - w[2, 2] * p[2]
     missing = row["floor"] - (x * n[0] + y * n[1] + z * n[2])
     j = u = v = 0.0
-    if missing > 0:
+    if missing > SPEED_LEAST:
         across_1, across_2 = x * t[0] + y * t[1] + z * t[2], x * s[0] + y * s[1] + z * s[2]
         j, u, v = _coulomb(row, missing / row["along"], across_1, across_2, always)
     x = j * n[0] + u * t[0] + v * s[0] - p[0]
@@ -284,6 +289,9 @@ def _coulomb(row, plain, x, y, always):
         return j, q, r
     early, value_early = 0.0, 1 - mu * j / size
     late = sqrt(x * x + y * y) / (mu * plain)
+    # no friction to speak of
+    if not late < SLIDE_MOST:
+        return plain, 0.0, 0.0
     value_late = value_early
     for _ in range(SLIDE_STEPS):
         q, r = _friction(a, b, d, x, y, late)

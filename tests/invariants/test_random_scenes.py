@@ -217,6 +217,11 @@ def test_hands_among_loose_bodies_stay_outside(profile: str, seed: int) -> None:
     assert broken(played(profile, range(seed, seed + 1))) == []
 
 
+def test_velocities_may_decay_below_any_square() -> None:
+    """A box under a hand slows down to 1e-134 m/s and approaches by less: friction was 0 / 0 there."""
+    assert broken(played("accurate", range(983002458, 983002459))) == []
+
+
 @pytest.mark.parametrize("profile", PROFILES)
 def test_random_scenes_break_no_limit(profile: str) -> None:
     """They overlap nowhere, keep their momentum and are solved, too."""

@@ -140,3 +140,29 @@ def test_newton_solves_chains(seed: int, friction: float, evenly: bool) -> None:
     state[0]["newton_work"] = 1e7
     newton(solver, evenly, True, state[0])
     assert solver["best_residual"] <= 1e-9
+
+
+@pytest.mark.parametrize("along", [1.0, 1e-95, 1e-160, 1e-310, 5e-324])
+@pytest.mark.parametrize("across", [1e3, 1e-134, 1e-170, 5e-324, 0.0])
+@pytest.mark.parametrize("mu", [0.02, 1.0, 1e-300])
+def test_a_row_of_any_speed_gets_a_finite_impulse(along: float, across: float, mu: float) -> None:
+    """Stop an approach along a tilted normal, as of a box whose velocities have decayed to 1e-134 m/s."""
+    state = island(np.random.default_rng(0), 1, 1, mu)
+    solver = state[0]["solver"]
+    row = solver["rows"][0]
+    row["free"] = -along * row["normal"] + across * row["across_1"]
+    assert np.isfinite(solve_row(row, solver["movers"], False))
+    assert np.isfinite(row["impulse"]).all()
+    assert row["impulse"] @ row["normal"] >= 0
+    assert residual_of(solver)[0] <= 1e-12 * max(along, across) + 1e-99
+
+
+def test_an_impulse_that_is_no_number_is_no_solution() -> None:
+    """Report a residual of NaN whatever the rows after it leave."""
+    for place in range(3):
+        state = island(np.random.default_rng(1), 3, 3, 0.5)
+        solver = state[0]["solver"]
+        solver["rows"][place]["impulse"] = np.nan
+        residual, worst = residual_of(solver)
+        assert np.isnan(residual)
+        assert worst == place
