@@ -260,16 +260,17 @@ def solve_factors(solver):
 @inlined_kernel
 def _subtract_transposed(x, base, entries, at, other):
     """Subtract a transposed block times x[other:] from x[base:]."""
-    row = _six(x, base)
     for k in range(6):
-        row = _minus(row, x[other + np.uint64(k)], entries, at + np.uint64(6 * k))
-    _set_six(x, base, row, 1.0)
+        factor, row = x[other + np.uint64(k)], at + np.uint64(6 * k)
+        for i in range(6):
+            x[base + np.uint64(i)] -= factor * entries[row + np.uint64(i)]
 
 
 @inlined_kernel
 def _subtract_rows(x, base, entries, at, other):
     """Subtract a block times x[other:] from x[base:]."""
-    a, b, c, d, e, f = _six(x, other)
+    a, b, c = x[other], x[other + ONE], x[other + TWO]
+    d, e, f = x[other + THREE], x[other + FOUR], x[other + FIVE]
     for i in range(6):
         row = at + np.uint64(6 * i)
         early = a * entries[row] + b * entries[row + ONE] + c * entries[row + TWO]

@@ -144,7 +144,7 @@ CAUSES: tuple[Cause, ...] = (
         PILES,
         {
             "paper": {
-                "contact.gap": "load_1e4 tower_40",
+                "contact.gap": "load_1e4",
                 "contact.impulse_balance": "break_15",
                 "energy.injected": (
                     "arch_slides arch_stands arch_thin brick_wall coin_falls coin_rolls coin_spins "
@@ -159,7 +159,7 @@ CAUSES: tuple[Cause, ...] = (
                     "arch_stands brick_wall load_1e4 pyramid tall_holds tip_falls tip_holds tower_10 "
                     "tower_20 tower_20_jittered tower_40"
                 ),
-                "friction.lift": "load_1e4 tall_holds tip_holds tower_40",
+                "friction.lift": "load_1e4 pyramid tall_holds tip_holds tower_40",
                 "friction.tilt": "load_1e4 tall_holds tip_holds tower_40",
                 "overlap.max": "tower_40",
                 "rest.moved": (
