@@ -113,9 +113,8 @@ class Motions:
         return turned, center - turned @ np.array(self.bodies[body].center_of_mass)
 
     def spun(self, body: int, frame: int) -> float:
-        """How far a body's rotation from a frame to the next is from a steady one [rad]: by its spins at both,
-        and by its chord. Of a body that turns by half a revolution or more about an axis that moves, the chord
-        may have another axis.
+        """How far a body's rotation in a frame is from a steady one [rad]: by the spins at its ends, and by
+        its chord, which may have another axis if the body turns by half a revolution or more.
         """
         omega = self._recording.angular_velocity[frame : frame + 2, body] * self.frame
         departures = omega[1] - omega[0], self.turn[frame, body] - omega.mean(axis=0)
