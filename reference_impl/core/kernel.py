@@ -124,8 +124,8 @@ def _vectorise(compiled):
 def entry_point(compiled, *arguments):
     """Compiled code of a kernel for arguments of these types, to be called from Python.
 
-    A call of the kernel itself looks up the types of its arguments first, which takes 1 us for the arrays of
-    a world. A call of the entry point with arguments of other types is undefined.
+    A call of the kernel itself looks up the types of its arguments first: 0.8 us for the arrays of a world. A
+    call of the entry point with arguments of other types is undefined.
     """
     if not JIT:
         return compiled
