@@ -104,7 +104,7 @@ def residual_of(solver):
         change = _violation(row, solver["movers"])
         if not change <= largest:
             largest, worst = change, k
-        # NaN exceeds all
+        # NaN counts as the largest
         if isnan(change):
             break
     return largest, worst
@@ -289,7 +289,7 @@ def _coulomb(row, plain, x, y, always):
         return j, q, r
     early, value_early = 0.0, 1 - mu * j / size
     late = sqrt(x * x + y * y) / (mu * plain)
-    # no friction to speak of
+    # friction is below rounding
     if not late < SLIDE_MOST:
         return plain, 0.0, 0.0
     value_late = value_early

@@ -124,8 +124,9 @@ def test_points_bend_no_more_along_a_carried_normal(drawn, size, rests) -> None:
     n = np.array([0.0, 0.0, 1.0]) if np.linalg.norm(n) < 0.1 else n / np.linalg.norm(n)
     other["reach"] = np.linalg.norm(point)
     carrier["rotation"], carrier["center"] = np.eye(3), carrier["old_center"]
-    heights, step, fractions = [], 1e-3, np.arange(0.3, 0.5, 1e-3)
-    for s in fractions[::-1]:
+    heights, step = [], 1e-3
+    # backwards: the bound needs the bodies at its first fraction
+    for s in np.arange(0.3, 0.5, step)[::-1]:
         pose_along(carrier, s)
         pose_along(other, s)
         away = other["rotation"] @ point + other["center"] - carrier["center"]

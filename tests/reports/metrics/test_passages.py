@@ -55,6 +55,13 @@ def moving(scenario, index, position, velocity=0.0, orientation=None, spin=0.0):
     return columns
 
 
+def arrays(columns):
+    """Printed columns of a recording as arrays, with orientations of unit length."""
+    found = {name: np.array(values) for name, values in columns.items()}
+    found["orientation"] /= np.linalg.norm(found["orientation"], axis=2, keepdims=True)
+    return found
+
+
 def flight(frames, start, velocity, **bounce):
     """Positions and velocities (f, 3) of a ball that flies straight; hit `at` so many frames it goes on with
     the velocity `after` [m/s]."""
@@ -243,8 +250,7 @@ def test_over_a_spinning_capsule_is_no_passage(lab, recordings):
         ],
     }
     told = recordings.contacts({"time": 1e-3, "body_a": 0, "body_b": 1, "normal": (-0.18, 0.51, 0.84)})
-    turned = {name: np.array(values) for name, values in columns.items()}
-    turned["orientation"] /= np.linalg.norm(turned["orientation"], axis=2, keepdims=True)
+    turned = arrays(columns)
     assert counted(recordings, scenario, **turned, contacts=told) == 0
     assert counted(recordings, scenario, **turned) == 1  # no contact reported: nothing turned it aside
 
@@ -415,6 +421,5 @@ def test_a_spinning_needle_is_far_from_a_plate(lab, recordings):
             [(677.33, -921.33, -1029.62), (0.0, 0.0, 0.0)],
         ],
     }
-    turned = {name: np.array(values) for name, values in columns.items()}
-    turned["orientation"] /= np.linalg.norm(turned["orientation"], axis=2, keepdims=True)
+    turned = arrays(columns)
     assert counted(recordings, scenario, **turned) == 0
