@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
+from math import fsum
 from typing import TypedDict, Unpack
 
 import numpy as np
@@ -89,17 +91,17 @@ def hull_mass_properties(
     except (QhullError, ValueError) as error:
         reason = f"{error}".strip().partition("\n")[0]
         raise ValueError(f"{len(points)} vertices span no volume: {reason}") from error
-    # Tetrahedra from a point inside to every triangle.
+    # Tetrahedra from a point inside to every triangle. Sums are exact: BLAS rounds by processor.
     inside = points.mean(axis=0)
     corners = points[faces.simplices] - inside
-    volumes = np.abs(np.linalg.det(corners)) / 6
+    volumes = np.abs((np.cross(corners[:, 0], corners[:, 1]) * corners[:, 2]).sum(axis=1)) / 6
     sums = corners.sum(axis=1)
-    volume = volumes.sum()
-    centre = volumes @ sums / (4 * volume)
-    moments = np.einsum("t,tki,tkj->ij", volumes, corners, corners)
-    moments = (moments + np.einsum("t,ti,tj->ij", volumes, sums, sums)) / 20 - volume * np.outer(
-        centre, centre
-    )
+    volume = fsum(volumes)
+    centre = [fsum(volumes * along) / (4 * volume) for along in sums.T]
+    moments = np.empty((3, 3))
+    for m, n in product(range(3), repeat=2):
+        squares = (corners[:, :, m] * corners[:, :, n]).sum(axis=1) + sums[:, m] * sums[:, n]
+        moments[m, n] = fsum(volumes * squares) / 20 - volume * centre[m] * centre[n]
     total = float(mass if density is None else density * volume)  # type: ignore[arg-type]
     inertia = total / volume * (np.trace(moments) * np.eye(3) - moments)
     rows = [vector(row) for row in (inertia + inertia.T) / 2]

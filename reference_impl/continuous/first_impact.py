@@ -6,6 +6,7 @@ from touchstone.reference_impl.continuous.time_of_impact import MovingPair, dist
 from touchstone.reference_impl.core.conventions import (
     CLOSING_EXTRA,
     CLOSING_SHARE,
+    DENSE_LANDING,
     DETECTION_SWEEP,
     IMPACT_SHARE,
     IMPACT_STEPS,
@@ -79,14 +80,14 @@ def _sinking(moving, first, sweeps, limited):
     state = moving.state
     start = distance_at(moving, 0.0)
     polyhedral = is_polyhedral(moving.piece_a, moving.piece_b)
-    late = first
+    late, depth = first, DENSE_LANDING if state["dense_substep"] == 1 else LANDING_DEPTH
     if sweeps:
         target = min(start, 0.0) - OVERLAP_TOLERANCE
         late = _swept(moving, first, target, SINKING_SLACK)
         if late == first:
             distance = distance_at(moving, first)
             # a pair that sinks later has landed before, whether `first` is from a pair before or after it
-            landed = first < 1 and distance < start - LANDING_DEPTH
+            landed = first < 1 and distance < start - depth
             if not (landed and _swept(moving, 1.0, target, SINKING_SLACK) < 1):
                 return first, start < 0 and distance < -OVERLAP_TOLERANCE
     # separation corrects the sinking of round pieces in dense substeps, and of all after LANDING_EVENTS
@@ -100,8 +101,8 @@ def _sinking(moving, first, sweeps, limited):
         if start > TOUCH_DISTANCE:
             gap = state["impact_gap"]
             return _closing(moving, late, gap, IMPACT_SHARE * gap), False
-        target = start - LANDING_DEPTH
-        landed = _closing(moving, late, target, LANDING_DEPTH / 2)
+        target = start - depth
+        landed = _closing(moving, late, target, depth / 2)
         # detection immediately after the start would find the same contact
         if landed >= LANDING_MIN:
             return landed, target < -OVERLAP_TOLERANCE

@@ -159,9 +159,9 @@ SECANT_STEPS = 60
 when the other end of a tilting box lands, a secant shortens the bracket by a ten-thousandth."""
 APPROACH_MIN = 1e-4
 """Approach speed below which a contact is not an impact [m/s]."""
-SETTLE_DEPTH = 1.7e-8
-"""Depth by which an approaching pair would sink in a substep, from which it stops before the contact solve
-[m]."""
+SETTLE_DEPTH, DENSE_SETTLE = 1.7e-8, 1e-7
+"""Depth by which an approaching pair would sink in a substep, from which it stops before the contact solve;
+and depth that this leaves in large islands of dense substeps [m]."""
 SEPARATION_MIN = 1e-8
 """Speed of a touching pair that is no separation [m/s]: a weight of 10 N does 1e-9 J of work per frame."""
 NO_FLOOR = -1e300
@@ -198,8 +198,9 @@ REFLECTION_ROUNDS = 64
 balls passes an impulse on in so many rounds."""
 REFLECTION_FAILURES = 2
 """Open solves of an event's impacts after which no round follows: a jammed island leaves each open."""
-LANDING_DEPTH = 1e-7
-"""Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE."""
+LANDING_DEPTH, DENSE_LANDING = 1e-7, 4e-7
+"""Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE; and
+in a dense substep, in which leaning bodies sink by 3e-7 m although none has."""
 LANDING_EVENTS = 128
 """Events of a frame after which touching pairs of polyhedra may sink by SINKING_DEPTH."""
 LANDING_MIN = 1e-9
@@ -224,6 +225,8 @@ DENSE_EVENTS = 32
 SPECULATIVE_SLACK = 0.25
 """Speed over the resting speed 2 g h at which near pairs close their gap within a substep [1]: a larger value
 adds more of them as rows, and leaves fewer unforeseen impacts."""
+SPECULATIVE_COSINE = 0.995
+"""Cosine of the angle up to which a speculative contact's normal does not turn until its impact [1]."""
 TOUCH_CLOSED = 9e-7
 """Gap to which a speculative contact may close [m]: touching, but not yet an impact (IMPACT_TARGET)."""
 EVENT_CAP = 192
@@ -233,7 +236,7 @@ DENSE_CALM = 4
 DENSE_PARTS = 32
 """Most dense substeps per frame that rotation may require."""
 DENSE_SPEED = 0.01
-"""Relative speed of touching polyhedra from which DENSE_PARTS / 4 is the least division of a frame [m/s], or
+"""Relative speed of touching polyhedra from which DENSE_PARTS / 8 is the least division of a frame [m/s], or
 DENSE_PARTS / 2 if contacts do not follow rotation: their contact points move."""
 DENSE_SINKING = 2e-7
 """Sinking of a rotating body that the length of a dense substep allows [m]: a fifth of OVERLAP_TOLERANCE."""

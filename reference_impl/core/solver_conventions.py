@@ -17,12 +17,13 @@ FIRST_SWEEPS = 8
 """Sweeps before Newton's method: they determine which contacts slide and which are open."""
 MOST_SWEEPS, MOST_VISITS = 200, 20_000
 """Sweeps if Newton's method is not used or failed, or row visits if those allow more sweeps: about 2 ms."""
-DENSE_SWEEPS, DENSE_VISITS = 40, 4_000
+DENSE_SWEEPS, DENSE_VISITS = 32, 4_000
 """The same in a dense substep: a frame has tens of them, and each starts from the forces of the last."""
 SLIDE_STEPS = 40
-"""Iterations for the friction of one sliding row; about 5 are usual."""
-SLIDE_ROUNDING = 1e-15
-"""Relative deviation from the cone at which that friction has converged [1]: some roundings."""
+"""Iterations for the friction of one sliding row; up to 5 are usual."""
+SLIDE_ROUNDING, SLIDE_CLOSE = 1e-15, 1e-7
+"""Relative deviation from the cone at which that friction has converged, some roundings, and deviation after
+which one step of Newton's method makes it so [1]."""
 SPEED_LEAST, SLIDE_MOST = 1e-100, 1e100
 """Slowest approach that gets an impulse [m/s], and largest ratio of the sliding velocity to friction for
 which friction is computed [1/kg]: their squares neither underflow nor overflow."""
@@ -50,7 +51,7 @@ LINE_SHARE, LINE_HALVES = 0.1, 10
 EXTRAPOLATION_LEAST, EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 3.0, 1e6, 1.1
 """Shortest and longest extrapolation of impulses over their last change, and largest accepted ratio of the
 residual after it to that before [1]. Shorter ones go on for tens of iterations, and rounding ends them."""
-INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 24
+INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 16
 """Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s], and
 rows from which it does: Newton's method alone solves most smaller islands in as few factorisations, and keeps
 the solution of the substep before where Coulomb's law has several."""

@@ -29,23 +29,27 @@ ROW = record(
     across_12="f8",
     across_22="f8",
     free=VECTOR,  # velocity of B relative to A without impulses, minus the slip at which it sticks [m/s]
-    before=VECTOR,  # velocity of B relative to A before forces act, plus that slip [m/s]
     impulse=VECTOR,  # on B [N s]
-    start=VECTOR,  # warm-start impulse
-    best=VECTOR,  # impulse of the least residual so far
-    # sweeps: impulse before the sweep, and conjugate direction
+    # sweeps: change of the impulse in the last one, and conjugate direction
     swept=VECTOR,
     direction=VECTOR,
+    before=VECTOR,  # velocity of B relative to A before forces act, plus that slip [m/s]
+    start=VECTOR,  # warm-start impulse
+    best=VECTOR,  # impulse of the least residual so far
     # Newton's method: proximal centre, velocity, and change of velocity along a step (interior-point method:
     # the vectors q and v, and the same change)
     centre=VECTOR,
     velocity=VECTOR,
     rate=VECTOR,
     stiffness="f8",  # [kg]
-    # interior-point method: scaling point and its size, error of v, derivative of its shift, and change of q
-    # for given products
+    # interior-point method: axes of its vectors, scaling point, its size and 1 / (1 + its first component),
+    # determinant of the scaled vectors, error of v, derivative of its shift, and change of q that gives
+    # certain products
+    axes=MATRIX,
     scaling=VECTOR,
     stretch="f8",
+    bend="f8",
+    determinant="f8",
     gap=VECTOR,
     slope=("f8", (2,)),
     centred=VECTOR,
@@ -57,6 +61,9 @@ MOVER = record(
     center=VECTOR,
     velocity=VECTOR,  # change of the centre of mass's velocity by the impulses [m/s]
     omega=VECTOR,
+    # sweeps: both before the sweep, and their conjugate direction
+    swept=("f8", (2, 3)),
+    direction=("f8", (2, 3)),
     inertia=MATRIX,
     place="i8",  # index of its block of six unknowns in the matrix
     first_place="i8",  # least such index among itself and the movers in contact with it
@@ -77,6 +84,5 @@ SOLVER = record(
     upper=("f8", (36 * NEWTON_BLOCKS,)),
     gradient=("f8", (6 * NEWTON_MOVERS,)),
     step=("f8", (6 * NEWTON_MOVERS,)),
-    block=MATRIX,  # scratch
     kernel=MATRIX,  # negative derivative of a row's impulse with respect to its velocity [kg]
 )

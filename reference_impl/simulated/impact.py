@@ -15,6 +15,7 @@ from math import sqrt
 
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
+    DENSE_SETTLE,
     IMPULSE_CAP,
     IMPULSES_TOGETHER,
     NO_FLOOR,
@@ -86,7 +87,7 @@ def resolve_impacts(world, count, time, h):
     if k >= 0 and pairs[k]["key"] * h > SETTLE_DEPTH:
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["speculative_speed"])
-        state["settling"] = SETTLE_DEPTH / h if state["dense_substep"] == 1 else 0.0
+        state["settling"] = DENSE_SETTLE / h if state["dense_substep"] == 1 else 0.0
         solve_contacts(bodies, joints, drivers, pairs, count, False, state)
         state["settling"] = 0.0
         log_held(bodies, pairs, count, contacts, state, time)

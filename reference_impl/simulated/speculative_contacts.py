@@ -34,6 +34,7 @@ from touchstone.reference_impl.core.conventions import (
     KEEPS_NOTHING,
     PUSH_SLACK,
     SIMULATED,
+    SPECULATIVE_COSINE,
     SPECULATIVE_SLACK,
     TOUCH_CLOSED,
     TOUCH_DISTANCE,
@@ -190,7 +191,7 @@ def _gather_speculative(world, left):
             rate = max(rate, _sinking_rate(bodies[pair["body_a"]], a, vertices, exact))
             rate = max(rate, _sinking_rate(bodies[pair["body_b"]], b, vertices, exact))
             if flat and _meeting_speed(state) > DENSE_SPEED:
-                least = max(least, most / (4 if exact else 2))
+                least = max(least, most / (8 if exact else 2))
     parts = DENSE_SUBSTEPS if fastest > 0 else 1
     if reach > 0 and fastest * left <= DENSE_SUBSTEPS * reach:
         parts = ceil(fastest * left / reach)
@@ -238,18 +239,20 @@ def _sinking_rate(body, piece, vertices, exact):
 def _meets(world, pair, until):
     """Whether a pair meets before the fraction `until` of its predicted path.
 
-    If so, the pair gets the normal at the time of impact, its present gap along that normal, and the witness
-    points at the time of impact, moved back by the mean motion of the moving bodies.
+    If so, and if the normal turns until then, the pair gets the normal at the time of impact, its present gap
+    along that normal, and the witness points at the time of impact, moved back by the mean motion of the
+    moving bodies. Otherwise it keeps its present normal, along which all points of its manifold are found.
     """
     bodies, pieces, vertices, state = world.bodies, world.pieces, world.vertices, world.state
     a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     moving = MovingPair(a, b, one, two, vertices, pair, state)
+    x, y, z = n[0], n[1], n[2]
     fraction, _, _ = time_of_impact(moving, 0.0, until, IMPACT_TARGET, IMPACT_SLACK)
     place_pair(moving, 0.0)
-    if fraction == until:
+    if fraction == until or n[0] * x + n[1] * y + n[2] * z > SPECULATIVE_COSINE:
         _measure(bodies, pieces, vertices, pair, state)
-        return False
+        return fraction < until
     s, moving = fraction, a["moves"] + b["moves"]
     for i in range(3):
         way = a["moves"] * (a["travel"][i] + s * a["travel_bend"][i])

@@ -49,11 +49,12 @@ from touchstone.reference_impl.solver.envelope import (
     subtract_impulse,
 )
 from touchstone.reference_impl.solver.interior_start import (
+    along_axes,
     begin_afar,
     begin_near,
-    cone_friction,
     meeting_on_axes,
     on_axes,
+    set_axes,
 )
 
 
@@ -74,6 +75,7 @@ def interior(solver, afar, state):
     most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
+    set_axes(solver)
     if afar:
         begin_afar(solver)
     else:
@@ -82,7 +84,8 @@ def interior(solver, afar, state):
     share, least, stalled = 1.0, 1e300, 0
     for _ in range(most):
         _set_impulses(solver)
-        if not _set_scaling(solver):
+        inside, mean, gap = _set_scaling(solver, share)
+        if not inside:
             break
         residual, _ = residual_of(solver)
         keep_best(solver, residual)
@@ -92,17 +95,16 @@ def interior(solver, afar, state):
             break
         begin_matrix(solver)
         for k in range(solver["row_count"]):
-            _set_kernel(solver["rows"][k], share, solver["kernel"])
+            _set_kernel(solver["rows"][k], solver["kernel"])
             add_row(solver, solver["rows"][k])
         factorise(solver)
         state["counters"][COUNT_FACTORS] += 1
         state["newton_work"] -= work
-        mean = _mean_product(solver)
         _begin_gradient(solver)
         _solve(solver)
         length = _longest(solver, 1.0)
         # products that vanish before the gaps do leave the method at the boundary, far from a solution
-        goal = max(max(INTERIOR_CENTRE, (1 - length) ** 3) * mean, min(mean, _largest_gap(solver) ** 2))
+        goal = max(max(INTERIOR_CENTRE, (1 - length) ** 3) * mean, min(mean, gap * gap))
         _correct_gradient(solver, goal)
         _solve(solver)
         length = INTERIOR_BOUNDARY * _longest(solver, 1 / INTERIOR_BOUNDARY)
@@ -113,36 +115,38 @@ def interior(solver, afar, state):
         _advance(solver, length)
 
 
-@inlined_kernel
-def _form(v):
-    """v_n^2 - |v_t|^2 of a vector v: positive inside the cone."""
-    size = sqrt(v[1] * v[1] + v[2] * v[2])
-    return (v[0] - size) * (v[0] + size)
-
-
 @kernel
-def _set_scaling(solver):
-    """Compute the scaling W of each row, W q = W^-1 v, and its `gap`, the error of v's definition.
+def _set_scaling(solver, share):
+    """Compute the scaling W of each row, W q = W^-1 v, the `gap`, the error of v's definition, and the
+    `slope`, the derivative of the shift with respect to v_t times `share`.
 
     Returns:
-        Whether all vectors are inside their cones; rounding may put them outside at the end.
+        (inside, mean, gap): whether all vectors are inside their cones, out of which rounding may put them at
+        the end; the mean of v.q over all rows [J], and the largest component of their gaps [sqrt(J)].
     """
+    total, largest = 0.0, 0.0
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        u, p, w, gap, q = row["velocity"], row["centre"], row["scaling"], row["gap"], sqrt(row["mass"])
-        one, two = _form(u), _form(p)
-        if not (one > 0 and two > 0 and u[0] > 0 and p[0] > 0):
-            return False
+        u, p, w, gap, slope = row["velocity"], row["centre"], row["scaling"], row["gap"], row["slope"]
+        across, other = sqrt(u[1] * u[1] + u[2] * u[2]), sqrt(p[1] * p[1] + p[2] * p[2])
+        if not (u[0] > across and p[0] > other):
+            return False, 0.0, 0.0
         x, y, z = meeting_on_axes(row, solver["movers"])
-        gap[0] = u[0] - q * x - sqrt(u[1] * u[1] + u[2] * u[2])
-        gap[1], gap[2] = u[1] - q * y, u[2] - q * z
-        one, two = sqrt(one), sqrt(two)
+        gap[0], gap[1], gap[2] = u[0] - x - across, u[1] - y, u[2] - z
+        largest = max(largest, abs(gap[0]), abs(gap[1]), abs(gap[2]))
+        part = share / across if across > 0 else 0.0
+        slope[0], slope[1] = part * u[1], part * u[2]
+        product = u[0] * p[0] + u[1] * p[1] + u[2] * p[2]
+        total += product
+        one, two = sqrt((u[0] - across) * (u[0] + across)), sqrt((p[0] - other) * (p[0] + other))
+        row["determinant"] = one * two
         row["stretch"] = sqrt(one / two)
-        cosine = (u[0] * p[0] + u[1] * p[1] + u[2] * p[2]) / (one * two)
-        size = 2 * sqrt((1 + cosine) / 2)
-        w[0] = (u[0] / one + p[0] / two) / size
-        w[1], w[2] = (u[1] / one - p[1] / two) / size, (u[2] / one - p[2] / two) / size
-    return True
+        # v and q of determinant 1, and the point halfway between them
+        size = sqrt(2 * (1 + product / row["determinant"]))
+        one, two = 1 / (one * size), 1 / (two * size)
+        w[0], w[1], w[2] = one * u[0] + two * p[0], one * u[1] - two * p[1], one * u[2] - two * p[2]
+        row["bend"] = 1 / (1 + w[0])
+    return True, total / solver["row_count"], largest
 
 
 @kernel
@@ -150,57 +154,23 @@ def _set_impulses(solver):
     """Set the impulses of the rows and the movers' velocities from the vectors q."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        p, n, t, s, q, mu = (
-            row["centre"],
-            row["normal"],
-            row["across_1"],
-            row["across_2"],
-            sqrt(row["mass"]),
-            cone_friction(row),
-        )
-        for i in range(3):
-            row["impulse"][i] = q * (p[0] * n[i] + mu * (p[1] * t[i] + p[2] * s[i]))
+        p, q = row["impulse"], row["centre"]
+        p[0], p[1], p[2] = along_axes(row, q[0], q[1], q[2])
         into_cone(row)
     rebuild(solver)
 
 
-@kernel
-def _mean_product(solver):
-    """Mean of v.q over all rows [J]."""
-    total = 0.0
-    for k in range(solver["row_count"]):
-        u, p = solver["rows"][k]["velocity"], solver["rows"][k]["centre"]
-        total += u[0] * p[0] + u[1] * p[1] + u[2] * p[2]
-    return total / solver["row_count"]
-
-
-@kernel
-def _largest_gap(solver):
-    """Largest component of the rows' `gap` [sqrt(J)]."""
-    largest = 0.0
-    for k in range(solver["row_count"]):
-        gap = solver["rows"][k]["gap"]
-        largest = max(largest, abs(gap[0]), abs(gap[1]), abs(gap[2]))
-    return largest
-
-
-@kernel
-def _scale(row, sign, v):
-    """Apply a row's scaling W (sign 1) or its inverse (sign -1) to a vector."""
-    return _scaled(row, sign, v[0], v[1], v[2])
-
-
-@kernel
+@inlined_kernel
 def _scaled(row, sign, a, b, c):
     """Apply a row's scaling W (sign 1) or its inverse (sign -1) to the vector (a, b, c)."""
     w, x, y = row["scaling"], sign * row["scaling"][1], sign * row["scaling"][2]
     factor = row["stretch"] if sign > 0 else 1 / row["stretch"]
     across = x * b + y * c
-    turned = a + across / (1 + w[0])
+    turned = a + across * row["bend"]
     return factor * (w[0] * a + across), factor * (b + turned * x), factor * (c + turned * y)
 
 
-@kernel
+@inlined_kernel
 def _unscale(row, x, y, z):
     """Apply W^-2 to a vector: a change of v becomes a change of q."""
     w, factor = row["scaling"], 1 / (row["stretch"] * row["stretch"])
@@ -209,19 +179,13 @@ def _unscale(row, x, y, z):
 
 
 @kernel
-def _set_kernel(row, share, out_kernel):
-    """Compute minus the derivative of a row's impulse with respect to its velocity [kg], and the row's
-    `slope`: the derivative of the shift with respect to v_t, times `share`."""
-    n, t, s, mu, mass = row["normal"], row["across_1"], row["across_2"], cone_friction(row), row["mass"]
-    u, slope = row["velocity"], row["slope"]
-    size = sqrt(u[1] * u[1] + u[2] * u[2])
-    share = share / size if size > 0 else 0.0
-    slope[0], slope[1] = share * u[1], share * u[2]
+def _set_kernel(row, out_kernel):
+    """Compute minus the derivative of a row's impulse with respect to its velocity [kg]."""
+    axes, slope = row["axes"], row["slope"]
     for m in range(3):
-        x, y, z = n[m], mu * t[m], mu * s[m]
-        x, y, z = _unscale(row, x + slope[0] * y + slope[1] * z, y, z)
-        for i in range(3):
-            out_kernel[i, m] = mass * (x * n[i] + mu * (y * t[i] + z * s[i]))
+        y, z = axes[1, m], axes[2, m]
+        x, y, z = _unscale(row, axes[0, m] + slope[0] * y + slope[1] * z, y, z)
+        out_kernel[0, m], out_kernel[1, m], out_kernel[2, m] = along_axes(row, x, y, z)
 
 
 @kernel
@@ -248,25 +212,19 @@ def _correct_gradient(solver, goal):
     step solved last; sets the rows' `centred`."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        u, c = row["velocity"], row["centred"]
-        form = _form(u)
+        u, c, stretch = row["velocity"], row["centred"], row["stretch"]
         x, y, z = _correction(row)
-        c[0], c[1], c[2] = goal * u[0] / form - x, -goal * u[1] / form - y, -goal * u[2] / form - z
+        # goal / (v_n^2 - |v_t|^2)
+        part = goal / (row["determinant"] * stretch * stretch)
+        c[0], c[1], c[2] = part * u[0] - x, -part * u[1] - y, -part * u[2] - z
         _subtract_change(solver, row, c[0], c[1], c[2])
 
 
 @kernel
 def _subtract_change(solver, row, x, y, z):
     """Subtract J^T p of a row from the gradient, with p the impulse of a change (x, y, z) of q."""
-    n, t, s, q = row["normal"], row["across_1"], row["across_2"], sqrt(row["mass"])
-    x, y, z = q * x, q * cone_friction(row) * y, q * cone_friction(row) * z
-    subtract_impulse(
-        solver,
-        row,
-        x * n[0] + y * t[0] + z * s[0],
-        x * n[1] + y * t[1] + z * s[1],
-        x * n[2] + y * t[2] + z * s[2],
-    )
+    x, y, z = along_axes(row, x, y, z)
+    subtract_impulse(solver, row, x, y, z)
 
 
 @kernel
@@ -276,31 +234,26 @@ def _solve(solver):
     set_rates(solver)
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        d, c, gap, slope, q = row["rate"], row["centred"], row["gap"], row["slope"], sqrt(row["mass"])
+        d, c, gap, slope = row["rate"], row["centred"], row["gap"], row["slope"]
+        u, p, q = row["direction"], row["swept"], row["centre"]
         x, y, z = on_axes(row, d[0], d[1], d[2])
-        x, y, z = q * x - gap[0], q * y - gap[1], q * z - gap[2]
-        x += slope[0] * y + slope[1] * z
-        u, p = row["direction"], row["swept"]
+        y, z = y - gap[1], z - gap[2]
+        x += slope[0] * y + slope[1] * z - gap[0]
         u[0], u[1], u[2] = x, y, z
         x, y, z = _unscale(row, x, y, z)
-        for i in range(3):
-            p[i] = c[i] - row["centre"][i]
-        p[0] -= x
-        p[1] -= y
-        p[2] -= z
+        p[0], p[1], p[2] = c[0] - q[0] - x, c[1] - q[1] - y, c[2] - q[2] - z
 
 
-@kernel
+@inlined_kernel
 def _correction(row):
     """Change of q that balances the product of the changes `direction` and `swept` (Mehrotra)."""
-    l_0, l_1, l_2 = _scale(row, 1, row["centre"])
-    a, b, c = _scale(row, -1, row["direction"])
-    d, e, f = _scale(row, 1, row["swept"])
+    q, u, p = row["centre"], row["direction"], row["swept"]
+    l_0, l_1, l_2 = _scaled(row, 1, q[0], q[1], q[2])
+    a, b, c = _scaled(row, -1, u[0], u[1], u[2])
+    d, e, f = _scaled(row, 1, p[0], p[1], p[2])
     x, y, z = a * d + b * e + c * f, a * e + d * b, a * f + d * c
-    size = sqrt(l_1 * l_1 + l_2 * l_2)
-    first = (l_0 * x - l_1 * y - l_2 * z) / ((l_0 - size) * (l_0 + size))
-    y, z = (y - first * l_1) / l_0, (z - first * l_2) / l_0
-    return _scaled(row, -1, first, y, z)
+    first, inverse = (l_0 * x - l_1 * y - l_2 * z) / row["determinant"], 1 / l_0
+    return _scaled(row, -1, first, inverse * (y - first * l_1), inverse * (z - first * l_2))
 
 
 @kernel
@@ -321,7 +274,8 @@ def _exit(v, d, most):
         return most
     a = d[0] * d[0] - d[1] * d[1] - d[2] * d[2]
     b = v[0] * d[0] - v[1] * d[1] - v[2] * d[2]
-    c = _form(v)
+    size = sqrt(v[1] * v[1] + v[2] * v[2])
+    c = (v[0] - size) * (v[0] + size)
     if d[0] < 0:
         most = min(most, -v[0] / d[0])
     root = b * b - a * c

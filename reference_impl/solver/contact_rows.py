@@ -5,7 +5,7 @@ velocities by the impulses. Coulomb's law: u.n >= floor and impulse.n >= 0, one 
 friction is at most mu times impulse.n, and exactly that, opposite to the sliding, if there is any.
 """
 
-from math import isnan, sqrt
+from math import inf, isnan, sqrt
 
 from touchstone.reference_impl.core.conventions import SLIP_MIN
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -14,6 +14,7 @@ from touchstone.reference_impl.core.solver_conventions import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_OPEN,
     ROUNDING,
+    SLIDE_CLOSE,
     SLIDE_MOST,
     SLIDE_ROUNDING,
     SLIDE_STEPS,
@@ -246,6 +247,8 @@ def solve_row(row, movers, always):
     x = j * n[0] + u * t[0] + v * s[0] - p[0]
     y = j * n[1] + u * t[1] + v * s[1] - p[1]
     z = j * n[2] + u * t[2] + v * s[2] - p[2]
+    d = row["swept"]
+    d[0], d[1], d[2] = x, y, z
     if x == 0 and y == 0 and z == 0:
         return 0.0
     p[0], p[1], p[2] = p[0] + x, p[1] + y, p[2] + z
@@ -258,9 +261,9 @@ def _coulomb(row, plain, x, y, always):
     """Compute the normal and tangential impulse of one row by Coulomb's law.
 
     With the normal impulse j = plain - share.q eliminated, friction q leaves the sliding velocity c + A q.
-    Sticking: c + A q = 0. Sliding: c + A q = -alpha q with the alpha > 0 for which |q| = mu j. If sticking
-    lies outside the cone, 1 - mu j / |q| is positive at alpha = 0 and falls without bound, so a solution
-    exists however strong the coupling.
+    Sticking: c + A q = 0. Sliding: c + A q = -alpha q with the alpha > 0 for which |q| = mu j, by Newton's
+    method for 1 - mu j / |q|, which is nearly linear in alpha. If sticking lies outside the cone, that is
+    positive at alpha = 0 and falls without bound, so a solution exists however strong the coupling.
 
     Args:
         plain: normal impulse without friction [N s].
@@ -283,41 +286,36 @@ def _coulomb(row, plain, x, y, always):
             j = plain / bend if bend > 0 else plain
             return j, mu * j * q / size, mu * j * r / size
     x, y = x + along * g * plain, y + along * h * plain
-    q, r = _friction(a, b, d, x, y, 0.0)
-    j, size = plain - g * q - h * r, sqrt(q * q + r * r)
-    if size <= mu * j:
+    q, r = _friction(a, b, d, x, y)
+    j = plain - g * q - h * r
+    if j >= 0 and q * q + r * r <= (mu * j) ** 2:
         return j, q, r
-    early, value_early = 0.0, 1 - mu * j / size
-    late = sqrt(x * x + y * y) / (mu * plain)
+    low, high = 0.0, sqrt(x * x + y * y) / (mu * plain)
     # friction is below rounding
-    if not late < SLIDE_MOST:
+    if not high < SLIDE_MOST:
         return plain, 0.0, 0.0
-    value_late = value_early
+    # exact if q is opposite to c, as where both tangents have the same mobility
+    alpha = high - (g * x + h * y) / plain - (a * x * x + 2 * b * x * y + d * y * y) / (x * x + y * y)
+    if not alpha > 0:
+        alpha = high
+    high, last = inf, False
     for _ in range(SLIDE_STEPS):
-        q, r = _friction(a, b, d, x, y, late)
-        j, size = plain - g * q - h * r, sqrt(q * q + r * r)
-        value_late = 1 - mu * j / size
-        if value_late <= 0:
+        q, r = _friction(a + alpha, b, d + alpha, x, y)
+        square = q * q + r * r
+        size, j = sqrt(square), plain - g * q - h * r
+        excess = size - mu * j
+        if last or abs(excess) <= SLIDE_ROUNDING * size:
             break
-        early, value_early, late = late, value_late, 2 * late
-    side = 0
-    for _ in range(SLIDE_STEPS):
-        alpha = (early * value_late - late * value_early) / (value_late - value_early)
-        q, r = _friction(a, b, d, x, y, alpha)
-        j, size = plain - g * q - h * r, sqrt(q * q + r * r)
-        value = 1 - mu * j / size
-        if abs(value) <= SLIDE_ROUNDING:
-            break
-        if value > 0:
-            early, value_early = alpha, value
-            if side == 1:
-                value_late /= 2
-            side = 1
+        # Newton's method converges quadratically: the next step is the last
+        last = abs(excess) <= SLIDE_CLOSE * size
+        if excess > 0:
+            low = alpha
         else:
-            late, value_late = alpha, value
-            if side == -1:
-                value_early /= 2
-            side = -1
+            high = alpha
+        u, v = _friction(a + alpha, b, d + alpha, q, r)
+        alpha -= excess * square / (mu * ((g * u + h * v) * square + j * (q * u + r * v)))
+        if not low < alpha < high:
+            alpha, last = (low + high) / 2 if high < inf else 2 * low, False
     # clip to the cone, whatever error remains
     j = max(0.0, j)
     scale = min(1.0, mu * j / size)
@@ -329,9 +327,8 @@ def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
-def _friction(a, b, d, x, y, alpha):
-    """Compute -(A + alpha)^-1 (x, y)."""
-    a, d = a + alpha, d + alpha
-    bottom = a * d - b * b
-    return (b * y - d * x) / bottom, (b * x - a * y) / bottom
+@inlined_kernel
+def _friction(a, b, d, x, y):
+    """Compute -A^-1 (x, y)."""
+    scale = 1 / (a * d - b * b)
+    return scale * (b * y - d * x), scale * (b * x - a * y)

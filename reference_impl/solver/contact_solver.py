@@ -3,8 +3,8 @@
 From a warm start, the solver sweeps by projected Gauss-Seidel with conjugate directions (Silcowitz, Niebe &
 Erleben 2010). If the sweeps come close, Newton's method finishes the result (`contact_newton`); otherwise, or
 if it cycles, an interior-point method finds another start for it (`contact_interior`). The solver keeps the
-impulses with the smallest residual. In the large islands of a dense substep, the interior-point method comes
-first and starts from the sweeps' impulses.
+impulses with the smallest residual. In the large islands of a dense substep, the interior-point method
+replaces the sweeps and starts from the warm start.
 
 It scales impulses that did not converge down until contacts do no positive work. With u the velocities
 without the impulses p, v those before the solve, and W the map from impulses to velocities, the work is
@@ -67,6 +67,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     solve_row,
     take_best,
 )
+from touchstone.reference_impl.solver.envelope import lay_out
 from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island, store_island
 
 
@@ -219,10 +220,10 @@ def _iterate(solver, state):
     """Run sweeps, the interior-point method, Newton's method and more sweeps until one of them converges."""
     rows = solver["row_count"]
     if rows > 1 and state["friction"] != FRICTION_PAPER:
-        if _sweep(solver, state, FIRST_SWEEPS):
-            return
         small = rows < INTERIOR_ROWS
-        dense = not small and state["dense_substep"] == 1
+        dense = not small and state["dense_substep"] == 1 and lay_out(solver)
+        if not dense and _sweep(solver, state, FIRST_SWEEPS):
+            return
         close = small or (not dense and solver["best_residual"] <= INTERIOR_FROM)
         # where bodies have no room to separate, the interior-point method ends far from a solution
         if close or state["separates"] == 1:
@@ -254,15 +255,21 @@ def _sweep(solver, state, most):
     """Run at most `most` sweeps over all rows; returns whether they reached the solver's target."""
     rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
     always = state["friction"] == FRICTION_PAPER
-    last = 0.0
+    share = last = 0.0
     for k in range(count):
-        rows[k]["direction"][:] = 0.0
+        rows[k]["swept"][:] = rows[k]["direction"][:] = 0.0
+    for m in range(solver["mover_count"]):
+        movers[m]["direction"][:] = 0.0
+        _copy_velocity(movers[m])
     for sweep in range(most):
+        for m in range(solver["mover_count"]):
+            _advance_mover(movers[m], share)
         change = size = 0.0
         for k in range(count):
             row = rows[k]
-            copy_vector(row["impulse"], row["swept"])
-            change = max(change, solve_row(row, movers, always))
+            _add_direction(row["impulse"], row["direction"], row["swept"], share)
+            step = solve_row(row, movers, always)
+            change, size = max(change, step), size + step * step * row["mass"]
         state["counters"][COUNT_SWEEPS] += 1
         # a residual costs half a sweep: skip it while the impulses change too much
         if change < 2 * solver["best_residual"] or sweep == most - 1:
@@ -272,27 +279,33 @@ def _sweep(solver, state, most):
             keep_best(solver, residual)
             if residual <= solver["target"]:
                 return True
-        for k in range(count):
-            p, q, m = rows[k]["impulse"], rows[k]["swept"], rows[k]["mass"]
-            for i in range(3):
-                size += (p[i] - q[i]) ** 2 / m
-        # update the conjugate direction; restart it if the step grew
-        share = size / last if last > 0 else 0.0
+        # share of the last direction in the next; restart it if the step grew
+        share = size / last if 0 < size <= last else 0.0
         last = size
-        _conjugate(solver, share if share <= 1 else 0.0)
     return False
 
 
 @kernel
-def _conjugate(solver, share):
-    """Add a share of the last direction to the impulses; update the direction by the sweep's step."""
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        p, q, d = row["impulse"], row["swept"], row["direction"]
-        for i in range(3):
-            step = p[i] - q[i]
-            d[i] *= share
-            p[i] += d[i]
-            d[i] += step
-    if share > 0:
-        rebuild(solver)
+def _advance_mover(mover, share):
+    """Add a share of the last direction to a mover's velocities; update the direction by the sweep's step."""
+    step = mover["swept"]
+    for i in range(3):
+        step[0, i], step[1, i] = mover["velocity"][i] - step[0, i], mover["omega"][i] - step[1, i]
+    _add_direction(mover["velocity"], mover["direction"][0], step[0], share)
+    _add_direction(mover["omega"], mover["direction"][1], step[1], share)
+    _copy_velocity(mover)
+
+
+@kernel
+def _copy_velocity(mover):
+    copy_vector(mover["velocity"], mover["swept"][0])
+    copy_vector(mover["omega"], mover["swept"][1])
+
+
+@kernel
+def _add_direction(out_vector, direction, step, share):
+    """Add a share of the last direction to a vector; update the direction by the sweep's step."""
+    for i in range(3):
+        direction[i] *= share
+        out_vector[i] += direction[i]
+        direction[i] += step[i]

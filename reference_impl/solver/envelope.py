@@ -95,49 +95,79 @@ def begin_matrix(solver):
                 lower[at + np.uint64(6 * i + j + 21)] = inertia[i, j]
 
 
-@kernel
+@vectorised_kernel
 def add_row(solver, row):
     """Add J^T K J of one row to the matrix, where K is `kernel`."""
     movers, lower, upper = solver["movers"], solver["lower"], solver["upper"]
     p = movers[row["b"]]["place"] if row["b"] >= 0 else -1
     q = movers[row["a"]]["place"] if row["a"] >= 0 else -1
     if p >= 0:
-        _add_block(solver, lower, _entry(solver, p, p), False, row["r_b"], row["r_b"], 1.0)
+        _add_block(lower, _entry(solver, p, p), row["r_b"], 1.0, _times_jacobian(solver, row["r_b"], False))
     if q >= 0:
-        _add_block(solver, lower, _entry(solver, q, q), False, row["r_a"], row["r_a"], 1.0)
+        _add_block(lower, _entry(solver, q, q), row["r_a"], 1.0, _times_jacobian(solver, row["r_a"], False))
     if p >= 0 and q >= 0:
         at = _entry(solver, max(p, q), min(p, q))
         first, second = (row["r_a"], row["r_b"]) if p > q else (row["r_b"], row["r_a"])
-        _add_block(solver, upper, at, False, first, second, -1.0)
-        _add_block(solver, lower, at, True, first, second, -1.0)
-
-
-@vectorised_kernel
-def _add_block(solver, entries, at, transposed, r_p, r_q, sign):
-    """Add sign J_p^T K J_q of one row, where K is `kernel` or its transpose, to the block at an entry."""
-    matrix, k = solver["kernel"], solver["block"]
-    for i in range(3):
-        for j in range(3):
-            k[i, j] = sign * (matrix[j, i] if transposed else matrix[i, j])
-    for i in range(3):
-        _add_entries(entries, at + np.uint64(6 * i), k[i, 0], k[i, 1], k[i, 2], r_q)
-    for i in range(3):
-        j, m = (i + 1) % 3, (i + 2) % 3
-        x = r_p[j] * k[m, 0] - r_p[m] * k[j, 0]
-        y = r_p[j] * k[m, 1] - r_p[m] * k[j, 1]
-        z = r_p[j] * k[m, 2] - r_p[m] * k[j, 2]
-        _add_entries(entries, at + np.uint64(6 * i + 18), x, y, z, r_q)
+        _add_block(upper, at, first, -1.0, _times_jacobian(solver, second, False))
+        _add_block(lower, at, first, -1.0, _times_jacobian(solver, second, True))
 
 
 @inlined_kernel
-def _add_entries(entries, at, x, y, z, r):
-    """Add a row (x, y, z) of a matrix by velocities, times J, to six entries."""
-    entries[at] += x
-    entries[at + ONE] += y
-    entries[at + TWO] += z
-    entries[at + THREE] += r[1] * z - r[2] * y
-    entries[at + FOUR] += r[2] * x - r[0] * z
-    entries[at + FIVE] += r[0] * y - r[1] * x
+def _times_jacobian(solver, r, transposed):
+    """Three rows of K J for the lever r, where K is `kernel` or its transpose."""
+    k = solver["kernel"]
+    if transposed:
+        return (
+            _with_moment(k[0, 0], k[1, 0], k[2, 0], r),
+            _with_moment(k[0, 1], k[1, 1], k[2, 1], r),
+            _with_moment(k[0, 2], k[1, 2], k[2, 2], r),
+        )
+    return (
+        _with_moment(k[0, 0], k[0, 1], k[0, 2], r),
+        _with_moment(k[1, 0], k[1, 1], k[1, 2], r),
+        _with_moment(k[2, 0], k[2, 1], k[2, 2], r),
+    )
+
+
+@inlined_kernel
+def _with_moment(x, y, z, r):
+    """A vector and its moment at the lever r."""
+    return x, y, z, r[1] * z - r[2] * y, r[2] * x - r[0] * z, r[0] * y - r[1] * x
+
+
+@inlined_kernel
+def _add_block(entries, at, r, sign, rows):
+    """Add sign J^T times three rows of six entries, for the lever r, to the block at an entry."""
+    one, two, three = rows
+    x, y, z = sign * r[0], sign * r[1], sign * r[2]
+    _add_six(entries, at, sign, one)
+    _add_six(entries, at + np.uint64(6), sign, two)
+    _add_six(entries, at + np.uint64(12), sign, three)
+    _add_moment(entries, at + np.uint64(18), y, three, z, two)
+    _add_moment(entries, at + np.uint64(24), z, one, x, three)
+    _add_moment(entries, at + np.uint64(30), x, two, y, one)
+
+
+@inlined_kernel
+def _add_six(entries, at, x, row):
+    """Add a row times a factor to six contiguous entries."""
+    entries[at] += x * row[0]
+    entries[at + ONE] += x * row[1]
+    entries[at + TWO] += x * row[2]
+    entries[at + THREE] += x * row[3]
+    entries[at + FOUR] += x * row[4]
+    entries[at + FIVE] += x * row[5]
+
+
+@inlined_kernel
+def _add_moment(entries, at, x, one, y, two):
+    """Add x times one row and subtract y times another at six contiguous entries."""
+    entries[at] += x * one[0] - y * two[0]
+    entries[at + ONE] += x * one[1] - y * two[1]
+    entries[at + TWO] += x * one[2] - y * two[2]
+    entries[at + THREE] += x * one[3] - y * two[3]
+    entries[at + FOUR] += x * one[4] - y * two[4]
+    entries[at + FIVE] += x * one[5] - y * two[5]
 
 
 @vectorised_kernel

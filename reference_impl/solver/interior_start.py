@@ -7,6 +7,18 @@ from touchstone.reference_impl.core.solver_conventions import INTERIOR_FRICTION,
 from touchstone.reference_impl.solver.contact_rows import changed_velocity
 
 
+@kernel
+def set_axes(solver):
+    """Set the axes of all rows: the normal, and the tangents times the friction, times the square root of the
+    mass. They turn a velocity to v, and their transpose turns q to an impulse."""
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        axes, n, t, s, q = row["axes"], row["normal"], row["across_1"], row["across_2"], sqrt(row["mass"])
+        mu = q * cone_friction(row)
+        for i in range(3):
+            axes[0, i], axes[1, i], axes[2, i] = q * n[i], mu * t[i], mu * s[i]
+
+
 @inlined_kernel
 def cone_friction(row):
     """Coefficient of friction of a row, at least INTERIOR_FRICTION: the cone needs an inside."""
@@ -15,20 +27,31 @@ def cone_friction(row):
 
 @kernel
 def meeting_on_axes(row, movers):
-    """Velocity of a row over its floor, as `on_axes` gives it [m/s]."""
+    """Velocity of a row over its floor, as `on_axes` gives it [sqrt(J)]."""
     f, n, floor = row["free"], row["normal"], row["floor"]
     x, y, z = changed_velocity(row, movers)
     return on_axes(row, x + f[0] - floor * n[0], y + f[1] - floor * n[1], z + f[2] - floor * n[2])
 
 
-@kernel
+@inlined_kernel
 def on_axes(row, x, y, z):
-    """Components of a velocity along the normal, and along the tangents times the friction [m/s]."""
-    n, t, s, mu = row["normal"], row["across_1"], row["across_2"], cone_friction(row)
+    """Components of a vector along a row's axes."""
+    a = row["axes"]
     return (
-        x * n[0] + y * n[1] + z * n[2],
-        mu * (x * t[0] + y * t[1] + z * t[2]),
-        mu * (x * s[0] + y * s[1] + z * s[2]),
+        a[0, 0] * x + a[0, 1] * y + a[0, 2] * z,
+        a[1, 0] * x + a[1, 1] * y + a[1, 2] * z,
+        a[2, 0] * x + a[2, 1] * y + a[2, 2] * z,
+    )
+
+
+@inlined_kernel
+def along_axes(row, x, y, z):
+    """Sum of a row's axes times x, y and z."""
+    a = row["axes"]
+    return (
+        a[0, 0] * x + a[1, 0] * y + a[2, 0] * z,
+        a[0, 1] * x + a[1, 1] * y + a[2, 1] * z,
+        a[0, 2] * x + a[1, 2] * y + a[2, 2] * z,
     )
 
 
@@ -41,7 +64,7 @@ def begin_afar(solver):
         solver["movers"][m]["omega"][:] = 0.0
     for k in range(count):
         x, y, z = meeting_on_axes(rows[k], solver["movers"])
-        speed = max(speed, abs(x), abs(y), abs(z))
+        speed = max(speed, max(abs(x), abs(y), abs(z)) / sqrt(rows[k]["mass"]))
     speed *= sqrt(_mean_mass(solver))
     for k in range(count):
         u, p = rows[k]["velocity"], rows[k]["centre"]
@@ -56,18 +79,11 @@ def begin_near(solver):
     product = (INTERIOR_START * solver["best_residual"]) ** 2 * _mean_mass(solver)
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        i, n, t, s, q, mu = (
-            row["impulse"],
-            row["normal"],
-            row["across_1"],
-            row["across_2"],
-            sqrt(row["mass"]),
-            cone_friction(row),
-        )
-        x, y, z = meeting_on_axes(row, solver["movers"])
-        x = (i[0] * n[0] + i[1] * n[1] + i[2] * n[2]) / q - q * (x + sqrt(y * y + z * z))
-        y = (i[0] * t[0] + i[1] * t[1] + i[2] * t[2]) / (q * mu) - q * y
-        z = (i[0] * s[0] + i[1] * s[1] + i[2] * s[2]) / (q * mu) - q * z
+        i, mass, mu = row["impulse"], row["mass"], cone_friction(row)
+        u, v, w = meeting_on_axes(row, solver["movers"])
+        x, y, z = on_axes(row, i[0], i[1], i[2])
+        x = x / mass - u - sqrt(v * v + w * w)
+        y, z = y / (mass * mu * mu) - v, z / (mass * mu * mu) - w
         size = sqrt(y * y + z * z)
         if size > 0:
             y, z = y / size, z / size

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from itertools import product
 
 import numpy as np
@@ -109,3 +112,23 @@ def test_bodies_of_one_piece_are_valid_and_centred():
     np.testing.assert_allclose(centre, 0.0, atol=1e-15)
     np.testing.assert_allclose(bodies[2].inertia, inertia, rtol=1e-12)
     assert bodies[3].mass == 0
+
+
+def test_bodies_are_the_same_on_every_processor() -> None:
+    """Give all bodies of the catalogue the same bits with the linear algebra of two processors."""
+    code = (
+        "from touchstone.scenarios.catalogue import catalogue\n"
+        "print([scenario.bodies for scenario in catalogue().values()])"
+    )
+    printed = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"OPENBLAS_CORETYPE": processor},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for processor in ("Prescott", "Sandybridge")
+    ]
+    assert "Hull" in printed[0]
+    assert printed[0] == printed[1]

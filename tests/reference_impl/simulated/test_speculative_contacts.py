@@ -191,3 +191,26 @@ def test_the_other_edge_of_a_touching_box_closes_its_gap_at_most(
     np.testing.assert_allclose(sorted(found["distance"]), [gap, gap, gap + height, gap + height], atol=1e-12)
     allowed = np.where(found["distance"] > TOUCH_DISTANCE, (found["distance"] - TOUCH_CLOSED) / h, 0.0)
     np.testing.assert_allclose(found["speculative_speed"], allowed, atol=1e-12)
+
+
+def test_an_edge_meets_a_turning_face_in_two_points(lab: SimpleNamespace) -> None:
+    """Give both ends of an edge that will land on a face a row each, though the face turns until then.
+
+    Along the normal at the time of impact, only the top edges of both boxes are near: one end was found.
+    """
+    half, angle, gap = (0.025, 0.006, 0.05), 0.35, 2e-4
+    s, c = float(np.sin(angle)), float(np.cos(angle))
+    across, up = 0.006 * c + 0.05 * s, 0.05 * c - 0.006 * s
+    one = lab.block(
+        "leaning",
+        half,
+        (0.0, -0.006 - gap - across, 0.045 - up),
+        orientation=(float(np.cos(angle / 2)), float(-np.sin(angle / 2)), 0.0, 0.0),
+        linear_velocity=(0.0, 0.3, 0.0),
+    )
+    two = lab.block("turning", half, ORIGIN, angular_velocity=(-2.0, 0.0, 0.0))
+    world = crowded(lab, one, two, gravity=ORIGIN)
+    end, _ = gather_contacts(world.of_stages(), 1 / 60)
+    found = world.pairs[:end]
+    np.testing.assert_allclose(sorted(found["point_a"][:, 0]), [-0.025, 0.025], atol=1e-9)
+    np.testing.assert_allclose(found["distance"], gap, atol=1e-9)
