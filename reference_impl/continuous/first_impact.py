@@ -1,6 +1,7 @@
 """Earliest impact of a substep: by time of impact, or among pairs that overlap at its end (section 5)."""
 
 from touchstone.reference_impl.broad_phase.detection import is_marked
+from touchstone.reference_impl.continuous.contact_motion import corrects_rotation
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
 from touchstone.reference_impl.continuous.time_of_impact import MovingPair, distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
@@ -80,7 +81,8 @@ def _sinking(moving, first, sweeps, limited):
     state = moving.state
     start = distance_at(moving, 0.0)
     polyhedral = is_polyhedral(moving.piece_a, moving.piece_b)
-    late, depth = first, DENSE_LANDING if state["dense_substep"] == 1 else LANDING_DEPTH
+    rotates = state["dense_substep"] == 1 and corrects_rotation(state)
+    late, depth = first, DENSE_LANDING if rotates else LANDING_DEPTH
     if sweeps:
         target = min(start, 0.0) - OVERLAP_TOLERANCE
         late = _swept(moving, first, target, SINKING_SLACK)

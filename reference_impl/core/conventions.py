@@ -200,7 +200,7 @@ REFLECTION_FAILURES = 2
 """Open solves of an event's impacts after which no round follows: a jammed island leaves each open."""
 LANDING_DEPTH, DENSE_LANDING = 1e-7, 4e-7
 """Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE; and
-in a dense substep, in which leaning bodies sink by 3e-7 m although none has."""
+in dense substeps that take rotation into account: there, leaning bodies sink by 3e-7 m without landing."""
 LANDING_EVENTS = 128
 """Events of a frame after which touching pairs of polyhedra may sink by SINKING_DEPTH."""
 LANDING_MIN = 1e-9

@@ -148,25 +148,24 @@ CAUSES: tuple[Cause, ...] = (
                 "contact.impulse_balance": "break_15",
                 "energy.injected": (
                     "arch_slides arch_stands arch_thin brick_wall coin_falls coin_rolls coin_spins "
-                    "dominoes load_1e4 pyramid tall_holds tip_falls tip_holds tower_10 tower_20 "
+                    "dominoes load_1e4 load_1e6 pyramid tall_holds tip_falls tip_holds tower_10 tower_20 "
                     "tower_20_jittered tower_40"
                 ),
                 "friction.creep": (
-                    "arch_stands brick_wall load_1e4 pyramid tall_holds tip_holds tower_10 tower_20 "
+                    "arch_stands brick_wall load_1e4 load_1e6 pyramid tall_holds tip_holds tower_10 tower_20 "
                     "tower_20_jittered tower_40"
                 ),
                 "friction.deficit": (
-                    "arch_stands brick_wall load_1e4 pyramid tall_holds tip_falls tip_holds tower_10 "
-                    "tower_20 tower_20_jittered tower_40"
+                    "arch_stands brick_wall load_1e4 load_1e6 pyramid tall_holds tip_falls tip_holds "
+                    "tower_10 tower_20 tower_20_jittered tower_40"
                 ),
-                "friction.lift": "load_1e4 pyramid tall_holds tip_holds tower_40",
-                "friction.tilt": "load_1e4 tall_holds tip_holds tower_40",
+                "friction.lift": "arch_stands load_1e4 load_1e6 pyramid tall_holds tip_holds tower_40",
+                "friction.tilt": "load_1e4 load_1e6 tall_holds tip_holds tower_40",
                 "overlap.max": "tower_40",
                 "rest.moved": (
-                    "arch_stands brick_wall load_1e4 pyramid tall_holds tip_holds tower_10 tower_20 "
+                    "arch_stands brick_wall load_1e4 load_1e6 pyramid tall_holds tip_holds tower_10 tower_20 "
                     "tower_20_jittered tower_40"
                 ),
-                "run": "load_1e6",
                 "symmetry.mirror": "arch_stands break_15 brick_wall dominoes pyramid",
             },
         },
@@ -177,10 +176,10 @@ CAUSES: tuple[Cause, ...] = (
         {
             "balanced accurate": {
                 "symmetry.mirror": "dominoes",
+                "solver.caps": "arch_thin",
             },
             "accurate": {
-                "symmetry.offset": "dominoes",
-                "solver.caps": "arch_slides arch_thin dominoes",
+                "solver.caps": "arch_slides dominoes",
             },
         },
     ),

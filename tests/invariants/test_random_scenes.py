@@ -212,8 +212,8 @@ def test_light_bodies_in_a_heap_do_not_sink(profile: str, seed: int, perturbatio
 def test_hands_among_loose_bodies_stay_outside(profile: str, seed: int) -> None:
     """A hand passes nothing and overlaps nothing, though a capsule is jammed between its fingers.
 
-    Before, the capsule left the second hand no free pose: it stayed 1.4 and 2.4 mm deep in the ground. Of seed
-    864202724, contacts of a frame may have no solution: the least residual of one is 6e-6 m/s.
+    Before, the capsule left the second hand no free pose: it stayed 1.4 and 2.4 mm deep in the ground. Some
+    contact problems of seed 864202724 have no solution; the least residual of one is 6e-6 m/s.
     """
     assert broken(played(profile, range(seed, seed + 1)), (*LAWS, "overlap")) == []
 
