@@ -39,15 +39,22 @@ CAUSES: tuple[Cause, ...] = (
                 "friction.creep": "arch_stands",
                 "friction.lift": "arch_stands",
                 "friction.tilt": "arch_stands",
+                "overlap.max": "arch_stands",
                 "rest.moved": "arch_stands",
                 "symmetry.mirror": "arch_stands",
             },
             "recommended default accurate": {
                 "energy.injected": "arch_stands",
             },
+            "recommended default": {
+                "contact.gap": "arch_stands:floor-stone_10 arch_stands:floor-stone_11",
+                "energy.injected": "arch_slides",
+            },
             "equal-step": {
-                "contact.gap": "arch_stands:floor-stone_10 arch_stands:floor-stone_8",
-                "overlap.max": "arch_stands",
+                "contact.gap": (
+                    "arch_stands:floor-stone_10 arch_stands:floor-stone_11 arch_stands:floor-stone_4 "
+                    "arch_stands:floor-stone_5 arch_stands:floor-stone_6"
+                ),
             },
         },
     ),
@@ -139,7 +146,9 @@ CAUSES: tuple[Cause, ...] = (
         {
             "equal-step": {
                 "contact.gap": "arms_cross:torso-torso two_arms:east_wall-torso",
-                "overlap.max": "arms_cross ball_snip push_box table_slide two_arms volley",
+                "overlap.max": (
+                    "arch_slides arch_thin arms_cross ball_snip push_box table_slide two_arms volley"
+                ),
             },
         },
     ),

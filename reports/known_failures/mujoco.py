@@ -126,7 +126,7 @@ CAUSES: tuple[Cause, ...] = (
                     "tower_10:floor-box_1"
                 ),
                 "friction.creep": "tower_40",
-                "overlap.max": "arch_stands coin_falls tower_10",
+                "overlap.max": "coin_falls tower_10",
                 "rest.moved": "stack",
             },
             "recommended": {
@@ -135,6 +135,7 @@ CAUSES: tuple[Cause, ...] = (
             },
             "equal-step": {
                 "friction.creep": "brick_wall",
+                "overlap.max": "arch_stands",
                 "symmetry.mirror": "brick_wall",
             },
         },
