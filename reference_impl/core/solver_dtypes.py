@@ -46,6 +46,7 @@ ROW = record(
     # determinant of the scaled vectors, error of v, derivative of its shift, and change of q that gives
     # certain products
     axes=MATRIX,
+    unit="f8",  # of mass [kg]
     scaling=VECTOR,
     stretch="f8",
     bend="f8",

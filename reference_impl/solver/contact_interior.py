@@ -122,7 +122,7 @@ def _set_scaling(solver, share):
 
     Returns:
         (inside, mean, gap): whether all vectors are inside their cones, out of which rounding may put them at
-        the end; the mean of v.q over all rows [J], and the largest component of their gaps [sqrt(J)].
+        the end; the mean of v.q over all rows [m^2/s^2], and the largest component of their gaps [m/s].
     """
     total, largest = 0.0, 0.0
     for k in range(solver["row_count"]):

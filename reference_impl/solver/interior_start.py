@@ -1,6 +1,6 @@
 """Starts of the interior-point method, and the vectors on whose cones it works (`contact_interior`)."""
 
-from math import sqrt
+from math import frexp, ldexp, sqrt
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.solver_conventions import INTERIOR_FRICTION, INTERIOR_START
@@ -9,14 +9,25 @@ from touchstone.reference_impl.solver.contact_rows import changed_velocity
 
 @kernel
 def set_axes(solver):
-    """Set the axes of all rows: the normal, and the tangents times the friction, times the square root of the
-    mass. They turn a velocity to v, and their transpose turns q to an impulse."""
+    """Set the axes of all rows: the normal, and the tangents times the friction, times the root of the mass.
+
+    The mass is in a unit of 2^k kg, in which masses that are all 8 times as large give the same results to the
+    bit. The axes turn a velocity to v; their transpose times the unit turns q to an impulse.
+    """
+    _, exponent = frexp(_mean_mass(solver))
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        axes, n, t, s, q = row["axes"], row["normal"], row["across_1"], row["across_2"], sqrt(row["mass"])
+        row["unit"] = ldexp(1.0, exponent)
+        axes, n, t, s, q = row["axes"], row["normal"], row["across_1"], row["across_2"], _root_mass(row)
         mu = q * cone_friction(row)
         for i in range(3):
             axes[0, i], axes[1, i], axes[2, i] = q * n[i], mu * t[i], mu * s[i]
+
+
+@inlined_kernel
+def _root_mass(row):
+    """Square root of a row's mass in its unit [1]."""
+    return sqrt(row["mass"] / row["unit"])
 
 
 @inlined_kernel
@@ -27,7 +38,7 @@ def cone_friction(row):
 
 @kernel
 def meeting_on_axes(row, movers):
-    """Velocity of a row over its floor, as `on_axes` gives it [sqrt(J)]."""
+    """Velocity of a row over its floor, as `on_axes` gives it [m/s]."""
     f, n, floor = row["free"], row["normal"], row["floor"]
     x, y, z = changed_velocity(row, movers)
     return on_axes(row, x + f[0] - floor * n[0], y + f[1] - floor * n[1], z + f[2] - floor * n[2])
@@ -46,8 +57,9 @@ def on_axes(row, x, y, z):
 
 @inlined_kernel
 def along_axes(row, x, y, z):
-    """Sum of a row's axes times x, y and z."""
-    a = row["axes"]
+    """Sum of a row's axes times x, y and z, times its unit of mass."""
+    a, unit = row["axes"], row["unit"]
+    x, y, z = unit * x, unit * y, unit * z
     return (
         a[0, 0] * x + a[1, 0] * y + a[2, 0] * z,
         a[0, 1] * x + a[1, 1] * y + a[2, 1] * z,
@@ -64,8 +76,8 @@ def begin_afar(solver):
         solver["movers"][m]["omega"][:] = 0.0
     for k in range(count):
         x, y, z = meeting_on_axes(rows[k], solver["movers"])
-        speed = max(speed, max(abs(x), abs(y), abs(z)) / sqrt(rows[k]["mass"]))
-    speed *= sqrt(_mean_mass(solver))
+        speed = max(speed, max(abs(x), abs(y), abs(z)) / _root_mass(rows[k]))
+    speed *= sqrt(_mean_mass(solver) / rows[0]["unit"])
     for k in range(count):
         u, p = rows[k]["velocity"], rows[k]["centre"]
         u[0] = p[0] = speed
@@ -76,7 +88,8 @@ def begin_afar(solver):
 def begin_near(solver):
     """Start near the present impulses: of all vectors with equal products v.q, those with q - v of the
     impulses. The products fall with the square of the residual."""
-    product = (INTERIOR_START * solver["best_residual"]) ** 2 * _mean_mass(solver)
+    mass = _mean_mass(solver) / solver["rows"][0]["unit"]
+    product = (INTERIOR_START * solver["best_residual"]) ** 2 * mass
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         i, mass, mu = row["impulse"], row["mass"], cone_friction(row)

@@ -144,7 +144,6 @@ CAUSES: tuple[Cause, ...] = (
         PILES,
         {
             "paper": {
-                "contact.gap": "load_1e4",
                 "contact.impulse_balance": "break_15",
                 "energy.injected": (
                     "arch_slides arch_stands arch_thin brick_wall coin_falls coin_rolls coin_spins "
