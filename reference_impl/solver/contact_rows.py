@@ -227,7 +227,8 @@ def _form(w, a, b):
 
 @kernel
 def solve_row(row, movers, always):
-    """Solve Coulomb's law in one row with the other impulses fixed; returns the impulse change / m [m/s].
+    """Solve Coulomb's law in one row with the other impulses fixed; returns the impulse change / m [m/s], and
+    sets `swept` to the change.
 
     Args:
         always: friction is always mu times the normal impulse (Eq. 10), instead of at most that.

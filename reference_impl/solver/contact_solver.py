@@ -252,7 +252,11 @@ def _iterate(solver, state):
 
 @kernel
 def _sweep(solver, state, most):
-    """Run at most `most` sweeps over all rows; returns whether they reached the solver's target."""
+    """Run at most `most` sweeps over all rows; returns whether they reached the solver's target.
+
+    A share of the last direction is added to all velocities before a sweep, and to an impulse when the sweep
+    visits its row.
+    """
     rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
     always = state["friction"] == FRICTION_PAPER
     share = last = 0.0

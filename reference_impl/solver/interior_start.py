@@ -11,8 +11,8 @@ from touchstone.reference_impl.solver.contact_rows import changed_velocity
 def set_axes(solver):
     """Set the axes of all rows: the normal, and the tangents times the friction, times the root of the mass.
 
-    The mass is in a unit of 2^k kg, in which masses that are all 8 times as large give the same results to the
-    bit. The axes turn a velocity to v; their transpose times the unit turns q to an impulse.
+    The mass is in a unit of 2^k kg, so masses that are all 8 times as large give the same results to the bit.
+    The axes turn a velocity to v; their transpose times the unit turns q to an impulse.
     """
     _, exponent = frexp(_mean_mass(solver))
     for k in range(solver["row_count"]):
