@@ -62,9 +62,11 @@ MOVER = record(
     center=VECTOR,
     velocity=VECTOR,  # change of the centre of mass's velocity by the impulses [m/s]
     omega=VECTOR,
-    # sweeps: both before the sweep, and their conjugate direction
-    swept=("f8", (2, 3)),
-    direction=("f8", (2, 3)),
+    # sweeps: both before the sweep, and their conjugate directions
+    velocity_before=VECTOR,
+    omega_before=VECTOR,
+    velocity_direction=VECTOR,
+    omega_direction=VECTOR,
     inertia=MATRIX,
     place="i8",  # index of its block of six unknowns in the matrix
     first_place="i8",  # least such index among itself and the movers in contact with it

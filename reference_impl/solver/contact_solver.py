@@ -263,7 +263,7 @@ def _sweep(solver, state, most):
     for k in range(count):
         rows[k]["swept"][:] = rows[k]["direction"][:] = 0.0
     for m in range(solver["mover_count"]):
-        movers[m]["direction"][:] = 0.0
+        movers[m]["velocity_direction"][:] = movers[m]["omega_direction"][:] = 0.0
         _copy_velocity(movers[m])
     for sweep in range(most):
         for m in range(solver["mover_count"]):
@@ -292,18 +292,18 @@ def _sweep(solver, state, most):
 @kernel
 def _advance_mover(mover, share):
     """Add a share of the last direction to a mover's velocities; update the direction by the sweep's step."""
-    step = mover["swept"]
+    v, w, p, q = mover["velocity"], mover["omega"], mover["velocity_before"], mover["omega_before"]
     for i in range(3):
-        step[0, i], step[1, i] = mover["velocity"][i] - step[0, i], mover["omega"][i] - step[1, i]
-    _add_direction(mover["velocity"], mover["direction"][0], step[0], share)
-    _add_direction(mover["omega"], mover["direction"][1], step[1], share)
+        p[i], q[i] = v[i] - p[i], w[i] - q[i]
+    _add_direction(v, mover["velocity_direction"], p, share)
+    _add_direction(w, mover["omega_direction"], q, share)
     _copy_velocity(mover)
 
 
 @kernel
 def _copy_velocity(mover):
-    copy_vector(mover["velocity"], mover["swept"][0])
-    copy_vector(mover["omega"], mover["swept"][1])
+    copy_vector(mover["velocity"], mover["velocity_before"])
+    copy_vector(mover["omega"], mover["omega_before"])
 
 
 @kernel

@@ -146,7 +146,7 @@ CAUSES: tuple[Cause, ...] = (
             "paper": {
                 "contact.impulse_balance": "break_15",
                 "energy.injected": (
-                    "arch_slides arch_stands arch_thin brick_wall coin_falls coin_rolls coin_spins "
+                    "arch_slides arch_stands arch_thin balls_box brick_wall coin_falls coin_rolls coin_spins "
                     "dominoes load_1e4 load_1e6 pyramid tall_holds tip_falls tip_holds tower_10 tower_20 "
                     "tower_20_jittered tower_40"
                 ),
