@@ -226,7 +226,8 @@ SPECULATIVE_SLACK = 0.25
 """Speed over the resting speed 2 g h at which near pairs close their gap within a substep [1]: a larger value
 adds more of them as rows, and leaves fewer unforeseen impacts."""
 SPECULATIVE_COSINE = 0.995
-"""Cosine of the angle up to which a speculative contact's normal does not turn until its impact [1]."""
+"""Cosine of the angle between the normals of a speculative contact now and at its impact, over which it keeps
+the present one [1]."""
 TOUCH_CLOSED = 9e-7
 """Gap to which a speculative contact may close [m]: touching, but not yet an impact (IMPACT_TARGET)."""
 EVENT_CAP = 192
