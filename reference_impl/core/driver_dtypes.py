@@ -121,6 +121,7 @@ DRIVER = record(
     entry_position=VECTOR,  # pose at the start of overlap removal
     entry_orientation=QUATERNION,
     scratch=("f8", (3, 3)),
+    sums=MATRIX,  # sums of Eq. 1 in profile `paper`
     # scratch: impulse that a link received in the frame, and its angular impulse
     link_impulse=VECTOR,
     link_torque=VECTOR,

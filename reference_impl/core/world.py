@@ -110,6 +110,7 @@ BODY = record(
     fat_reach="f8",
     fat_margin="f8",
     scratch=MATRIX,
+    sums=MATRIX,  # sums of Eq. 1 in profile `paper` (`paper/penetration_depth.py`)
 )
 SLOT = record(
     low=VECTOR,  # bounding box of the piece

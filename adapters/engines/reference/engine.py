@@ -35,12 +35,14 @@ from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 from touchstone.reference_impl.core.kernel import JIT, entry_point
+from touchstone.reference_impl import pipeline
 from touchstone.reference_impl.core.world import World
-from touchstone.reference_impl.pipeline import prepare, step
+from touchstone.reference_impl.paper import frame as paper
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.relations.changes import heavier
 from touchstone.scenarios.scenario import Scenario
 
+PAPER = "paper"
 STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that settings can disable in the compiled step."""
 TARGETS = ("old_target_position", "old_target_orientation", "target_position", "target_orientation")
@@ -86,10 +88,11 @@ def _unturned(bodies: np.ndarray) -> bool:
 
 
 @cache
-def _entry_points() -> tuple[Callable[..., None], Callable[..., None]]:
-    """Compiled code of a step and of an empty kernel; the arrays of all worlds have the same types."""
-    world = small_world()
-    return entry_point(step, *world), entry_point(nothing, *world)
+def _entry_points(profile: str) -> tuple[Callable[..., None], ...]:
+    """Compiled code of a profile's preparation and step, and of an empty kernel; the arrays of all worlds have
+    the same types."""
+    world, frame = small_world(), paper if profile == PAPER else pipeline
+    return tuple(entry_point(kernel, *world) for kernel in (frame.prepare, frame.step, nothing))
 
 
 def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.ndarray, list[np.ndarray]]]:
@@ -138,7 +141,7 @@ class _World:
         self._targets = _targets(self._world, [sample(tracker, times) for tracker in scenario.trackers])
         self._next = 0
         self._stages = np.zeros(len(counters.STAGES))
-        self._step, self._cross = _entry_points()
+        prepare, self._step, self._cross = _entry_points(settings.profile)
         prepare(*self._world)
         if not self._world.drivers["has_free"].all():
             self._refuse_stuck()
@@ -147,7 +150,7 @@ class _World:
         """Refuse a tracker that starts in an overlap which the first frame does not resolve."""
         self._aim_at(0)
         trial = World(*(array.copy() for array in self._world))
-        step(*trial)
+        self._step(*trial)
         for driver in np.flatnonzero(trial.drivers["is_free"] == 0).tolist():
             end, _ = detect(trial.of_stages(), DRIVEN, 0)
             mine = [
