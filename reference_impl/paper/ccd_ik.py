@@ -41,6 +41,9 @@ def ccd_ik(bodies, joints, first, last, state):
 
     On entry the links are posed. On return rotation and origin of the chain's links match the new angles, but
     not their centres and pieces: see `pose_links`.
+
+    Returns:
+        (passes, left): passes over the joints, and the distance from the goal that is left [m].
     """
     tip = bodies[joints[last]["child"]]
     goal = vector(state["goal"])
@@ -49,9 +52,9 @@ def ccd_ik(bodies, joints, first, last, state):
     state["counters"][COUNT_IK_JOINTS] += last + 1 - first
     ee = pose_chain(bodies, joints, first, last, local)
     left = length(sub(goal, ee))
-    for _ in range(CCD_PASSES):
+    for passes in range(CCD_PASSES):
         if left <= CCD_TOLERANCE:
-            return
+            return passes, left
         state["counters"][COUNT_CCD_PASSES] += 1
         before = left
         for k in range(last, first - 1, -1):
@@ -63,8 +66,9 @@ def ccd_ik(bodies, joints, first, last, state):
         ee = pose_chain(bodies, joints, first, last, local)
         left = length(sub(goal, ee))
         if before - left < CCD_PROGRESS * before:
-            return
+            return passes + 1, left
     state["counters"][CAP_CCD] += 1
+    return CCD_PASSES, left
 
 
 @kernel
