@@ -15,6 +15,9 @@ your own. Names are imported when they are used.
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import os
+import sys
 from typing import Any
 
 _PARTS = (
@@ -65,6 +68,30 @@ _HOME = {
 }
 
 __all__ = [*_HOME]
+
+_FOLDERS = ("adapters", "reference_impl", "reports", "scenarios")
+
+
+def _check_folders() -> None:
+    """End with one line if, in a checkout, links of an older one remain, or its folders are not installed."""
+    here = __path__[0]
+    root = os.path.dirname(here)
+    if not os.path.exists(os.path.join(root, "pyproject.toml")):
+        return
+    if links := [path for name in _FOLDERS if os.path.islink(path := os.path.join(here, name))]:
+        raise SystemExit(f"touchstone: links of an older checkout are in the way; run: rm {_quoted(links)}")
+    if importlib.util.find_spec("touchstone.reports") is None:
+        install = _quoted([sys.executable, "-m", "pip", "install", "-e", root])
+        raise SystemExit(f"touchstone: not installed, or before its sources moved; run: {install}")
+
+
+def _quoted(words: list[str]) -> str:
+    import shlex
+
+    return shlex.join(words)
+
+
+_check_folders()
 
 
 def __getattr__(name: str) -> Any:
