@@ -82,10 +82,11 @@ def _check_folders() -> None:
         raise SystemExit(f"touchstone: links of an older checkout are in the way; run: rm {_quoted(links)}")
     if importlib.util.find_spec("touchstone.reports") is None:
         install = _quoted([sys.executable, "-m", "pip", "install", "-e", root])
-        raise SystemExit(f"touchstone: not installed, or before its sources moved; run: {install}")
+        raise SystemExit(f"touchstone: not installed, or installed before its sources moved; run: {install}")
 
 
 def _quoted(words: list[str]) -> str:
+    """Words of a command for the shell."""
     import shlex
 
     return shlex.join(words)
