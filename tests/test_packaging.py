@@ -50,7 +50,8 @@ def test_every_package_is_found_in_this_checkout():
     assert len(folders) > 50
     for folder in folders:
         found = find_spec(".".join(("touchstone", *folder.relative_to(ROOT).parts)))
-        assert found is not None and found.origin == str(folder / "__init__.py"), folder
+        assert found is not None, folder
+        assert found.origin == str(folder / "__init__.py")
 
 
 def test_packages_and_their_data_are_listed(monkeypatch):
@@ -104,7 +105,8 @@ def test_old_links_are_said_in_one_line(tmp_path: Path):
     done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert done.stdout + done.stderr == (
-        f"touchstone: links of an older checkout are in the way; run: rm {link}\n"
+        f"touchstone: links of an older checkout are in the way; run: rm {link} && "
+        f"{sys.executable} -m pip install -e {tmp_path}\n"
     )
 
 

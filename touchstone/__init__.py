@@ -78,18 +78,17 @@ def _check_folders() -> None:
     root = os.path.dirname(here)
     if not os.path.exists(os.path.join(root, "pyproject.toml")):
         return
-    if links := [path for name in _FOLDERS if os.path.islink(path := os.path.join(here, name))]:
-        raise SystemExit(f"touchstone: links of an older checkout are in the way; run: rm {_quoted(links)}")
-    if importlib.util.find_spec("touchstone.reports") is None:
-        install = _quoted([sys.executable, "-m", "pip", "install", "-e", root])
-        raise SystemExit(f"touchstone: not installed, or installed before its sources moved; run: {install}")
-
-
-def _quoted(words: list[str]) -> str:
-    """Words of a command for the shell."""
+    links = [path for name in _FOLDERS if os.path.islink(path := os.path.join(here, name))]
+    if not links and importlib.util.find_spec("touchstone.reports") is not None:
+        return
     import shlex
 
-    return shlex.join(words)
+    install = shlex.join([sys.executable, "-m", "pip", "install", "-e", root])
+    if links:
+        # an install beside links maps no folders
+        remove = shlex.join(["rm", *links])
+        raise SystemExit(f"touchstone: links of an older checkout are in the way; run: {remove} && {install}")
+    raise SystemExit(f"touchstone: not installed, or installed before its sources moved; run: {install}")
 
 
 _check_folders()
