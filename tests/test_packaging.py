@@ -10,6 +10,7 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -91,22 +92,40 @@ def test_an_old_install_is_said_in_one_line(command):
     assert done.stdout + done.stderr == line
 
 
-def test_old_links_are_said_in_one_line(tmp_path: Path):
-    """Links that an older checkout has left are named with the command that removes them."""
+@pytest.fixture
+def other(tmp_path: Path) -> Callable[[], str]:
+    """What `import touchstone` says in another checkout, with what is installed of this one; in `tmp_path`."""
     (tmp_path / "touchstone").mkdir()
     shutil.copy(ROOT / "touchstone" / "__init__.py", tmp_path / "touchstone")
     (tmp_path / "pyproject.toml").touch()
+
+    def said() -> str:
+        call = [sys.executable, "-c", "import touchstone"]
+        done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 1
+        return done.stdout + done.stderr
+
+    return said
+
+
+def test_old_links_are_said_in_one_line(other, tmp_path: Path):
+    """Links that an older checkout has left are named with the command that removes them."""
     link = tmp_path / "touchstone" / "reports"
     try:
         link.symlink_to(Path("..") / "reports")
     except OSError:
         pytest.skip("no links on this file system")
-    call = [sys.executable, "-c", "import touchstone"]
-    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert done.stdout + done.stderr == (
+    assert other() == (
         f"touchstone: links of an older checkout are in the way; run: rm {link} && "
         f"{sys.executable} -m pip install -e {tmp_path}\n"
+    )
+
+
+def test_two_checkouts_are_not_mixed(other, tmp_path: Path):
+    """A checkout that is not the installed one says so: it would import the folders of the other."""
+    assert other() == (
+        f"touchstone: this Python has another checkout installed, {ROOT}; "
+        f"run: {sys.executable} -m pip install -e {tmp_path}\n"
     )
 
 

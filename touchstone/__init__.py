@@ -73,22 +73,28 @@ _FOLDERS = ("adapters", "reference_impl", "reports", "scenarios")
 
 
 def _check_folders() -> None:
-    """End with one line if, in a checkout, links of an older one remain, or its folders are not installed."""
+    """End with one line if, in a checkout, links of an older one remain, or not its folders are installed."""
     here = __path__[0]
     root = os.path.dirname(here)
     if not os.path.exists(os.path.join(root, "pyproject.toml")):
         return
     links = [path for name in _FOLDERS if os.path.islink(path := os.path.join(here, name))]
-    if not links and importlib.util.find_spec("touchstone.reports") is not None:
+    found = importlib.util.find_spec("touchstone.reports")
+    place = os.path.dirname(found.origin) if found and found.origin else ""
+    if not links and place == os.path.realpath(os.path.join(root, "reports")):
         return
     import shlex
 
     install = shlex.join([sys.executable, "-m", "pip", "install", "-e", root])
     if links:
         # an install beside links maps no folders
-        remove = shlex.join(["rm", *links])
-        raise SystemExit(f"touchstone: links of an older checkout are in the way; run: {remove} && {install}")
-    raise SystemExit(f"touchstone: not installed, or installed before its sources moved; run: {install}")
+        reason = "links of an older checkout are in the way"
+        install = f"{shlex.join(['rm', *links])} && {install}"
+    elif place:
+        reason = f"this Python has another checkout installed, {os.path.dirname(place)}"
+    else:
+        reason = "not installed, or installed before its sources moved"
+    raise SystemExit(f"touchstone: {reason}; run: {install}")
 
 
 _check_folders()
