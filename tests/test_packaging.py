@@ -94,7 +94,7 @@ def test_an_old_install_is_said_in_one_line(command):
 
 @pytest.fixture
 def other(tmp_path: Path) -> Callable[[], str]:
-    """What `import touchstone` says in another checkout, with what is installed of this one; in `tmp_path`."""
+    """What `import touchstone` says in another checkout, `tmp_path`, with this one installed."""
     (tmp_path / "touchstone").mkdir()
     shutil.copy(ROOT / "touchstone" / "__init__.py", tmp_path / "touchstone")
     (tmp_path / "pyproject.toml").touch()

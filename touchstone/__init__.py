@@ -73,7 +73,7 @@ _FOLDERS = ("adapters", "reference_impl", "reports", "scenarios")
 
 
 def _check_folders() -> None:
-    """End with one line if, in a checkout, links of an older one remain, or not its folders are installed."""
+    """End with one line if, in a checkout, links of an older one remain, or its folders are not installed."""
     here = __path__[0]
     root = os.path.dirname(here)
     if not os.path.exists(os.path.join(root, "pyproject.toml")):
