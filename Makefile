@@ -5,7 +5,6 @@ READY := .venv/.ready
 # mypy and import-linter find modules by their folders: they read a copy that is laid out as the wheel. A strict
 # editable install would not do: it consists of links, and lacks new files until the next install
 COPY := build/copy
-IN_COPY := $(CURDIR)/$(COPY)
 # two workers: the tests of a scene run on one of them, and both share what was played
 PYTEST := $(BIN)/python -m pytest -n 2
 
@@ -35,7 +34,7 @@ check: $(READY) docs
 	mkdir -p $(COPY)/touchstone
 	cp -p touchstone/*.py $(COPY)/touchstone
 	cp -pR adapters reference_impl reports scenarios $(COPY)/touchstone
-	cd $(COPY)/touchstone && MYPYPATH="$(IN_COPY)" "$(CURDIR)/$(BIN)/mypy" \
+	cd $(COPY)/touchstone && MYPYPATH="$(CURDIR)/$(COPY)" "$(CURDIR)/$(BIN)/mypy" \
 		--config-file "$(CURDIR)/pyproject.toml" --cache-dir "$(CURDIR)/.mypy_cache" -p touchstone
 	cd $(COPY) && "$(CURDIR)/$(BIN)/lint-imports" \
 		--config "$(CURDIR)/pyproject.toml" --cache-dir "$(CURDIR)/.import_linter_cache"
