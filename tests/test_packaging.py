@@ -30,7 +30,7 @@ def tracked() -> dict[str, str]:
         pytest.skip("no git repository")
     lines = subprocess.run(call, capture_output=True, text=True, check=True).stdout.splitlines()
     modes = (line.split("\t") for line in lines)
-    return {name: mode.split()[0] for mode, name in modes if (ROOT / name).exists()}
+    return {name: mode.split()[0] for mode, name in modes if os.path.lexists(ROOT / name)}
 
 
 def sources() -> set[str]:
