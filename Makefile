@@ -2,6 +2,9 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 READY := .venv/.ready
+# mypy and import-linter find modules by their folders: they read a copy that is laid out as the wheel. A strict
+# editable install would not do: it consists of links, and lacks new files until the next install
+COPY := build/copy
 # two workers: the tests of a scene run on one of them, and both share what was played
 PYTEST := $(BIN)/python -m pytest -n 2
 
@@ -27,14 +30,20 @@ test-all: $(READY)
 check: $(READY) docs
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	rm -rf $(COPY)
+	mkdir -p $(COPY)/touchstone
+	cp -p touchstone/*.py $(COPY)/touchstone
+	cp -pR adapters reference_impl reports scenarios $(COPY)/touchstone
+	cd $(COPY)/touchstone && MYPYPATH="$(CURDIR)/$(COPY)" "$(CURDIR)/$(BIN)/mypy" \
+		--config-file "$(CURDIR)/pyproject.toml" --cache-dir "$(CURDIR)/.mypy_cache" -p touchstone
+	cd $(COPY) && "$(CURDIR)/$(BIN)/lint-imports" \
+		--config "$(CURDIR)/pyproject.toml" --cache-dir "$(CURDIR)/.import_linter_cache"
 
 # warnings are errors
 docs: $(READY)
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs build/docs
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml setup.py constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
 	touch $@

@@ -88,7 +88,7 @@ def test_the_tour_from_the_source_tree(monkeypatch, tmp_path):
 def test_the_tour_from_a_wheel(monkeypatch, tmp_path):
     """The tour works with the wheel, which brings the plug-in of pytest by its entry point."""
     source = tmp_path / "source"
-    shutil.copytree(ROOT, source, symlinks=True, ignore=unversioned)
+    shutil.copytree(ROOT, source, ignore=unversioned)
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     subprocess.run([*pip, "wheel", "--no-deps", "-w", tmp_path, source], check=True, timeout=300)
     wheel = next(tmp_path.glob("touchstone-*.whl"))

@@ -15,6 +15,9 @@ your own. Names are imported when they are used.
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import os
+import sys
 from typing import Any
 
 _PARTS = (
@@ -65,6 +68,36 @@ _HOME = {
 }
 
 __all__ = [*_HOME]
+
+_FOLDERS = ("adapters", "reference_impl", "reports", "scenarios")
+
+
+def _check_folders() -> None:
+    """End with one line if, in a checkout, links of an older one remain, or its folders are not installed."""
+    here = __path__[0]
+    root = os.path.dirname(here)
+    if not os.path.exists(os.path.join(root, "pyproject.toml")):
+        return
+    links = [path for name in _FOLDERS if os.path.islink(path := os.path.join(here, name))]
+    found = importlib.util.find_spec("touchstone.reports")
+    place = os.path.dirname(found.origin) if found and found.origin else ""
+    if not links and place == os.path.realpath(os.path.join(root, "reports")):
+        return
+    import shlex
+
+    install = shlex.join([sys.executable, "-m", "pip", "install", "-e", root])
+    if links:
+        # an install beside links maps no folders
+        reason = "links of an older checkout are in the way"
+        install = f"{shlex.join(['rm', *links])} && {install}"
+    elif place:
+        reason = f"this Python has another checkout installed, {os.path.dirname(place)}"
+    else:
+        reason = "not installed, or installed before its sources moved"
+    raise SystemExit(f"touchstone: {reason}; run: {install}")
+
+
+_check_folders()
 
 
 def __getattr__(name: str) -> Any:

@@ -79,7 +79,8 @@ def _helper() -> Iterator[None]:
     if len(os.sched_getaffinity(0)) < 2 or kernel.LINK_BY_NAME is None:
         yield
         return
-    program = [sys.executable, "-c", HELPER.format(parent=os.getpid())]
+    # -P: not from the working folder, which may be another checkout
+    program = [sys.executable, "-P", "-c", HELPER.format(parent=os.getpid())]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     quiet = subprocess.DEVNULL
     helper = subprocess.Popen(program, stdin=quiet, stdout=quiet, stderr=quiet, env=environment)
