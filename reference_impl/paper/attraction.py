@@ -14,8 +14,8 @@ def attract(joints, driver, h):
     """Turn a driven object's joints towards the tracker's angles, within limits, for a frame of length h [s].
 
     "Even if there is no user motion the joints try to move to the desired angles." The paper leaves open how
-    fast: by the same share of the way in equal times. Joints in no chain, as those of a hand, take the glove's
-    angles at once. Sets `angle` and `rate`; the links are not posed.
+    fast: by the same share of the way in equal times. Joints in no chain, as those of a hand, take the
+    glove's angles at once. Sets `angle` and `rate`; the links are not posed.
     """
     share = 1 - exp(-h / ATTRACTION_TIME)
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]

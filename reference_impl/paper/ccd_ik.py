@@ -16,7 +16,6 @@ from touchstone.reference_impl.paper.vectors import (
     dot,
     length,
     scaled,
-    store,
     sub,
     times,
     transposed_times,
@@ -73,7 +72,7 @@ def ccd_ik(bodies, joints, first, last, state):
 
 @kernel
 def turn_joint(joint, o, ee, goal):
-    """Turn one joint so that the end effector comes nearest to the goal, within the joint's limits (Eqs. 4, 5).
+    """Turn one joint within its limits so that the end effector comes nearest to the goal.
 
     Returns:
         The end effector after that; the links are not posed.

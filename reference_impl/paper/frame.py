@@ -90,8 +90,8 @@ def update_driven_objects(world):
     free_driven_objects(world)
     removed = clock(state["clock"])
     for d in range(len(drivers)):
-        # The paper leaves open a link's velocity in contacts: that of the coupling and the joints' attraction,
-        # as if nothing stood in the way; else a hand in contact could push nothing
+        # The paper leaves open a link's velocity in contacts: that of the coupling and of the joints'
+        # attraction, as if nothing stood in the way; else a hand in contact could push nothing
         move_links(bodies, joints, drivers[d])
     collision = state["stage_seconds"][STAGE_COLLISION] - collision
     state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
@@ -140,12 +140,11 @@ def update_simulated_objects(world):
 
 @kernel
 def _first_collision(world, found, h):
-    """Time at which the first of `pairs[:found]`, which touch after a motion of a time h [s], begins to overlap,
-    or h.
+    """Time at which the first of `pairs[:found]`, found after a motion of h [s], begins to overlap, or h.
 
-    The paper leaves open what a collision is under discrete tests: a pair that overlaps at the end, and deeper
-    than at the start, collides when its depth passes the tolerance. What overlaps only in between is missed,
-    as the paper says of itself.
+    The paper leaves open what a collision is under discrete tests: a pair that overlaps at the end, and
+    deeper than at the start, collides when its depth passes the tolerance. What overlaps only in between is
+    missed: "it cannot be excluded that collisions are missed due to discreet collision testing".
     """
     state = world.state
     since, first = clock(state["clock"]), h

@@ -19,13 +19,15 @@ IMPULSES_AT_ONCE = 200
 
 @kernel
 def resolve_collisions(world, end, time, bounce):
-    """Apply impulses until no pair of `pairs[:end]`, which touch, approaches; `bounce` is 0 where none bounces,
-    else 1.
+    """Apply impulses until no pair of `pairs[:end]`, which touch, approaches.
 
     "Collisions are treated by application of impulses sequentially in a priority queue." The paper leaves
     open their order: the fastest approach first, its speed computed after every impulse; equal ones in the
     order of the pairs.
 
+    Args:
+        time: since the start of the frame [s].
+        bounce: 1.0 for the coefficients of restitution of the pairs, 0.0 for none.
     Returns:
         Whether fewer than IMPULSES_AT_ONCE sufficed.
     """
@@ -70,7 +72,7 @@ def normal_velocity(bodies, pair):
 
 @kernel
 def impulse_magnitude(v_n, e, inverse_masses, a, b):
-    """Eq. 9: j = -(1 + e) v_n / (1/m_a + 1/m_b + A + B), so that v_n+ = -e v_n- (Eq. 8) without friction.
+    """Eqs. 8 and 9: v_n+ = -e v_n- asks for j = -(1 + e) v_n- / (1/m_a + 1/m_b + A + B).
 
     Args:
         v_n: relative normal velocity before the collision [m/s].
@@ -89,7 +91,7 @@ def rotational_term(n, inverse_inertia, r):
 
 @kernel
 def mobility(body, drivers, n, point):
-    """1/m and the rotational term of Eq. 9 of one body [1/kg]: both 0 if it is fixed, the latter if driven."""
+    """1/m and the rotational term of Eq. 9 of one body [1/kg]: 0 if it is fixed; no rotation if driven."""
     if body["driver"] >= 0:
         return 1 / drivers[body["driver"]]["mass"], 0.0
     if body["inverse_mass"] == 0:

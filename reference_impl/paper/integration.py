@@ -28,7 +28,7 @@ def accelerate(bodies, gravity, h):
 
 @kernel
 def begin_motion(bodies, h):
-    """Set out on a motion of a time h [s]: the poses from which simulated objects move, and their spin in it."""
+    """Begin a motion of a time h [s]: store the poses of simulated objects, and set their spin in it."""
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:

@@ -46,12 +46,13 @@ from touchstone.reference_impl.paper.vectors import (
 )
 
 TRANSLATION_ROUNDS = 32
-"""Rounds of translation before step 4 of algorithm 1: a square corner halves the depth in each, 14 from 1 cm."""
+"""Rounds of translation before step 4 of algorithm 1: a square corner halves the depth in each, 14 from 1
+cm."""
 CHAIN_ROUNDS = 16
 """Rounds in which the links of a chain are brought out: 1 to 3 are usual."""
 PARALLEL_COSINE = 0.17364817766693033
-"""Cosine between a link and its way out below which it is "almost parallel to the obstacle's surface" [1]: sin
-10 degrees; the paper leaves the angle open."""
+"""Cosine between a link and its way out below which it is "almost parallel to the obstacle's surface" [1].
+The paper leaves open the angle: 10 degrees."""
 RANDOM_FACTOR, RANDOM_PRIME = 16807, 2147483647
 """Generator of Park & Miller (1988), which fits 64-bit integers; its states are 1 to 2^31 - 2."""
 
@@ -222,7 +223,7 @@ def _closest_to_root(bodies, pairs, end, d, chain):
 
 @kernel
 def _set_end_effector_and_goal(world, end, d, chain, link):
-    """Eqs. 2 and 3: `state["point"]`, the end effector of link i, and `state["goal"]`, where it should be.
+    """Eqs. 2 and 3: `state["point"]`, the end effector of link i, and `state["goal"]`.
 
         ee_i = sum_j(c_j) / k,      goal_i = ee_i + PD_g
 
@@ -230,7 +231,7 @@ def _set_end_effector_and_goal(world, end, d, chain, link):
     points out of them, so the sign of Eq. 3 is that of `add_depth`.
 
     Returns:
-        The first joint to turn: the chain's first, or the one after a link of the same chain that is overlapped.
+        The first joint to turn: the chain's first, or the one after an overlapped link of the same chain.
     """
     bodies, pairs, driver, state = world.bodies, world.pairs, world.drivers[d], world.state
     sums, first, ee, count = driver["sums"], driver["chains"][chain, 0], (0.0, 0.0, 0.0), 0

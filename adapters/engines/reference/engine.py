@@ -31,11 +31,11 @@ from touchstone.adapters.engines.reference.compiling import compile_seconds, not
 from touchstone.adapters.engines.reference.reference_world import body_order, mass_unit, translate
 from touchstone.adapters.engines.reference.settings import configure, describe
 from touchstone.adapters.registry import ENGINES
+from touchstone.reference_impl import pipeline
 from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 from touchstone.reference_impl.core.kernel import JIT, entry_point
-from touchstone.reference_impl import pipeline
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.paper import frame as paper
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample

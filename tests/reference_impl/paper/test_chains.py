@@ -1,4 +1,4 @@
-"""Chains under profile `paper`: end effectors, goals, cyclic coordinate descent, parallel links, random order."""
+"""Chains under profile `paper`: end effector, goal, cyclic coordinate descent, parallel links, order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from touchstone.reference_impl.core.conventions import DRIVEN
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.driven.skeleton import pose_links
 from touchstone.reference_impl.paper import frame
-from touchstone.reference_impl.paper.ccd_ik import CCD_TOLERANCE, ccd_ik
+from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, ccd_ik
+from touchstone.reference_impl.paper.impulses import normal_velocity
 from touchstone.reference_impl.paper.overlap_avoidance import (
     RANDOM_PRIME,
     _closest_to_root,
@@ -22,7 +23,6 @@ from touchstone.reference_impl.paper.overlap_avoidance import (
     _shuffle_chains,
     free_driven_objects,
 )
-from touchstone.reference_impl.paper.penetration_depth import OVERLAP_TOLERANCE
 from touchstone.scenarios.scenario import Scenario
 
 CHAIN = 1
@@ -63,8 +63,6 @@ def forearm_in_a_table(lab: SimpleNamespace, depth: float) -> tuple[World, int]:
 
 def test_eq_7_relative_normal_velocity(lab: SimpleNamespace) -> None:
     """v_n = n . v_ab, with the velocities of both surfaces at the contact."""
-    from touchstone.reference_impl.paper.impulses import normal_velocity
-
     world = build(lab.scene(lab.ball("ball", (0.0, 0.0, 0.05)), lab.ground()))
     world.bodies[0]["velocity"], world.bodies[0]["omega"] = (0.3, 0.2, -0.7), (5.0, 0.0, 0.0)
     pair = world.pairs[0]
@@ -96,8 +94,7 @@ def test_eqs_2_and_3_end_effector_and_goal(lab: SimpleNamespace) -> None:
 
 
 def test_a_parallel_link_is_translated(lab: SimpleNamespace) -> None:
-    """Raise a forearm that lies in a table by its depth with its orientation kept, by the joints inwards of its
-    own."""
+    """Raise a forearm that lies in a table with its orientation kept, by the joints inwards of its own."""
     world, forearm = forearm_in_a_table(lab, 0.005)
     before, angles = world.bodies[forearm].copy(), world.joints["angle"].copy()
     free_driven_objects(world.of_stages())
@@ -124,23 +121,21 @@ def arm_at(world: World, angles) -> tuple[int, int, np.ndarray]:
 
 
 def test_ccd_reaches_goals_from_near(lab: SimpleNamespace) -> None:
-    """Bring the hand to 95 of 100 goals from 0.1 rad away, or stop for lack of progress; limits hold."""
-    world, rng, reached = build(lab.person()), np.random.default_rng(3), 0
+    """Bring the hand to within 1e-5 m of 100 goals from 0.1 rad away, within limits."""
+    world, rng = build(lab.person()), np.random.default_rng(3)
     state, bend = world.state[0], np.array((0.2, 0.1, 0.0, 0.8, 0.0, 0.0))
     for _ in range(100):
         _, _, goal = arm_at(world, bend + rng.uniform(-0.1, 0.1, 6))
         first, last, hand = arm_at(world, bend)
         state["point"], state["goal"] = hand, goal
-        start = np.linalg.norm(hand - goal)
-        _, left = ccd_ik(world.bodies, world.joints, first, last, state)
-        reached += left <= CCD_TOLERANCE
+        passes, left = ccd_ik(world.bodies, world.joints, first, last, state)
+        assert left <= 1e-5
+        assert left <= CCD_TOLERANCE or passes == CCD_PASSES
         rows = world.joints[first : last + 1]
-        assert left < start
         assert ((rows["lower"] <= rows["angle"]) & (rows["angle"] <= rows["upper"])).all()
         assert np.linalg.norm(world.bodies[rows["child"][-1]]["position"] - goal) == pytest.approx(
             left, abs=1e-12
         )
-    assert reached >= 95
 
 
 @pytest.mark.parametrize("goal", [(0.0, 0.2, -2.0), (0.0, 0.2, 0.529338), (1e9, 0.0, 0.0), (0.0, -3.0, 3.0)])
@@ -169,37 +164,3 @@ def test_chains_come_in_random_order(lab: SimpleNamespace) -> None:
     # four numbers a frame: the state after 10,000 that Park & Miller give
     assert state["random"] == 1043618065 < RANDOM_PRIME
     assert (abs(first / 2500 - 0.2) < 0.03).all()
-
-
-@pytest.mark.parametrize("depth", [0.001, 0.01])
-def test_arm_against_arm_resolves(lab: SimpleNamespace, depth: float) -> None:
-    """Part two hands that overlap in front of the body, whichever arm comes first."""
-    person = lab.person()
-    world = build(person)
-    hands = [person.body_index(f"{side}_hand") for side in ("left", "right")]
-    names = [joint.name for joint in person.joints]
-    # both forearms forward and inwards, until the hands overlap by the depth
-    for side in ("left", "right"):
-        world.joints["angle"][names.index(f"{side}_elbow")] = np.pi / 2
-    twist = [k for k, name in enumerate(names) if "shoulder" in name]
-    found = False
-    for share in np.linspace(0.0, 1.0, 200):
-        for k in twist:
-            row = world.joints[k]
-            wanted = row["upper"] if row["upper"] > -row["lower"] else row["lower"]
-            if names[k].endswith("twist") or k in (twist[2], twist[5]):
-                row["angle"] = share * wanted
-        pose_links(world.bodies, world.joints, world.drivers[0])
-        world.state["self_collision"] = 1
-        end, _ = detect(world.of_stages(), DRIVEN, 0)
-        deepest = max(
-            (p["depth"] for p in world.pairs[:end] if {p["body_a"], p["body_b"]} == set(hands)), default=0.0
-        )
-        if deepest > depth:
-            found = True
-            break
-    if not found:
-        pytest.skip("these turns do not bring the hands together")
-    free_driven_objects(world.of_stages())
-    end, deepest = detect(world.of_stages(), DRIVEN, 0)
-    assert deepest <= OVERLAP_TOLERANCE
