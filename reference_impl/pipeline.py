@@ -2,7 +2,6 @@
 
 from touchstone.reference_impl.broad_phase.detection import (
     detect,
-    find_swept_pairs,
     is_free,
     mark_pairs,
     place_listed,
@@ -16,6 +15,7 @@ from touchstone.reference_impl.continuous.contact_motion import corrects_rotatio
 from touchstone.reference_impl.continuous.driven_time_of_impact import sweep_drivers
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
+from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
 from touchstone.reference_impl.core.conventions import (
     DENSE_CALM,
     DETECTION_DISCRETE,
@@ -45,10 +45,11 @@ from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetri
 from touchstone.reference_impl.core.solver_conventions import NEWTON_WORK
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.driven.attraction import approach, set_goals
-from touchstone.reference_impl.driven.driver_poses import store_free_pose
 from touchstone.reference_impl.driven.global_depth import largest_depth
 from touchstone.reference_impl.driven.overlap_removal import follow_pushed, pass_free, remove_overlap
-from touchstone.reference_impl.driven.skeleton import (
+from touchstone.reference_impl.driven.virtual_coupling import follow_tracker
+from touchstone.reference_impl.kinematics.driver_poses import store_free_pose
+from touchstone.reference_impl.kinematics.skeleton import (
     composite_inertia,
     move_from_shown,
     move_links,
@@ -56,7 +57,6 @@ from touchstone.reference_impl.driven.skeleton import (
     pose_links,
     store_shown,
 )
-from touchstone.reference_impl.driven.virtual_coupling import follow_tracker
 from touchstone.reference_impl.simulated.contact_events import first_return
 from touchstone.reference_impl.simulated.contact_log import shorten_resting_contacts
 from touchstone.reference_impl.simulated.energy_guard import guard_energy, note_energy

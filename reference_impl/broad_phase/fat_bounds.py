@@ -27,8 +27,8 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.driven.skeleton import are_adjacent
 from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.kinematics.skeleton import are_adjacent
 
 
 @kernel

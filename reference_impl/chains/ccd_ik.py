@@ -20,8 +20,14 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotate
-from touchstone.reference_impl.driven.reach_cone import keep_in_cone, project, take_angles, turn_about
-from touchstone.reference_impl.driven.skeleton import hang, measure_angle
+from touchstone.reference_impl.kinematics.reach_cone import (
+    keep_in_cone,
+    keep_in_cones,
+    project,
+    take_angles,
+    turn_about,
+)
+from touchstone.reference_impl.kinematics.skeleton import hang, measure_angle
 
 
 class Hinges(NamedTuple):
@@ -117,16 +123,6 @@ def _extrapolate(hinges, point, goal, left, ratio):
         return found, True
     return_to_last(hinges, point)
     return left, False
-
-
-@kernel
-def keep_in_cones(joints, first, last):
-    """Project every ball joint of hinges `first` to `last` into its reach cone."""
-    for k in range(first, last + 1):
-        measure_angle(joints[k])
-    for k in range(first, last + 1):
-        if joints[k]["cone_count"] > 0:
-            keep_in_cone(joints, k)
 
 
 @kernel

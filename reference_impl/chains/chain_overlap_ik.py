@@ -15,7 +15,7 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import CAP_CCD, COUNT_CCD_PASSES, COUNT_IK_JOINTS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of
-from touchstone.reference_impl.driven.skeleton import hang, measure_angle
+from touchstone.reference_impl.kinematics.skeleton import hang, measure_angle
 
 
 @kernel

@@ -17,7 +17,7 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.counters import CAP_CHAIN_ROUNDS, COUNT_IK_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.driven.skeleton import pose_chain_links, pose_moved
+from touchstone.reference_impl.kinematics.skeleton import pose_chain_links, pose_moved
 
 
 @kernel

@@ -26,7 +26,7 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.driven.skeleton import link_of
+from touchstone.reference_impl.kinematics.skeleton import link_of
 
 
 @kernel

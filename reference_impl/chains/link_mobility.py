@@ -16,7 +16,7 @@ Links outside chains have the driver's mass.
 from touchstone.reference_impl.core.conventions import LINK_GYRATION
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, rotate
-from touchstone.reference_impl.driven.skeleton import link_of
+from touchstone.reference_impl.kinematics.skeleton import link_of
 
 
 @kernel

@@ -14,7 +14,6 @@ slowly where contacts nearly oppose each other; after every QP_NEWTON_EVERY swee
 
 from math import inf, sqrt
 
-from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.core.conventions import (
     QP_LEVER,
     QP_LINE_SEARCH,
@@ -28,6 +27,7 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_IK_JOINTS, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotate
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cones
 
 COMPLIANCE = QP_LEVER * QP_LEVER
 """Violation of a constraint per unit of its multiplier [m^2]."""

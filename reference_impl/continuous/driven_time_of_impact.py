@@ -7,8 +7,8 @@ both pieces. (Along the normal at the impact a piece may be wider, and a link de
 the far side.) DETECTION_FAST sweeps only links that moved farther than half the width of both.
 """
 
-from touchstone.reference_impl.broad_phase.detection import find_swept_pairs
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair, set_path, shown_motion
+from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
 from touchstone.reference_impl.continuous.time_of_impact import MovingPair, time_of_impact
 from touchstone.reference_impl.core.conventions import (
     DETECTION_FAST,
@@ -26,9 +26,9 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED, STAGE_COLLISION
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
-from touchstone.reference_impl.driven.driver_poses import interpolate, restore_entry, store_entry
 from touchstone.reference_impl.driven.global_depth import Mover, side_of
-from touchstone.reference_impl.driven.skeleton import pose_links, pose_moved
+from touchstone.reference_impl.kinematics.driver_poses import interpolate, restore_entry, store_entry
+from touchstone.reference_impl.kinematics.skeleton import pose_links, pose_moved
 
 
 @kernel

@@ -24,7 +24,7 @@ from touchstone.reference_impl.core.conventions import (
     POSTURE_LEAST_TURN,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.driven.skeleton import pose_moved
+from touchstone.reference_impl.kinematics.skeleton import pose_moved
 
 
 @kernel

@@ -36,15 +36,15 @@ from touchstone.reference_impl.core.counters import (
     COUNT_WAY_BACK,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.driven.driver_poses import (
+from touchstone.reference_impl.driven.global_depth import Mover, global_depth, largest_depth, side_of
+from touchstone.reference_impl.driven.min_norm_translation import min_norm_translation
+from touchstone.reference_impl.kinematics.driver_poses import (
     interpolate,
     restore_entry,
     store_entry,
     store_free_pose,
 )
-from touchstone.reference_impl.driven.global_depth import Mover, global_depth, largest_depth, side_of
-from touchstone.reference_impl.driven.min_norm_translation import min_norm_translation
-from touchstone.reference_impl.driven.skeleton import place, pose_links, pose_moved
+from touchstone.reference_impl.kinematics.skeleton import place, pose_links, pose_moved
 
 
 @kernel

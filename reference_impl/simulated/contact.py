@@ -12,7 +12,7 @@ import numpy as np
 from touchstone.reference_impl.continuous.time_of_impact import gap_along
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, OVERLAP_TOLERANCE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.driven.skeleton import move_links
+from touchstone.reference_impl.kinematics.skeleton import move_links
 
 
 class MassProperties(NamedTuple):

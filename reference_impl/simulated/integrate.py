@@ -22,7 +22,7 @@ from touchstone.reference_impl.core.rotation import (
     matrix_of,
     rotate,
 )
-from touchstone.reference_impl.driven.skeleton import move_links
+from touchstone.reference_impl.kinematics.skeleton import move_links
 
 
 @kernel

@@ -29,8 +29,8 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT_GAVE_UP, COUNT_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of, turn
-from touchstone.reference_impl.driven.skeleton import place
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
+from touchstone.reference_impl.kinematics.skeleton import place
 from touchstone.reference_impl.simulated.contact import place_contact
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 

@@ -11,9 +11,10 @@ overlap: the distance of convex pieces is at least their gap along any normal (A
 
 from math import ceil, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, find_swept_pairs, set_coefficients
+from touchstone.reference_impl.broad_phase.detection import detect, set_coefficients
 from touchstone.reference_impl.continuous.contact_motion import corrects_rotation
 from touchstone.reference_impl.continuous.swept_motion import lever_of
+from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
 from touchstone.reference_impl.continuous.time_of_impact import (
     MovingPair,
     gap_along,

@@ -15,7 +15,7 @@ from touchstone.reference_impl.core.conventions import (
     PASSES_EXTRAPOLATED,
     PASSES_PLAIN,
 )
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reports.studies.inverse_kinematics.study import Arm, draw
 
 SETTINGS = [(angle, passes) for angle in (ANGLE_ACOS, ANGLE_ATAN2) for passes in (0, 1)]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.reference_impl.chains.chain_overlap_ik import bend, keep_orientation
 from touchstone.reference_impl.core.conventions import BEND_SHARE, OVERLAP_TOLERANCE
 from touchstone.reference_impl.driven.overlap_removal import remove_overlap
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 
 CHAIN = 1
 """The left arm."""

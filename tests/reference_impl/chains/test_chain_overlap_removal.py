@@ -27,8 +27,8 @@ from touchstone.reference_impl.chains.chain_overlap_removal import shuffle_chain
 from touchstone.reference_impl.core.conventions import ATTRACTION_TIME, OVERLAP_TOLERANCE
 from touchstone.reference_impl.core.driver_dtypes import DRIVER
 from touchstone.reference_impl.core.state_dtype import STATE
-from touchstone.reference_impl.driven.reach_cone import keep_in_cone
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.avatar import avatar_parts
 from touchstone.scenarios.avatar.chains import hinge_axes
 from touchstone.scenarios.avatar.tracking import sample

@@ -10,7 +10,7 @@ import pytest
 from touchstone.reference_impl.chains.chain_servo import recoil
 from touchstone.reference_impl.chains.link_mobility import chain_inertia, weigh_links
 from touchstone.reference_impl.core.world import PAIR, World
-from touchstone.reference_impl.driven.skeleton import composite_inertia, pose_links
+from touchstone.reference_impl.kinematics.skeleton import composite_inertia, pose_links
 from touchstone.reference_impl.simulated.contact import apply_impulse, contact_mobility, place_contact
 
 FRAME = 1 / 60

@@ -13,7 +13,7 @@ from touchstone.reference_impl.chains.posture_qp import apply_turns, missed_shar
 from touchstone.reference_impl.core.conventions import QP_CLEARANCE, QP_LEVER, QP_TOLERANCE, QP_TURN_MAX
 from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.world import PAIR
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 
 CHAIN, RIGHT = 1, 2
 """The left arm, and the other."""

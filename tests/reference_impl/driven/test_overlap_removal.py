@@ -12,7 +12,7 @@ from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.reference_impl.broad_phase.detection import place_pieces
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.driven.overlap_removal import remove_overlap
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1

@@ -10,7 +10,7 @@ from math import atan2, cos, pi, sin, sqrt
 from touchstone.reference_impl.core.conventions import CONE_SLACK, GIMBAL_COSINE, HALF_TURN, LIMIT_SLACK
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.driven.skeleton import measure_angle
+from touchstone.reference_impl.kinematics.skeleton import measure_angle
 
 
 @kernel
@@ -28,6 +28,16 @@ def keep_in_cone(joints, first):
         return False
     take_angles(joints, first)
     return True
+
+
+@kernel
+def keep_in_cones(joints, first, last):
+    """Project every ball joint of hinges `first` to `last` into its reach cone."""
+    for k in range(first, last + 1):
+        measure_angle(joints[k])
+    for k in range(first, last + 1):
+        if joints[k]["cone_count"] > 0:
+            keep_in_cone(joints, k)
 
 
 @kernel

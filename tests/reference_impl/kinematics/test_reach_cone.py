@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.engines.reference.reference_world import translate
-from touchstone.reference_impl.driven.reach_cone import (
+from touchstone.reference_impl.kinematics.reach_cone import (
     carry,
     is_inside,
     keep_in_cone,
@@ -16,7 +16,7 @@ from touchstone.reference_impl.driven.reach_cone import (
     recover_angles,
     twist_of,
 )
-from touchstone.reference_impl.driven.skeleton import measure_angle
+from touchstone.reference_impl.kinematics.skeleton import measure_angle
 
 ROUNDING = 1e-13
 """Some hundred roundings of angles of about 1 rad."""

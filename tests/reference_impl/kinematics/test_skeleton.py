@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from touchstone.reference_impl.driven.skeleton import (
+from touchstone.reference_impl.kinematics.skeleton import (
     composite_inertia,
     joint_space_inertia,
     move_links,

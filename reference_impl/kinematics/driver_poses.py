@@ -1,10 +1,10 @@
 """Poses of a driver: at entry to overlap removal, the last free one, and those between."""
 
-from touchstone.reference_impl.chains.ccd_ik import keep_in_cones
 from touchstone.reference_impl.core.conventions import PART_WHOLE
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cones
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 
 
 @kernel
