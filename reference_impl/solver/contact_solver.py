@@ -53,7 +53,6 @@ from touchstone.reference_impl.core.solver_conventions import (
     STEADY_ROUNDINGS,
     STEADY_SHARE,
 )
-from touchstone.reference_impl.simulated.contact import surface_velocity
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import (
@@ -69,6 +68,7 @@ from touchstone.reference_impl.solver.contact_rows import (
 )
 from touchstone.reference_impl.solver.envelope import lay_out
 from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island, store_island
+from touchstone.reference_impl.solver.mobility import surface_velocity
 
 
 @kernel

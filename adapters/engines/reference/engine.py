@@ -36,7 +36,7 @@ from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 from touchstone.reference_impl.core.kernel import JIT, entry_point
 from touchstone.reference_impl.core.world import World
-from touchstone.reference_impl.pipeline import prepare, step
+from touchstone.reference_impl.frame import prepare, step
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.relations.changes import heavier
 from touchstone.scenarios.scenario import Scenario

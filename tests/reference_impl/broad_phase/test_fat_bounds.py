@@ -14,7 +14,7 @@ from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.reference_impl.broad_phase.detection import place_pieces
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds, update_fat_bounds
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
-from touchstone.reference_impl.pipeline import step
+from touchstone.reference_impl.frame import step
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

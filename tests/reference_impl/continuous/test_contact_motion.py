@@ -16,7 +16,7 @@ from touchstone.reference_impl.core.conventions import SIMULATED, SPHERE
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.kinematics.skeleton import place
-from touchstone.reference_impl.simulated.contact import place_contact
+from touchstone.reference_impl.solver.mobility import place_contact
 
 STEP = 1e-4
 """Of the finite differences [s]: they are exact to 1e-5 of the motions below."""

@@ -9,8 +9,8 @@ from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.frame import prepare, step
 from touchstone.reference_impl.geometry.depth_cache import find_entry
-from touchstone.reference_impl.pipeline import prepare, step
 from touchstone.scenarios.catalogue import catalogue
 
 
