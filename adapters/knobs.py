@@ -20,16 +20,12 @@ class SettingError(AdapterError):
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Setting with named values, and its value in each profile of its engine ("": depends on the scene).
-
-    `field` names the field of the engine's record if it differs from the setting's name.
-    """
+    """Setting with named values, and its value in each profile of its engine ("": depends on the scene)."""
 
     name: str
     values: Mapping[str, int]
     profiles: tuple[str, ...]
     summary: str
-    field: str = ""
 
     @property
     def valid(self) -> str:
@@ -60,7 +56,6 @@ class Range:
     profiles: tuple[str, ...]
     summary: str
     whole: bool = True
-    field: str = ""
 
     @property
     def valid(self) -> str:
@@ -91,7 +86,6 @@ class Numbers:
     bounds: tuple[tuple[float, float], ...]
     profiles: tuple[str, ...]
     summary: str
-    field: str = ""
 
     @property
     def valid(self) -> str:

@@ -26,7 +26,7 @@ from touchstone.reference_impl.contact.integrate import (
 from touchstone.reference_impl.contact.resting_contact import solve_resting_contacts
 from touchstone.reference_impl.contact.separation import separate_simulated
 from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
-from touchstone.reference_impl.continuous.contact_motion import corrects_rotation, restore_normals
+from touchstone.reference_impl.continuous.contact_motion import restore_normals
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
@@ -38,7 +38,6 @@ from touchstone.reference_impl.core.conventions import (
     DRIVEN,
     EVENT_CAP,
     FIXED,
-    IMPULSES_TOGETHER,
     SIMULATED,
     TIME_MIN,
     UNPAID_ATTEMPTS,
@@ -146,7 +145,7 @@ def _drive(world):
             store_shown(bodies, joints, drivers[d])
         follow_tracker(drivers[d], state["dt"])
         copy_vector(drivers[d]["position"], drivers[d]["coupled_position"])
-        set_goals(joints, drivers[d], state["dt"], state["attraction_time"])
+        set_goals(joints, drivers[d], state["dt"])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
     # attract chains in parts, so that no limb passes through another between overlap tests
@@ -183,13 +182,13 @@ def _fly(world):
     """Simulated loop of a frame without contacts: one substep of free flight."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    start, h, flight = clock(state["clock"]), state["dt"], state["flight"]
+    start, h = clock(state["clock"]), state["dt"]
     if state["skip_rotation"] == 1:
-        fly_straight(bodies, state["gravity"], h, flight)
+        fly_straight(bodies, state["gravity"], h)
     else:
         begin_substep(bodies, drivers)
-        apply_forces(bodies, state["gravity"], h, flight)
-        set_ways(bodies, pairs, 0, h, flight)
+        apply_forces(bodies, state["gravity"], h)
+        set_ways(bodies, pairs, 0, h)
         pose_at(bodies, 1.0)
         end_substep(bodies, joints, drivers, 1.0)
     state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start
@@ -243,7 +242,7 @@ def _simulate(world):
             break
         state["counters"][COUNT_EVENTS] += 1
     busy = state["counters"][COUNT_DENSE] > 0 and state["counters"][COUNT_EVENTS] >= DENSE_CALM
-    state["dense_frame"] = 1 if busy and corrects_rotation(state) else 0
+    state["dense_frame"] = 1 if busy else 0
     if left > TIME_MIN:
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
@@ -270,7 +269,7 @@ def _substep(world, touching, time, h):
     returned = first_return(bodies, pairs, touching, state)
     restore_normals(pairs, touching)
     state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
-    set_ways(bodies, pairs, touching, h, state["flight"])
+    set_ways(bodies, pairs, touching, h)
     fraction, drifted = _advance(world, touching, returned)
     end_substep(bodies, world.joints, drivers, fraction)
     shorten_resting_contacts(world.contacts, first_held, state["contact_count"], fraction)
@@ -279,8 +278,7 @@ def _substep(world, touching, time, h):
     if drifted:
         moved = separate_simulated(world, touching)
     state["unpaid_energy"] = 0.0
-    if state["impulses"] == IMPULSES_TOGETHER:
-        guard_energy(world, moved, drifted, first_held)
+    guard_energy(world, moved, drifted, first_held)
     return h, fraction
 
 

@@ -1,15 +1,13 @@
 """Contact events within a substep: the return of a separating contact and the stop of a sliding one.
 
 Both times follow from the velocities before and after the contact solve, while bodies still have their
-initial poses. Neither event occurs under FLIGHT_EULER, which takes the last velocity as the mean, or in a
-dense substep.
+initial poses. Neither event occurs in a dense substep.
 """
 
 from math import sqrt
 
 from touchstone.reference_impl.core.conventions import (
     EVENT_CAP,
-    FLIGHT_EULER,
     NEVER,
     NO_FLOOR,
     SLIDE_MIN,
@@ -51,7 +49,7 @@ def first_stop(bodies, pairs, count, h, state):
     """Fraction of the substep at which the first sliding contact stops or reverses; over 1 if the first stops
     later, by its present braking."""
     first = NEVER
-    if state["flight"] != FLIGHT_EULER and state["dense_substep"] == 0:
+    if state["dense_substep"] == 0:
         for k in range(count):
             if pairs[k]["manifold"] < 0 or pairs[k]["manifold"] == k:
                 first = min(first, _stop(bodies, pairs, k, h, state))

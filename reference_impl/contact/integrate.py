@@ -42,7 +42,7 @@ def begin_substep(bodies, drivers):
 
 
 @kernel
-def apply_forces(bodies, gravity, h, flight):
+def apply_forces(bodies, gravity, h):
     """Compute velocities and world inertias after a time h of gravity and free rotation, and velocities of
     links in contact after a time h of their servo's force."""
     for b in range(len(bodies)):
@@ -50,7 +50,7 @@ def apply_forces(bodies, gravity, h, flight):
         if body["kind"] == SIMULATED:
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
-            rotate_freely(body, h, flight)
+            rotate_freely(body, h)
         elif body["link_inverse_mass"] > 0:
             for i in range(3):
                 body["velocity"][i] += body["drive_acceleration"][i] * h
@@ -58,7 +58,7 @@ def apply_forces(bodies, gravity, h, flight):
 
 
 @kernel
-def fly_straight(bodies, gravity, h, flight):
+def fly_straight(bodies, gravity, h):
     """Integrate simulated bodies over a time h without contacts or rotation: velocities, then poses."""
     for b in range(len(bodies)):
         body = bodies[b]
@@ -67,7 +67,7 @@ def fly_straight(bodies, gravity, h, flight):
         copy_vector(body["velocity"], body["old_velocity"])
         for i in range(3):
             body["velocity"][i] += gravity[i] * h
-        flight_way(body, h, flight)
+        flight_way(body, h)
         rotate(body["rotation"], body["center_of_mass"], body["position"])
         for i in range(3):
             body["center"][i] += body["travel"][i] + body["travel_bend"][i]
@@ -100,7 +100,7 @@ def begin_again(bodies, joints, drivers):
 
 
 @inlined_kernel
-def set_ways(bodies, pairs, held, h, flight):
+def set_ways(bodies, pairs, held, h):
     """Compute the motion of simulated bodies over a substep of length h from their old and new velocities.
 
     Bodies on which a contact of `pairs[:held]` exerts an impulse do not rotate freely.
@@ -113,7 +113,7 @@ def set_ways(bodies, pairs, held, h, flight):
             a["spin_keeps"] = b["spin_keeps"] = KEEPS_NOTHING
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
-            flight_motion(bodies[b], h, flight)
+            flight_motion(bodies[b], h)
 
 
 @kernel

@@ -1,7 +1,16 @@
-"""Simultaneous impacts of an island, and the energy guard for an island as a whole."""
+"""Simultaneous impacts of an island, and the energy guard for an island as a whole.
 
-from touchstone.reference_impl.contact.impulse import lossless_share
-from touchstone.reference_impl.core.conventions import APPROACH_MIN, ENERGY_ROUNDING, RESTITUTION_GUARDED
+Impulses p change the relative velocities v at the contacts to v+ = v + M p, and the kinetic energy by
+T(p) = p.(v + v+) / 2, which is convex. By Newton's law, n.v+ = -e n.v, friction that does not reverse the
+sliding only adds to the loss. Sticking friction can gain energy, but not at e = 0.
+
+The guard takes the impulses p0 at e = 0 and p1 at e, and moves from p1 towards p0 until T = 0:
+T(p0 + s (p1 - p0)) is a parabola in s. The impulses stay in the cones, which are convex.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
@@ -16,8 +25,7 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
 
     The impulses satisfy n.v+ >= -e n.v-, and act only where equality holds. If e is the same in all rows,
     (v+ + e v-) / (1 + e) is the projection of v- on the velocities that do not approach, so the energy never
-    rises without friction. With friction or different e, the guard of `impulse.py` applies to all impulses of
-    the island together.
+    rises without friction. With friction or different e, the guard applies.
     """
     join_islands(bodies, drivers, pairs, count, False)
     for k in range(count):
@@ -25,7 +33,7 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
             continue
         solve_island(bodies, joints, drivers, pairs, k, False, state)
         gain, work = _energy_change(bodies, pairs, k, state)
-        if state["restitution_law"] == RESTITUTION_GUARDED and gain > ENERGY_ROUNDING * work:
+        if gain > ENERGY_ROUNDING * work:
             _guard(bodies, joints, drivers, pairs, k, gain, state)
         state["counters"][COUNT_IMPULSES] += 1
 
@@ -90,21 +98,11 @@ def _add_impulse(bodies, joints, drivers, pair, share, state):
 
 
 @kernel
-def to_middle(pairs, pair):
-    """Move a row's contact point to the mean of its manifold's points that approach as fast.
-
-    Speeds within APPROACH_MIN count as equal. A sequential impact acts on a pair at one point, but if a face
-    or an edge meets another flatly, all points of the manifold are equally deep.
-    """
-    point, count, k = pair["point"], 0, pair["manifold"]
-    point[0] = point[1] = point[2] = 0.0
-    while k >= 0:
-        other = pairs[k]
-        if other["key"] >= pair["key"] - APPROACH_MIN:
-            count += 1
-            for i in range(3):
-                point[i] += (other["point_a"][i] + other["point_b"][i]) / 2
-        k = other["next_point"]
-    for i in range(3):
-        point[i] /= count
-        pair["lever_a"][i] = pair["lever_b"][i] = point[i]
+def lossless_share(start, slope, end):
+    """Root in [0, 1] of the parabola with values `start` <= 0 at 0 and `end` > 0 at 1, and `slope` at 0."""
+    bend = end - start - slope
+    root = sqrt(max(0.0, slope * slope - 4 * bend * start))
+    # use the form without cancellation
+    if slope > 0:
+        return min(1.0, -2 * start / (slope + root))
+    return min(1.0, (root - slope) / (2 * bend))

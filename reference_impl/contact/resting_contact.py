@@ -2,19 +2,15 @@
 
 from touchstone.reference_impl.contact.contact_events import first_stop, note_free_slip
 from touchstone.reference_impl.contact.contact_log import log_held
-from touchstone.reference_impl.contact.impact import fastest_row, rest_speed, strike
+from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again
 from touchstone.reference_impl.continuous.contact_motion import (
     bias_share,
-    corrects_rotation,
     move_to_middle,
     restore_normals,
 )
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
-    FLIGHT_BALLISTIC,
-    IMPULSE_CAP,
-    IMPULSES_TOGETHER,
     NEVER,
     NO_FLOOR,
     RESTING_CONTACT_ROUNDS,
@@ -23,7 +19,7 @@ from touchstone.reference_impl.core.conventions import (
     STOP_SHARE,
     STOP_SHORT,
 )
-from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
+from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
@@ -43,17 +39,14 @@ def solve_resting_contacts(world, count, time, h):
         bodies rotate more than their contacts allow for.
     """
     bodies, pairs, state = world.bodies, world.pairs, world.state
-    converged, most, extended, exact = True, h, False, corrects_rotation(state)
+    most, extended = h, False
     for k in range(RESTING_CONTACT_ROUNDS):
         _prepare_resting_contacts(world, count, h)
-        apply_forces(bodies, state["gravity"], h, state["flight"])
-        if state["impulses"] == IMPULSES_TOGETHER:
-            converged = _solve_together(world, count, h)
-        else:
-            converged = _solve_in_turn(world, count)
+        apply_forces(bodies, state["gravity"], h)
+        converged = _solve_together(world, count, h)
         # a stop time is meaningful only if the impulses converged
         share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
-        if exact and state["dense_substep"] == 0:
+        if state["dense_substep"] == 0:
             share = min(share, bias_share(bodies, world.pieces, pairs, count, h, state))
         later = min(most, STOP_SHORT * share * h)
         if share >= STOP_SHARE:
@@ -69,8 +62,7 @@ def solve_resting_contacts(world, count, time, h):
         h = later
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
-    if state["impulses"] == IMPULSES_TOGETHER:
-        store_impulses(bodies, pairs, count, state, h)
+    store_impulses(bodies, pairs, count, state, h)
     log_held(bodies, pairs, count, world.contacts, state, time)
     return h
 
@@ -80,14 +72,12 @@ def _prepare_resting_contacts(world, count, h):
     """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
     patch_flight = max(APPROACH_MIN, rest_speed(state))
-    exact = corrects_rotation(state)
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["manifold"] < 0 else patch_flight))
-        if exact:
-            move_to_middle(bodies, world.pieces, pair, h)
+        move_to_middle(bodies, world.pieces, pair, h)
 
 
 @kernel
@@ -96,16 +86,14 @@ def _floor(pair, state, flight):
 
     A pair that separates faster than `flight` gets NO_FLOOR (`first_return` finds its return). A slower pair
     may return as fast as it left: its mean velocity over the substep is then 0, and so is the work of its
-    impulse. A near pair may close its gap at most. (FLIGHT_EULER takes the last velocity as the mean.)
+    impulse. A near pair may close its gap at most.
     """
-    ballistic = state["flight"] == FLIGHT_BALLISTIC
     if pair["speculative_speed"] > 0:
-        return pair["key"] - pair["speculative_speed"] if ballistic else -pair["speculative_speed"]
+        return pair["key"] - pair["speculative_speed"]
     separation = -pair["key"]
-    if not ballistic or separation <= SEPARATION_MIN:
+    if separation <= SEPARATION_MIN:
         return 0.0
-    flies = separation > flight and state["dense_substep"] == 0 and state["impulses"] == IMPULSES_TOGETHER
-    return NO_FLOOR if flies else -separation
+    return NO_FLOOR if separation > flight and state["dense_substep"] == 0 else -separation
 
 
 @inlined_kernel
@@ -116,24 +104,3 @@ def _solve_together(world, count, h):
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
     return solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
-
-
-@inlined_kernel
-def _solve_in_turn(world, count):
-    """Solve one point at a time, the fastest approach first, as an impact without restitution.
-
-    Returns:
-        Whether IMPULSE_CAP impulses sufficed.
-    """
-    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
-    note_free_slip(bodies, pairs, count, state)
-    k = -1
-    for _ in range(IMPULSE_CAP):
-        k = fastest_row(bodies, drivers, pairs, count, k, state)
-        if k < 0 or pairs[k]["key"] <= APPROACH_MIN:
-            return True
-        strike(bodies, world.joints, drivers, pairs[k], 0.0, state)
-        for i in range(3):
-            pairs[k]["resting_impulse"][i] += state["impulse"][i]
-    state["counters"][COUNT_UNCONVERGED] += 1
-    return False

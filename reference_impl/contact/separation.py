@@ -12,7 +12,6 @@ from touchstone.reference_impl.broad_phase.detection import (
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.continuous.swept_motion import pose_along
 from touchstone.reference_impl.core.conventions import (
-    IMPULSES_TOGETHER,
     LEVERAGE,
     OVER_RELAXATION,
     OVERLAP_TOLERANCE,
@@ -51,9 +50,7 @@ def separate_simulated(world, first):
     """
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
     pairs, state = world.pairs, world.state
-    left = 0.0
-    if state["impulses"] == IMPULSES_TOGETHER:
-        left = UNPAID_DEPTH if state["unpaid_energy"] > 0 else SEPARATION_DEPTH
+    left = UNPAID_DEPTH if state["unpaid_energy"] > 0 else SEPARATION_DEPTH
     converged, together, end = True, False, first
     for rounds in range(REMOVAL_ROUNDS):
         end, deepest = detect(world, SIMULATED, first)
@@ -67,7 +64,7 @@ def separate_simulated(world, first):
             return end if rounds > 0 else first
         state["counters"][COUNT_ROUNDS] += 1
         # sweeps stall where bodies are jammed
-        together = not converged and not together and left > 0
+        together = not converged and not together
         if together:
             _move_together(world, first, end, left, LEVERAGE * deepest)
         else:
@@ -123,8 +120,8 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
     Against a fixed or driven body, the simulated one moves the whole depth; two simulated bodies divide it by
     inverse mass.
 
-    After PLAIN_SWEEPS, two simulated bodies move further than their depth if the energy guard is active
-    (successive over-relaxation, Young 1954): in a heap, plain sweeps converge by 0.1 % each.
+    After PLAIN_SWEEPS, two simulated bodies move further than their depth (successive over-relaxation, Young
+    1954): in a heap, plain sweeps converge by 0.1 % each.
 
     Args:
         evenly: two simulated bodies move half the depth each. By inverse mass, a light body between the
@@ -149,7 +146,7 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
             if 0 < share < 1:
                 if evenly:
                     share = 0.5
-                if left > 0 and sweep >= PLAIN_SWEEPS:
+                if sweep >= PLAIN_SWEEPS:
                     depth *= OVER_RELAXATION
             for i in range(3):
                 p[i] -= (1 - share) * depth * n[i]

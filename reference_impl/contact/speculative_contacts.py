@@ -14,7 +14,6 @@ from math import ceil, sqrt
 from touchstone.reference_impl.broad_phase.detection import detect, set_coefficients
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.internal_edges import align_internal_edges, witness_approach
-from touchstone.reference_impl.continuous.contact_motion import corrects_rotation
 from touchstone.reference_impl.continuous.swept_motion import lever_of
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
 from touchstone.reference_impl.continuous.time_of_impact import (
@@ -33,7 +32,6 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_SHARE,
     IMPACT_SLACK,
     IMPACT_TARGET,
-    IMPULSES_TOGETHER,
     KEEPS_NOTHING,
     PUSH_SLACK,
     SIMULATED,
@@ -86,14 +84,13 @@ def gather_contacts(world, left):
     for k in range(end):
         pairs[k]["is_kept"] = 0
         # a pair that touches does not pass by: its other points may close their gap at most
-        if pairs[k]["distance"] <= TOUCH_DISTANCE and state["impulses"] == IMPULSES_TOGETHER:
+        if pairs[k]["distance"] <= TOUCH_DISTANCE:
             pairs[k]["key"] = 0.0
     for d in range(len(drivers)):
         if drivers[d]["pushes"] == 1:
             end = _keep_pushing(bodies, pieces, vertices, drivers[d], pairs, end, state)
     # points that may land within a dense substep are speculative contacts
-    wide = crowded and state["impulses"] == IMPULSES_TOGETHER
-    end = expand_manifolds(pieces, vertices, pairs, end, wide, state)
+    end = expand_manifolds(pieces, vertices, pairs, end, crowded, state)
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["speculative_speed"] = 0.0
@@ -188,11 +185,10 @@ def _gather_speculative(world, left):
         if pair["distance"] < max(TOUCH_DISTANCE, pair["key"] * left):
             a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
             flat = is_polyhedral(a, b)
-            exact = flat and corrects_rotation(state)
-            rate = max(rate, _sinking_rate(bodies[pair["body_a"]], a, vertices, exact))
-            rate = max(rate, _sinking_rate(bodies[pair["body_b"]], b, vertices, exact))
+            rate = max(rate, _sinking_rate(bodies[pair["body_a"]], a, vertices, flat))
+            rate = max(rate, _sinking_rate(bodies[pair["body_b"]], b, vertices, flat))
             if flat and _meeting_speed(state) > DENSE_SPEED:
-                least = max(least, most / (8 if exact else 2))
+                least = max(least, most / 8)
     parts = DENSE_SUBSTEPS if fastest > 0 else 1
     if reach > 0 and fastest * left <= DENSE_SUBSTEPS * reach:
         parts = ceil(fastest * left / reach)

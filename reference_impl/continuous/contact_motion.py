@@ -24,8 +24,6 @@ from touchstone.reference_impl.continuous.normal_rates import (
 from touchstone.reference_impl.core.conventions import (
     BIAS_DEPTH,
     BIAS_SHARE,
-    FLIGHT_BALLISTIC,
-    IMPULSES_TOGETHER,
     NEVER,
     SIMULATED,
     SPHERE,
@@ -35,12 +33,6 @@ from touchstone.reference_impl.core.rotation import copy_vector
 
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which their normal rotates too fast [1]."""
-
-
-@kernel
-def corrects_rotation(state):
-    """Whether the profile's resting contacts take rotation within a substep into account."""
-    return state["flight"] == FLIGHT_BALLISTIC and state["impulses"] == IMPULSES_TOGETHER
 
 
 @inlined_kernel

@@ -1,7 +1,6 @@
 """Earliest impact of a substep: by time of impact, or among pairs that overlap at its end (section 5)."""
 
 from touchstone.reference_impl.broad_phase.detection import is_marked
-from touchstone.reference_impl.continuous.contact_motion import corrects_rotation
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
 from touchstone.reference_impl.continuous.time_of_impact import MovingPair, distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
@@ -11,7 +10,6 @@ from touchstone.reference_impl.core.conventions import (
     DETECTION_SWEEP,
     IMPACT_SHARE,
     IMPACT_STEPS,
-    IMPULSES_TOGETHER,
     LANDING_DEPTH,
     LANDING_EVENTS,
     LANDING_MIN,
@@ -47,7 +45,7 @@ def earliest_impact(world, touching, end, fast):
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
     # a body that a driver squeezes sinks until the driver yields
-    limited = state["impulses"] == IMPULSES_TOGETHER and len(world.drivers) == 0
+    limited = len(world.drivers) == 0
     for k in range(touching, end):
         pair = pairs[k]
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
@@ -81,8 +79,7 @@ def _sinking(moving, first, sweeps, limited):
     state = moving.state
     start = distance_at(moving, 0.0)
     polyhedral = is_polyhedral(moving.piece_a, moving.piece_b)
-    rotates = state["dense_substep"] == 1 and corrects_rotation(state)
-    late, depth = first, DENSE_LANDING if rotates else LANDING_DEPTH
+    late, depth = first, DENSE_LANDING if state["dense_substep"] == 1 else LANDING_DEPTH
     if sweeps:
         target = min(start, 0.0) - OVERLAP_TOLERANCE
         late = _swept(moving, first, target, SINKING_SLACK)

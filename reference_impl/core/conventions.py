@@ -8,14 +8,6 @@ FIXED, SIMULATED, DRIVEN = 0, 1, 2
 """Kinds of body."""
 SPHERE, BOX, ELLIPSOID, HULL, CAPSULE = 0, 1, 2, 3, 4
 """Kinds of convex piece."""
-FRICTION_PAPER, FRICTION_COULOMB = 0, 1
-"""Eq. 10 as printed (always mu j), or at most the impulse that stops sliding."""
-RESTITUTION_NEWTON, RESTITUTION_GUARDED = 0, 1
-"""Eq. 8 regardless of the energy, or with e reduced for an impact that would raise the kinetic energy."""
-IMPULSES_SEQUENTIAL, IMPULSES_TOGETHER = 0, 1
-"""Resting contacts one by one from the queue, or all together to a residual; impacts are sequential."""
-FLIGHT_EULER, FLIGHT_BALLISTIC = 0, 1
-"""Semi-implicit Euler, or the exact solution for constant forces and for free rotation."""
 DETECTION_DISCRETE, DETECTION_FAST, DETECTION_SWEEP = 0, 1, 2
 """Overlap tests at the end of a substep; time of impact too for pairs that move farther than both are thick;
 or time of impact for all pairs."""
@@ -23,12 +15,6 @@ REMOVAL_EQ1, REMOVAL_LEAST_MOTION = 0, 1
 """Translation out of overlap by Eq. 1, or the minimum-norm translation that resolves all depths."""
 DEPTH_WALK, DEPTH_CERTIFIED, DEPTH_EXACT = 0, 1, 2
 """Convex depth: warm-started and locally optimal, warm-started with a certificate, or from scratch."""
-ANGLE_ACOS, ANGLE_ATAN2 = 0, 1
-"""Rotation of a joint in `ccd_ik` (Eq. 5): arc cosine with the axis' sign, or `atan2` of sine and cosine."""
-PASSES_PLAIN, PASSES_EXTRAPOLATED = 0, 1
-"""Passes of `ccd_ik` without or with extrapolation of their geometric series to its limit."""
-POSTURE_CCD, POSTURE_LEAST_TURN = 0, 1
-"""Chain overlap removal link by link with `ccd_ik`, or of all links together by the posture QP."""
 
 # broad phase
 SPATIAL_HASH_PIECE_COUNT = 64
@@ -113,7 +99,7 @@ STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
 SEPARATION_DEPTH = 0.75 * OVERLAP_TOLERANCE
-"""Depth that separation leaves if the energy guard is active [m]: a short lift adds little energy."""
+"""Depth that separation leaves [m]: a short lift adds little energy."""
 UNPAID_DEPTH = 0.99975 * OVERLAP_TOLERANCE
 """Depth that it leaves in a substep repeated because no motion paid for the lift [m]."""
 SEPARATION_SWEEPS = 100
@@ -200,7 +186,7 @@ REFLECTION_FAILURES = 2
 """Open solves of an event's impacts after which no round follows: a jammed island leaves each open."""
 LANDING_DEPTH, DENSE_LANDING = 1e-7, 4e-7
 """Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE; and
-in dense substeps that take rotation into account: there, leaning bodies sink by 3e-7 m without landing."""
+in dense substeps: there, leaning bodies sink by 3e-7 m without landing."""
 LANDING_EVENTS = 128
 """Events of a frame after which touching pairs of polyhedra may sink by SINKING_DEPTH."""
 LANDING_MIN = 1e-9
@@ -237,8 +223,8 @@ DENSE_CALM = 4
 DENSE_PARTS = 32
 """Most dense substeps per frame that rotation may require."""
 DENSE_SPEED = 0.01
-"""Relative speed of touching polyhedra from which DENSE_PARTS / 8 is the least division of a frame [m/s], or
-DENSE_PARTS / 2 if contacts do not follow rotation: their contact points move."""
+"""Relative speed of touching polyhedra from which DENSE_PARTS / 8 is the least division of a frame [m/s]:
+their contact points move."""
 DENSE_SINKING = 2e-7
 """Sinking of a rotating body that the length of a dense substep allows [m]: a fifth of OVERLAP_TOLERANCE."""
 WARM_START_CAPACITY = 4096
@@ -285,7 +271,7 @@ NEAR_CRITICAL = 1e-5
 
 # chains (method, section 4)
 ATTRACTION_TIME = 0.1
-"""Lag of the attraction in `paper`, and lag that sets its least stride for a slow tracker [s]."""
+"""Lag of an attraction whose turns are the least stride for a slow tracker [s]."""
 ATTRACTION_TURN = 0.02
 """Rotation of all hinges of a chain in one part of the attraction [rad]: 14 mm at the end of an arm, half the
 thickness of two hands."""
@@ -303,18 +289,12 @@ PUSH_SLACK = 5e-4
 """Gap beyond a link's way within a frame up to which its contact stays [m]: both turn, to second order."""
 CHAIN_ROUNDS = 16
 """Rounds of chain overlap removal: links of one chain, or posture QPs of all chains."""
-CHAIN_TOLERANCE = 2e-7
-"""Distance of end effector and goal at which a link is out of overlap [m]: well within OVERLAP_TOLERANCE."""
-CHAIN_PASSES = 64
-"""Passes of `ccd_ik` for one link; a shallow overlap takes about 10."""
 STRETCHED_SHARE = 0.5
 """Fraction of the distance to its goal that an end effector may miss before the chain is bent [1]."""
 BEND_SHARE = 0.05
 """Fraction of the angle to the middle of its range by which a hinge is bent [1]: 4 degrees for an elbow."""
 BEND_ROUNDS = 4
 """Rounds in which a chain is bent: a straight leg is 3 mm too long after one, 20 mm after four."""
-ALONG_COSINE = 0.17364817766693033
-"""Cosine between link and way out below which the link lies along the obstacle [1]: sin 10 degrees."""
 CHAIN_JOINTS = 16
 """Most hinges of a chain."""
 POSTURE_CONSTRAINTS = 32
@@ -345,20 +325,7 @@ PART_WHOLE, PART_ROOT = -2, -1
 MOVER_BODY, MOVER_DRIVER, MOVER_TRUNK = 0, 1, 2
 """What a translation moves: a body, all links of a driver, or its links in no chain."""
 
-# inverse kinematics (method, section 4)
-IK_LEVER = 1e-9
-"""Distance from a joint's axis below which end effector or goal has no direction about it [m]."""
-IK_TOLERANCE = 1e-5
-"""Distance of end effector and goal at which a chain has converged [m]."""
-IK_STALL_PASSES = 16
-IK_STALL_FALL = 0.98
-"""The distance must fall below 0.98 of itself in 16 passes."""
-IK_STRIDE = 3
-"""Passes between extrapolations: two to estimate the ratio, one to let the fast modes decay."""
-IK_RATIO_MAX = 0.98
-"""Largest accepted ratio of a pass to the one before [1]: 49 passes more at most."""
-IK_CAP = 256
-"""Passes over a chain; about 6 are usual."""
+# order of chains
 RANDOM_PRIME = 2147483647
 """Modulus of the generator of Park and Miller; its states are 1 to 2^31 - 2."""
 

@@ -1,14 +1,13 @@
 """Attraction of a driven body's posture to its tracker's (coach and trainee; method, section 4).
 
-Each frame moves the chains from the posture shown towards a goal: the tracker's posture or, with a lag tau,
-the share 1 - exp(-h / tau) of the way to it. With `POSTURE_CCD` the chains turn to the goal, and overlap
-removal follows. With `POSTURE_LEAST_TURN` the posture QP projects each part of the motion on the constraints
-of existing contacts: a limb that cannot reach its tracker slides along the obstacle, without deep overlap.
+Each frame moves the chains from the posture shown towards the tracker's posture. The posture QP projects each
+part of the motion on the constraints of existing contacts: a limb that cannot reach its tracker slides along
+the obstacle, without deep overlap.
 
 Projection on a convex set moves no farther than the projected point. The set of free postures is not convex:
 the nearest posture jumps, for example where the edge of one hand passes that of the other. The stride
 therefore limits each hinge's turn in a frame to the norm of the turns of the tracker's posture or, if larger,
-of those under a lag of ATTRACTION_TIME.
+of a lag of ATTRACTION_TIME.
 """
 
 from math import exp, inf, sqrt
@@ -18,7 +17,6 @@ from touchstone.reference_impl.core.conventions import (
     ATTRACTION_SETTLED,
     ATTRACTION_TIME,
     ATTRACTION_TURN,
-    POSTURE_LEAST_TURN,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.kinematics.skeleton import pose_moved
@@ -28,10 +26,9 @@ from touchstone.reference_impl.posture.posture_qp import apply_turns, solve_post
 
 
 @kernel
-def set_goals(joints, driver, h, lag):
+def set_goals(joints, driver, h):
     """Set the angles and rates of hinges outside chains to the tracker's (a hand's to the glove's), the goal
     angles of chains for a frame of length h [s], and the stride, the largest turn of a hinge in it."""
-    share = 1 - exp(-h / lag) if lag > 0 else 1.0
     slow = 1 - exp(-h / ATTRACTION_TIME)
     apart = moved = 0.0
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -41,10 +38,11 @@ def set_goals(joints, driver, h, lag):
             joint["rate"] = joint["target_rate"]
         else:
             wanted, before = joint["target_angle"], joint["offset"]
-            if lag == 0 and follow_offset(joint, driver["hinge_frequency"], h):
+            if follow_offset(joint, driver["hinge_frequency"], h):
                 wanted += joint["offset"]
-            goal = joint["angle"] + share * (wanted - joint["angle"])
-            joint["goal_angle"] = min(max(goal, joint["lower"]), joint["upper"])
+            joint["goal_angle"] = min(
+                max(joint["angle"] + (wanted - joint["angle"]), joint["lower"]), joint["upper"]
+            )
             apart += (wanted - joint["angle"]) ** 2
             moved += (joint["target_angle"] - joint["last_target_angle"] + joint["offset"] - before) ** 2
             joint["last_target_angle"] = joint["target_angle"]
@@ -62,8 +60,7 @@ def approach(bodies, joints, driver, state, part):
         return False
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["pass_turn"] = joints[k]["goal_angle"] - joints[k]["angle"]
-    projected = state["posture"] == POSTURE_LEAST_TURN
-    if projected and part == 0:
+    if part == 0:
         drop_constraints(driver, True)
     if driver["constraint_count"] > 0:
         # the coupling has moved the root
@@ -75,10 +72,8 @@ def approach(bodies, joints, driver, state, part):
     left = state["attraction_parts"] - part
     needed = 1 + int(min(way / ATTRACTION_TURN, 1e3))
     share = 1 / min(needed, left)
-    if projected:
-        _shorten(joints, driver, min(share, ATTRACTION_MOST / max(way, ATTRACTION_MOST)))
-        share = 1.0
-    apply_turns(joints, driver, share, inf)
+    _shorten(joints, driver, min(share, ATTRACTION_MOST / max(way, ATTRACTION_MOST)))
+    apply_turns(joints, driver, 1.0, inf)
     if left == 1 or (needed == 1 and driver["constraint_count"] == 0):
         return False
     turned = 0.0

@@ -5,7 +5,7 @@ velocity: in contacts with simulated bodies a link moves as it would if only fix
 it. The chain stays behind its tracker by the withheld turns x, a hinge's `offset`. They obey the servo
 x'' = -w^2 x - 2 w x' + tau / I with tau the torque of contact, integrated implicitly; I is that of
 `link_mobility`, and w the frequency of the servo in the dynamics engines. Without contact x is 0: the chain
-follows its tracker exactly. Under a lag of attraction (`attraction_time` > 0) the lag takes the place of x.
+follows its tracker exactly.
 
 The velocity of a pushing link changes evenly over the frame, from that of the last frame to the one that the
 servo wants. So its servo acts as a force on a body at rest in its hands. Only the first touch bounces.
@@ -17,14 +17,12 @@ from touchstone.reference_impl.core.conventions import (
     LINK_GYRATION,
     OFFSET_SETTLED,
     OVERLAP_TOLERANCE,
-    POSTURE_LEAST_TURN,
     PUSH_PAIRS,
     SIMULATED,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.kinematics.skeleton import link_of
-from touchstone.reference_impl.posture.posture_constraints import gather_constraints
 from touchstone.reference_impl.posture.posture_qp import solve_posture_qp
 from touchstone.reference_impl.solver.link_mobility import moved_along
 
@@ -44,7 +42,7 @@ def follow_offset(joint, frequency, h):
 
 
 @kernel
-def note_pushing_links(bodies, pairs, end, driver, d, final, state):
+def note_pushing_links(bodies, pairs, end, driver, d):
     """Mark the links of driver d that touch a simulated body in `pairs[:end]`, before overlap removal or at
     the final pose: removal may leave a gap just over TOUCH_DISTANCE. List their pairs of pieces, once."""
     for k in range(end):
@@ -61,9 +59,6 @@ def note_pushing_links(bodies, pairs, end, driver, d, final, state):
             driver["push_pairs"][count, 0] = pairs[k]["piece_a"]
             driver["push_pairs"][count, 1] = pairs[k]["piece_b"]
             driver["push_count"] = count + 1
-    if final and driver["pushes"] == 1 and state["posture"] != POSTURE_LEAST_TURN:
-        driver["constraint_count"] = 0
-        gather_constraints(bodies, pairs, end, driver, d, state)
 
 
 @kernel
@@ -137,10 +132,7 @@ def _withhold_turns(bodies, joints, driver, state):
         least, most = min(-driver["stride"] - so_far, 0.0), max(driver["stride"] - so_far, 0.0)
         least, most = max(least, joint["lower"] - joint["angle"]), min(most, joint["upper"] - joint["angle"])
         joint["pass_turn"] = min(max(joint["pass_turn"], least), most)
-        if state["attraction_time"] == 0:
-            joint["offset"] -= joint["pass_turn"]
-    if state["posture"] != POSTURE_LEAST_TURN:
-        driver["constraint_count"] = 0
+        joint["offset"] -= joint["pass_turn"]
 
 
 @kernel

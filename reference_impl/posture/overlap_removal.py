@@ -1,4 +1,4 @@
-"""Overlap removal for driven bodies: by translation, for chains by inverse kinematics; if both fail, the body
+"""Overlap removal for driven bodies: by translation, for chains by the posture QP; if both fail, the body
 returns towards its last free pose."""
 
 from math import inf, sqrt
@@ -16,7 +16,6 @@ from touchstone.reference_impl.core.conventions import (
     MOVER_TRUNK,
     PART_ROOT,
     PART_WHOLE,
-    POSTURE_LEAST_TURN,
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
     SIMULATED,
@@ -124,7 +123,7 @@ def _part_drivers(world):
 def _free_driver(world, d, later):
     """Remove the overlap of driver d, or else take the way back, which is counted; poses its links.
 
-    Translation frees the links outside chains, then inverse kinematics frees the chains. The whole driver
+    Translation frees the links outside chains, then the posture QP frees the chains. The whole driver
     translates to resolve what the chains cannot. A motion that leads through an obstacle is cut short, and
     becomes the pose at entry of the way back.
 
@@ -139,7 +138,7 @@ def _free_driver(world, d, later):
     end, free = _translate(world, d, mover, later)
     if free and drivers[d]["chain_count"] > 0:
         shuffle_chains(drivers[d], state)
-        note_pushing_links(bodies, pairs, end, drivers[d], d, False, state)
+        note_pushing_links(bodies, pairs, end, drivers[d], d)
         end = free_chains(world, d, later, end)
         if not is_free(largest_depth(bodies, pairs, end, d)):
             mover = Mover(MOVER_DRIVER, d)
@@ -157,7 +156,7 @@ def _free_driver(world, d, later):
         end = detect_for(world, d, later)
     _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
     if drivers[d]["chain_count"] > 0:
-        note_pushing_links(bodies, pairs, end, drivers[d], d, True, state)
+        note_pushing_links(bodies, pairs, end, drivers[d], d)
     return True
 
 
@@ -242,15 +241,14 @@ def follow_pushed(world, d):
         for k in range(first, end):
             turned = joints[k]["angle"] - joints[k]["entry_angle"]
             joints[k]["rate"] += turned / state["dt"]
-            if state["attraction_time"] == 0 and joints[k]["pushes"] == 1:
+            if joints[k]["pushes"] == 1:
                 joints[k]["offset"] += turned
         store_free_pose(bodies, joints, driver)
     else:
         restore_entry(joints, driver)
         pose_links(bodies, joints, driver)
         detect_for(world, d, 1.0)
-    if state["posture"] == POSTURE_LEAST_TURN:
-        driver["constraint_count"] = 0
+    driver["constraint_count"] = 0
 
 
 @kernel

@@ -27,7 +27,7 @@ Neither applies to islands too large for Newton's method, which only lack sweeps
 
 from math import inf
 
-from touchstone.reference_impl.core.conventions import APPROACH_MIN, FLIGHT_BALLISTIC, FRICTION_PAPER
+from touchstone.reference_impl.core.conventions import APPROACH_MIN
 from touchstone.reference_impl.core.counters import (
     COUNT_GUARDED,
     COUNT_OPEN_SOLVES,
@@ -119,7 +119,7 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
         solve_loaded(solver, state)
     if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
         solve_loaded(solver, state)
-    if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
+    if lasting and pushes_along(solver):
         reverse_slip(solver)
         solve_loaded(solver, state)
     residual, accepted = solver["best_residual"], _accepted(solver)
@@ -183,10 +183,7 @@ def solve_loaded(solver, state):
         copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
     rebuild(solver)
     make_passive(solver)
-    residual = inf
-    # the residual of Coulomb's law does not apply to Eq. 10 as printed
-    if state["friction"] != FRICTION_PAPER:
-        residual, _ = residual_of(solver)
+    residual, _ = residual_of(solver)
     solver["best_residual"], solver["work"] = inf, 0.0
     keep_best(solver, residual)
     solver["target"] = RESIDUAL_DENSE if state["dense_substep"] == 1 else RESIDUAL_TARGET
@@ -219,7 +216,7 @@ def _rounding(solver):
 def _iterate(solver, state):
     """Run sweeps, the interior-point method, Newton's method and more sweeps until one of them converges."""
     rows = solver["row_count"]
-    if rows > 1 and state["friction"] != FRICTION_PAPER:
+    if rows > 1:
         small = rows < INTERIOR_ROWS
         dense = not small and state["dense_substep"] == 1 and lay_out(solver)
         if not dense and _sweep(solver, state, FIRST_SWEEPS):
@@ -258,7 +255,6 @@ def _sweep(solver, state, most):
     visits its row.
     """
     rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
-    always = state["friction"] == FRICTION_PAPER
     share = last = 0.0
     for k in range(count):
         rows[k]["swept"][:] = rows[k]["direction"][:] = 0.0
@@ -272,14 +268,12 @@ def _sweep(solver, state, most):
         for k in range(count):
             row = rows[k]
             _add_direction(row["impulse"], row["direction"], row["swept"], share)
-            step = solve_row(row, movers, always)
+            step = solve_row(row, movers)
             change, size = max(change, step), size + step * step * row["mass"]
         state["counters"][COUNT_SWEEPS] += 1
         # a residual costs half a sweep: skip it while the impulses change too much
         if change < 2 * solver["best_residual"] or sweep == most - 1:
-            residual = change
-            if not always:
-                residual, _ = residual_of(solver)
+            residual, _ = residual_of(solver)
             keep_best(solver, residual)
             if residual <= solver["target"]:
                 return True

@@ -5,7 +5,7 @@ from touchstone.adapters.engines.entry import EQUAL_STEP, Entry
 ENTRY = Entry(
     "touchstone.adapters.engines.reference.engine:ReferenceEngine",
     "numba",
-    {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60, "equal-step": EQUAL_STEP},
+    {"balanced": 1 / 60, "accurate": 1 / 60, "equal-step": EQUAL_STEP},
     distribution="touchstone",
     color="#000000",
     marker="o",

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from touchstone.reference_impl.posture.ccd_ik import Hinges, ccd_ik
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.engines.reference.reference_world import translate
@@ -34,7 +35,6 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
 from touchstone.reference_impl.kinematics.skeleton import pose_links
-from touchstone.reference_impl.posture.ccd_ik import Hinges, ccd_ik
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged

@@ -23,14 +23,6 @@ def test_free_fall_is_exact(lab: SimpleNamespace, frames: int) -> None:
     np.testing.assert_allclose(world.bodies["velocity"][0], velocity + g * t, rtol=1e-13)
 
 
-def test_eulers_flight_errs_by_half_a_step(lab: SimpleNamespace) -> None:
-    """Fall g h t / 2 too far under semi-implicit Euler (method, section 6)."""
-    world = lab.build(lab.scene(lab.ball("ball", (0.0, 0.0, 100.0))), profile="paper")
-    lab.play(world, 60)
-    error = world.bodies["position"][0, 2] - (100 - 9.81 / 2)
-    assert error == pytest.approx(-9.81 / 60 / 2, rel=1e-10)
-
-
 def test_a_flying_ball_turns_at_its_spin(lab: SimpleNamespace) -> None:
     """Turn by omega t exactly where the inertia is a sphere's, and keep the spin."""
     spin = (3.0, -4.0, 12.0)
@@ -91,58 +83,15 @@ def test_ten_seconds_of_tumbling(lab: SimpleNamespace, tumbler: str, profile: st
     np.testing.assert_array_equal(body["velocity"], velocity)
 
 
-@pytest.mark.parametrize("rate", [15.0, 60.0, 1000.0])
-def test_eulers_tumbling_stays_bounded(lab: SimpleNamespace, rate: float) -> None:
-    """Keep the momentum, and so the energy between those of the extreme axes, however fast it spins."""
-    moments = np.array([0.02, 0.03, 0.04])
-    box = lab.block("box", (0.2, 0.15, 0.1), (0.0, 0.0, 0.0), angular_velocity=(rate, -rate / 2, rate / 3))
-    box = dataclasses.replace(box, inertia=tuple(map(tuple, axes(*moments).tolist())))
-    world = lab.build(lab.scene(box, gravity=ORIGIN), "paper")
-    body = world.bodies[0]
-    momentum = moments * body["omega"]
-    lab.play(world, 600)
-    later = body["rotation"] @ body["inertia"] @ body["rotation"].T @ body["omega"]
-    # 600 frames of roundings, here a few 1e-16 each
-    assert np.linalg.norm(later - momentum) <= 1e-12 * np.linalg.norm(momentum)
-    square = momentum @ momentum
-    assert square / moments.max() <= body["omega"] @ later * (1 + 1e-12)
-    assert body["omega"] @ later <= square / moments.min() * (1 + 1e-12)
-
-
-@pytest.mark.parametrize("tumbler", ["stable axis", "unstable axis", "any axis", "off-diagonal"])
-def test_eulers_tumbling_gains_no_energy(lab: SimpleNamespace, tumbler: str) -> None:
-    """Lose energy where the step shows, never gain any: a third of a radian a frame."""
-    inertia, omega = TUMBLERS[tumbler]
-    box = lab.block("box", (0.2, 0.15, 0.1), (0.0, 0.0, 0.0), angular_velocity=omega)
-    box = dataclasses.replace(box, inertia=tuple(map(tuple, inertia.tolist())))
-    world = lab.build(lab.scene(box, gravity=ORIGIN), "paper")
-    body, energies = world.bodies[0], []
-    for _ in range(600):
-        energies.append(
-            float(body["omega"] @ body["rotation"] @ inertia @ body["rotation"].T @ body["omega"])
-        )
-        lab.play(world, 1)
-    assert max(np.diff(energies)) <= 1e-12 * energies[0]
-    assert energies[-1] < (1 - 1e-6) * energies[0]
-
-
-def slope(errors: list[float]) -> float:
-    """Order of convergence of errors at halved steps."""
-    return float(np.log2(errors[0] / errors[-1]) / (len(errors) - 1))
-
-
 @pytest.mark.parametrize("what", ["position", "rotation"])
-def test_eulers_flight_is_of_first_order(lab: SimpleNamespace, what: str) -> None:
-    """Halve the error with the step; the exact flight has none to halve."""
+def test_a_flight_does_not_depend_on_the_step(lab: SimpleNamespace, what: str) -> None:
+    """End a flight at the same pose after 60 steps and after 240."""
     inertia, omega = axes(0.02, 0.03, 0.04), (1.0, -2.0, 3.0)
     box = lab.block("box", (0.2, 0.15, 0.1), (0.0, 0.0, 5.0), angular_velocity=omega)
     box = dataclasses.replace(box, inertia=tuple(map(tuple, inertia.tolist())))
     ends = {}
-    for profile, rates in (("balanced", (60, 240)), ("paper", (60, 120, 240))):
-        for rate in rates:
-            world = lab.build(lab.scene(box), profile, dt=1 / rate)
-            lab.play(world, rate)
-            ends[profile, rate] = (world.bodies[0]["position" if what == "position" else "rotation"]).copy()
-    np.testing.assert_allclose(ends["balanced", 60], ends["balanced", 240], atol=1e-12)
-    errors = [float(np.linalg.norm(ends["paper", rate] - ends["balanced", 60])) for rate in (60, 120, 240)]
-    assert slope(errors) == pytest.approx(1, abs=0.1)
+    for rate in (60, 240):
+        world = lab.build(lab.scene(box), dt=1 / rate)
+        lab.play(world, rate)
+        ends[rate] = world.bodies[0][what].copy()
+    np.testing.assert_allclose(ends[60], ends[240], atol=1e-12)
