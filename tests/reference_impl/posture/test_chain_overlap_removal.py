@@ -255,8 +255,8 @@ def test_a_mirrored_push_is_mirrored(lab: SimpleNamespace) -> None:
 
 
 def test_attraction_closes_the_gap_as_fast_as_a_lag() -> None:
-    """Follow a posture that stands still at least as fast as exp(-t / tau), at any frame rate, and turn no hinge
-    by more than that share of what parts the whole posture."""
+    """Follow a posture that stands still at least as fast as exp(-t / tau), at any frame rate, and turn no
+    hinge by more than that share of what parts the whole posture."""
     angles = (posture(), posture(left_elbow=1.0, right_knee=0.5))
     scenario = walking(times=(0.0, 1.0), ways=(0.0, 0.0), angles=angles)
     targets = np.array(angles[1])
