@@ -31,7 +31,6 @@ from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
 from touchstone.reference_impl.core.conventions import (
-    DENSE_CALM,
     DETECTION_DISCRETE,
     DETECTION_FAST,
     DETECTION_SWEEP,
@@ -39,9 +38,6 @@ from touchstone.reference_impl.core.conventions import (
     EVENT_CAP,
     FIXED,
     SIMULATED,
-    TIME_MIN,
-    UNPAID_ATTEMPTS,
-    UNPAID_SHARE,
 )
 from touchstone.reference_impl.core.counters import (
     COUNT_DENSE,
@@ -55,7 +51,6 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
-from touchstone.reference_impl.core.solver_conventions import NEWTON_WORK
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.kinematics.driver_poses import store_free_pose
 from touchstone.reference_impl.kinematics.skeleton import (
@@ -73,6 +68,15 @@ from touchstone.reference_impl.posture.global_depth import largest_depth
 from touchstone.reference_impl.posture.overlap_removal import follow_pushed, pass_free, remove_overlap
 from touchstone.reference_impl.posture.virtual_coupling import follow_tracker
 from touchstone.reference_impl.solver.link_mobility import weigh_links
+from touchstone.reference_impl.solver.tolerances import NEWTON_WORK
+
+DENSE_CALM = 4
+"""Events of a crowded frame from which the next one is crowded from its start."""
+UNPAID_ATTEMPTS, UNPAID_SHARE = 4, 0.25
+"""Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
+that each takes [1]."""
+TIME_MIN = 1e-12
+"""Remainder of a frame that is not simulated [s]."""
 
 
 @kernel

@@ -6,16 +6,17 @@ initial poses. Neither event occurs in a dense substep.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import (
-    EVENT_CAP,
-    NEVER,
-    NO_FLOOR,
-    SLIDE_MIN,
-    SLIP_MIN,
-    STOP_ERROR,
-)
+from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.solver.mobility import final_velocity
+
+SLIDE_MIN = 1e-4
+"""Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7
+m."""
+STOP_ERROR = 1e-11
+"""Error in the position of a sliding contact below which its stop within a substep is no event [m]."""
+SLIP_MIN = 1e-9
+"""Sliding speed below which the direction of sliding is undefined [m/s]."""
 
 
 @inlined_kernel

@@ -19,10 +19,12 @@ from touchstone.reference_impl.core.conventions import (
     GUARD_SUMMED,
     GUARD_UNVISITED,
     SIMULATED,
-    UNPAID_ROUNDING,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
+
+UNPAID_ROUNDING = 1e-12
+"""Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
 
 
 @inlined_kernel

@@ -15,21 +15,24 @@ from math import sqrt
 
 from touchstone.reference_impl.contact.contact_log import log_held
 from touchstone.reference_impl.contact.island_impact import strike_together
-from touchstone.reference_impl.core.conventions import (
-    APPROACH_MIN,
-    DENSE_SETTLE,
-    IMPULSE_CAP,
-    NO_FLOOR,
-    REFLECTION_FAILURES,
-    REFLECTION_ROUNDS,
-    SETTLE_DEPTH,
-)
+from touchstone.reference_impl.core.conventions import APPROACH_MIN, NO_FLOOR
 from touchstone.reference_impl.core.counters import COUNT_OPEN_SOLVES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.mobility import (
     approach_speed,
 )
+
+SETTLE_DEPTH, DENSE_SETTLE = 1.7e-8, 1e-7
+"""Depth by which an approaching pair would sink in a substep, from which it stops before the contact solve;
+and depth that this leaves in large islands of dense substeps [m]."""
+IMPULSE_CAP = 200
+"""Rounds of simultaneous impacts of an event."""
+REFLECTION_ROUNDS = 64
+"""Rounds of simultaneous impacts of an event after which all touching contacts act together: a row of as many
+balls passes an impulse on in so many rounds."""
+REFLECTION_FAILURES = 2
+"""Open solves of an event's impacts after which no round follows: a jammed island leaves each open."""
 
 
 @kernel

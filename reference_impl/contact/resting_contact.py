@@ -9,22 +9,23 @@ from touchstone.reference_impl.continuous.contact_motion import (
     move_to_middle,
     restore_normals,
 )
-from touchstone.reference_impl.core.conventions import (
-    APPROACH_MIN,
-    NEVER,
-    NO_FLOOR,
-    RESTING_CONTACT_ROUNDS,
-    SEPARATION_MIN,
-    STOP_LATER,
-    STOP_SHARE,
-    STOP_SHORT,
-)
+from touchstone.reference_impl.core.conventions import APPROACH_MIN, NEVER, NO_FLOOR
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.mobility import approach_speed
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
+
+SEPARATION_MIN = 1e-8
+"""Speed of a touching pair that is no separation [m/s]: a weight of 10 N does 1e-9 J of work per frame."""
+STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
+"""Fraction of a substep from which the end of sliding counts as its end, and fraction of the time to an
+earlier one that the substep takes [1]: exactly there, on the cone without sliding, sweeps converge slowly."""
+STOP_LATER = 1.0001
+"""Ratio of the time to a stop and a shortened substep from which the substep is solved again, longer [1]."""
+RESTING_CONTACT_ROUNDS = 10
+"""Attempts at a substep in which sliding contacts stop or bodies rotate; 1 or 2 are usual."""
 
 
 @inlined_kernel

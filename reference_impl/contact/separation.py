@@ -12,18 +12,10 @@ from touchstone.reference_impl.broad_phase.detection import (
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.continuous.swept_motion import pose_along
 from touchstone.reference_impl.core.conventions import (
-    LEVERAGE,
-    OVER_RELAXATION,
     OVERLAP_TOLERANCE,
-    PLAIN_SWEEPS,
     REMOVAL_ROUNDS,
-    RETURN_ROUNDS,
-    SEPARATION_DEPTH,
-    SEPARATION_SWEEPS,
     SIMULATED,
     SINKING_SHARE,
-    UNPAID_DEPTH,
-    YIELD_ROUNDS,
 )
 from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT_GAVE_UP, COUNT_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
@@ -32,6 +24,22 @@ from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
 from touchstone.reference_impl.kinematics.skeleton import place
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.mobility import place_contact
+
+SEPARATION_DEPTH = 0.75 * OVERLAP_TOLERANCE
+"""Depth that separation leaves [m]: a short lift adds little energy."""
+UNPAID_DEPTH = 0.99975 * OVERLAP_TOLERANCE
+"""Depth that it leaves in a substep repeated because no motion paid for the lift [m]."""
+SEPARATION_SWEEPS = 100
+"""Sweeps over the pairs of simulated bodies in one round of separation; a heap takes tens."""
+PLAIN_SWEEPS = 20
+OVER_RELAXATION = 1.8
+"""Factor by which separation moves two simulated bodies further than their depth after PLAIN_SWEEPS [1]."""
+LEVERAGE = 8.0
+"""Most translation of a body over the deepest overlap when separation moves jammed bodies together [1]."""
+RETURN_ROUNDS = 8
+"""Rounds of separation after which bodies that still overlap a driver return to where their substep began."""
+YIELD_ROUNDS = REMOVAL_ROUNDS // 2
+"""Rounds of separation after which drivers yield to simulated bodies."""
 
 
 @kernel

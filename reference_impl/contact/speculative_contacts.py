@@ -24,20 +24,11 @@ from touchstone.reference_impl.continuous.time_of_impact import (
 )
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
-    DENSE_EVENTS,
-    DENSE_PARTS,
-    DENSE_SINKING,
-    DENSE_SPEED,
-    DENSE_SUBSTEPS,
     IMPACT_SHARE,
     IMPACT_SLACK,
     IMPACT_TARGET,
     KEEPS_NOTHING,
-    PUSH_SLACK,
     SIMULATED,
-    SPECULATIVE_COSINE,
-    SPECULATIVE_SLACK,
-    TOUCH_CLOSED,
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.counters import (
@@ -51,6 +42,28 @@ from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
+
+DENSE_SUBSTEPS = 8
+"""Most dense substeps for the rest of a frame, unless rotation or sliding requires more."""
+DENSE_EVENTS = 32
+"""Events of a frame after which dense substeps simulate the rest."""
+SPECULATIVE_SLACK = 0.25
+"""Speed over the resting speed 2 g h at which near pairs close their gap within a substep [1]: a larger value
+adds more of them as rows, and leaves fewer unforeseen impacts."""
+SPECULATIVE_COSINE = 0.995
+"""Cosine of the angle between the normals of a speculative contact now and at its impact, over which it keeps
+the present one [1]."""
+TOUCH_CLOSED = 9e-7
+"""Gap to which a speculative contact may close [m]: touching, but not yet an impact (IMPACT_TARGET)."""
+DENSE_PARTS = 32
+"""Most dense substeps per frame that rotation may require."""
+DENSE_SPEED = 0.01
+"""Relative speed of touching polyhedra from which DENSE_PARTS / 8 is the least division of a frame [m/s]:
+their contact points move."""
+DENSE_SINKING = 2e-7
+"""Sinking of a rotating body that the length of a dense substep allows [m]: a fifth of OVERLAP_TOLERANCE."""
+PUSH_SLACK = 5e-4
+"""Gap beyond a link's way within a frame up to which its contact stays [m]: both turn, to second order."""
 
 
 @inlined_kernel

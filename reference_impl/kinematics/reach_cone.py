@@ -7,10 +7,20 @@ Rx(q1) Ry(q2) Rz(q3); its last column is the bone, and its first column, the mar
 
 from math import atan2, cos, pi, sin, sqrt
 
-from touchstone.reference_impl.core.conventions import CONE_SLACK, GIMBAL_COSINE, HALF_TURN, LIMIT_SLACK
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.kinematics.skeleton import measure_angle
+
+CONE_SLACK = 1e-12
+"""Height over an edge's plane, times the edge's length, that counts as inside [1]: some thousand roundings,
+so that a projected direction is not projected again."""
+HALF_TURN = 1e-14
+"""1 + cosine below which the shortest rotation between two directions has no axis [1]: some 50 roundings."""
+GIMBAL_COSINE = 1e-9
+"""Cosine of the second angle below which only the sum of the first and third is determined [1]: the accuracy
+of their directions is 1e-16 over it."""
+LIMIT_SLACK = 1e-9
+"""Excess over a hinge's limit that rounding of recovered angles explains [rad]; it is clamped."""
 
 
 @kernel

@@ -12,17 +12,21 @@ of a lag of ATTRACTION_TIME.
 
 from math import exp, inf, sqrt
 
-from touchstone.reference_impl.core.conventions import (
-    ATTRACTION_MOST,
-    ATTRACTION_SETTLED,
-    ATTRACTION_TIME,
-    ATTRACTION_TURN,
-)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.kinematics.skeleton import pose_moved
 from touchstone.reference_impl.posture.chain_servo import follow_offset
 from touchstone.reference_impl.posture.posture_constraints import drop_constraints
 from touchstone.reference_impl.posture.posture_qp import apply_turns, solve_posture_qp
+
+ATTRACTION_TIME = 0.1
+"""Lag of an attraction whose turns are the least stride for a slow tracker [s]."""
+ATTRACTION_TURN = 0.02
+"""Rotation of all hinges of a chain in one part of the attraction [rad]: 14 mm at the end of an arm, half the
+thickness of two hands."""
+ATTRACTION_MOST = 0.04
+"""Upper limit of that rotation, however few parts are left [rad]: the thickness of a hand."""
+ATTRACTION_SETTLED = 1e-3
+"""Rotation of all hinges in a part at which attraction ends [rad]: linearisation error 0.5e-6 m."""
 
 
 @kernel

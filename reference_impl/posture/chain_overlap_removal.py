@@ -1,20 +1,23 @@
 """Overlap removal for chains by the posture QP."""
 
 from touchstone.reference_impl.broad_phase.detection import detect_for
-from touchstone.reference_impl.core.conventions import (
-    BEND_ROUNDS,
-    BEND_SHARE,
-    CHAIN_ROUNDS,
-    QP_TOLERANCE,
-    QP_TURN_MAX,
-    RANDOM_PRIME,
-    STRETCHED_SHARE,
-)
+from touchstone.reference_impl.core.conventions import QP_TOLERANCE, RANDOM_PRIME
 from touchstone.reference_impl.core.counters import CAP_CHAIN_ROUNDS, COUNT_IK_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.kinematics.skeleton import pose_moved
 from touchstone.reference_impl.posture.posture_constraints import chains_depth, gather_constraints
 from touchstone.reference_impl.posture.posture_qp import apply_turns, missed_share, solve_posture_qp
+
+CHAIN_ROUNDS = 16
+"""Most posture QPs, each at the poses that the last one reached."""
+STRETCHED_SHARE = 0.5
+"""Share of its largest depth that a QP may leave before a chain is bent [1]."""
+BEND_SHARE = 0.05
+"""Fraction of the angle to the middle of its range by which a hinge is bent [1]: 4 degrees for an elbow."""
+BEND_ROUNDS = 4
+"""Rounds in which a chain is bent: a straight leg is 3 mm too long after one, 20 mm after four."""
+QP_TURN_MAX = 0.2
+"""Largest rotation of a hinge in one round [rad]: the linearisation error is 2 % of it."""
 
 
 @kernel

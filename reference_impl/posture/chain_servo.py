@@ -13,18 +13,15 @@ servo wants. So its servo acts as a force on a body at rest in its hands. Only t
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import (
-    LINK_GYRATION,
-    OFFSET_SETTLED,
-    OVERLAP_TOLERANCE,
-    PUSH_PAIRS,
-    SIMULATED,
-)
+from touchstone.reference_impl.core.conventions import LINK_GYRATION, OVERLAP_TOLERANCE, PUSH_PAIRS, SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.kinematics.skeleton import link_of
 from touchstone.reference_impl.posture.posture_qp import solve_posture_qp
 from touchstone.reference_impl.solver.link_mobility import moved_along
+
+OFFSET_SETTLED = 1e-9
+"""Deviation of a hinge from its tracker, and its change in a frame, that count as none [rad]: 1e-9 m."""
 
 
 @kernel

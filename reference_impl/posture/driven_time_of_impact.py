@@ -14,14 +14,10 @@ from touchstone.reference_impl.core.conventions import (
     DETECTION_FAST,
     DETECTION_SWEEP,
     DRIVEN,
-    DRIVEN_DEPTH_SHARE,
-    DRIVEN_DEPTH_SLACK,
     IMPACT_SLACK,
     IMPACT_TARGET,
     MOVER_DRIVER,
     PART_WHOLE,
-    PAST_MIDDLE,
-    SEGMENT_TURN,
 )
 from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED, STAGE_COLLISION
 from touchstone.reference_impl.core.kernel import clock, kernel
@@ -29,6 +25,15 @@ from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.kinematics.driver_poses import interpolate, restore_entry, store_entry
 from touchstone.reference_impl.kinematics.skeleton import pose_links, pose_moved
 from touchstone.reference_impl.posture.global_depth import Mover, side_of
+
+PAST_MIDDLE = 0.5
+"""Fraction of the widths of link and obstacle beyond which the way out may lead to the far side [1]."""
+DRIVEN_DEPTH_SHARE = 0.2
+"""Depth that a driven link may reach in an obstacle, over both least widths [1]; half is past the middle."""
+DRIVEN_DEPTH_SLACK = 0.025
+"""Accepted deviation from DRIVEN_DEPTH_SHARE [1]."""
+SEGMENT_TURN = 0.5
+"""Rotation of a link per straight segment of its swept arc [rad]: the error is 1/32 of the link's length."""
 
 
 @kernel

@@ -8,9 +8,14 @@ no active set recurs and the method terminates.
 
 from math import inf, sqrt
 
-from touchstone.reference_impl.core.conventions import MIN_NORM_PLANES, PARALLEL_SINE, PLANE_TOLERANCE
+from touchstone.reference_impl.core.conventions import PARALLEL_SINE
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.posture.global_depth import side_of
+
+MIN_NORM_PLANES = 100
+"""Planes tried before normals count as opposing; about 3 are usual."""
+PLANE_TOLERANCE = 1e-14
+"""Depth left, over the sum of the largest depth and |x|, that counts as resolved [1]: some 50 roundings."""
 
 
 @kernel

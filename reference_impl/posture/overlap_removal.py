@@ -7,10 +7,8 @@ from touchstone.reference_impl.broad_phase.detection import detect, detect_for, 
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
-    DETOUR,
     DRIVEN,
     FIXED,
-    LONGEST_SHIFT,
     MOVER_BODY,
     MOVER_DRIVER,
     MOVER_TRUNK,
@@ -19,10 +17,6 @@ from touchstone.reference_impl.core.conventions import (
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
     SIMULATED,
-    STALL_FALL,
-    STALL_ROUNDS,
-    VANISHING_SHIFT,
-    WAY_BACK_STEPS,
 )
 from touchstone.reference_impl.core.counters import (
     CAP_TRANSLATION_ROUNDS,
@@ -44,6 +38,19 @@ from touchstone.reference_impl.posture.driven_time_of_impact import is_far, stop
 from touchstone.reference_impl.posture.global_depth import Mover, global_depth, largest_depth, side_of
 from touchstone.reference_impl.posture.min_norm_translation import min_norm_translation
 from touchstone.reference_impl.posture.posture_qp import apply_turns
+
+VANISHING_SHIFT = 1e-3
+"""|PD| over the largest depth below which opposing normals cancel [1]."""
+DETOUR = 2.0
+"""Translation of a driver beyond its way back, over the largest depth at entry, from which it may lead
+through other bodies [1]."""
+LONGEST_SHIFT = 100.0
+"""|x| over the largest depth above which normals count as opposing [1]: within 1.1 degrees of opposition."""
+STALL_ROUNDS = 8
+STALL_FALL = 0.9
+"""The largest depth must fall below 0.9 of itself in 8 rounds."""
+WAY_BACK_STEPS = 24
+"""Bisections between the last free pose and the pose at entry: 6e-8 of their distance."""
 
 
 @kernel

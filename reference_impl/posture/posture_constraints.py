@@ -6,9 +6,14 @@ face or edge rests on an obstacle. Earlier points therefore persist while their 
 on the ground would rock about the ankle from toe to heel and back.
 """
 
-from touchstone.reference_impl.core.conventions import CONSTRAINT_ALIKE, POSTURE_CONSTRAINTS, QP_CLEARANCE
+from touchstone.reference_impl.core.conventions import POSTURE_CONSTRAINTS
 from touchstone.reference_impl.core.counters import CAP_CONSTRAINTS
 from touchstone.reference_impl.core.kernel import kernel
+
+CONSTRAINT_ALIKE = 1e-3
+"""Distance below which two points of a pair count as one [m]."""
+QP_CLEARANCE = 5e-7
+"""Gap that the QP aims at [m]: its linearisation error then leaves no overlap, and the links still touch."""
 
 
 @kernel

@@ -14,20 +14,25 @@ slowly where contacts nearly oppose each other; after every QP_NEWTON_EVERY swee
 
 from math import inf, sqrt
 
-from touchstone.reference_impl.core.conventions import (
-    QP_LEVER,
-    QP_LINE_SEARCH,
-    QP_NEWTON_EVERY,
-    QP_NEWTON_STEPS,
-    QP_ROUGH_TOLERANCE,
-    QP_SWEEPS,
-    QP_TOLERANCE,
-    SIMULATED,
-)
+from touchstone.reference_impl.core.conventions import QP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_IK_JOINTS, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotate
 from touchstone.reference_impl.kinematics.reach_cone import keep_in_cones
+
+QP_SWEEPS = 96
+"""Sweeps of Hildreth's method; one pair takes 1, a corner about 5."""
+QP_NEWTON_EVERY = 4
+"""Sweeps between two Newton steps: sweeps find which constraints push, Newton's method their multipliers."""
+QP_NEWTON_STEPS = 4
+"""Most Newton steps before the next sweep; one is enough where the same constraints push before and after."""
+QP_LINE_SEARCH = 8
+"""Steps back of a Newton step that goes too far."""
+QP_ROUGH_TOLERANCE = 1e-6
+"""The same with the tracker's pull [m]: overlap removal follows it."""
+QP_LEVER = 5e-3
+"""Lever below which the QP leaves depth instead of turning hinges [m]: of a stretched limb, or between
+opposing planes."""
 
 COMPLIANCE = QP_LEVER * QP_LEVER
 """Violation of a constraint per unit of its multiplier [m^2]."""

@@ -2,9 +2,13 @@
 
 from math import cos, cosh, exp, sin, sinh, sqrt
 
-from touchstone.reference_impl.core.conventions import COUPLING_REACH, NEAR_CRITICAL
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotation_between, turn
+
+COUPLING_REACH = 0.5
+"""Distance of a driver with chains from its tracker beyond which the coupling pulls no stronger [m]."""
+NEAR_CRITICAL = 1e-5
+"""(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
 
 
 @kernel

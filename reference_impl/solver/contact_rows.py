@@ -9,16 +9,16 @@ from math import inf, isnan, sqrt
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.core.solver_conventions import (
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_OPEN,
-    ROUNDING,
-    SLIDE_CLOSE,
-    SLIDE_MOST,
-    SLIDE_ROUNDING,
-    SLIDE_STEPS,
-    SPEED_LEAST,
-)
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_OPEN, ROUNDING
+
+SLIDE_STEPS = 40
+"""Iterations for the friction of one sliding row; up to 5 are usual."""
+SLIDE_ROUNDING, SLIDE_CLOSE = 1e-15, 1e-7
+"""Relative deviation from the cone at which that friction has converged, some roundings, and deviation after
+which one step of Newton's method makes it so [1]."""
+SPEED_LEAST, SLIDE_MOST = 1e-100, 1e100
+"""Slowest approach that gets an impulse [m/s], and largest ratio of the sliding velocity to friction for
+which friction is computed [1/kg]: their squares neither underflow nor overflow."""
 
 
 @kernel

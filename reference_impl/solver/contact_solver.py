@@ -37,22 +37,6 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.core.solver_conventions import (
-    DENSE_SWEEPS,
-    DENSE_VISITS,
-    FIRST_SWEEPS,
-    INTERIOR_FROM,
-    INTERIOR_ROWS,
-    MOST_SWEEPS,
-    MOST_VISITS,
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_DENSE,
-    RESIDUAL_OPEN,
-    RESIDUAL_TARGET,
-    ROUNDING,
-    STEADY_ROUNDINGS,
-    STEADY_SHARE,
-)
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import (
@@ -69,6 +53,27 @@ from touchstone.reference_impl.solver.contact_rows import (
 from touchstone.reference_impl.solver.envelope import lay_out
 from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island, store_island
 from touchstone.reference_impl.solver.mobility import surface_velocity
+from touchstone.reference_impl.solver.tolerances import (
+    RESIDUAL_ACCEPTED,
+    RESIDUAL_DENSE,
+    RESIDUAL_OPEN,
+    RESIDUAL_TARGET,
+    ROUNDING,
+)
+
+STEADY_SHARE, STEADY_ROUNDINGS = 0.02, 32
+"""Share of RESIDUAL_TARGET at which a solve ends in the frame after a warm start that missed it, but at least
+so many roundings of the impulses [1]: the impulses then remain a solution while nothing moves."""
+FIRST_SWEEPS = 8
+"""Sweeps before Newton's method: they determine which contacts slide and which are open."""
+MOST_SWEEPS, MOST_VISITS = 200, 20_000
+"""Sweeps if Newton's method is not used or failed, or row visits if those allow more sweeps: about 2 ms."""
+DENSE_SWEEPS, DENSE_VISITS = 32, 4_000
+"""The same in a dense substep: a frame has tens of them, and each starts from the forces of the last."""
+INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 16
+"""Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s], and
+rows from which it does: Newton's method alone solves most smaller islands in as few factorisations, and keeps
+the solution of the substep before where Coulomb's law has several."""
 
 
 @kernel

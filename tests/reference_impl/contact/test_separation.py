@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.contact.separation import separate_simulated
-from touchstone.reference_impl.core.conventions import SEPARATION_DEPTH, SIMULATED
+from touchstone.reference_impl.contact.separation import SEPARATION_DEPTH, separate_simulated
+from touchstone.reference_impl.core.conventions import SIMULATED
 
 RADIUS = 0.05
 """Radius of the balls of `lab` [m]."""

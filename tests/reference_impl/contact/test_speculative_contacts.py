@@ -7,14 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
-from touchstone.reference_impl.core.conventions import (
+from touchstone.reference_impl.contact.speculative_contacts import (
     DENSE_SUBSTEPS,
+    TOUCH_CLOSED,
+    gather_contacts,
+)
+from touchstone.reference_impl.core.conventions import (
     EVENT_CAP,
     IMPACT_SLACK,
     IMPACT_TARGET,
     OVERLAP_TOLERANCE,
-    TOUCH_CLOSED,
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.frame import step

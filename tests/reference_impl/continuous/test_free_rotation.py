@@ -10,16 +10,14 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
 from touchstone.reference_impl.continuous.free_rotation import (
+    SPIN_STEP,
+    SPIN_STEPS,
     free_omega,
     refresh_inertia,
     rotate_freely,
     rotation_at,
 )
-from touchstone.reference_impl.core.conventions import (
-    SPIN_STEP,
-    SPIN_STEPS,
-    SPIN_TERMS,
-)
+from touchstone.reference_impl.core.conventions import SPIN_TERMS
 from touchstone.reference_impl.core.rotation import matrix_of
 from touchstone.reference_impl.core.world import BODY
 

@@ -22,12 +22,18 @@ from touchstone.adapters.engines.reference.settings import PROFILES
 from touchstone.adapters.oracles.overlap import measure
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
-from touchstone.reference_impl.core.conventions import ATTRACTION_TIME, BEND_SHARE, OVERLAP_TOLERANCE
+from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
 from touchstone.reference_impl.core.driver_dtypes import DRIVER
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
 from touchstone.reference_impl.kinematics.skeleton import pose_links
-from touchstone.reference_impl.posture.chain_overlap_removal import _bend, next_random, shuffle_chains
+from touchstone.reference_impl.posture.attraction import ATTRACTION_TIME
+from touchstone.reference_impl.posture.chain_overlap_removal import (
+    BEND_SHARE,
+    _bend,
+    next_random,
+    shuffle_chains,
+)
 from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.scenarios.avatar.avatar import avatar_parts
 from touchstone.scenarios.avatar.chains import hinge_axes

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize, nnls
 
-from touchstone.reference_impl.core.conventions import LONGEST_SHIFT, MOVER_BODY, PLANE_TOLERANCE
+from touchstone.reference_impl.core.conventions import MOVER_BODY
 from touchstone.reference_impl.core.world import BODY, PAIR
 from touchstone.reference_impl.posture.global_depth import Mover
-from touchstone.reference_impl.posture.min_norm_translation import min_norm_translation
+from touchstone.reference_impl.posture.min_norm_translation import PLANE_TOLERANCE, min_norm_translation
+from touchstone.reference_impl.posture.overlap_removal import LONGEST_SHIFT
 
 X, Y, Z = np.eye(3)
 

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from touchstone.reference_impl.core.conventions import QP_CLEARANCE, QP_LEVER, QP_TOLERANCE, QP_TURN_MAX
+from touchstone.reference_impl.core.conventions import QP_TOLERANCE
 from touchstone.reference_impl.core.counters import CAP_POSTURE_QP, COUNT_QP_SOLVES
 from touchstone.reference_impl.core.world import PAIR
 from touchstone.reference_impl.kinematics.skeleton import pose_links
-from touchstone.reference_impl.posture.posture_constraints import drop_constraints, gather_constraints
-from touchstone.reference_impl.posture.posture_qp import apply_turns, missed_share, solve_posture_qp
+from touchstone.reference_impl.posture.chain_overlap_removal import QP_TURN_MAX
+from touchstone.reference_impl.posture.posture_constraints import (
+    QP_CLEARANCE,
+    drop_constraints,
+    gather_constraints,
+)
+from touchstone.reference_impl.posture.posture_qp import QP_LEVER, apply_turns, missed_share, solve_posture_qp
 
 CHAIN, RIGHT = 1, 2
 """The left arm, and the other."""

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.core.solver_conventions import RESIDUAL_ACCEPTED
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED
 
 HALF = 0.05
 
