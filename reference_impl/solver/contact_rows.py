@@ -306,11 +306,6 @@ def _coulomb(row, plain, x, y):
     return j, scale * q, scale * r
 
 
-@kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
 @inlined_kernel
 def _friction(a, b, d, x, y):
     """Compute -A^-1 (x, y)."""

@@ -365,7 +365,7 @@ def test_every_order_of_the_chains_comes_up() -> None:
 
 INTERPRETED = """
 import json, sys
-sys.path.insert(0, "tests/reference_impl/chains")
+sys.path.insert(0, "tests/reference_impl/posture")
 from test_chain_overlap_removal import arms_cross, FRAME
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
