@@ -20,16 +20,12 @@ class SettingError(AdapterError):
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Setting with named values, and its value in each profile of its engine ("": depends on the scene).
-
-    `field` names the field of the engine's record if it differs from the setting's name.
-    """
+    """Setting with named values, and its value in each profile of its engine ("": depends on the scene)."""
 
     name: str
     values: Mapping[str, int]
     profiles: tuple[str, ...]
     summary: str
-    field: str = ""
 
     @property
     def valid(self) -> str:
@@ -60,7 +56,6 @@ class Range:
     profiles: tuple[str, ...]
     summary: str
     whole: bool = True
-    field: str = ""
 
     @property
     def valid(self) -> str:
@@ -91,7 +86,6 @@ class Numbers:
     bounds: tuple[tuple[float, float], ...]
     profiles: tuple[str, ...]
     summary: str
-    field: str = ""
 
     @property
     def valid(self) -> str:
@@ -119,16 +113,21 @@ Setting = Choice | Range | Numbers
 
 
 class Table(Mapping[str, Setting]):
-    """Settings of an engine by name, in the order of the table; `profiles` are its columns. `idle`: setting
-    -> another setting and its values with which the first does nothing."""
+    """Settings of an engine by name, in the order of the table; `profiles`: its columns, then those of `bare`.
+
+    `idle`: setting -> another setting and its values with which the first does nothing. `bare`: profile that
+    has none of the settings -> what it has instead.
+    """
 
     def __init__(
         self,
         profiles: Iterable[str],
         rows: Iterable[Setting],
         idle: Mapping[str, tuple[str, ...]] | None = None,
+        bare: Mapping[str, str] | None = None,
     ) -> None:
-        self.profiles = tuple(profiles)
+        self._bare = bare or {}
+        self.profiles = (*profiles, *self._bare)
         self._rows = {row.name: row for row in rows}
         self._idle = idle or {}
 
@@ -140,6 +139,10 @@ class Table(Mapping[str, Setting]):
 
     def __len__(self) -> int:
         return len(self._rows)
+
+    def is_bare(self, profile: str) -> bool:
+        """Whether a profile has none of the settings."""
+        return profile in self._bare
 
     def column(self, profile: str) -> int:
         """Index of a profile; raises SettingError with the valid ones."""
@@ -154,6 +157,8 @@ class Table(Mapping[str, Setting]):
 
     def values_of(self, profile: str) -> dict[str, str]:
         """Values in a profile of the settings that do something there."""
+        if self.is_bare(profile):
+            return {}
         column = self.column(profile)
         values = {name: setting.profiles[column] for name, setting in self.items()}
         return {name: value for name, value in values.items() if not self.is_idle(name, values)}
@@ -173,6 +178,10 @@ class Table(Mapping[str, Setting]):
 
     def changes(self, profile: str, wanted: Iterable[str]) -> tuple[str, ...]:
         """Requested "key=value" that differ from a profile, in the table's order; raises SettingError."""
+        if self.is_bare(profile):
+            for key, _ in map(split, wanted):
+                raise SettingError(f"{key}: profile {profile} has no such setting: {self._bare[profile]}")
+            return ()
         found: dict[str, str] = {}
         for setting, text in map(self.parse, wanted):
             if found.setdefault(setting.name, text) != text:

@@ -31,9 +31,9 @@ from touchstone.reference_impl.core.counters import COUNTERS
 from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.core.world import BODY, PAIR, World
+from touchstone.reference_impl.frame import prepare, step
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
-from touchstone.reference_impl.pipeline import prepare, step
 from touchstone.reports.limits import judged
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured

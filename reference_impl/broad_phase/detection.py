@@ -2,7 +2,6 @@
 
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
-from touchstone.reference_impl.continuous.swept_motion import swept_box
 from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, SIMULATED, TOUCH_DISTANCE
 from touchstone.reference_impl.core.counters import (
     COUNT_CONTACTING,
@@ -13,9 +12,9 @@ from touchstone.reference_impl.core.counters import (
     STAGE_COLLISION,
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
-from touchstone.reference_impl.driven.skeleton import are_adjacent
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.kinematics.skeleton import are_adjacent
 
 
 @kernel
@@ -99,34 +98,6 @@ def set_coefficients(bodies, pair, state):
     a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
     pair["restitution"] = state["restitution"][a, b]
     pair["friction"] = state["friction_coefficient"][a, b]
-
-
-@kernel
-def find_swept_pairs(world, kind, first):
-    """Find the pairs whose swept boxes overlap and contain a body of `kind`, written from `pairs[first]`.
-
-    Leaves the pieces of `kind` at the start pose with swept boxes; returns the index after the last pair.
-    """
-    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
-    pairs, state = world.pairs, world.state
-    _enclose_ways(bodies, pieces, vertices, kind, state)
-    if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
-        drop_fat_bounds(bodies, pieces, state)
-        place_listed(bodies, pieces, vertices, DRIVEN, state)
-        _enclose_ways(bodies, pieces, vertices, kind, state)
-    end, lost = find_pairs(pieces, kind, first, pairs, state)
-    state["counters"][COUNT_LOST] += lost
-    state["counters"][COUNT_PAIRS] += end - first
-    return end
-
-
-@kernel
-def _enclose_ways(bodies, pieces, vertices, kind, state):
-    """Swept AABBs of the listed pieces of a kind over the motion of the substep."""
-    group = state["groups"][kind]
-    for k in range(group["first"], group["end"]):
-        piece = pieces[pieces[k]["order"]]
-        swept_box(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
 
 
 @kernel

@@ -15,20 +15,26 @@ from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.core.conventions import (
     DETECTION_SWEEP,
     DRIVEN,
-    FAT_BOUNDS_FRAMES,
-    FAT_BOUNDS_MARGIN,
-    FAT_BOUNDS_SPEED_SHARE,
-    FAT_BOUNDS_WAITS,
-    FLIGHT_BOUNDS_PAD,
-    FLIGHT_HORIZONS,
     SIMULATED,
     SPHERE,
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.driven.skeleton import are_adjacent
 from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.kinematics.skeleton import are_adjacent
+
+FAT_BOUNDS_FRAMES = 10
+"""Frames of motion at the present velocity that the fat bounds of driven links cover."""
+FAT_BOUNDS_MARGIN, FAT_BOUNDS_SPEED_SHARE = 2e-3, 0.1
+"""Margin of driven links' fat bounds in translation and rotation [m], and margin over the predicted motion
+[1]: velocities change."""
+FLIGHT_HORIZONS = (2, 16)
+"""Least and most frames of flight in simulated bodies' fat bounds: halved after an overlap, else doubled."""
+FAT_BOUNDS_WAITS = (3, 12)
+"""Frames until fat bounds are computed again, without and with drivers."""
+FLIGHT_BOUNDS_PAD = 1e-4
+"""Margin of a simulated body's centre beyond its predicted flight [m]: far above rounding."""
 
 
 @kernel

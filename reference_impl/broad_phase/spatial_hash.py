@@ -12,18 +12,19 @@ against n^(2/3) others.
 
 from math import floor, frexp, inf, ldexp
 
-from touchstone.reference_impl.core.conventions import (
-    COLUMN_FAR,
-    COLUMN_LEVELS,
-    COLUMN_SHARE,
-    COLUMN_SLACK,
-    COLUMN_WIDTH,
-    DRIVEN,
-    FIXED,
-    SIMULATED,
-    SPATIAL_HASH_PIECE_COUNT,
-)
+from touchstone.reference_impl.core.conventions import COLUMN_LEVELS, DRIVEN, FIXED, SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
+
+SPATIAL_HASH_PIECE_COUNT = 64
+"""Largest group of pieces that forms a single column: sweeping a larger one along x costs more."""
+COLUMN_SHARE = 0.9
+"""Fraction of the pieces that fit the smallest cells [1]: smaller cells would hold less than one piece."""
+COLUMN_SLACK = 1.05
+"""Width of the smallest cells over the widest box that must fit [1]: allows pieces to rotate a little."""
+COLUMN_WIDTH = 2.0**-16
+"""Least width of a cell [m]: far below any piece."""
+COLUMN_FAR = 2.0**30
+"""Largest cell index, on either side of the origin; cells beyond it share one index."""
 
 HASH_Y, HASH_Z, HASH_LEVEL = 73856093, 19349663, 83492791
 """Primes of the hash function (Teschner et al. 2003)."""

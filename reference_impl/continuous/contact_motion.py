@@ -21,26 +21,16 @@ from touchstone.reference_impl.continuous.normal_rates import (
     squared_sine,
     velocity_at,
 )
-from touchstone.reference_impl.core.conventions import (
-    BIAS_DEPTH,
-    BIAS_SHARE,
-    FLIGHT_BALLISTIC,
-    IMPULSES_TOGETHER,
-    NEVER,
-    SIMULATED,
-    SPHERE,
-)
+from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SIMULATED, SPHERE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
+BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
+"""Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
+share of it that a shortened substep allows [1]."""
+
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which their normal rotates too fast [1]."""
-
-
-@kernel
-def corrects_rotation(state):
-    """Whether the profile's resting contacts take rotation within a substep into account."""
-    return state["flight"] == FLIGHT_BALLISTIC and state["impulses"] == IMPULSES_TOGETHER
 
 
 @inlined_kernel

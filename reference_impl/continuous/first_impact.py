@@ -1,30 +1,38 @@
 """Earliest impact of a substep: by time of impact, or among pairs that overlap at its end (section 5)."""
 
 from touchstone.reference_impl.broad_phase.detection import is_marked
-from touchstone.reference_impl.continuous.contact_motion import corrects_rotation
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
 from touchstone.reference_impl.continuous.time_of_impact import MovingPair, distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
-    CLOSING_EXTRA,
-    CLOSING_SHARE,
-    DENSE_LANDING,
     DETECTION_SWEEP,
     IMPACT_SHARE,
-    IMPACT_STEPS,
-    IMPULSES_TOGETHER,
-    LANDING_DEPTH,
-    LANDING_EVENTS,
-    LANDING_MIN,
     OVERLAP_TOLERANCE,
-    SECANT_STEPS,
     SINKING_DEPTH,
     SINKING_SHARE,
-    SINKING_SLACK,
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.counters import CAP_CLOSING, COUNT_EVENTS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
+
+CLOSING_EXTRA = 8
+"""Most steps of the search for a time of impact after its slack is reached."""
+CLOSING_SHARE = 1e-3
+"""Share of the slack at which the search for a time of impact ends [1]."""
+IMPACT_STEPS = 90
+"""Bracketing steps for the time of an impact; about 6 are usual."""
+SECANT_STEPS = 60
+"""Those of them before bisection, by secants: where a nearly constant distance begins to fall steeply, as
+when the other end of a tilting box lands, a secant shortens the bracket by a ten-thousandth."""
+LANDING_DEPTH, DENSE_LANDING = 1e-7, 4e-7
+"""Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE; and
+in dense substeps: there, leaning bodies sink by 3e-7 m without landing."""
+LANDING_EVENTS = 128
+"""Events of a frame after which touching pairs of polyhedra may sink by SINKING_DEPTH."""
+LANDING_MIN = 1e-9
+"""Fraction of a substep within which a landing is ignored: the next substep would find the same one [1]."""
+SINKING_SLACK = 2.5e-7
+"""Accepted deviation from OVERLAP_TOLERANCE in the time-of-impact search for a sinking pair [m]."""
 
 
 @inlined_kernel
@@ -47,7 +55,7 @@ def earliest_impact(world, touching, end, fast):
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
     # a body that a driver squeezes sinks until the driver yields
-    limited = state["impulses"] == IMPULSES_TOGETHER and len(world.drivers) == 0
+    limited = len(world.drivers) == 0
     for k in range(touching, end):
         pair = pairs[k]
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
@@ -81,8 +89,7 @@ def _sinking(moving, first, sweeps, limited):
     state = moving.state
     start = distance_at(moving, 0.0)
     polyhedral = is_polyhedral(moving.piece_a, moving.piece_b)
-    rotates = state["dense_substep"] == 1 and corrects_rotation(state)
-    late, depth = first, DENSE_LANDING if rotates else LANDING_DEPTH
+    late, depth = first, DENSE_LANDING if state["dense_substep"] == 1 else LANDING_DEPTH
     if sweeps:
         target = min(start, 0.0) - OVERLAP_TOLERANCE
         late = _swept(moving, first, target, SINKING_SLACK)

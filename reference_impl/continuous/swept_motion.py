@@ -12,7 +12,6 @@ from touchstone.reference_impl.core.conventions import (
     BOX,
     CAPSULE,
     ELLIPSOID,
-    FLIGHT_EULER,
     HULL,
     KEEPS_NOTHING,
 )
@@ -22,28 +21,24 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 
 
 @kernel
-def flight_motion(body, h, flight):
+def flight_motion(body, h):
     """Set the motion of a simulated body over a substep of length h [s]: constant acceleration from its old
-    velocities to its new ones (FLIGHT_EULER: the new velocities); free rotation overrides the rotation."""
+    velocities to its new ones; free rotation overrides the rotation."""
     body["moves"] = 1
-    early, late, bend = flight_way(body, h, flight)
+    flight_way(body, h)
     w0, w1 = body["old_omega"], body["omega"]
     for i in range(3):
-        body["turn"][i] = early * w0[i] + late * w1[i]
-        body["turn_bend"][i] = bend * (w1[i] - w0[i])
+        body["turn"][i] = h * w0[i]
+        body["turn_bend"][i] = h / 2 * (w1[i] - w0[i])
 
 
 @kernel
-def flight_way(body, h, flight):
-    """Set the motion of the centre of mass; returns the weights [s] of the old and of the new velocity in its
-    linear term, and of their difference in its quadratic term."""
-    early = 0.0 if flight == FLIGHT_EULER else h
-    late, bend = h - early, early / 2
+def flight_way(body, h):
+    """Set the motion of the centre of mass at constant acceleration."""
     v0, v1 = body["old_velocity"], body["velocity"]
     for i in range(3):
-        body["travel"][i] = early * v0[i] + late * v1[i]
-        body["travel_bend"][i] = bend * (v1[i] - v0[i])
-    return early, late, bend
+        body["travel"][i] = h * v0[i]
+        body["travel_bend"][i] = h / 2 * (v1[i] - v0[i])
 
 
 @kernel

@@ -33,11 +33,16 @@ from touchstone.reference_impl.continuous.swept_motion import (
     point_speed,
     pose_along,
 )
-from touchstone.reference_impl.core.conventions import LEAP_CUT, SHARPENING_SHIFT, TIME_OF_IMPACT_STEPS
+from touchstone.reference_impl.core.conventions import SHARPENING_SHIFT
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.gjk import add_support, enter_frame
 from touchstone.reference_impl.geometry.shapes import place_piece
+
+TIME_OF_IMPACT_STEPS = 500
+"""Steps of conservative advancement; 3 are usual for a bullet, 6 to 50 for a spin of several radians."""
+LEAP_CUT = 0.5
+"""Factor between trial leaps [1]; a trial takes one support query per piece, not a distance query."""
 
 
 class MovingPair(NamedTuple):

@@ -9,17 +9,15 @@ the reference face is z = p[0] x + p[1] y + p[2].
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import (
-    BOX,
-    CAPSULE,
-    DENSE_HEIGHT,
-    HULL,
-    MANIFOLD_HEIGHT,
-    MANIFOLD_VERTICES,
-    TOUCH_DISTANCE,
-)
+from touchstone.reference_impl.core.conventions import BOX, CAPSULE, HULL, MANIFOLD_HEIGHT, TOUCH_DISTANCE
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.capsule_distance import are_alongside, contact_at_end
+
+DENSE_HEIGHT = 2e-5
+"""The same height in a dense substep and where separation moves bodies together, and the largest gap of
+manifold points there [m]: what may land."""
+MANIFOLD_VERTICES = 64
+"""Most vertices of a face that manifold clipping uses."""
 
 NEVER = 1e300
 """Larger than any height [m]."""

@@ -7,16 +7,14 @@ own frames. It may be outdated but never wrong, because every use is verified at
 
 import numpy as np
 
-from touchstone.reference_impl.core.conventions import (
-    BOX,
-    BOX_FACE_COSINE,
-    DEPTH_CACHE_BUCKETS,
-    DEPTH_CACHE_WAYS,
-    HULL,
-    STEADY_LOOKUPS,
-)
+from touchstone.reference_impl.core.conventions import BOX, DEPTH_CACHE_BUCKETS, DEPTH_CACHE_WAYS, HULL
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.shapes import local_corner, local_support, turned
+
+BOX_FACE_COSINE = 1 - 1e-9
+"""Cosine between a normal and a box axis from which the depth cache tries the box face [1]: 5e-5 rad."""
+STEADY_LOOKUPS = 16
+"""Vertices scanned in the time by which a support table look-up is slower than a cached cone [1]."""
 
 SHORT = 1e-290
 """Squared length below which an edge is degenerate [m^2]: its corners coincide."""

@@ -22,7 +22,6 @@ from touchstone.reference_impl.core.conventions import (
     STAGNATION_GAP,
     TOUCHING_DISTANCE_SHARE,
     WARM_START_GAP,
-    WARM_START_SLACK,
 )
 from touchstone.reference_impl.core.counters import COUNT_CERTIFIED, COUNT_EXACT, COUNT_WALKED
 from touchstone.reference_impl.core.kernel import kernel
@@ -46,6 +45,9 @@ from touchstone.reference_impl.geometry.depth_cache import (
 from touchstone.reference_impl.geometry.epa import deepest_face
 from touchstone.reference_impl.geometry.gjk import enter_frame, nearest_on_simplex, triangle_normal
 from touchstone.reference_impl.geometry.shapes import turned
+
+WARM_START_SLACK = 1e-8
+"""Slack of a certificate, and least height of its triangles, over the pair's size [1]: 1e8 roundings."""
 
 
 @kernel

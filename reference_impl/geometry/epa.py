@@ -20,7 +20,6 @@ from touchstone.reference_impl.core.conventions import (
     DEPTH_TOLERANCE,
     EPA_FACES,
     EPA_VERTICES,
-    ROUND_TOLERANCE,
     STAGNATION_GAP,
     TOUCHING_DISTANCE_SHARE,
 )
@@ -33,6 +32,9 @@ from touchstone.reference_impl.geometry.gjk import (
     repeats,
     triangle_normal,
 )
+
+ROUND_TOLERANCE = 1e-13
+"""The same for a round core [1]: there, a gap four times smaller takes about three more vertices."""
 
 DEAD = inf
 """Key of a deleted face."""

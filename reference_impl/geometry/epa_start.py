@@ -2,9 +2,11 @@
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import SIMPLEX_GROWTH
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.gjk import add_support, inward, triangle_normal
+
+SIMPLEX_GROWTH = 1e-9
+"""Distance of a new vertex over the pair's size from which it adds a dimension to a simplex [1]."""
 
 RING = ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75)))
 """Three directions in a plane, 120 degrees apart."""

@@ -6,9 +6,16 @@ vertices, `state["a"]` the support points of A, and `state["corner"]` the corner
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import DISTANCE_TOLERANCE, FLAT_HEIGHT, GJK_CAP, SLIVER_SINE
+from touchstone.reference_impl.core.conventions import DISTANCE_TOLERANCE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.geometry.shapes import local_support
+
+SLIVER_SINE = 1e-2
+"""Squared sine between two edges of a face below which its normal comes from its two shorter edges [1]."""
+FLAT_HEIGHT = 1e-12
+"""Height of a tetrahedron over its edge below which rounding decides the sides of its faces [1]."""
+GJK_CAP = 64
+"""Iterations of GJK; about 6 are usual."""
 
 INSIDE = 15
 """Mask of all four vertices: the tetrahedron contains the origin."""

@@ -8,8 +8,8 @@ from math import acos
 from touchstone.reference_impl.core.counters import CAP_CCD, COUNT_CCD_PASSES, COUNT_IK_JOINTS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotate
-from touchstone.reference_impl.driven.reach_cone import keep_in_cone
-from touchstone.reference_impl.driven.skeleton import hang, measure_angle
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
+from touchstone.reference_impl.kinematics.skeleton import hang, measure_angle
 from touchstone.reference_impl.paper.vectors import (
     add,
     cross,

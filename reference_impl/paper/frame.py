@@ -2,7 +2,7 @@
 
 from touchstone.reference_impl.broad_phase.detection import detect, place_pieces
 from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
-from touchstone.reference_impl.core.conventions import DEPTH_WALK, DRIVEN, FIXED, SIMULATED
+from touchstone.reference_impl.core.conventions import DEPTH_WALK, DRIVEN, FIXED, OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.counters import (
     COUNT_EVENTS,
     COUNT_GAVE_UP,
@@ -14,9 +14,9 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.world import World
-from touchstone.reference_impl.driven.skeleton import move_links, place, pose_links
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.kinematics.skeleton import move_links, place, pose_links
 from touchstone.reference_impl.paper.attraction import attract
 from touchstone.reference_impl.paper.impulses import resolve_collisions
 from touchstone.reference_impl.paper.integration import (
@@ -28,11 +28,7 @@ from touchstone.reference_impl.paper.integration import (
     refresh_inverse_inertia,
 )
 from touchstone.reference_impl.paper.overlap_avoidance import free_driven_objects, free_simulated_objects
-from touchstone.reference_impl.paper.penetration_depth import (
-    OVERLAP_TOLERANCE,
-    is_overlapping,
-    store_free_state,
-)
+from touchstone.reference_impl.paper.penetration_depth import is_overlapping, store_free_state
 from touchstone.reference_impl.paper.virtual_coupling import follow_tracker
 
 COLLISION_TIMES = 64

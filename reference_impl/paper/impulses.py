@@ -7,7 +7,7 @@ freedom to prevent infinite loops"; its pose follows in the next frame.
 
 from touchstone.reference_impl.core.counters import COUNT_IMPULSES, COUNT_LOST
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.driven.skeleton import link_of
+from touchstone.reference_impl.kinematics.skeleton import link_of
 from touchstone.reference_impl.paper.friction import friction_impulse
 from touchstone.reference_impl.paper.vectors import add, cross, dot, scaled, store, sub, times, vector
 

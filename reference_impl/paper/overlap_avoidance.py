@@ -7,7 +7,7 @@ one, and the simulated one moves only where that is not possible; two objects of
 from math import atan2, pi
 
 from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
+from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, RANDOM_PRIME, SIMULATED
 from touchstone.reference_impl.core.counters import (
     CAP_CHAIN_ROUNDS,
     CAP_TRANSLATION_ROUNDS,
@@ -19,10 +19,9 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of
-from touchstone.reference_impl.driven.skeleton import hang, measure_angle, place, pose_links
+from touchstone.reference_impl.kinematics.skeleton import hang, measure_angle, place, pose_links
 from touchstone.reference_impl.paper.ccd_ik import ccd_ik
 from touchstone.reference_impl.paper.penetration_depth import (
-    OVERLAP_TOLERANCE,
     add_depth,
     clear_sums,
     global_depth,
@@ -53,8 +52,8 @@ CHAIN_ROUNDS = 16
 PARALLEL_COSINE = 0.17364817766693033
 """Cosine between a link and its way out below which it is "almost parallel to the obstacle's surface" [1].
 The paper leaves open the angle: 10 degrees."""
-RANDOM_FACTOR, RANDOM_PRIME = 16807, 2147483647
-"""Generator of Park & Miller (1988), which fits 64-bit integers; its states are 1 to 2^31 - 2."""
+RANDOM_FACTOR = 16807
+"""Factor of the generator of Park & Miller (1988) [1], which fits 64-bit integers."""
 
 
 @kernel

@@ -11,15 +11,13 @@ frame before: it is locally optimal.
 """
 
 from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.core.conventions import DRIVEN
+from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.paper.reach_cones import keep_in_reach_cones
 from touchstone.reference_impl.paper.vectors import add, scaled, store, vector
 
-OVERLAP_TOLERANCE = 1e-6
-"""Depth of objects that count as free of overlap [m]."""
 INTERPOLATION_STEPS = 24
 """Bisections between the last free state and the present one: 6e-8 of their distance."""
 

@@ -6,8 +6,8 @@ location inside of the reach cone": `kinematics/reach_cone.py`, `keep_in_cone`.
 """
 
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.driven.reach_cone import keep_in_cone
-from touchstone.reference_impl.driven.skeleton import measure_angle
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
+from touchstone.reference_impl.kinematics.skeleton import measure_angle
 
 
 @kernel

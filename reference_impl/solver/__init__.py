@@ -1,1 +1,1 @@
-"""Contact solver: islands, contact rows, Gauss-Seidel sweeps and Newton's method."""
+"""Contact solver: mobility at contacts, islands, contact rows, sweeps, and methods of second order."""

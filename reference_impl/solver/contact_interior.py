@@ -19,20 +19,6 @@ from math import sqrt
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import invert_symmetric
-from touchstone.reference_impl.core.solver_conventions import (
-    INTERIOR_ALLOWANCE,
-    INTERIOR_BOUNDARY,
-    INTERIOR_CENTRE,
-    INTERIOR_FEW,
-    INTERIOR_LEAST,
-    INTERIOR_LONG,
-    INTERIOR_MOST,
-    INTERIOR_SHORT,
-    INTERIOR_STALLS,
-    INTERIOR_STEPS,
-    INTERIOR_TARGET,
-    NEWTON_MOST,
-)
 from touchstone.reference_impl.solver.contact_rows import (
     into_cone,
     keep_best,
@@ -56,6 +42,19 @@ from touchstone.reference_impl.solver.interior_start import (
     on_axes,
     set_axes,
 )
+from touchstone.reference_impl.solver.tolerances import INTERIOR_BOUNDARY, INTERIOR_CENTRE, NEWTON_MOST
+
+INTERIOR_STEPS, INTERIOR_ALLOWANCE = 120, 5e7
+"""Most steps of the interior-point method (10 to 30 usual, 60 in jams), and multiplications of an island's
+steps for which it runs after the frame's are used up (30 bodies in a heap)."""
+INTERIOR_FEW, INTERIOR_MOST = 40, 4e9
+"""Most steps of the interior-point method after NEWTON_MOST, and multiplications over the frame's up to which
+it runs, 2 to 3 s; after these, sweeps alone."""
+INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
+"""Residual at which it ends and leaves the rest to Newton's method, except in dense substeps; residual below
+which it ends where rounding stops it, and steps that tell so [m/s]."""
+INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.8
+"""Shares of a full step below which it takes less of the derivative of friction, and above which more [1]."""
 
 
 @kernel

@@ -16,28 +16,6 @@ from math import sqrt
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
-from touchstone.reference_impl.core.solver_conventions import (
-    COMPLIANCE_FALL,
-    COMPLIANCE_FIRST,
-    COMPLIANCE_LAST,
-    COMPLIANCE_LEAST,
-    COMPLIANCE_RISE,
-    COMPLIANCE_ROUNDING,
-    EXTRAPOLATION_LEAST,
-    EXTRAPOLATION_MOST,
-    EXTRAPOLATION_RISE,
-    INNER_SHARE,
-    LINE_HALVES,
-    LINE_SHARE,
-    NEWTON_ALLOWANCE,
-    NEWTON_FACTORS,
-    NEWTON_INNER,
-    NEWTON_MOST,
-    NEWTON_STALLS,
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_FALL,
-    RESIDUAL_ROUNDING,
-)
 from touchstone.reference_impl.solver.contact_rows import (
     changed_velocity,
     into_cone,
@@ -54,6 +32,35 @@ from touchstone.reference_impl.solver.envelope import (
     solve_factors,
     subtract_impulse,
 )
+from touchstone.reference_impl.solver.tolerances import (
+    NEWTON_ALLOWANCE,
+    NEWTON_FACTORS,
+    NEWTON_INNER,
+    NEWTON_MOST,
+    RESIDUAL_ACCEPTED,
+)
+
+RESIDUAL_ROUNDING = 1e-14
+"""Change of velocity at which an inner minimisation ends, however small the residual is [m/s]."""
+COMPLIANCE_FIRST, COMPLIANCE_LAST, COMPLIANCE_LEAST = 0.03, 1e-5, 1e-10
+"""Compliance of the proximal problem over the row's own mobility [1]: first, with a unique solution, or the
+square root of the residual [m/s] if that is less; last; and least, for towers and jammed bodies."""
+COMPLIANCE_ROUNDING = 1e-17
+"""Compliance times the residual [m/s] below which rounding exceeds the remaining residual."""
+COMPLIANCE_FALL, COMPLIANCE_RISE = 0.3, 5.0
+"""Factors of the compliance after a slow decrease of the residual, and after a failed Newton iteration
+[1]."""
+RESIDUAL_FALL = 0.1
+"""Fraction of the residual that an outer iteration may leave before the compliance falls [1]."""
+INNER_SHARE = 1e-2
+"""Change of velocity over the residual, times the compliance, at which an outer iteration ends [1]."""
+NEWTON_STALLS = 4
+"""Outer iterations with little progress after which a converged solution is accepted."""
+LINE_SHARE, LINE_HALVES = 0.1, 10
+"""Least decrease of g.M^-1 g over that of a full Newton step [1], and most halvings of the step."""
+EXTRAPOLATION_LEAST, EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 3.0, 1e6, 1.1
+"""Shortest and longest extrapolation of impulses over their last change, and largest accepted ratio of the
+residual after it to that before [1]. Shorter ones go on for tens of iterations, and rounding ends them."""
 
 
 @kernel

@@ -7,19 +7,18 @@ friction is at most mu times impulse.n, and exactly that, opposite to the slidin
 
 from math import inf, isnan, sqrt
 
-from touchstone.reference_impl.core.conventions import SLIP_MIN
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.core.solver_conventions import (
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_OPEN,
-    ROUNDING,
-    SLIDE_CLOSE,
-    SLIDE_MOST,
-    SLIDE_ROUNDING,
-    SLIDE_STEPS,
-    SPEED_LEAST,
-)
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_OPEN, ROUNDING
+
+SLIDE_STEPS = 40
+"""Iterations for the friction of one sliding row; up to 5 are usual."""
+SLIDE_ROUNDING, SLIDE_CLOSE = 1e-15, 1e-7
+"""Relative deviation from the cone at which that friction has converged, some roundings, and deviation after
+which one step of Newton's method makes it so [1]."""
+SPEED_LEAST, SLIDE_MOST = 1e-100, 1e100
+"""Slowest approach that gets an impulse [m/s], and largest ratio of the sliding velocity to friction for
+which friction is computed [1/kg]: their squares neither underflow nor overflow."""
 
 
 @kernel
@@ -226,13 +225,9 @@ def _form(w, a, b):
 
 
 @kernel
-def solve_row(row, movers, always):
+def solve_row(row, movers):
     """Solve Coulomb's law in one row with the other impulses fixed; returns the impulse change / m [m/s], and
-    sets `swept` to the change.
-
-    Args:
-        always: friction is always mu times the normal impulse (Eq. 10), instead of at most that.
-    """
+    sets `swept` to the change."""
     f, p, w = row["free"], row["impulse"], row["mobility"]
     n, t, s = row["normal"], row["across_1"], row["across_2"]
     x, y, z = changed_velocity(row, movers)
@@ -244,7 +239,7 @@ def solve_row(row, movers, always):
     j = u = v = 0.0
     if missing > SPEED_LEAST:
         across_1, across_2 = x * t[0] + y * t[1] + z * t[2], x * s[0] + y * s[1] + z * s[2]
-        j, u, v = _coulomb(row, missing / row["along"], across_1, across_2, always)
+        j, u, v = _coulomb(row, missing / row["along"], across_1, across_2)
     x = j * n[0] + u * t[0] + v * s[0] - p[0]
     y = j * n[1] + u * t[1] + v * s[1] - p[1]
     z = j * n[2] + u * t[2] + v * s[2] - p[2]
@@ -258,7 +253,7 @@ def solve_row(row, movers, always):
 
 
 @kernel
-def _coulomb(row, plain, x, y, always):
+def _coulomb(row, plain, x, y):
     """Compute the normal and tangential impulse of one row by Coulomb's law.
 
     With the normal impulse j = plain - share.q eliminated, friction q leaves the sliding velocity c + A q.
@@ -274,18 +269,6 @@ def _coulomb(row, plain, x, y, always):
     g, h, along = row["share_1"], row["share_2"], row["along"]
     if mu == 0:
         return plain, 0.0, 0.0
-    if always:
-        # friction opposes the sliding that the present impulse leaves
-        p, n = row["impulse"], row["normal"]
-        q, r = _dot(p, row["across_1"]), _dot(p, row["across_2"])
-        j = _dot(p, n) + g * q + h * r
-        u, v = x + along * g * j + a * q + b * r, y + along * h * j + b * q + d * r
-        q, r = q - 2 * u / (a + d), r - 2 * v / (a + d)
-        size = sqrt(q * q + r * r)
-        if size > SLIP_MIN / (a + d):
-            bend = 1 + mu * (g * q + h * r) / size
-            j = plain / bend if bend > 0 else plain
-            return j, mu * j * q / size, mu * j * r / size
     x, y = x + along * g * plain, y + along * h * plain
     q, r = _friction(a, b, d, x, y)
     j = plain - g * q - h * r
@@ -321,11 +304,6 @@ def _coulomb(row, plain, x, y, always):
     j = max(0.0, j)
     scale = min(1.0, mu * j / size)
     return j, scale * q, scale * r
-
-
-@kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined_kernel

@@ -27,7 +27,7 @@ Neither applies to islands too large for Newton's method, which only lack sweeps
 
 from math import inf
 
-from touchstone.reference_impl.core.conventions import APPROACH_MIN, FLIGHT_BALLISTIC, FRICTION_PAPER
+from touchstone.reference_impl.core.conventions import APPROACH_MIN
 from touchstone.reference_impl.core.counters import (
     COUNT_GUARDED,
     COUNT_OPEN_SOLVES,
@@ -37,23 +37,6 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.core.solver_conventions import (
-    DENSE_SWEEPS,
-    DENSE_VISITS,
-    FIRST_SWEEPS,
-    INTERIOR_FROM,
-    INTERIOR_ROWS,
-    MOST_SWEEPS,
-    MOST_VISITS,
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_DENSE,
-    RESIDUAL_OPEN,
-    RESIDUAL_TARGET,
-    ROUNDING,
-    STEADY_ROUNDINGS,
-    STEADY_SHARE,
-)
-from touchstone.reference_impl.simulated.contact import surface_velocity
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import (
@@ -69,6 +52,28 @@ from touchstone.reference_impl.solver.contact_rows import (
 )
 from touchstone.reference_impl.solver.envelope import lay_out
 from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island, store_island
+from touchstone.reference_impl.solver.mobility import surface_velocity
+from touchstone.reference_impl.solver.tolerances import (
+    RESIDUAL_ACCEPTED,
+    RESIDUAL_DENSE,
+    RESIDUAL_OPEN,
+    RESIDUAL_TARGET,
+    ROUNDING,
+)
+
+STEADY_SHARE, STEADY_ROUNDINGS = 0.02, 32
+"""Share of RESIDUAL_TARGET at which a solve ends in the frame after a warm start that missed it, but at least
+so many roundings of the impulses [1]: the impulses then remain a solution while nothing moves."""
+FIRST_SWEEPS = 8
+"""Sweeps before Newton's method: they determine which contacts slide and which are open."""
+MOST_SWEEPS, MOST_VISITS = 200, 20_000
+"""Sweeps if Newton's method is not used or failed, or row visits if those allow more sweeps: about 2 ms."""
+DENSE_SWEEPS, DENSE_VISITS = 32, 4_000
+"""The same in a dense substep: a frame has tens of them, and each starts from the forces of the last."""
+INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 16
+"""Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s], and
+rows from which it does: Newton's method alone solves most smaller islands in as few factorisations, and keeps
+the solution of the substep before where Coulomb's law has several."""
 
 
 @kernel
@@ -119,7 +124,7 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
         solve_loaded(solver, state)
     if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
         solve_loaded(solver, state)
-    if lasting and state["flight"] == FLIGHT_BALLISTIC and pushes_along(solver):
+    if lasting and pushes_along(solver):
         reverse_slip(solver)
         solve_loaded(solver, state)
     residual, accepted = solver["best_residual"], _accepted(solver)
@@ -183,10 +188,7 @@ def solve_loaded(solver, state):
         copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
     rebuild(solver)
     make_passive(solver)
-    residual = inf
-    # the residual of Coulomb's law does not apply to Eq. 10 as printed
-    if state["friction"] != FRICTION_PAPER:
-        residual, _ = residual_of(solver)
+    residual, _ = residual_of(solver)
     solver["best_residual"], solver["work"] = inf, 0.0
     keep_best(solver, residual)
     solver["target"] = RESIDUAL_DENSE if state["dense_substep"] == 1 else RESIDUAL_TARGET
@@ -219,7 +221,7 @@ def _rounding(solver):
 def _iterate(solver, state):
     """Run sweeps, the interior-point method, Newton's method and more sweeps until one of them converges."""
     rows = solver["row_count"]
-    if rows > 1 and state["friction"] != FRICTION_PAPER:
+    if rows > 1:
         small = rows < INTERIOR_ROWS
         dense = not small and state["dense_substep"] == 1 and lay_out(solver)
         if not dense and _sweep(solver, state, FIRST_SWEEPS):
@@ -258,7 +260,6 @@ def _sweep(solver, state, most):
     visits its row.
     """
     rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
-    always = state["friction"] == FRICTION_PAPER
     share = last = 0.0
     for k in range(count):
         rows[k]["swept"][:] = rows[k]["direction"][:] = 0.0
@@ -272,14 +273,12 @@ def _sweep(solver, state, most):
         for k in range(count):
             row = rows[k]
             _add_direction(row["impulse"], row["direction"], row["swept"], share)
-            step = solve_row(row, movers, always)
+            step = solve_row(row, movers)
             change, size = max(change, step), size + step * step * row["mass"]
         state["counters"][COUNT_SWEEPS] += 1
         # a residual costs half a sweep: skip it while the impulses change too much
         if change < 2 * solver["best_residual"] or sweep == most - 1:
-            residual = change
-            if not always:
-                residual, _ = residual_of(solver)
+            residual, _ = residual_of(solver)
             keep_best(solver, residual)
             if residual <= solver["target"]:
                 return True

@@ -12,8 +12,8 @@ the lower half transposed. So all loops of the factorisation run along rows of s
 import numpy as np
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel, vectorised_kernel
-from touchstone.reference_impl.core.solver_conventions import NEWTON_INNER, NEWTON_WORK
 from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, NEWTON_MOVERS, NEWTON_ROWS
+from touchstone.reference_impl.solver.tolerances import NEWTON_INNER, NEWTON_WORK
 
 ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
 """Unsigned: with a signed literal, an unsigned index would become a floating-point number. Numba tests signed

@@ -3,8 +3,12 @@
 from math import frexp, ldexp, sqrt
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.solver_conventions import INTERIOR_FRICTION, INTERIOR_START
 from touchstone.reference_impl.solver.contact_rows import changed_velocity
+from touchstone.reference_impl.solver.tolerances import INTERIOR_FRICTION
+
+INTERIOR_START = 3.0
+"""Velocity error that a start near the present impulses allows for, over their residual [1]; its square times
+the mean mass is the product v.q of every row."""
 
 
 @kernel

@@ -9,9 +9,9 @@ from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY
-from touchstone.reference_impl.driven.skeleton import move_links
-from touchstone.reference_impl.simulated.contact import contact_mobility, meeting_velocity
+from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.contact_rows import prepare_row
+from touchstone.reference_impl.solver.mobility import contact_mobility, meeting_velocity
 
 
 @kernel

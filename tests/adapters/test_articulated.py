@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from touchstone.reference_impl.driven.skeleton import joint_space_inertia, move_links, pose_links
+from touchstone.reference_impl.kinematics.skeleton import joint_space_inertia, move_links, pose_links
 from touchstone.scenarios.avatar.avatar import HAND_LENGTH, arm_with_hand_parts
 from touchstone.scenarios.catalogue import catalogue
 

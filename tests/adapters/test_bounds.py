@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from touchstone.adapters.contract import AdapterError
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.motion_bounds import bounds
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
 from touchstone.scenarios.avatar.kinematics import link_poses
 from touchstone.scenarios.avatar.tracking import sample

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Settings, State, Unsupported
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.recorder import manifest_json, record
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios import scenario as s
 
 pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")

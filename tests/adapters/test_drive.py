@@ -15,7 +15,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.servo import INERTIA_RATIO, Drive, cut
 from touchstone.adapters.vector_products import rotation_between, rotation_matrix
-from touchstone.reference_impl.driven.skeleton import joint_space_inertia, pose_links
+from touchstone.reference_impl.kinematics.skeleton import joint_space_inertia, pose_links
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Tracker

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.engines.reference.settings import PROFILES
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import Player, ready, record
 from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
@@ -87,7 +88,7 @@ def random_person(lab: SimpleNamespace, rng: np.random.Generator) -> Scenario:
 
 def assert_sound(registry: SimpleNamespace, scene: Scenario, rng: np.random.Generator) -> None:
     """Play a random scene with its plan as with all effects; a bound that breaks counts as unsound."""
-    profile = str(rng.choice(["balanced", "accurate", "paper"]))
+    profile = str(rng.choice(PROFILES))
     engine = registry.engine("reference")
     one, two = (record(engine, scene, Settings(profile, FRAME, effects=e)) for e in (None, PLANNED))
     assert_same(one, two)

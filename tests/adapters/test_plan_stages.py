@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.reference.settings import PROFILES
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import ready, record
 from touchstone.adapters.recording import Recording
@@ -137,7 +138,7 @@ def test_sweep_alone_matters_to_a_bullet(lab: SimpleNamespace, registry: SimpleN
     assert record(engine, scene, without).position[-1, 1, 2] < -1
 
 
-@pytest.mark.parametrize("profile", ["paper", "balanced", "accurate"])
+@pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (3.0, 0.1, 0.2)])
 def test_flight_without_contact_is_the_same(
     lab: SimpleNamespace, registry: SimpleNamespace, profile: str, spin: tuple[float, float, float]

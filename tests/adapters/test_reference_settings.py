@@ -8,7 +8,6 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.engines.reference.settings import (
-    IDLE,
     PROFILES,
     SETTINGS,
     configure,
@@ -34,12 +33,11 @@ def test_a_profile_is_read_back_as_it_was_set(profile: str) -> None:
     """Write a profile over a state full of other numbers; the same words come back."""
     state = np.zeros(1, STATE)
     for setting in SETTINGS.values():
-        state[setting.field or setting.name] = -1
+        state[setting.name] = -1
     configure(state[0], profile)
     reported = {name: str(value) for name, value in describe(state[0]).items()}
     column = SETTINGS.profiles.index(profile)
-    idle = set() if profile == "paper" else {"angle", "passes"}
-    assert reported == {name: s.profiles[column] for name, s in SETTINGS.items() if name not in idle}
+    assert reported == {name: s.profiles[column] for name, s in SETTINGS.items()}
     assert SETTINGS.values_of(profile) == reported
 
 
@@ -50,14 +48,9 @@ def test_a_change_changes_its_own_setting_alone(name: str, value: str) -> None:
     """Reach each named value of each setting from every profile, and leave all others alone."""
     for profile in PROFILES:
         plain, state = np.zeros(1, STATE), np.zeros(1, STATE)
-        # settings of inverse kinematics do nothing with the posture QP
-        more = ["posture=ccd"] if name in IDLE and profile != "paper" else []
-        configure(plain[0], profile, SETTINGS.changes(profile, more))
-        configure(state[0], profile, SETTINGS.changes(profile, [f" {name} = {value}", *more]))
-        reported = {**describe(plain[0]), name: value}
-        if (name, value) == ("posture", "least_turn"):
-            reported = {other: word for other, word in reported.items() if other not in IDLE}
-        assert {key: describe(state[0])[key] for key in reported} == reported
+        configure(plain[0], profile)
+        configure(state[0], profile, SETTINGS.changes(profile, [f" {name} = {value}"]))
+        assert describe(state[0]) == {**describe(plain[0]), name: value}
 
 
 def test_the_values_of_a_choice_differ() -> None:
@@ -69,18 +62,18 @@ def test_the_values_of_a_choice_differ() -> None:
 
 def test_changes_have_one_spelling() -> None:
     """Drop what the profile sets anyway; order by the table, and write numbers the one way."""
-    wanted = ["event_rows=1e3", "friction=always", "flight=exact", "friction=always"]
-    assert SETTINGS.changes("balanced", wanted) == ("friction=always", "event_rows=1000")
-    assert SETTINGS.changes("paper", wanted) == ("flight=exact", "event_rows=1000")
+    wanted = ["event_rows=1e3", "depth=exact", "removal=least_motion", "depth=exact"]
+    assert SETTINGS.changes("balanced", wanted) == ("removal=least_motion", "depth=exact", "event_rows=1000")
+    assert SETTINGS.changes("accurate", wanted) == ("depth=exact", "event_rows=1000")
     assert SETTINGS.changes("accurate", ["event_rows=16384.0"]) == ()
-    assert Settings("balanced", 1 / 60, ("friction=always",)).label == "balanced, friction=always"
+    assert Settings("balanced", 1 / 60, ("depth=exact",)).label == "balanced, depth=exact"
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("frition=stick", "unknown setting 'frition'; did you mean 'friction'. .valid: friction, "),
-        ("friction=sticky", "friction: found 'sticky'; did you mean 'stick'. .valid: always|stick"),
+        ("removel=eq1", "unknown setting 'removel'; did you mean 'removal'. .valid: v_rest, "),
+        ("removal=eq2", "removal: found 'eq2'; did you mean 'eq1'. .valid: eq1|least_motion"),
         ("event_rows=1e10", "event_rows: found '1e10' .valid: whole, 0 to 1e"),
         ("event_rows=inf", "event_rows: found 'inf'"),
         ("event_rows=", "event_rows: found ''"),
@@ -103,27 +96,20 @@ def test_numbers_are_held_to_their_kind() -> None:
 
 def test_one_setting_takes_one_value() -> None:
     """Refuse two values of one setting, and a profile that is none."""
-    with pytest.raises(SettingError, match="friction: given as friction=stick and friction=always"):
-        SETTINGS.changes("paper", ["friction=stick", "friction=always"])
-    with pytest.raises(SettingError, match="no profile 'papr'; valid: paper, balanced, accurate"):
+    with pytest.raises(SettingError, match="depth: given as depth=certified and depth=exact"):
+        SETTINGS.changes("balanced", ["depth=certified", "depth=exact"])
+    with pytest.raises(SettingError, match=f"no profile 'papr'; valid: {', '.join(PROFILES)}, equal-step"):
         SETTINGS.changes("papr", [])
-
-
-def test_a_setting_that_does_nothing_is_refused() -> None:
-    """Say with which other setting it does nothing; take it where that is changed too."""
-    with pytest.raises(SettingError, match="angle: does nothing with posture=least_turn, as in profile bal"):
-        SETTINGS.changes("balanced", ["angle=acos"])
-    assert SETTINGS.changes("balanced", ["angle=acos", "posture=ccd"]) == ("posture=ccd", "angle=acos")
 
 
 def test_a_world_says_how_it_was_changed(lab) -> None:
     """Name the change in the manifest beside the profile, and read the setting back from the arrays."""
-    settings = Settings("balanced", 1 / 60, ("friction=always",))
+    settings = Settings("balanced", 1 / 60, ("depth=exact",))
     manifest = ReferenceEngine().build(lab.scene(lab.ball()), settings).describe()
-    assert (manifest.profile, manifest.settings["friction"]) == ("balanced, friction=always", "always")
+    assert (manifest.profile, manifest.settings["depth"]) == ("balanced, depth=exact", "exact")
 
 
 def test_other_engines_refuse_them() -> None:
     """Refuse changed settings where an engine would pass over them in silence."""
-    with pytest.raises(SettingError, match="dart: unknown setting 'friction'"):
-        require_profile("dart", Settings("recommended", 1 / 1020, ("friction=always",)))
+    with pytest.raises(SettingError, match="dart: unknown setting 'depth'"):
+        require_profile("dart", Settings("recommended", 1 / 1020, ("depth=exact",)))

@@ -20,8 +20,8 @@ from touchstone.adapters.engines.reference.settings import configure
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.kernel import entry_point
 from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY
-from touchstone.reference_impl.driven.skeleton import pose_links
-from touchstone.reference_impl.pipeline import prepare, step
+from touchstone.reference_impl.frame import prepare, step
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.avatar import arm_with_hand_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import (

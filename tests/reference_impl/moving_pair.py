@@ -9,7 +9,6 @@ from touchstone.adapters.engines.reference.reference_world import piece_arrays
 from touchstone.reference_impl.continuous.free_rotation import rotate_freely
 from touchstone.reference_impl.continuous.time_of_impact import MovingPair, distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
-    FLIGHT_BALLISTIC,
     HULL,
     IMPACT_SLACK,
     IMPACT_TARGET,
@@ -55,7 +54,7 @@ class Scene:
         row = self.bodies[body]
         row["inertia"], row["old_omega"] = inertia, omega
         row["rotation"] = Rotation.from_quat(row["old_orientation"], scalar_first=True).as_matrix()
-        rotate_freely(row, 1.0, FLIGHT_BALLISTIC)
+        rotate_freely(row, 1.0)
         return self
 
     def moving_pair(self) -> MovingPair:

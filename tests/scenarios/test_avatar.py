@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.oracles.minkowski import signed_distance
-from touchstone.reference_impl.driven.reach_cone import recover_angles
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.reach_cone import recover_angles
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.avatar import (
     MARGIN,
     MASS,

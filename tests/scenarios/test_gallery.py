@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reports.metrics.posture import cone_excess, limit_excess
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
 from touchstone.scenarios.avatar.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from touchstone.reference_impl.core.conventions import FRICTION_COULOMB
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.solver.contact_rows import prepare_row, rebuild
 
@@ -38,7 +37,7 @@ def loaded(file: Path, name: str) -> np.ndarray:
         solver["movers"][field][: len(movers)] = movers[field]
     for k in range(len(rows)):
         prepare_row(solver["rows"][k])
-    state[0]["newton_work"], state[0]["friction"] = 1e9, FRICTION_COULOMB
+    state[0]["newton_work"] = 1e9
     solver["best_residual"] = np.inf
     rebuild(solver)
     return state

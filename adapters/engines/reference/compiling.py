@@ -15,16 +15,18 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from time import perf_counter
+from types import ModuleType
 from typing import Any
 
 from touchstone.adapters.engines.reference.compile_progress import LOCK, NOTE, is_compiled
 from touchstone.adapters.engines.reference.reference_world import translate
-from touchstone.adapters.engines.reference.settings import configure
+from touchstone.adapters.engines.reference.settings import PAPER, configure
 from touchstone.adapters.workers.orphans import end_with_parent
-from touchstone.reference_impl import pipeline
+from touchstone.reference_impl import frame
 from touchstone.reference_impl.core import kernel
 from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
 from touchstone.reference_impl.core.world import World
+from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
 
@@ -55,11 +57,17 @@ def nothing(bodies, pieces, joints, drivers, vertices, pairs, contacts, state): 
     """Do nothing: the call measures the cost of calling a kernel from Python."""
 
 
+def frame_of(profile: str) -> ModuleType:
+    """Module with `prepare` and `step` of a profile."""
+    return paper_frame if profile == PAPER else frame
+
+
 def _compiled() -> float:
     start = perf_counter()
     world = small_world()
-    pipeline.prepare(*world)
-    pipeline.step(*world)
+    for module in (frame, paper_frame):
+        module.prepare(*world)
+        module.step(*world)
     nothing(*world)
     return perf_counter() - start
 
@@ -96,19 +104,19 @@ def compile_simulated_loop(parent: int) -> None:
     end_with_parent(parent, by_kernel=False)
     world = small_world().of_stages()
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
-    _compile(pipeline.solve_resting_contacts, world, 0, 0.0, 0.0)
-    _compile(pipeline.resolve_impacts, world, 0, 0.0, 0.0)
-    _compile(pipeline.guard_energy, world, 0, True, 0)
-    _compile(pipeline.gather_contacts, world, 0.0)
-    _compile(pipeline.separate_simulated, world, 0)
-    _compile(pipeline.earliest_impact, world, 0, 0, True)
+    _compile(frame.solve_resting_contacts, world, 0, 0.0, 0.0)
+    _compile(frame.resolve_impacts, world, 0, 0.0, 0.0)
+    _compile(frame.guard_energy, world, 0, True, 0)
+    _compile(frame.gather_contacts, world, 0.0)
+    _compile(frame.separate_simulated, world, 0)
+    _compile(frame.earliest_impact, world, 0, 0, True)
     # the first process is still in the driven loop
-    _compile(pipeline.update_fat_bounds, bodies, world.pieces, world.vertices, drivers, world.pairs, state)
-    _compile(pipeline.is_isolated, bodies, world.pieces, drivers, state)
-    _compile(pipeline.weigh_links, bodies, joints, drivers, world.pairs, 0, 0.0)
-    _compile(pipeline.set_ways, bodies, world.pairs, 0, 0.0, state["flight"])
-    _compile(pipeline.end_substep, bodies, joints, drivers, 0.0)
-    _compile(pipeline.first_return, bodies, world.pairs, 0, state)
+    _compile(frame.update_fat_bounds, bodies, world.pieces, world.vertices, drivers, world.pairs, state)
+    _compile(frame.is_isolated, bodies, world.pieces, drivers, state)
+    _compile(frame.weigh_links, bodies, joints, drivers, world.pairs, 0, 0.0)
+    _compile(frame.set_ways, bodies, world.pairs, 0, 0.0)
+    _compile(frame.end_substep, bodies, joints, drivers, 0.0)
+    _compile(frame.first_return, bodies, world.pairs, 0, state)
 
 
 def _compile(compiled: Any, *arguments: object) -> None:

@@ -27,22 +27,21 @@ from touchstone.adapters.contract import (
     contact_overflow,
     contact_words,
 )
-from touchstone.adapters.engines.reference.compiling import compile_seconds, nothing, small_world
+from touchstone.adapters.engines.reference.compiling import compile_seconds, frame_of, nothing, small_world
 from touchstone.adapters.engines.reference.reference_world import body_order, mass_unit, translate
-from touchstone.adapters.engines.reference.settings import configure, describe
+from touchstone.adapters.engines.reference.settings import PAPER, configure, describe
 from touchstone.adapters.registry import ENGINES
-from touchstone.reference_impl import pipeline
 from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 from touchstone.reference_impl.core.kernel import JIT, entry_point
 from touchstone.reference_impl.core.world import World
-from touchstone.reference_impl.paper import frame as paper
+from touchstone.reference_impl.paper import attraction, ccd_ik, impulses, overlap_avoidance
+from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.relations.changes import heavier
 from touchstone.scenarios.scenario import Scenario
 
-PAPER = "paper"
 STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that settings can disable in the compiled step."""
 TARGETS = ("old_target_position", "old_target_orientation", "target_position", "target_orientation")
@@ -55,6 +54,24 @@ INEXACT = {
     "parted_energy": "parted_energy",
 }
 """Counter -> state field with what a frame left unresolved: 0 if nothing (bodies: -1)."""
+NUMBERS = tuple(
+    (conventions, name)
+    for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP")
+)
+"""Constants in the manifest: module and name."""
+PAPER_NUMBERS = (
+    (conventions, "OVERLAP_TOLERANCE"),
+    (conventions, "TOUCH_DISTANCE"),
+    (attraction, "ATTRACTION_TIME"),
+    (overlap_avoidance, "TRANSLATION_ROUNDS"),
+    (overlap_avoidance, "CHAIN_ROUNDS"),
+    (ccd_ik, "CCD_TOLERANCE"),
+    (ccd_ik, "CCD_PASSES"),
+    (impulses, "APPROACH_LEAST"),
+    (impulses, "IMPULSES_AT_ONCE"),
+    (paper_frame, "COLLISION_TIMES"),
+)
+"""The same of profile `paper`."""
 FLIPPED = [0, 2, 1, *range(3, 13), *(16, 17, 18), *(13, 14, 15), *(22, 23, 24), *(19, 20, 21)]
 """Places of the words of a contact after its bodies have changed sides (CONTACT_FIELDS)."""
 
@@ -89,9 +106,11 @@ def _unturned(bodies: np.ndarray) -> bool:
 
 @cache
 def _entry_points(profile: str) -> tuple[Callable[..., None], ...]:
-    """Compiled code of a profile's preparation and step, and of an empty kernel; the arrays of all worlds have
-    the same types."""
-    world, frame = small_world(), paper if profile == PAPER else pipeline
+    """Compiled code of a profile's `prepare` and `step`, and of an empty kernel.
+
+    The arrays of all worlds have the same types.
+    """
+    world, frame = small_world(), frame_of(profile)
     return tuple(entry_point(kernel, *world) for kernel in (frame.prepare, frame.step, nothing))
 
 
@@ -128,14 +147,9 @@ class _World:
         self._state["dt"] = settings.dt
         self._state["gravity"] = scenario.acting_gravity
         configure(self._state, settings.profile, settings.changes)
-        self._state["update_fat_bounds"] = settings.fat_bounds
-        for stage in settings.skipped:
-            if stage == "sweep":
-                self._state["detection"] = conventions.DETECTION_DISCRETE
-            else:
-                self._state[f"skip_{stage}"] = 1
-        if not _unturned(self._world.bodies):
-            self._state["skip_rotation"] = 0
+        # `paper` runs all its stages in every frame
+        if settings.profile != PAPER:
+            self._leave_out(settings)
         times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
         times = np.minimum(times, scenario.duration)
         self._targets = _targets(self._world, [sample(tracker, times) for tracker in scenario.trackers])
@@ -145,6 +159,17 @@ class _World:
         prepare(*self._world)
         if not self._world.drivers["has_free"].all():
             self._refuse_stuck()
+
+    def _leave_out(self, settings: Settings) -> None:
+        """Disable the stages that the plan of the scene leaves out."""
+        self._state["update_fat_bounds"] = settings.fat_bounds
+        for stage in settings.skipped:
+            if stage == "sweep":
+                self._state["detection"] = conventions.DETECTION_DISCRETE
+            else:
+                self._state[f"skip_{stage}"] = 1
+        if not _unturned(self._world.bodies):
+            self._state["skip_rotation"] = 0
 
     def _refuse_stuck(self) -> None:
         """Refuse a tracker that starts in an overlap which the first frame does not resolve."""
@@ -215,16 +240,17 @@ class _World:
     def describe(self) -> Manifest:
         """Manifest read from the arrays: masses, inertias, coefficients and settings."""
         scenario, world, unit = self._scenario, self._world, self._mass_unit
+        is_paper = self._settings.profile == PAPER
         settings: dict[str, Scalar] = {
-            **describe(self._state),
+            **({} if is_paper else describe(self._state)),
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
             "collision_shapes": len(self._world.pieces),
             "fat bounds": bool(self._state["update_fat_bounds"]),
             "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
         }
-        for name in ("OVERLAP_TOLERANCE", "TOUCH_DISTANCE", "APPROACH_MIN", "REMOVAL_ROUNDS", "EVENT_CAP"):
-            settings[name.lower().replace("_", " ")] = getattr(conventions, name)
+        for module, name in PAPER_NUMBERS if is_paper else NUMBERS:
+            settings[name.lower().replace("_", " ")] = getattr(module, name)
         rows = zip(scenario.bodies, world.bodies[self._rows])
         facts = {
             body.name: BodyFacts(

@@ -23,7 +23,6 @@ import pandas as pd
 from touchstone.adapters.contract import Array
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.oracles.articulated import DampedLeastSquares
-from touchstone.reference_impl.chains.ccd_ik import Hinges, ccd_ik
 from touchstone.reference_impl.core.conventions import (
     ANGLE_ACOS,
     ANGLE_ATAN2,
@@ -33,8 +32,9 @@ from touchstone.reference_impl.core.conventions import (
     PASSES_PLAIN,
 )
 from touchstone.reference_impl.core.kernel import clock, kernel
-from touchstone.reference_impl.driven.reach_cone import keep_in_cone
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
+from touchstone.reference_impl.kinematics.skeleton import pose_links
+from touchstone.reference_impl.posture.ccd_ik import Hinges, ccd_ik
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged

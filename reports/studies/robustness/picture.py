@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from touchstone.reference_impl.core.solver_conventions import RESIDUAL_OPEN
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.studies.robustness.play import EXACT
 from touchstone.reports.views.pictures import INK, PALE
 from touchstone.scenarios.random_scenes import KINDS

@@ -18,7 +18,7 @@ import pandas as pd
 from touchstone.adapters.contract import MISSING, Settings
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
-from touchstone.reference_impl.core.solver_conventions import RESIDUAL_OPEN
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder

@@ -14,7 +14,7 @@ from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.reference_impl.broad_phase.detection import place_pieces
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds, update_fat_bounds
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
-from touchstone.reference_impl.pipeline import step
+from touchstone.reference_impl.frame import step
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 
@@ -64,13 +64,12 @@ def test_links_inside_their_margins_have_boxes_inside_their_fat_bounds():
     assert 50 < kept < 250
 
 
-@pytest.mark.parametrize("profile", ["balanced", "paper"])
-def test_a_flight_stays_inside_its_fat_bounds(lab: SimpleNamespace, profile: str):
+def test_a_flight_stays_inside_its_fat_bounds(lab: SimpleNamespace):
     """Throw a spinning block: it is inside for as many frames as its fat bounds cover."""
     block = lab.block(
         "block", (0.2, 0.05, 0.03), (0, 0, 9), linear_velocity=(1, 0.5, 2), angular_velocity=(9, 5, -7)
     )
-    world = build(lab.scene(block, lab.ball("other", (9.0, 0.0, 9.0))), profile=profile)
+    world = build(lab.scene(block, lab.ball("other", (9.0, 0.0, 9.0))))
     arrays, number = play(world, 1), 1
     assert arrays.state[0]["simulated_isolated"] == 1
     for frames in (2, 5, 16):

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
-from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
-from touchstone.reference_impl.core.conventions import (
+from touchstone.reference_impl.broad_phase.spatial_hash import (
     COLUMN_FAR,
-    DRIVEN,
-    FIXED,
-    SIMULATED,
     SPATIAL_HASH_PIECE_COUNT,
+    list_pieces,
 )
+from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
+from touchstone.reference_impl.core.conventions import DRIVEN, FIXED, SIMULATED
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.core.world import BODY, PAIR, PIECE
 

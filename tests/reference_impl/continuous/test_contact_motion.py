@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from touchstone.reference_impl.broad_phase.detection import detect, place_pieces
 from touchstone.reference_impl.continuous.contact_motion import move_to_middle
 from touchstone.reference_impl.core.conventions import SIMULATED, SPHERE
-from touchstone.reference_impl.driven.skeleton import place
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
-from touchstone.reference_impl.simulated.contact import place_contact
+from touchstone.reference_impl.kinematics.skeleton import place
+from touchstone.reference_impl.solver.mobility import place_contact
 
 STEP = 1e-4
 """Of the finite differences [s]: they are exact to 1e-5 of the motions below."""

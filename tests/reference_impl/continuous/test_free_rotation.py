@@ -10,20 +10,14 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
 from touchstone.reference_impl.continuous.free_rotation import (
+    SPIN_STEP,
+    SPIN_STEPS,
     free_omega,
     refresh_inertia,
     rotate_freely,
     rotation_at,
 )
-from touchstone.reference_impl.core.conventions import (
-    FLIGHT_BALLISTIC,
-    FLIGHT_EULER,
-    KEEPS_MOMENTUM,
-    KEEPS_NOTHING,
-    SPIN_STEP,
-    SPIN_STEPS,
-    SPIN_TERMS,
-)
+from touchstone.reference_impl.core.conventions import SPIN_TERMS
 from touchstone.reference_impl.core.rotation import matrix_of
 from touchstone.reference_impl.core.world import BODY
 
@@ -47,7 +41,7 @@ def top(inertia: object, omega: object, posture: Rotation | None = None) -> np.v
 def go_on(body: np.void, h: float) -> None:
     """One more substep of length h."""
     body["old_orientation"], body["old_omega"] = body["orientation"], body["omega"]
-    rotate_freely(body, h, FLIGHT_BALLISTIC)
+    rotate_freely(body, h)
 
 
 def momentum(body: np.void) -> np.ndarray:
@@ -173,9 +167,9 @@ def test_momentum_and_energy_stay(body: np.void) -> None:
 def test_a_part_of_the_time_is_a_shorter_time(body: np.void, s: float) -> None:
     """Pose at a fraction what a rotation for that time gives, and reach the same end in two parts."""
     parts, short = body.copy(), body.copy()
-    rotate_freely(body, 1 / 60, FLIGHT_BALLISTIC)
+    rotate_freely(body, 1 / 60)
     end = body["orientation"].copy()
-    rotate_freely(short, s / 60, FLIGHT_BALLISTIC)
+    rotate_freely(short, s / 60)
     if body["spin_steps"] > 0:
         rotation_at(body, s)
         np.testing.assert_allclose(body["orientation"], short["orientation"], atol=1e-12)
@@ -189,7 +183,7 @@ def test_a_part_of_the_time_is_a_shorter_time(body: np.void, s: float) -> None:
 def test_the_bounds_hold(body: np.void) -> None:
     """Bound the rate and its change all along."""
     h, rates = 0.05, []
-    rotate_freely(body, h, FLIGHT_BALLISTIC)
+    rotate_freely(body, h)
     if body["spin_steps"] == 0:
         return
     most, bend = body["spin_most"] / h, body["spin_bend"] / h**2
@@ -208,29 +202,13 @@ def test_the_bounds_hold(body: np.void) -> None:
 def test_any_fraction_in_any_order() -> None:
     """Pose fractions of a fast spin of many steps backwards, forwards and twice, always the same."""
     body = top((0.02, 0.03, 0.04), (30.0, 200.0, -100.0))
-    rotate_freely(body, 1 / 60, FLIGHT_BALLISTIC)
+    rotate_freely(body, 1 / 60)
     assert body["spin_steps"] > 5
     poses = {}
     for s in (1.0, 0.0, 0.7, 0.31, 0.3, 0.99, 0.3, 0.7, 0.0, 1.0):
         rotation_at(body, s)
         np.testing.assert_array_equal(poses.setdefault(s, body["orientation"].copy()), body["orientation"])
     np.testing.assert_allclose(poses[0.0], body["old_orientation"], atol=ROUNDING)
-
-
-def test_eulers_rotation_keeps_the_momentum() -> None:
-    """Turn at the present rate and end with the one that keeps the momentum; a steady spin keeps its own."""
-    posture, rate, h = Rotation.from_rotvec([0.3, -1.0, 0.7]), np.array([3.0, -4.0, 5.0]), 1 / 60
-    body = top((0.02, 0.03, 0.04), rate, posture)
-    before = momentum(body)
-    rotate_freely(body, h, FLIGHT_EULER)
-    assert (body["spin_steps"], body["spin_keeps"]) == (0, KEEPS_MOMENTUM)
-    turned = Rotation.from_rotvec(h * rate) * posture
-    np.testing.assert_allclose(body["rotation"], turned.as_matrix(), atol=ROUNDING)
-    np.testing.assert_allclose(momentum(body), before, rtol=ROUNDING)
-    steady = top((0.02, 0.02, 0.02), rate, posture)
-    rotate_freely(steady, h, FLIGHT_EULER)
-    assert (steady["spin_steps"], steady["spin_keeps"]) == (0, KEEPS_NOTHING)
-    np.testing.assert_array_equal(steady["omega"], rate)
 
 
 def test_every_series_reaches_rounding() -> None:
@@ -241,7 +219,7 @@ def test_every_series_reaches_rounding() -> None:
         squares = 10.0 ** rng.uniform(-6, 0, 3)
         rate = rng.normal(size=3) * rng.choice([1, 1e-2, 1e-4, 100], 3)
         body = top(squares.sum() - squares, rate * 0.999 * SPIN_STEP / np.linalg.norm(rate))
-        rotate_freely(body, 1.0, FLIGHT_BALLISTIC)
+        rotate_freely(body, 1.0)
         terms.append(int(body["spin_terms"]))
     assert max(terms) < SPIN_TERMS
     assert min(terms) < SPIN_TERMS / 2
@@ -251,7 +229,7 @@ def test_every_series_reaches_rounding() -> None:
 def test_a_senseless_spin_ends(rate: float) -> None:
     """Return at once from rates beyond the cap; a finite one keeps its axis."""
     body = top((0.02, 0.03, 0.04), (rate, rate / 2, 1.0))
-    rotate_freely(body, 1 / 60, FLIGHT_BALLISTIC)
+    rotate_freely(body, 1 / 60)
     assert rate / 60 > SPIN_STEPS * SPIN_STEP or np.isnan(rate)
     assert body["spin_steps"] == 0
     assert np.isfinite(body["orientation"]).all() or np.isnan(rate)

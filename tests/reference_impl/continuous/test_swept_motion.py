@@ -18,7 +18,7 @@ from touchstone.reference_impl.continuous.swept_motion import (
     shown_motion,
 )
 from touchstone.reference_impl.core import conventions
-from touchstone.reference_impl.core.conventions import FLIGHT_BALLISTIC, FLIGHT_EULER, SIMULATED
+from touchstone.reference_impl.core.conventions import SIMULATED
 from touchstone.reference_impl.core.world import BODY
 
 ROUNDING = 1e-14
@@ -35,19 +35,15 @@ def flying(rng: np.random.Generator) -> np.void:
     return body
 
 
-@pytest.mark.parametrize("flight", [FLIGHT_EULER, FLIGHT_BALLISTIC])
-def test_a_flight_has_the_means_of_its_velocities(flight: int) -> None:
-    """Go with the mean of the velocities up to a fraction, or with the new ones under Euler."""
+def test_a_flight_has_the_means_of_its_velocities() -> None:
+    """Go with the mean of the velocities up to a fraction."""
     body, h = flying(np.random.default_rng(5)), 0.7
-    flight_motion(body, h, flight)
+    flight_motion(body, h)
     start = Rotation.from_quat(body["old_orientation"], scalar_first=True)
     for s in (0.0, 0.3, 1.0):
         pose_along(body, s)
         means = {
-            name: body[name]
-            if flight == FLIGHT_EULER
-            else body[f"old_{name}"] * (1 - s / 2) + body[name] * s / 2
-            for name in ("velocity", "omega")
+            name: body[f"old_{name}"] * (1 - s / 2) + body[name] * s / 2 for name in ("velocity", "omega")
         }
         center = body["old_center"] + s * h * means["velocity"]
         turned = Rotation.from_rotvec(s * h * means["omega"]) * start
@@ -77,7 +73,7 @@ def test_the_motion_between_two_shown_poses() -> None:
 def test_what_does_not_move_stays() -> None:
     """Leave a body where it is whose flag says that it does not move, whatever its last motion was."""
     body = flying(np.random.default_rng(7))
-    flight_motion(body, 1.0, FLIGHT_BALLISTIC)
+    flight_motion(body, 1.0)
     pose_along(body, 0.4)
     posed = body.copy()
     body["moves"] = 0

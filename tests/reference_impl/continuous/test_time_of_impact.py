@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reference_impl.continuous.swept_motion import swept_box
-from touchstone.reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET, TIME_OF_IMPACT_STEPS
+from touchstone.reference_impl.continuous.time_of_impact import TIME_OF_IMPACT_STEPS
+from touchstone.reference_impl.core.conventions import IMPACT_SLACK, IMPACT_TARGET
 from touchstone.scenarios.scenario import Box, Ellipsoid, Hull, Sphere
 from touchstone.scenarios.solids import elliptic_hull
 

@@ -10,7 +10,7 @@ from moving_pair import CLOSE, NEAR, ROUNDING, Scene, assert_true
 from scipy.spatial.transform import Rotation
 
 from touchstone.reference_impl.core.conventions import IMPACT_TARGET, OVERLAP_TOLERANCE
-from touchstone.reference_impl.pipeline import step
+from touchstone.reference_impl.frame import step
 from touchstone.scenarios.scenario import ORIGIN, Box, Hull, Sphere
 from touchstone.scenarios.solids import elliptic_hull
 

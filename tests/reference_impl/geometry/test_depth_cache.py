@@ -9,8 +9,8 @@ from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core import conventions, counters
 from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.frame import prepare, step
 from touchstone.reference_impl.geometry.depth_cache import find_entry
-from touchstone.reference_impl.pipeline import prepare, step
 from touchstone.scenarios.catalogue import catalogue
 
 
@@ -62,10 +62,6 @@ def test_a_scene_is_detected_alike(depth: int) -> None:
     """Find the same touching pairs and distances as exact depth in every frame of a flick."""
     world = translate(catalogue()["ball_snip"])
     world.state["dt"], world.state["gravity"] = 1 / 60, (0.0, 0.0, -9.81)
-    world.state["friction"], world.state["flight"] = (
-        conventions.FRICTION_COULOMB,
-        conventions.FLIGHT_BALLISTIC,
-    )
     prepare(*world)
     state, methods = world.state[0], np.zeros(3, int)
     for _ in range(60):

@@ -10,14 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.core.conventions import DRIVEN
+from touchstone.reference_impl.core.conventions import DRIVEN, RANDOM_PRIME
 from touchstone.reference_impl.core.world import World
-from touchstone.reference_impl.driven.skeleton import pose_links
+from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.paper import frame
 from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, ccd_ik
 from touchstone.reference_impl.paper.impulses import normal_velocity
 from touchstone.reference_impl.paper.overlap_avoidance import (
-    RANDOM_PRIME,
     _closest_to_root,
     _set_end_effector_and_goal,
     _shuffle_chains,

@@ -18,10 +18,9 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.recorder import record
-from touchstone.reference_impl.core.conventions import SIMULATED
+from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.paper import frame
-from touchstone.reference_impl.paper.penetration_depth import OVERLAP_TOLERANCE
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Body, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia

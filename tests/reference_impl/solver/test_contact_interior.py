@@ -7,18 +7,12 @@ import pytest
 from contact_islands import OPEN, USUAL, loaded, names
 
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
-from touchstone.reference_impl.core.solver_conventions import (
-    FIRST_SWEEPS,
-    INTERIOR_STEPS,
-    INTERIOR_TARGET,
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_DENSE,
-)
-from touchstone.reference_impl.solver.contact_interior import interior
+from touchstone.reference_impl.solver.contact_interior import INTERIOR_STEPS, INTERIOR_TARGET, interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import residual_of, take_best
-from touchstone.reference_impl.solver.contact_solver import _sweep
+from touchstone.reference_impl.solver.contact_solver import FIRST_SWEEPS, _sweep
 from touchstone.reference_impl.solver.interior_start import _split
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_DENSE
 
 CONVEX = ("heap_d", "wedge")
 """Islands in which the method reaches its target without Newton's."""

@@ -108,7 +108,7 @@ def test_one_row_obeys_coulomb(seed: int) -> None:
     row = solver["rows"][0]
     row["floor"] = -abs(rng.normal()) if seed % 3 == 0 else 0.0
     rebuild(solver)
-    solve_row(row, solver["movers"], False)
+    solve_row(row, solver["movers"])
     residual, _ = residual_of(solver)
     assert residual <= 1e-12
     if row["free"] @ row["normal"] >= row["floor"]:
@@ -151,7 +151,7 @@ def test_a_row_of_any_speed_gets_a_finite_impulse(along: float, across: float, m
     solver = state[0]["solver"]
     row = solver["rows"][0]
     row["free"] = -along * row["normal"] + across * row["across_1"]
-    assert np.isfinite(solve_row(row, solver["movers"], False))
+    assert np.isfinite(solve_row(row, solver["movers"]))
     assert np.isfinite(row["impulse"]).all()
     assert row["impulse"] @ row["normal"] >= 0
     assert residual_of(solver)[0] <= 1e-12 * max(along, across) + 1e-99

@@ -111,18 +111,18 @@ def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
         "--set",
         "removal=eq1",
         "--set",
-        "friction=always",
+        "depth=exact",
     )
     arguments = ("run", "fall", *REFERENCE, "--out", "r", "--metric", "overlap.max")
     code, out, _ = touchstone(*arguments, *changed)
-    label = "balanced, friction=always, event_rows=100"
+    label = "balanced, depth=exact, event_rows=100"
     assert code == 0
-    assert "friction=always" in out
+    assert "depth=exact" in out
     assert set(pd.read_csv("r/results.csv").profile) == {label}
-    assert left("r/recordings") == ["fall-reference-balanced+friction=always+event_rows=100.npz"]
+    assert left("r/recordings") == ["fall-reference-balanced+depth=exact+event_rows=100.npz"]
     reported = json.loads(Path("r/manifest.json").read_text())["engines"][f"fall/reference/{label}"]
     assert reported["profile"] == label
-    assert (reported["settings"]["friction"], reported["settings"]["event_rows"]) == ("always", 100)
+    assert (reported["settings"]["depth"], reported["settings"]["event_rows"]) == ("exact", 100)
     assert label in Path("r/report.md").read_text()
 
 

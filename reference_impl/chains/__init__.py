@@ -1,1 +1,0 @@
-"""Inverse kinematics of chains: cyclic coordinate descent and the posture QP."""

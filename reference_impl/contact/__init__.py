@@ -1,0 +1,1 @@
+"""The simulated loop: contacts, impacts, resting contacts, events, integration and separation."""

@@ -1,0 +1,124 @@
+"""Contact events within a substep: the return of a separating contact and the stop of a sliding one.
+
+Both times follow from the velocities before and after the contact solve, while bodies still have their
+initial poses. Neither event occurs in a dense substep.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.solver.mobility import final_velocity
+
+SLIDE_MIN = 1e-4
+"""Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7
+m."""
+STOP_ERROR = 1e-11
+"""Error in the position of a sliding contact below which its stop within a substep is no event [m]."""
+SLIP_MIN = 1e-9
+"""Sliding speed below which the direction of sliding is undefined [m/s]."""
+
+
+@inlined_kernel
+def first_return(bodies, pairs, count, state):
+    """Fraction of the substep at which the first separating contact returns to its initial gap, at most 1.
+
+    Its speed falls linearly from v to v', so it returns after 2 v / (v - v') of the substep.
+    """
+    first = 1.0
+    for k in range(count):
+        pair = pairs[k]
+        if pair["floor"] == NO_FLOOR:
+            left, now = -pair["key"], final_velocity(bodies, pair, state)
+            if now < -left:
+                first = min(first, 2 * left / (left - now))
+    return first
+
+
+@kernel
+def note_free_slip(bodies, pairs, count, state):
+    """Store each row's speed along its initial sliding direction, after forces and before impulses."""
+    for k in range(count):
+        pair = pairs[k]
+        final_velocity(bodies, pair, state)
+        slip = _slip(pair)
+        pair["free_slip"] = _along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
+
+
+@inlined_kernel
+def first_stop(bodies, pairs, count, h, state):
+    """Fraction of the substep at which the first sliding contact stops or reverses; over 1 if the first stops
+    later, by its present braking."""
+    first = NEVER
+    if state["dense_substep"] == 0:
+        for k in range(count):
+            if pairs[k]["manifold"] < 0 or pairs[k]["manifold"] == k:
+                first = min(first, _stop(bodies, pairs, k, h, state))
+    return first
+
+
+@inlined_kernel
+def _stop(bodies, pairs, k, h, state):
+    """`first_stop` of one manifold as a whole, or of one row without a manifold.
+
+    Along the initial sliding direction, the speed u becomes f without friction and u' with the friction p.
+    Friction at the cone's limit L changes it by (u' - f) L / p, so sliding stops after
+    u / (u - f + (f - u') L / p) of the substep. Friction that stops the sliding exactly at the end is less
+    than L; friction that reverses it points forward. A stop whose position is exact to STOP_ERROR within h
+    is no event.
+    """
+    fastest, last, turns = 0.0, 0.0, False
+    u = f = end = p = limit = 0.0
+    v = state["velocity"]
+    while k >= 0:
+        pair = pairs[k]
+        n, held, slip = pair["normal"], pair["resting_impulse"], _slip(pair)
+        j = n[0] * held[0] + n[1] * held[1] + n[2] * held[2]
+        if j > 0 and slip > SLIP_MIN:
+            v_n = final_velocity(bodies, pair, state)
+            along = _along_slip(pair, v) / slip
+            rest = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - v_n * v_n
+            fastest, last = max(fastest, slip), max(last, rest)
+            turns = turns or along < -SLIP_MIN
+            u, f, end = u + slip, f + pair["free_slip"], end + along
+            p, limit = p - _along_slip(pair, held) / slip, limit + pair["friction"] * j
+        k = pair["next_point"]
+    if fastest <= SLIDE_MIN or limit == 0:
+        return NEVER
+    if not (turns or last <= SLIP_MIN * SLIP_MIN):
+        return u / (u - end) if end < u else NEVER
+    # p = 0 lies between braking and forward friction: halve the substep
+    time = u - f + (f - end) * limit / p if p != 0 else 2 * u
+    # the contact solve handles a stop within the first 1 / EVENT_CAP of the substep
+    if time <= 0 or time >= EVENT_CAP * u:
+        return 1.0
+    share = min(1.0, u / time)
+    return share if fastest * h * (1 - share) > STOP_ERROR else 1.0
+
+
+@kernel
+def _separation(pair):
+    """Separation speed along the normal before the contact solve [m/s]."""
+    n, a, b = pair["normal"], pair["before_a"], pair["before_b"]
+    return n[0] * (b[0] - a[0]) + n[1] * (b[1] - a[1]) + n[2] * (b[2] - a[2])
+
+
+@kernel
+def before_across(pair):
+    """Sliding velocity before the contact solve [m/s]."""
+    n, a, b, v_n = pair["normal"], pair["before_a"], pair["before_b"], _separation(pair)
+    return b[0] - a[0] - v_n * n[0], b[1] - a[1] - v_n * n[1], b[2] - a[2] - v_n * n[2]
+
+
+@kernel
+def _slip(pair):
+    """Sliding speed before the contact solve [m/s]."""
+    x, y, z = before_across(pair)
+    return sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def _along_slip(pair, vector):
+    """Dot product of a vector and the sliding velocity before the contact solve."""
+    x, y, z = before_across(pair)
+    return vector[0] * x + vector[1] * y + vector[2] * z

@@ -1,0 +1,71 @@
+"""Contact log of a frame: one row per impulse, with the surface velocities before and after it."""
+
+from touchstone.reference_impl.core.conventions import SIMULATED
+from touchstone.reference_impl.core.counters import COUNT_LOST
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.solver.mobility import surface_velocity
+
+
+@kernel
+def log_contact(contacts, state, pair, point, time):
+    """Add a row to the frame's contact log; returns its index, or -1 (counted) if the log is full."""
+    row = state["contact_count"]
+    if row == len(contacts):
+        state["counters"][COUNT_LOST] += 1
+        return -1
+    contact = contacts[row]
+    contact["time"] = time
+    contact["body_a"], contact["body_b"] = pair["body_a"], pair["body_b"]
+    contact["distance"] = pair["distance"]
+    copy_vector(point, contact["position"])
+    copy_vector(pair["normal"], contact["normal"])
+    state["contact_count"] = row + 1
+    return row
+
+
+@kernel
+def close_row(bodies, pair, contact, p):
+    """Complete a row of the contact log with its impulse p and the surface velocities after it."""
+    copy_vector(p, contact["impulse"])
+    surface_velocity(bodies[pair["body_a"]], pair["lever_a"], contact["velocity_a_after"])
+    surface_velocity(bodies[pair["body_b"]], pair["lever_b"], contact["velocity_b_after"])
+
+
+@kernel
+def log_held(bodies, pairs, count, contacts, state, time):
+    """Log the nonzero impulses of the rows `pairs[:count]`."""
+    for k in range(count):
+        pair = pairs[k]
+        p = pair["resting_impulse"]
+        if p[0] == 0 and p[1] == 0 and p[2] == 0:
+            continue
+        row = log_contact(contacts, state, pair, pair["point"], time)
+        if row >= 0:
+            copy_vector(pair["before_a"], contacts[row]["velocity_a_before"])
+            copy_vector(pair["before_b"], contacts[row]["velocity_b_before"])
+            close_row(bodies, pair, contacts[row], p)
+            _add_bias(bodies, pair, contacts[row])
+
+
+@kernel
+def _add_bias(bodies, pair, contact):
+    """Add to the velocities after a substep how rotation changes them, on a simulated body."""
+    to_b = bodies[pair["body_b"]]["kind"] == SIMULATED
+    for i in range(3):
+        if to_b:
+            contact["velocity_b_after"][i] += pair["bias"][i]
+        else:
+            contact["velocity_a_after"][i] -= pair["bias"][i]
+
+
+@inlined_kernel
+def shorten_resting_contacts(contacts, first, end, fraction):
+    """Scale the impulses and velocity changes in rows `first` to `end` - 1 to a fraction of their substep."""
+    for k in range(first, end):
+        row = contacts[k]
+        for i in range(3):
+            row["impulse"][i] *= fraction
+            a, b = row["velocity_a_before"][i], row["velocity_b_before"][i]
+            row["velocity_a_after"][i] = a + fraction * (row["velocity_a_after"][i] - a)
+            row["velocity_b_after"][i] = b + fraction * (row["velocity_b_after"][i] - b)

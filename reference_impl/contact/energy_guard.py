@@ -1,0 +1,148 @@
+"""Energy guard of a substep: resting contacts add no energy to an island.
+
+Contacts do no positive work for the velocities that the solver uses (`contact_solver`). Energy can still
+rise over a substep: contact points and normals rotate with their bodies, the substep may end at an event
+before a separating contact has returned, and separation lifts overlapping bodies (`separation`). The guard
+measures this rise body by body and removes it from the island's motion. An island that touches a fixed body
+can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
+(`island_motion`). From the rise of an island that links of chains push, the guard subtracts the work of their
+impulses. It does not change islands that touch a driver without chains.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
+from touchstone.reference_impl.contact.separation import kinetic_energy
+from touchstone.reference_impl.core.conventions import (
+    ENERGY_ROUNDING,
+    GUARD_SLOWED,
+    GUARD_SUMMED,
+    GUARD_UNVISITED,
+    SIMULATED,
+)
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
+
+UNPAID_ROUNDING = 1e-12
+"""Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
+
+
+@inlined_kernel
+def note_energy(bodies, state):
+    """Store the energy of each simulated body before a substep, and mark the body as in no island."""
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED:
+            bodies[b]["guard"]["state"] = GUARD_UNVISITED
+            bodies[b]["guard"]["before"] = kinetic_energy(bodies[b]) + _height_energy(bodies[b], state)
+
+
+@kernel
+def _height_energy(body, state):
+    """Potential energy of a body [J]."""
+    g, c = state["gravity"], body["center"]
+    return -body["mass"] * (g[0] * c[0] + g[1] * c[1] + g[2] * c[2])
+
+
+@inlined_kernel
+def guard_energy(world, count, parted, first):
+    """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
+
+    Args:
+        count: number of contact rows and, if separation moved bodies, of the pairs that touch afterwards.
+        parted: separation may have lifted bodies; islands then include separating contacts.
+        first: first row of `contacts` of this substep.
+    """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
+    if parted:
+        join_islands(bodies, drivers, pairs, count, True)
+    free = False
+    for k in range(count):
+        _reset(bodies, drivers, pairs[k])
+    for k in range(count):
+        if pairs[k]["island"] >= 0:
+            _sum_up(bodies, drivers, pairs[k], state)
+    for k in range(first, state["contact_count"]):
+        _subtract_work(bodies, world.contacts[k])
+    for k in range(count):
+        free = free or (pairs[k]["island"] >= 0 and is_free(bodies[pairs[k]["island"]]["guard"]))
+    if free:
+        keep_spin(bodies)
+    for k in range(count):
+        if pairs[k]["island"] >= 0:
+            island = bodies[pairs[k]["island"]]["guard"]
+            if island["driven"] == 0 and island["rise"] > ENERGY_ROUNDING * island["scale"]:
+                _slow_down(bodies, pairs[k], island, state)
+
+
+@kernel
+def _reset(bodies, drivers, pair):
+    """Reset the sums of a row's movers."""
+    for side in range(2):
+        m = mover_of(bodies, drivers, pair["body_a"] if side == 0 else pair["body_b"])
+        if m >= 0:
+            guard = bodies[m]["guard"]
+            guard["state"] = GUARD_UNVISITED
+            guard["grounded"] = guard["driven"] = guard["counted"] = 0
+            guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
+            for i in range(3):
+                guard["momentum"][i] = guard["turning"][i] = 0.0
+
+
+@inlined_kernel
+def _sum_up(bodies, drivers, pair, state):
+    """Add each body of a row to the sums of its island, once per body."""
+    island = bodies[pair["island"]]["guard"]
+    for side in range(2):
+        b = pair["body_a"] if side == 0 else pair["body_b"]
+        body = bodies[b]
+        if mover_of(bodies, drivers, b) < 0 or body["driver"] >= 0:
+            island["grounded"] = 1
+            if body["driver"] >= 0 and drivers[body["driver"]]["chain_count"] == 0:
+                island["driven"] = 1
+        elif body["guard"]["state"] == GUARD_UNVISITED:
+            body["guard"]["state"] = GUARD_SUMMED
+            motion = kinetic_energy(body)
+            island["rise"] += motion + _height_energy(body, state) - body["guard"]["before"]
+            island["motion"] += motion
+            island["scale"] += motion + abs(body["guard"]["before"])
+            island["mass"] += body["mass"]
+            for i in range(3):
+                island["momentum"][i] += body["mass"] * body["velocity"][i]
+
+
+@kernel
+def _subtract_work(bodies, row):
+    """Subtract the work of a contact with a link of a chain from its island's rise."""
+    m, sign, before, after = row["body_b"], 0.5, row["velocity_b_before"], row["velocity_b_after"]
+    if bodies[m]["link_inverse_mass"] > 0:
+        m, sign, before, after = row["body_a"], -0.5, row["velocity_a_before"], row["velocity_a_after"]
+    elif bodies[row["body_a"]]["link_inverse_mass"] == 0:
+        return
+    island = bodies[island_of(bodies, m)]["guard"]
+    for i in range(3):
+        island["rise"] -= sign * row["impulse"][i] * (before[i] + after[i])
+
+
+@kernel
+def _slow_down(bodies, pair, island, state):
+    """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained.
+
+    The island loses less if its motion holds less energy; the rest counts as `unpaid_energy`.
+    """
+    loose = island["motion"] - rigid_energy(island)
+    scale = sqrt(max(0.0, 1 - island["rise"] / loose)) if loose > 0 else 0.0
+    for side in range(2):
+        body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
+        if body["kind"] != SIMULATED or body["guard"]["state"] != GUARD_SUMMED:
+            continue
+        body["guard"]["state"] = GUARD_SLOWED
+        v, w = body["velocity"], body["omega"]
+        x, y, z = rigid_velocity(island, body["center"])
+        p, q, r = island["turning"][0], island["turning"][1], island["turning"][2]
+        v[0], v[1], v[2] = x + scale * (v[0] - x), y + scale * (v[1] - y), z + scale * (v[2] - z)
+        w[0], w[1], w[2] = p + scale * (w[0] - p), q + scale * (w[1] - q), r + scale * (w[2] - r)
+    if island["counted"] == 0:
+        island["counted"] = 1
+        state["guarded_energy"] += island["rise"]
+        if island["rise"] - loose > UNPAID_ROUNDING * island["scale"]:
+            state["unpaid_energy"] += island["rise"] - loose

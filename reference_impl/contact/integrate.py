@@ -1,0 +1,190 @@
+"""Integration of the velocities and poses of simulated bodies over a substep."""
+
+from touchstone.reference_impl.continuous.free_rotation import (
+    free_omega,
+    is_isotropic,
+    refresh_inertia,
+    rotate_freely,
+)
+from touchstone.reference_impl.continuous.swept_motion import (
+    flight_motion,
+    flight_way,
+    largest_angle,
+    pose_along,
+    set_path,
+)
+from touchstone.reference_impl.core.conventions import KEEPS_MOMENTUM, KEEPS_NOTHING, KEEPS_OMEGA, SIMULATED
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import (
+    copy_quaternion,
+    copy_vector,
+    invert_symmetric,
+    matrix_of,
+    rotate,
+)
+from touchstone.reference_impl.kinematics.skeleton import move_links
+
+
+@kernel
+def begin_substep(bodies, drivers):
+    """Store the pose and velocities of each simulated body and of links in contact, and the drivers'
+    velocities."""
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] == SIMULATED or body["link_inverse_mass"] > 0:
+            copy_vector(body["center"], body["old_center"])
+            copy_quaternion(body["orientation"], body["old_orientation"])
+            copy_vector(body["velocity"], body["old_velocity"])
+            copy_vector(body["omega"], body["old_omega"])
+    for d in range(len(drivers)):
+        copy_vector(drivers[d]["velocity"], drivers[d]["old_velocity"])
+        copy_vector(drivers[d]["omega"], drivers[d]["old_omega"])
+
+
+@kernel
+def apply_forces(bodies, gravity, h):
+    """Compute velocities and world inertias after a time h of gravity and free rotation, and velocities of
+    links in contact after a time h of their servo's force."""
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] == SIMULATED:
+            for i in range(3):
+                body["velocity"][i] += gravity[i] * h
+            rotate_freely(body, h)
+        elif body["link_inverse_mass"] > 0:
+            for i in range(3):
+                body["velocity"][i] += body["drive_acceleration"][i] * h
+                body["omega"][i] += body["drive_turning"][i] * h
+
+
+@kernel
+def fly_straight(bodies, gravity, h):
+    """Integrate simulated bodies over a time h without contacts or rotation: velocities, then poses."""
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] != SIMULATED:
+            continue
+        copy_vector(body["velocity"], body["old_velocity"])
+        for i in range(3):
+            body["velocity"][i] += gravity[i] * h
+        flight_way(body, h)
+        rotate(body["rotation"], body["center_of_mass"], body["position"])
+        for i in range(3):
+            body["center"][i] += body["travel"][i] + body["travel_bend"][i]
+            body["position"][i] = body["center"][i] - body["position"][i]
+
+
+@kernel
+def begin_again(bodies, joints, drivers):
+    """Undo the effects of forces, contact impulses and motion since `begin_substep`."""
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] == SIMULATED:
+            copy_vector(body["old_velocity"], body["velocity"])
+            copy_vector(body["old_omega"], body["omega"])
+            copy_quaternion(body["old_orientation"], body["orientation"])
+            matrix_of(body["orientation"], body["rotation"])
+            refresh_inertia(body)
+            rotate(body["rotation"], body["center_of_mass"], body["position"])
+            for i in range(3):
+                body["center"][i] = body["old_center"][i]
+                body["position"][i] = body["center"][i] - body["position"][i]
+    for d in range(len(drivers)):
+        copy_vector(drivers[d]["old_velocity"], drivers[d]["velocity"])
+        copy_vector(drivers[d]["old_omega"], drivers[d]["omega"])
+        move_links(bodies, joints, drivers[d])
+    for b in range(len(bodies)):
+        if bodies[b]["link_inverse_mass"] > 0:
+            copy_vector(bodies[b]["old_velocity"], bodies[b]["velocity"])
+            copy_vector(bodies[b]["old_omega"], bodies[b]["omega"])
+
+
+@inlined_kernel
+def set_ways(bodies, pairs, held, h):
+    """Compute the motion of simulated bodies over a substep of length h from their old and new velocities.
+
+    Bodies on which a contact of `pairs[:held]` exerts an impulse do not rotate freely.
+    """
+    for k in range(held):
+        p = pairs[k]["resting_impulse"]
+        if p[0] != 0 or p[1] != 0 or p[2] != 0:
+            a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+            a["spin_steps"] = b["spin_steps"] = 0
+            a["spin_keeps"] = b["spin_keeps"] = KEEPS_NOTHING
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED:
+            flight_motion(bodies[b], h)
+
+
+@kernel
+def set_paths(bodies):
+    """Bound the path length of each simulated body; returns whether a path exceeds its body's width."""
+    fast = False
+    for b in range(len(bodies)):
+        body = bodies[b]
+        body["path"] = 0.0
+        if body["kind"] == SIMULATED:
+            set_path(body, largest_angle(body))
+            fast = fast or body["path"] > body["width"]
+    return fast
+
+
+@kernel
+def pose_at(bodies, s):
+    """Set the poses of simulated bodies at fraction s of the substep."""
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED:
+            pose_along(bodies[b], s)
+
+
+@kernel
+def end_substep(bodies, joints, drivers, s):
+    """End a substep at fraction s: keep the poses, and update velocities and world inertias to that fraction.
+
+    Contact impulses change the drivers' velocities by that fraction too.
+    """
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] != SIMULATED:
+            if body["link_inverse_mass"] > 0:
+                _blend(body["old_velocity"], s, body["velocity"])
+                _blend(body["old_omega"], s, body["omega"])
+            continue
+        _blend(body["old_velocity"], s, body["velocity"])
+        if body["spin_keeps"] == KEEPS_MOMENTUM:
+            free_omega(body, body["omega"])
+        elif body["spin_keeps"] == KEEPS_OMEGA:
+            refresh_inertia(body)
+        else:
+            _turn_on(body, s)
+    for d in range(len(drivers)):
+        if s < 1 and drivers[d]["inverse_mass"] > 0:
+            _blend(drivers[d]["old_velocity"], s, drivers[d]["velocity"])
+            _blend(drivers[d]["old_omega"], s, drivers[d]["omega"])
+            move_links(bodies, joints, drivers[d])
+
+
+@kernel
+def _turn_on(body, s):
+    """Compute omega and world inertia of a body with contact torques at fraction s of its substep.
+
+    Its angular momentum changes linearly; for anisotropic inertia, omega follows from the momentum.
+    """
+    inertia, momentum, end = body["inertia"], body["momentum"], body["turn"]
+    if is_isotropic(inertia):
+        _blend(body["old_omega"], s, body["omega"])
+        refresh_inertia(body)
+        return
+    invert_symmetric(body["inverse_inertia"], body["scratch"])
+    rotate(body["scratch"], body["omega"], end)
+    for i in range(3):
+        end[i] = (1 - s) * momentum[i] + s * end[i]
+    refresh_inertia(body)
+    rotate(body["inverse_inertia"], end, body["omega"])
+
+
+@kernel
+def _blend(old, s, out_new):
+    """Interpolate a velocity at fraction s of a substep, in place of its final value."""
+    for i in range(3):
+        out_new[i] = (1 - s) * old[i] + s * out_new[i]

@@ -1,0 +1,80 @@
+"""Contacts at internal edges.
+
+At a seam of two coplanar faces (an internal edge), a sliding body and the next piece touch along two normals
+within rounding: that of the face, and that of the piece's side. Taken along the side, the contact would stop
+the body: `align_internal_edges` takes the other normal.
+"""
+
+from touchstone.reference_impl.continuous.time_of_impact import gap_along
+from touchstone.reference_impl.core.conventions import APPROACH_MIN, OVERLAP_TOLERANCE
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.solver.mobility import surface_velocity
+
+
+@inlined_kernel
+def align_internal_edges(bodies, pieces, vertices, pairs, count, state):
+    """Give pairs that approach the normal of another contact of one of their bodies, if that separates them.
+
+    A pair keeps its normal unless its pieces overlap by at most OVERLAP_TOLERANCE along the other normal, and
+    approach more slowly along it.
+
+    Args:
+        pairs: `pairs[:count]` touch, and their pieces are placed.
+    """
+    for k in range(count):
+        speed = witness_approach(bodies, pairs[k], pairs[k]["normal"], 1.0, state)
+        if speed <= APPROACH_MIN:
+            continue
+        for j in range(count):
+            side = _shared_side(bodies, pairs[k], pairs[j])
+            if (
+                j != k
+                and side != 0
+                and _align(bodies, pieces, vertices, pairs[k], pairs[j], side, speed, state)
+            ):
+                break
+
+
+@kernel
+def witness_approach(bodies, pair, n, side, state):
+    """Approach speed of a pair's witness points along side * n [m/s]."""
+    a, b = state["velocity_a"], state["velocity_b"]
+    surface_velocity(bodies[pair["body_a"]], pair["point_a"], a)
+    surface_velocity(bodies[pair["body_b"]], pair["point_b"], b)
+    return side * (n[0] * (a[0] - b[0]) + n[1] * (a[1] - b[1]) + n[2] * (a[2] - b[2]))
+
+
+@kernel
+def _shared_side(bodies, pair, other):
+    """Sign of the normal of `other` for `pair`: 1 if they share body A or body B, -1 if one changes sides, 0
+    if they share no body that moves."""
+    a, b = pair["body_a"], pair["body_b"]
+    if (a == other["body_a"] and bodies[a]["inverse_mass"] > 0) or (
+        b == other["body_b"] and bodies[b]["inverse_mass"] > 0
+    ):
+        return 1.0
+    if (a == other["body_b"] and bodies[a]["inverse_mass"] > 0) or (
+        b == other["body_a"] and bodies[b]["inverse_mass"] > 0
+    ):
+        return -1.0
+    return 0.0
+
+
+@kernel
+def _align(bodies, pieces, vertices, pair, other, side, speed, state):
+    """Take the normal of `other` if the pair's pieces are apart along it and approach more slowly; returns
+    whether they are."""
+    m = other["normal"]
+    if witness_approach(bodies, pair, m, side, state) >= speed:
+        return False
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    gap = gap_along(one, two, vertices, side * m[0], side * m[1], side * m[2], state)
+    if gap < -OVERLAP_TOLERANCE:
+        return False
+    pair["distance"] = gap
+    for i in range(3):
+        middle = (pair["point_a"][i] + pair["point_b"][i]) / 2
+        pair["normal"][i] = side * m[i]
+        pair["point_a"][i] = middle - side * m[i] * gap / 2
+        pair["point_b"][i] = middle + side * m[i] * gap / 2
+    return True

@@ -1,0 +1,108 @@
+"""Simultaneous impacts of an island, and the energy guard for an island as a whole.
+
+Impulses p change the relative velocities v at the contacts to v+ = v + M p, and the kinetic energy by
+T(p) = p.(v + v+) / 2, which is convex. By Newton's law, n.v+ = -e n.v, friction that does not reverse the
+sliding only adds to the loss. Sticking friction can gain energy, but not at e = 0.
+
+The guard takes the impulses p0 at e = 0 and p1 at e, and moves from p1 towards p0 until T = 0:
+T(p0 + s (p1 - p0)) is a parabola in s. The impulses stay in the cones, which are convex.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING
+from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.solver.contact_solver import solve_island
+from touchstone.reference_impl.solver.islands import is_head, join_islands
+from touchstone.reference_impl.solver.mobility import apply_to_both, relative_velocity
+
+
+@inlined_kernel
+def strike_together(bodies, joints, drivers, pairs, count, state):
+    """Apply impact impulses to all rows that have a floor, island by island.
+
+    The impulses satisfy n.v+ >= -e n.v-, and act only where equality holds. If e is the same in all rows,
+    (v+ + e v-) / (1 + e) is the projection of v- on the velocities that do not approach, so the energy never
+    rises without friction. With friction or different e, the guard applies.
+    """
+    join_islands(bodies, drivers, pairs, count, False)
+    for k in range(count):
+        if not is_head(bodies, pairs, k):
+            continue
+        solve_island(bodies, joints, drivers, pairs, k, False, state)
+        gain, work = _energy_change(bodies, pairs, k, state)
+        if gain > ENERGY_ROUNDING * work:
+            _guard(bodies, joints, drivers, pairs, k, gain, state)
+        state["counters"][COUNT_IMPULSES] += 1
+
+
+@kernel
+def _energy_change(bodies, pairs, head, state):
+    """Change of kinetic energy by the impulses of an island, and the sum of their absolute work at v- [J]."""
+    gain = work = 0.0
+    v, k = state["velocity"], head
+    while k >= 0:
+        pair = pairs[k]
+        relative_velocity(bodies, pair, state)
+        for i in range(3):
+            before = pair["before_b"][i] - pair["before_a"][i]
+            gain += pair["resting_impulse"][i] * (before + v[i]) / 2
+            work += abs(pair["resting_impulse"][i] * before)
+        k = pair["next_row"]
+    return gain, work
+
+
+@kernel
+def _guard(bodies, joints, drivers, pairs, head, gain, state):
+    """Interpolate an island's impulses towards those at e = 0 until the kinetic energy does not rise."""
+    v, k = state["velocity"], head
+    while k >= 0:
+        pair = pairs[k]
+        copy_vector(pair["resting_impulse"], pair["spare"])
+        _add_impulse(bodies, joints, drivers, pair, -1.0, state)
+        pair["resting_impulse"][:] = 0.0
+        pair["floor"] = 0.0
+        k = pair["next_row"]
+    solve_island(bodies, joints, drivers, pairs, head, False, state)
+    start, _ = _energy_change(bodies, pairs, head, state)
+    slope = 0.0
+    k = head
+    while k >= 0:
+        relative_velocity(bodies, pairs[k], state)
+        for i in range(3):
+            slope += (pairs[k]["spare"][i] - pairs[k]["resting_impulse"][i]) * v[i]
+        k = pairs[k]["next_row"]
+    share = lossless_share(min(0.0, start), slope, gain)
+    k = head
+    while k >= 0:
+        pair = pairs[k]
+        held, spare = pair["resting_impulse"], pair["spare"]
+        # `spare` becomes the impulse added to the solution at e = 0
+        for i in range(3):
+            spare[i] = share * (spare[i] - held[i])
+            held[i] += spare[i]
+        apply_to_both(bodies, joints, drivers, pair, pair["point"], spare)
+        k = pair["next_row"]
+    state["counters"][COUNT_GUARDED] += 1
+
+
+@kernel
+def _add_impulse(bodies, joints, drivers, pair, share, state):
+    """Apply a share of a row's `resting_impulse` to its bodies."""
+    p = state["impulse"]
+    for i in range(3):
+        p[i] = share * pair["resting_impulse"][i]
+    apply_to_both(bodies, joints, drivers, pair, pair["point"], p)
+
+
+@kernel
+def lossless_share(start, slope, end):
+    """Root in [0, 1] of the parabola with values `start` <= 0 at 0 and `end` > 0 at 1, and `slope` at 0."""
+    bend = end - start - slope
+    root = sqrt(max(0.0, slope * slope - 4 * bend * start))
+    # use the form without cancellation
+    if slope > 0:
+        return min(1.0, -2 * start / (slope + root))
+    return min(1.0, (root - slope) / (2 * bend))

@@ -1,0 +1,37 @@
+"""Broad phase of moving pieces: pairs whose boxes, swept over the motion of a substep, overlap."""
+
+from touchstone.reference_impl.broad_phase.detection import place_listed
+from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
+from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
+from touchstone.reference_impl.continuous.swept_motion import swept_box
+from touchstone.reference_impl.core.conventions import DRIVEN, TOUCH_DISTANCE
+from touchstone.reference_impl.core.counters import COUNT_LOST, COUNT_PAIRS
+from touchstone.reference_impl.core.kernel import kernel
+
+
+@kernel
+def find_swept_pairs(world, kind, first):
+    """Find the pairs whose swept boxes overlap and contain a body of `kind`, written from `pairs[first]`.
+
+    Leaves the pieces of `kind` at the start pose with swept boxes; returns the index after the last pair.
+    """
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
+    _enclose_ways(bodies, pieces, vertices, kind, state)
+    if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
+        drop_fat_bounds(bodies, pieces, state)
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
+        _enclose_ways(bodies, pieces, vertices, kind, state)
+    end, lost = find_pairs(pieces, kind, first, pairs, state)
+    state["counters"][COUNT_LOST] += lost
+    state["counters"][COUNT_PAIRS] += end - first
+    return end
+
+
+@kernel
+def _enclose_ways(bodies, pieces, vertices, kind, state):
+    """Swept AABBs of the listed pieces of a kind over the motion of the substep."""
+    group = state["groups"][kind]
+    for k in range(group["first"], group["end"]):
+        piece = pieces[pieces[k]["order"]]
+        swept_box(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)

@@ -1,1 +1,0 @@
-"""The driven loop: coupling to the tracker, global penetration depth and overlap removal."""

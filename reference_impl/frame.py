@@ -1,0 +1,310 @@
+"""One frame: the driven loop, then the simulated loop (paper, figure 3)."""
+
+from touchstone.reference_impl.broad_phase.detection import (
+    detect,
+    is_free,
+    mark_pairs,
+    place_listed,
+    place_pieces,
+)
+from touchstone.reference_impl.broad_phase.fat_bounds import is_isolated, reset_fat_bounds, update_fat_bounds
+from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
+from touchstone.reference_impl.contact.contact_events import first_return
+from touchstone.reference_impl.contact.contact_log import shorten_resting_contacts
+from touchstone.reference_impl.contact.energy_guard import guard_energy, note_energy
+from touchstone.reference_impl.contact.impact import resolve_impacts
+from touchstone.reference_impl.contact.integrate import (
+    apply_forces,
+    begin_again,
+    begin_substep,
+    end_substep,
+    fly_straight,
+    pose_at,
+    set_paths,
+    set_ways,
+)
+from touchstone.reference_impl.contact.resting_contact import solve_resting_contacts
+from touchstone.reference_impl.contact.separation import separate_simulated
+from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
+from touchstone.reference_impl.continuous.contact_motion import restore_normals
+from touchstone.reference_impl.continuous.first_impact import earliest_impact
+from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
+from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
+from touchstone.reference_impl.core.conventions import (
+    DETECTION_DISCRETE,
+    DETECTION_FAST,
+    DETECTION_SWEEP,
+    DRIVEN,
+    EVENT_CAP,
+    FIXED,
+    SIMULATED,
+)
+from touchstone.reference_impl.core.counters import (
+    COUNT_DENSE,
+    COUNT_EVENTS,
+    COUNT_GAVE_UP,
+    STAGE_COLLISION,
+    STAGE_DRIVE,
+    STAGE_IMPULSES,
+    STAGE_INTEGRATION,
+    STAGE_REMOVAL,
+)
+from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
+from touchstone.reference_impl.core.world import World
+from touchstone.reference_impl.kinematics.driver_poses import store_free_pose
+from touchstone.reference_impl.kinematics.skeleton import (
+    composite_inertia,
+    move_from_shown,
+    move_links,
+    place,
+    pose_links,
+    store_shown,
+)
+from touchstone.reference_impl.posture.attraction import approach, set_goals
+from touchstone.reference_impl.posture.chain_servo import advance_links, recoil, set_pushing_velocities
+from touchstone.reference_impl.posture.driven_time_of_impact import sweep_drivers
+from touchstone.reference_impl.posture.global_depth import largest_depth
+from touchstone.reference_impl.posture.overlap_removal import follow_pushed, pass_free, remove_overlap
+from touchstone.reference_impl.posture.virtual_coupling import follow_tracker
+from touchstone.reference_impl.solver.link_mobility import weigh_links
+from touchstone.reference_impl.solver.tolerances import NEWTON_WORK
+
+DENSE_CALM = 4
+"""Events of a crowded frame from which the next one is crowded from its start."""
+UNPAID_ATTEMPTS, UNPAID_SHARE = 4, 0.25
+"""Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
+that each takes [1]."""
+TIME_MIN = 1e-12
+"""Remainder of a frame that is not simulated [s]."""
+
+
+@kernel
+def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
+    """Initialise a newly filled world for its first step."""
+    for b in range(len(bodies)):
+        place(bodies[b])
+        if bodies[b]["kind"] == SIMULATED:
+            refresh_inertia(bodies[b])
+    for d in range(len(drivers)):
+        pose_links(bodies, joints, drivers[d])
+        _weigh(bodies, joints, drivers[d])
+        move_links(bodies, joints, drivers[d])
+    place_pieces(bodies, pieces, vertices, FIXED)
+    place_pieces(bodies, pieces, vertices, SIMULATED)
+    list_pieces(bodies, pieces, state[0])
+    end, _ = detect(World(bodies, pieces, joints, drivers, vertices, pairs, contacts, state[0]), DRIVEN, 0)
+    for d in range(len(drivers)):
+        store_free_pose(bodies, joints, drivers[d])
+        drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
+    reset_fat_bounds(state[0])
+    state[0]["counters"][:] = 0
+
+
+@kernel
+def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
+    """Advance a world by one frame of `state["dt"]`.
+
+    `target_*` of a driver is its tracker at the frame's end, `old_target_*` that at its start.
+    `contacts`, the stage clocks and the counters cover this frame only.
+    """
+    s = state[0]
+    world = World(bodies, pieces, joints, drivers, vertices, pairs, contacts, s)
+    s["counters"][:] = 0
+    s["stage_seconds"][:] = 0.0
+    s["contact_count"] = 0
+    s["residual"] = s["dropped_time"] = s["parted_energy"] = s["guarded_energy"] = 0.0
+    s["newton_work"] = NEWTON_WORK
+    s["missed_before"], s["missed"] = s["missed"], 0
+    s["residual_body_a"] = s["residual_body_b"] = -1
+    if s["skip_drive"] == 0:
+        _drive(world)
+    if s["skip_contact"] == 1:
+        _fly(world)
+    elif is_isolated(bodies, pieces, drivers, s):
+        _fly(world)
+        # the driven loop needs the placed pieces of simulated bodies
+        if len(drivers) > 0:
+            place_listed(bodies, pieces, vertices, SIMULATED, s)
+    else:
+        _simulate(world)
+    if s["update_fat_bounds"] == 1:
+        update_fat_bounds(bodies, pieces, vertices, drivers, pairs, s)
+
+
+@kernel
+def _weigh(bodies, joints, driver):
+    """Composite centre of mass and inertia of a driver's links in their current posture."""
+    composite_inertia(bodies, joints, driver, driver["center"], driver["inertia"])
+    invert_symmetric(driver["inertia"], driver["inverse_inertia"])
+
+
+@inlined_kernel
+def _drive(world):
+    """Driven loop: coupling, overlap removal, and velocities of driven bodies for this frame's contacts."""
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
+    start = clock(state["clock"])
+    for d in range(len(drivers)):
+        if drivers[d]["chain_count"] > 0:
+            store_shown(bodies, joints, drivers[d])
+        follow_tracker(drivers[d], state["dt"])
+        copy_vector(drivers[d]["position"], drivers[d]["coupled_position"])
+        set_goals(joints, drivers[d], state["dt"])
+    coupled = clock(state["clock"])
+    collision = state["stage_seconds"][STAGE_COLLISION]
+    # attract chains in parts, so that no limb passes through another between overlap tests
+    for part in range(state["attraction_parts"]):
+        more = False
+        for d in range(len(drivers)):
+            if approach(bodies, joints, drivers[d], state, part):
+                more = True
+        if state["skip_removal"] == 0 and not pass_free(world):
+            if state["detection"] != DETECTION_DISCRETE:
+                sweep_drivers(world)
+            remove_overlap(world)
+        if not more:
+            break
+    if state["skip_removal"] == 1:
+        for d in range(len(drivers)):
+            drivers[d]["is_free"] = 1
+            pose_links(bodies, joints, drivers[d])
+    removed = clock(state["clock"])
+    collision = state["stage_seconds"][STAGE_COLLISION] - collision
+    for d in range(len(drivers)):
+        if drivers[d]["chain_count"] > 0:
+            move_from_shown(bodies, joints, drivers[d], state["dt"])
+            if drivers[d]["pushes"] == 1:
+                set_pushing_velocities(bodies, joints, drivers[d], state)
+        else:
+            move_links(bodies, joints, drivers[d])
+    state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
+    state["stage_seconds"][STAGE_DRIVE] += coupled - start + clock(state["clock"]) - removed
+
+
+@inlined_kernel
+def _fly(world):
+    """Simulated loop of a frame without contacts: one substep of free flight."""
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
+    start, h = clock(state["clock"]), state["dt"]
+    if state["skip_rotation"] == 1:
+        fly_straight(bodies, state["gravity"], h)
+    else:
+        begin_substep(bodies, drivers)
+        apply_forces(bodies, state["gravity"], h)
+        set_ways(bodies, pairs, 0, h)
+        pose_at(bodies, 1.0)
+        end_substep(bodies, joints, drivers, 1.0)
+    state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start
+
+
+@inlined_kernel
+def _simulate(world):
+    """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
+    bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
+    vertices, pairs, state = world.vertices, world.pairs, world.state
+    left, weighed, yielded = state["dt"], False, False
+    # a crowded frame mostly follows another: do not try event by event again
+    state["rows"] = state["event_rows"] if state["dense_frame"] == 1 else 0
+    for _ in range(EVENT_CAP):
+        time = state["dt"] - left
+        touching, h = gather_contacts(world, left)
+        # the inertia of a driver without chains affects only its contacts: skip it if drivers are isolated
+        if not weighed and state["driven_isolated"] == 0:
+            for d in range(len(drivers)):
+                if drivers[d]["chain_count"] == 0:
+                    _weigh(bodies, joints, drivers[d])
+            weighed = True
+        weigh_links(bodies, joints, drivers, pairs, touching, state["dt"])
+        # impacts change velocities instantly; forces and resting contacts act over the substep
+        start = clock(state["clock"])
+        if not resolve_impacts(world, touching, time, h):
+            state["counters"][COUNT_GAVE_UP] += 1
+        state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
+        begin_substep(bodies, drivers)
+        if touching > 0:
+            note_energy(bodies, state)
+        first_held, state["unpaid_energy"] = state["contact_count"], 0.0
+        h, fraction = _substep(world, touching, time, h)
+        # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
+        # bodies sink less in a shorter substep, and separation lifts them less
+        for attempt in range(UNPAID_ATTEMPTS):
+            if state["unpaid_energy"] <= 0:
+                break
+            begin_again(bodies, joints, drivers)
+            state["contact_count"] = first_held
+            shorter = fraction if fraction < 1 and attempt == 0 else UNPAID_SHARE * fraction
+            h, fraction = _substep(world, touching, time, shorter * h)
+        state["parted_energy"] += state["unpaid_energy"]
+        if len(drivers) > 0:
+            advance_links(bodies, fraction * h)
+        if state["squeezed"] == 1:
+            state["squeezed"], yielded = 0, True
+            remove_overlap(world)
+        left -= fraction * h
+        if left <= TIME_MIN:
+            break
+        state["counters"][COUNT_EVENTS] += 1
+    busy = state["counters"][COUNT_DENSE] > 0 and state["counters"][COUNT_EVENTS] >= DENSE_CALM
+    state["dense_frame"] = 1 if busy else 0
+    if left > TIME_MIN:
+        state["dropped_time"] = left
+        state["counters"][COUNT_GAVE_UP] += 1
+    place_listed(bodies, pieces, vertices, SIMULATED, state)
+    for d in range(len(drivers)):
+        if drivers[d]["in_contact"] == 0:
+            continue
+        recoil(bodies, joints, drivers[d])
+        # removal from squeezed bodies has replaced the withheld turns
+        if drivers[d]["pushes"] == 1 and drivers[d]["is_free"] == 1 and not yielded:
+            follow_pushed(world, d)
+
+
+@kernel
+def _substep(world, touching, time, h):
+    """Solve the resting contacts `pairs[:touching]` for at most h [s], and advance to the next event.
+
+    Returns:
+        (h, fraction): the length solved for [s], and the fraction of it that elapsed.
+    """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
+    start, first_held = clock(state["clock"]), state["contact_count"]
+    h = solve_resting_contacts(world, touching, time, h)
+    returned = first_return(bodies, pairs, touching, state)
+    restore_normals(pairs, touching)
+    state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
+    set_ways(bodies, pairs, touching, h)
+    fraction, drifted = _advance(world, touching, returned)
+    end_substep(bodies, world.joints, drivers, fraction)
+    shorten_resting_contacts(world.contacts, first_held, state["contact_count"], fraction)
+    # detection for separation writes to `pairs` behind the contact rows
+    moved = touching
+    if drifted:
+        moved = separate_simulated(world, touching)
+    state["unpaid_energy"] = 0.0
+    guard_energy(world, moved, drifted, first_held)
+    return h, fraction
+
+
+@inlined_kernel
+def _advance(world, touching, returned):
+    """Pose simulated bodies at the earliest impact of the substep, but at most at its fraction `returned`.
+
+    Returns:
+        (fraction, drifted) of `earliest_impact`.
+    """
+    bodies, pairs, state = world.bodies, world.pairs, world.state
+    start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
+    mark_pairs(bodies, world.pieces, pairs, touching)
+    fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
+    if fast or state["detection"] == DETECTION_SWEEP:
+        end = find_swept_pairs(world, SIMULATED, touching)
+    else:
+        pose_at(bodies, 1.0)
+        end, _ = detect(world, SIMULATED, touching)
+    fraction, drifted = earliest_impact(world, touching, end, fast)
+    fraction = min(fraction, returned)
+    pose_at(bodies, fraction)
+    collision -= state["stage_seconds"][STAGE_COLLISION]
+    state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start + collision
+    return fraction, drifted

@@ -1,0 +1,1 @@
+"""Kinematics of driven bodies: poses and velocities of links, inertia, joint limits."""

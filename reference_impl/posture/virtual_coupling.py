@@ -1,0 +1,81 @@
+"""Virtual coupling of a driven body to its tracker (Eq. 6), solved in closed form."""
+
+from math import cos, cosh, exp, sin, sinh, sqrt
+
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import rotation_between, turn
+
+COUPLING_REACH = 0.5
+"""Distance of a driver with chains from its tracker beyond which the coupling pulls no stronger [m]."""
+NEAR_CRITICAL = 1e-5
+"""(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
+
+
+@kernel
+def decay(x, v, stiffness, damping, h):
+    """Solve the damped spring x'' = -stiffness x - damping x' over a time h, for any stiffness and step.
+
+    Args:
+        x, v: deviation [m or rad] and its rate at the start.
+        stiffness, damping: per unit mass [1/s^2], [1/s].
+        h: time [s].
+    Returns:
+        (x, v) at the end.
+    """
+    half = damping / 2
+    square = half * half - stiffness
+    if abs(square) * h * h < NEAR_CRITICAL:
+        # use the common series: both formulas divide 0 by 0 at critical damping
+        q = square * h * h
+        c, s = 1 + q / 2 + q * q / 24, h * (1 + q / 6 + q * q / 120)
+    elif square < 0:
+        w = sqrt(-square)
+        c, s = cos(w * h), sin(w * h) / w
+    else:
+        w = sqrt(square)
+        # far above critical damping, cosh overflows although its product with exp does not
+        if w * h > 30:
+            slow = exp((w - half) * h)
+            return (x + (v + half * x) / w) * slow / 2, (v - (half * v + stiffness * x) / w) * slow / 2
+        c, s = cosh(w * h), sinh(w * h) / w
+    e = exp(-half * h)
+    return e * (x * c + (v + half * x) * s), e * (v * c - (half * v + stiffness * x) * s)
+
+
+@kernel
+def follow_tracker(driver, h):
+    """Move a driver's root for one frame: Eq. 6 in translation, critically damped at sqrt(K / m) in rotation.
+
+    The tracker moves linearly within the frame, from its old target to its new one. The spring of a
+    driver with chains pulls as at COUPLING_REACH where it is longer: it would pull the driver through an
+    obstacle to a tracker far behind it.
+    """
+    stiffness, damping = driver["stiffness"] / driver["mass"], driver["damping"] / driver["mass"]
+    far = 0.0
+    for i in range(3):
+        far += (driver["position"][i] - driver["old_target_position"][i]) ** 2
+    limited = driver["chain_count"] > 0 and far > COUPLING_REACH**2
+    beyond = 1 - COUPLING_REACH / sqrt(far) if limited else 0.0
+    for i in range(3):
+        old, new = driver["old_target_position"][i], driver["target_position"][i]
+        pace = (new - old) / h
+        if beyond > 0:
+            old += beyond * (driver["position"][i] - old)
+            new = old + h * pace
+        x, v = decay(driver["position"][i] - old, driver["velocity"][i] - pace, stiffness, damping, h)
+        driver["position"][i] = new + x
+        driver["velocity"][i] = pace + v
+    _follow_rotation(driver, stiffness, h)
+
+
+@kernel
+def _follow_rotation(driver, stiffness, h):
+    turned, error = driver["scratch"][0], driver["scratch"][1]
+    rotation_between(driver["old_target_orientation"], driver["target_orientation"], turned)
+    rotation_between(driver["old_target_orientation"], driver["orientation"], error)
+    for i in range(3):
+        pace = turned[i] / h
+        rate = driver["omega"][i] - pace
+        error[i], rate = decay(error[i], rate, stiffness, 2 * sqrt(stiffness), h)
+        driver["omega"][i] = pace + rate
+    turn(driver["target_orientation"], error[0], error[1], error[2], driver["orientation"])

@@ -1,1 +1,0 @@
-"""Simulated loop: contacts, impacts, resting contacts, events and integration."""

@@ -1,0 +1,434 @@
+"""The driven loop with chains: pushed limbs come free within limits and cones, and only as far as needed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.engines.reference.settings import PROFILES
+from touchstone.adapters.oracles.overlap import measure
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
+from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
+from touchstone.reference_impl.core.driver_dtypes import DRIVER
+from touchstone.reference_impl.core.state_dtype import STATE
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
+from touchstone.reference_impl.kinematics.skeleton import pose_links
+from touchstone.reference_impl.posture.attraction import ATTRACTION_TIME
+from touchstone.reference_impl.posture.chain_overlap_removal import (
+    BEND_SHARE,
+    _bend,
+    next_random,
+    shuffle_chains,
+)
+from touchstone.reference_impl.posture.overlap_removal import remove_overlap
+from touchstone.scenarios.avatar.avatar import avatar_parts
+from touchstone.scenarios.avatar.chains import hinge_axes
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import IDENTITY, Body, Scenario, Tracker
+
+ROOT = Path(__file__).parents[3]
+FRAME = 1 / 60
+LEFT_ARM = 1
+"""Index of the chain."""
+BODIES, JOINTS, CHAINS = avatar_parts()
+NAMES = [joint.name for joint in JOINTS]
+FACE = 0.75
+"""Where the wall begins [m]."""
+ORACLE_SLACK = 2e-8
+"""Beyond the tolerance [m]: what coal's own tolerance leaves."""
+
+
+def posture(**given) -> tuple[float, ...]:
+    """All angles, 0 unless given: of a hinge by name, of a ball joint by the rotation of its bone."""
+    angles = dict.fromkeys(NAMES, 0.0)
+    for name, value in given.items():
+        if isinstance(value, Rotation):
+            names = [f"{name}_{k}" for k in (1, 2, 3)]
+            axes = hinge_axes(tuple(joint for joint in JOINTS if joint.name in names))
+            turned = Rotation.from_matrix(axes.T @ value.as_matrix() @ axes).as_euler("XYZ")
+            angles |= dict(zip(names, map(float, turned)))
+        else:
+            angles[name] = value
+    return tuple(angles.values())
+
+
+def lifted(side: str, heading: float = 0.0) -> Rotation:
+    """An arm lifted forward, a little outwards by `heading` [degrees]; on the right the mirrored one."""
+    return Rotation.from_euler("ZY", (heading if side == "left" else -heading, -80), degrees=True)
+
+
+def walking(*others: Body, times, ways, angles, chains=CHAINS, effects=("gravity",)) -> Scenario:
+    """The person with the torso at (way, 0, 0) and these angles at these times."""
+    stiffness = 73.0 * 30.0**2
+    tracker = Tracker(
+        *("torso", tuple(NAMES), times, tuple((way, 0.0, 0.0) for way in ways)),
+        *((IDENTITY,) * len(times), angles),
+        stiffness=stiffness,
+        damping=2 * stiffness / 30.0,
+    )
+    bodies = (*BODIES, *others)
+    return Scenario(
+        *("walk", "", (), bodies, times[-1], TABLE_1, JOINTS, (tracker,), chains), effects=effects
+    )
+
+
+def wall_push(lab: SimpleNamespace, *sides: str, elbow: float = 0.3, reach: float = 0.3, chains=CHAINS):
+    """Walk into a wall with the arms of these sides stretched forward, and back."""
+    given = {f"{side}_shoulder": lifted(side, 10) for side in sides}
+    angles = posture(**given, **{f"{side}_elbow": elbow for side in sides})
+    wall = lab.block("wall", (0.5, 3.0, 3.0), (FACE + 0.5, 0.0, 0.0), kind="fixed")
+    return walking(
+        wall, times=(0.0, 0.7, 1.0, 1.5), ways=(0.0, reach, reach, 0.0), angles=(angles,) * 4, chains=chains
+    )
+
+
+def arms_cross() -> Scenario:
+    """Bring both arms together in front of the body until each is where the other would be."""
+    apart, across = (
+        posture(**{f"{side}_shoulder": lifted(side, h) for side in ("left", "right")}) for h in (15, -30)
+    )
+    effects = ("gravity", "self_collision")
+    return walking(
+        times=(0.0, 0.7, 1.0, 1.5),
+        ways=(0.0,) * 4,
+        angles=(apart, across, across, apart),
+        effects=effects,
+    )
+
+
+def played(scenario: Scenario, profile: str = "balanced") -> Recording:
+    """The scenario as the reference plays it."""
+    return record(ReferenceEngine(), scenario, Settings(profile, FRAME))
+
+
+def work(recording: Recording, name: str) -> np.ndarray:
+    """A counter per frame."""
+    return recording.work[:, list(recording.work_names).index(name)]
+
+
+def overlap(recording: Recording, scenario: Scenario) -> np.ndarray:
+    """Depth per frame by coal [m]."""
+    return measure(recording, scenario).overlap()
+
+
+def assert_within_limits(recording: Recording, scenario: Scenario) -> None:
+    """Every hinge within its limits and every ball joint in its reach cone, in every frame."""
+    rows = translate(scenario).joints
+    for angles in recording.joint_angle:
+        assert (angles >= rows["lower"]).all()
+        assert (angles <= rows["upper"]).all()
+        rows["angle"] = rows["last_angle"] = angles
+        rows["cosine"], rows["sine"] = np.cos(angles), np.sin(angles)
+        for k in np.flatnonzero(rows["cone_count"]):
+            keep_in_cone(rows, k)
+        # a projected direction is inside to rounding
+        np.testing.assert_allclose(rows["angle"], angles, atol=1e-9)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_pushed_arm_gives_way(lab: SimpleNamespace, profile: str) -> None:
+    """Push an arm 30 cm into a wall: it folds, the body goes on, and no frame shows an overlap."""
+    scenario = wall_push(lab, "right")
+    recording = played(scenario, profile)
+    assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert not work(recording, "gave_up").any()
+    assert not work(recording, "way_back").any()
+    assert_within_limits(recording, scenario)
+    tracked = np.array(scenario.trackers[0].angles[0])
+    off = np.abs(recording.joint_angle - tracked)
+    arm = [name.startswith(("right_shoulder", "right_elbow", "right_wrist")) for name in NAMES]
+    assert off[60][arm].max() > 0.15
+    assert not off[:, np.logical_not(arm)].any()
+    # the torso has room: it goes as if there were no wall
+    alone = replace(scenario, bodies=BODIES)
+    np.testing.assert_array_equal(recording.position[:, 0], played(alone, profile).position[:, 0])
+    # free again, the arm goes back by e^-3 in 0.3 s
+    assert off[-1].max() < 0.1 * off[60].max()
+    touched = work(recording, "ik.rounds") > 0
+    assert 30 < touched.sum() < 80
+    assert ((work(recording, "posture_qp.solves") + work(recording, "ccd.passes"))[touched] > 0).all()
+    assert (work(recording, "ik.joints")[touched] >= 4).all()
+    assert work(recording, "pairs.contacting")[touched].min() >= 1
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+def test_a_pushed_arm_stays_near_the_best_posture(lab: SimpleNamespace, profile: str) -> None:
+    """Come within 1.3 of the free posture nearest to the tracker's, by SLSQP from five starts (sum over
+    frames of the distance of all angles); reach cones bind the reference alone."""
+    scenario = wall_push(lab, "right")
+    recording, world = played(scenario, profile), translate(scenario)
+    first, last = world.drivers[0]["chains"][2]
+    arm, rows = slice(first, last + 1), world.joints[first : last + 1]
+    tracked = np.array(scenario.trackers[0].angles[0])
+    vertices = [
+        (b, Rotation.from_quat(p.orientation, scalar_first=True).apply(p.shape.vertices) + p.position)
+        for b, body in enumerate(BODIES)
+        for p in body.pieces
+        if body.name in ("right_upper_arm", "right_forearm", "right_hand")
+    ]
+
+    def room(angles: np.ndarray, root: np.ndarray) -> np.ndarray:
+        """What is left between each part of the arm and the wall's face [m]."""
+        world.joints["angle"], world.drivers[0]["position"] = tracked, root
+        world.joints["angle"][arm] = angles
+        pose_links(world.bodies, world.joints, world.drivers[0])
+        placed = [
+            (world.bodies[b]["position"] + v @ world.bodies[b]["rotation"].T)[:, 0] for b, v in vertices
+        ]
+        return FACE - np.array([x.max() for x in placed])
+
+    rng, found, best = np.random.default_rng(3), 0.0, 0.0
+    for frame in range(30, 75, 9):
+        root, goal, shown = recording.position[frame, 0], tracked[arm], recording.joint_angle[frame, arm]
+        assert room(goal, root).min() < -0.01
+        starts = [shown, goal, *(goal + rng.normal(0, 0.4, len(goal)) for _ in range(3))]
+        answers = [
+            minimize(
+                lambda q, goal=goal: ((q - goal) ** 2).sum(),
+                np.clip(start, rows["lower"], rows["upper"]),
+                jac=lambda q, goal=goal: 2 * (q - goal),
+                bounds=list(zip(rows["lower"], rows["upper"])),
+                constraints={"type": "ineq", "fun": room, "args": (root,)},
+                method="SLSQP",
+            ).x
+            for start in starts
+        ]
+        best += min(np.linalg.norm(q - goal) for q in answers if room(q, root).min() > -1e-6)
+        found += np.linalg.norm(shown - goal)
+    assert 0.9 * best < found <= 1.3 * best
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_crossing_arms_hold_each_other_up(profile: str) -> None:
+    """Keep arms that are led through each other apart; both give way, and one may slide over the other."""
+    scenario = arms_cross()
+    recording = played(scenario, profile)
+    assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert not work(recording, "gave_up").any()
+    assert_within_limits(recording, scenario)
+    off = np.abs(recording.joint_angle[55] - scenario.trackers[0].angles[1])
+    for side in ("left", "right"):
+        assert off[[name.startswith(f"{side}_") for name in NAMES]].max() > 0.1
+    # over the other, if at all, and never through a hand 3 cm thick
+    left, right = (scenario.body_index(f"{side}_hand") for side in ("left", "right"))
+    apart = recording.position[:, left] - recording.position[:, right]
+    assert ((apart[:, 1] > 0) | (np.abs(apart[:, 2]) > 0.05)).all()
+    assert np.abs(recording.joint_rate).max() < 8
+    # without self-collision they pass through each other
+    through = walking(
+        times=(0.0, 1.5), ways=(0.0, 0.0), angles=scenario.trackers[0].angles[1:3], effects=("gravity",)
+    )
+    assert not work(played(through), "ik.rounds").any()
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_what_chains_cannot_take_the_body_does(lab: SimpleNamespace, profile: str) -> None:
+    """Stop before a wall that the tracker walks through, though the chains alone could not come free."""
+    wall = lab.block("wall", (0.5, 3.0, 3.0), (1.25, 0.0, 0.0), kind="fixed")
+    angles = (posture(),) * 2
+    scenario = walking(wall, times=(0.0, 1.0), ways=(0.3, 0.7), angles=angles)
+    recording = played(scenario, profile)
+    assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert not work(recording, "gave_up").any()
+    assert_within_limits(recording, scenario)
+    assert 0.5 < recording.position[-1, 0, 0] < 0.65
+
+
+def test_a_mirrored_push_is_mirrored(lab: SimpleNamespace) -> None:
+    """Push the left arm instead, chains in mirrored order: equal angles are mirrored postures."""
+    mirrored = tuple(CHAINS[k] for k in (0, 2, 1, 4, 3))
+    one = played(wall_push(lab, "right")).joint_angle
+    two = played(wall_push(lab, "left", chains=mirrored)).joint_angle
+    swap = {"left": "right", "right": "left"}
+    other = [NAMES.index("_".join(swap.get(word, word) for word in name.split("_"))) for name in NAMES]
+    # the same operations on mirrored numbers, rounded equally but for sums in another order
+    np.testing.assert_allclose(two[:, other], one, atol=1e-9)
+
+
+def test_attraction_closes_the_gap_as_fast_as_a_lag() -> None:
+    """Follow a posture that stands still at least as fast as exp(-t / tau), at any frame rate, and turn no
+    hinge by more than that share of what parts the whole posture."""
+    angles = (posture(), posture(left_elbow=1.0, right_knee=0.5))
+    scenario = walking(times=(0.0, 1.0), ways=(0.0, 0.0), angles=angles)
+    targets = np.array(angles[1])
+    for rate in (30, 60, 120):
+        world = ReferenceEngine().build(scenario, Settings("balanced", 1 / rate))
+        world.drive(0)
+        world._targets = []
+        joints = world._world.joints
+        joints["target_angle"] = joints["last_target_angle"] = targets
+        slow = 1 - np.exp(-1 / rate / ATTRACTION_TIME)
+        for frame in range(1, rate // 3):
+            before = joints["angle"].copy()
+            world.step()
+            left = np.exp(-frame / rate / ATTRACTION_TIME) * targets
+            assert (targets - joints["angle"] <= left + 1e-12).all()
+            turned = np.abs(joints["angle"] - before).max()
+            assert turned <= slow * np.linalg.norm(targets - before) + 1e-12
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+def test_free_chains_are_where_the_tracker_is(profile: str) -> None:
+    """Show the tracker's own posture in every frame where nothing is in the way."""
+    lifting = posture(right_shoulder=lifted("right"), right_elbow=1.0, left_knee=0.6)
+    scenario = walking(times=(0.0, 0.4, 0.8), ways=(0.0,) * 3, angles=(posture(), lifting, posture()))
+    recording = played(scenario, profile)
+    tracked = sample(scenario.trackers[0], recording.time).angle
+    assert np.abs(np.diff(tracked, axis=0)).max() > 0.05
+    np.testing.assert_allclose(recording.joint_angle, tracked, atol=1e-9)
+
+
+def test_velocities_lead_from_frame_to_frame(lab: SimpleNamespace) -> None:
+    """Give links the velocities, and hinges the rates, by which they came to where they are."""
+    scenario = wall_push(lab, "right")
+    recording = played(scenario)
+    links = len(BODIES)
+    centers = np.zeros((len(recording.time), links, 3))
+    for b, body in enumerate(BODIES):
+        turned = Rotation.from_quat(recording.orientation[:, b], scalar_first=True)
+        centers[:, b] = recording.position[:, b] + turned.apply(body.center_of_mass)
+        step = (turned[1:] * turned[:-1].inv()).as_rotvec() / FRAME
+        np.testing.assert_allclose(recording.angular_velocity[1:, b], step, atol=1e-6)
+    moved = np.diff(centers, axis=0) / FRAME
+    np.testing.assert_allclose(recording.linear_velocity[1:, :links], moved, atol=1e-9)
+    turned = np.diff(recording.joint_angle, axis=0) / FRAME
+    np.testing.assert_allclose(recording.joint_rate[1:], turned, atol=1e-9)
+
+
+def test_a_struck_ball_moves_the_body_no_farther_than_its_momentum(lab: SimpleNamespace) -> None:
+    """Send a ball away with a hand, whose person recoils by at most p / (m w e) under critical damping."""
+    arm = posture(right_shoulder=lifted("right"))
+    ball = lab.ball(position=(0.75, -0.2, 0.58), mass=5.0)
+    coming = {"times": (0.0, 0.5, 1.0), "ways": (0.0, 0.4, 0.4), "angles": (arm,) * 3}
+    alone, hit = walking(**coming), walking(ball, **coming)
+    one, two = played(alone), played(hit)
+    speed = two.linear_velocity[-1, -1, 0]
+    assert speed > 0.3
+    tracker, links = hit.trackers[0], hit.links(hit.trackers[0])
+    mass = sum(hit.bodies[link].mass for link in links)
+    root = links[0]
+    away = np.abs(one.position[:, root] - two.position[:, root]).max()
+    # twice the ball's momentum at most: it may bounce, and is pushed again
+    assert 0.0 < away < 2 * 5.0 * speed / np.sqrt(mass * tracker.stiffness)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_tracker_may_start_in_a_wall(lab: SimpleNamespace, profile: str) -> None:
+    """Come out of a wall that the tracker starts in, by the first frame."""
+    arm = posture(right_shoulder=lifted("right"), right_elbow=0.3)
+    wall = lab.block("wall", (0.5, 3.0, 3.0), (1.1, 0.0, 0.0), kind="fixed")
+    scenario = walking(wall, times=(0.0, 0.2), ways=(0.0, 0.0), angles=(arm,) * 2)
+    recording = played(scenario, profile)
+    depth = overlap(recording, scenario)
+    assert depth[0] > 0.03
+    assert depth[1:].max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
+    assert_within_limits(recording, scenario)
+
+
+def test_a_tracker_that_starts_stuck_is_refused(lab: SimpleNamespace) -> None:
+    """Name tracker, frame, pair and depth where two walls leave no room for the torso."""
+    walls = [lab.block(f"wall_{s}", (0.5, 0.5, 3.0), (0.0, 0.6 * s, 0.0), kind="fixed") for s in (-1, 1)]
+    scenario = walking(*walls, times=(0.0, 0.2), ways=(0.0, 0.0), angles=(posture(),) * 2)
+    expected = r"^reference: trackers\[0\] starts stuck: in frame 1 'wall_-?1' and '\w+' overlap by 0\.\d+ m"
+    with pytest.raises(AdapterError, match=expected):
+        ReferenceEngine().build(scenario, Settings("balanced", FRAME))
+
+
+def test_every_order_of_the_chains_comes_up() -> None:
+    """Draw each of the six orders of three chains about equally often."""
+    state, drivers = np.zeros(1, STATE), np.zeros(1, DRIVER)
+    state["random"], drivers["chain_count"] = 1, 3
+    seen: dict[tuple[int, ...], int] = {}
+    for _ in range(600):
+        shuffle_chains(drivers[0], state[0])
+        order = drivers[0]["order"][:3]
+        seen[tuple(order.tolist())] = seen.get(tuple(order.tolist()), 0) + 1
+    assert len(seen) == 6
+    # 100 expected each, standard deviation 9.1
+    assert 60 < min(seen.values()) <= max(seen.values()) < 140
+
+
+INTERPRETED = """
+import json, sys
+sys.path.insert(0, "tests/reference_impl/posture")
+from test_chain_overlap_removal import arms_cross, FRAME
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
+scenario = arms_cross()
+world = ReferenceEngine().build(scenario, Settings("balanced", FRAME))
+for frame in range(30, 60):
+    world.drive(frame)
+    world.step()
+print(json.dumps(world._world.joints["angle"].tolist()))
+"""
+
+
+@pytest.mark.slow
+def test_interpreted_source_computes_the_same() -> None:
+    """Play 30 frames of contact with and without compilation: equal to 1e-9."""
+    angles = []
+    for disabled in ("0", "1"):
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(
+            [sys.executable, "-c", INTERPRETED],
+            cwd=ROOT,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=600,
+        )
+        assert done.returncode == 0, done.stderr
+        angles.append(json.loads(done.stdout))
+    np.testing.assert_allclose(*angles, rtol=0, atol=1e-9)
+    assert np.abs(angles[0]).max() > 0.1
+
+
+def test_the_generator_is_that_of_park_and_miller() -> None:
+    """Reach the state that their paper gives after 10,000 numbers from 1, and stay in (0, 1)."""
+    state = np.zeros(1, STATE)[0]
+    state["random"] = 1
+    numbers = [next_random(state) for _ in range(10000)]
+    assert state["random"] == 1043618065
+    assert 0 < min(numbers) < max(numbers) < 1
+    assert np.mean(numbers) == pytest.approx(0.5, abs=5 / np.sqrt(12 * 10000))
+
+
+def test_only_hinges_of_their_own_bend(lab: SimpleNamespace) -> None:
+    """Bend elbow and wrist by a twentieth of the way to the middle of their ranges, no ball joint."""
+    world = lab.build(lab.person())
+    first, last = map(int, world.drivers[0]["chains"][LEFT_ARM])
+    _bend(world.joints, first, last)
+    rows = world.joints[first : last + 1]
+    assert not rows["angle"][:3].any()
+    np.testing.assert_allclose(
+        rows["angle"][3:], BEND_SHARE * (rows["lower"] + rows["upper"])[3:] / 2, rtol=1e-14
+    )
+
+
+@pytest.mark.parametrize("sunk", [0.001, 0.01, 0.03])
+def test_straight_legs_give_way_to_a_risen_ground(lab: SimpleNamespace, sunk: float) -> None:
+    """Free both feet of a ground that rose into the soles of straight legs; the torso stays."""
+    person = lab.person()
+    world = lab.build(person)
+    sole = min(world.pieces["low"][:, 2])
+    ground = lab.block("ground", (5.0, 5.0, 0.5), (0.0, 0.0, float(sole) - 0.5 + sunk), kind="fixed")
+    world = lab.build(lab.person(bodies=(*person.bodies, ground)))
+    world.state["counters"][:] = 0
+    remove_overlap(world.of_stages())
+    assert world.drivers[0]["is_free"] == 1
+    assert abs(world.drivers[0]["position"][2]) <= 0.1 * sunk + OVERLAP_TOLERANCE
