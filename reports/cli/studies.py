@@ -173,6 +173,24 @@ def robustness(
     ended(frame, show, folder, output, quiet, by_name=bool(engine))
 
 
+@study.command("paper")
+def paper(
+    repeats: Annotated[int, typer.Option(min=1, help="Timed plays of every scene.")] = 15,
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/paper-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Replay the experiments of the paper on the profile `paper`, and judge its claims one by one."""
+    from touchstone.reports.studies.paper.study import run, steps
+    from touchstone.reports.studies.paper.table import show
+
+    folder = out or folder_of_now("paper-")
+    require_judge()
+    with measuring(steps(repeats), quiet) as progress:
+        frame = run(repeats, folder, progress)
+    ended(frame, show, folder, output, quiet)
+
+
 def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     scenario: Annotated[

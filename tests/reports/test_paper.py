@@ -1,0 +1,238 @@
+"""The study paper: rules on curves with known answers, and a short run that judges every claim."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from touchstone.adapters.contract import AdapterError
+from touchstone.reports.docs.measurements import page_of
+from touchstone.reports.studies.paper import claims
+from touchstone.reports.studies.paper.claim import CLAIMS
+from touchstone.reports.studies.paper.series import (
+    PAIRS,
+    PASSES,
+    Series,
+    first_contact,
+    is_plateau,
+    plateaus,
+    runs,
+    thirds,
+)
+from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, run
+from touchstone.reports.studies.paper.table import show
+
+RATE, COUNT = 60, 480
+FREE, HIGH = 4e-6, 8e-6
+"""Frame times of free motion and of a plateau [s]."""
+TOLD = {claim.name: claim for claim in CLAIMS}
+
+
+def silence(label: str, count: int) -> None:
+    """No progress."""
+
+
+def judge(name: str, **scenes: Series) -> bool:
+    """Whether a claim holds on synthetic series."""
+    claim = TOLD[name]
+    return claim.holds(claim.rule(scenes))
+
+
+def series(frame: np.ndarray, contact: np.ndarray, **counts: np.ndarray) -> Series:
+    """A scene of 60 frames per second from its frame time and its frames in contact."""
+    time = (1 + np.arange(len(frame))) / RATE
+    counters = {PAIRS: contact.astype(float), "events": np.zeros(len(frame)), **counts}
+    return Series(SimpleNamespace(frame_rate=RATE), None, time, frame, {"removal": frame}, counters)
+
+
+def slide(shape: str) -> Series:
+    """A free first half; two contacts whose frame times are of a `shape`; impacts of a ball at the end."""
+    rng = np.random.default_rng(0)
+    frame = FREE * (1 + 0.03 * rng.standard_normal(COUNT))
+    contact, events = np.zeros(COUNT, dtype=bool), np.zeros(COUNT)
+    for first, end in ((230, 300), (330, 390)):
+        contact[first:end] = True
+        if shape == "plateau":
+            frame[first:end] += HIGH - FREE
+        elif shape == "spike":
+            frame[first:end] += 10 * FREE * np.exp(-np.arange(end - first) / 6)
+    for hit in (430, 460):
+        events[hit], frame[hit] = 1, 3 * HIGH
+    return series(frame, contact, events=events)
+
+
+def pushes(peaks: tuple[int, ...], first: int = 200, decay: float = 5.0) -> Series:
+    """Contacts of 24 frames, 60 apart from `first` on, whose passes decay from `peaks` to a tenth."""
+    passes, contact = np.zeros(360), np.zeros(360, dtype=bool)
+    for k, peak in enumerate(peaks):
+        where = slice(first + 60 * k, first + 60 * k + 24)
+        passes[where] = peak * (0.1 + 0.9 * np.exp(-np.arange(24) / decay))
+        contact[where] = True
+    return series(FREE + 5e-7 * passes, contact, **{PASSES: passes})
+
+
+@pytest.mark.parametrize(("shape", "two"), [("plateau", True), ("spike", False), ("none", False)])
+def test_plateaus_are_told_from_spikes(shape: str, two: bool) -> None:
+    """Two plateaus and the break between them are found in plateaus, not in spikes or a level curve."""
+    scene = slide(shape)
+    assert (plateaus(scene.frame, scene.contacts, RATE) == [(230, 300), (330, 390)]) == two
+    assert judge("plateaus", table_slide=scene) == two
+    assert judge("break", table_slide=scene) == two
+    assert judge("ball spikes", table_slide=scene) == two
+    assert judge("idle", table_slide=scene)
+
+
+def test_a_plateau_rises_and_stays() -> None:
+    """A rise of a fifth, a ramp and a curve that is high in half of its frames are no plateaus."""
+    level = np.full(60, 2.0)
+    assert is_plateau(level, 1.0)
+    assert not is_plateau(level, 2.0 / 1.2)
+    assert not is_plateau(np.linspace(1.0, 3.0, 60), 1.0)
+    assert not is_plateau(np.where(np.arange(60) % 2, 2.0, 1.0), 1.0)
+
+
+def test_contact_that_comes_early_or_drifts_is_not_idle() -> None:
+    """Idle motion lasts nearly half of the scene, at one level."""
+    early = slide("plateau")
+    early.counts[PAIRS][100] = 1
+    assert not judge("idle", table_slide=early)
+    drifting = slide("plateau")
+    drifting.frame[:115] *= 1.5
+    assert not judge("idle", table_slide=drifting)
+
+
+@pytest.mark.parametrize(
+    ("scene", "three", "fall"),
+    [
+        (pushes((80, 80, 80)), True, True),
+        (pushes((80, 60, 80)), True, True),
+        (pushes((80, 80)), False, True),
+        (pushes((80, 30, 80)), False, True),
+        (pushes((80, 80, 80), first=60), False, True),
+        (pushes((80, 80, 80), decay=1e6), True, False),
+        (pushes(()), False, False),
+    ],
+)
+def test_three_spikes_fall_off(scene: Series, three: bool, fall: bool) -> None:
+    """Count spikes of half the peak in the second half, and require that each loses half of its height."""
+    assert judge("three spikes", two_arms=scene) == three
+    assert judge("fall off", two_arms=scene) == fall
+
+
+def test_coherence_is_a_tendency() -> None:
+    """Three of four first contacts must fall off."""
+    falling, lasting = pushes((80,)), pushes((80,), decay=1e6)
+    names = claims.PERSONS
+    assert judge("coherence", **dict(zip(names, (falling, falling, falling, lasting))))
+    assert not judge("coherence", **dict(zip(names, (falling, falling, lasting, lasting))))
+
+
+def test_stretches_join_over_flicker() -> None:
+    """Stretches of flags, at both ends too; gaps of up to three frames are none."""
+    flags = np.array([1, 1, 0, 1, 0, 0, 0, 0, 1, 0, 1, 1], dtype=bool)
+    assert runs(flags) == [(0, 4), (8, 12)]
+    assert runs(flags, 0) == [(0, 2), (3, 4), (8, 9), (10, 12)]
+    assert runs(np.zeros(5, dtype=bool)) == []
+
+
+def test_first_contact_and_thirds() -> None:
+    """Peak of the first tenth of a second and median of the two that follow; medians of ordered thirds."""
+    curve = np.concatenate([np.zeros(10), [5, 9, 5, 4, 4, 4], np.full(12, 3.0), np.full(12, 8.0)])
+    assert first_contact(curve, 10, RATE) == (9.0, 3.0)
+    assert first_contact(curve[:14], 10, RATE) == (9.0, 0.0)
+    work = np.array([3.0, 1.0, 2.0])
+    assert thirds(work, 10 * work) == ([1.0, 2.0, 3.0], [10.0, 20.0, 30.0])
+
+
+def test_claims_are_complete() -> None:
+    """Every claim has a name of its own, scenes of the study, a known basis, and a rule that says itself."""
+    assert len(TOLD) == len(CLAIMS) == 20
+    for claim in CLAIMS:
+        assert set(claim.scenes) <= set(claims.SCENES)
+        assert set(claim.basis.split(", ")) <= {"counts", "times", "poses"}
+        assert claim.rule.__doc__
+
+
+def test_a_run_judges_every_claim(tmp_path) -> None:
+    """Store a row per claim with its evidence, the picture and a page; show scenes and verdicts."""
+    frame = run(1, tmp_path / "paper", silence)
+    names = {"results.parquet", "results.csv", "manifest.json", "paper.png", "paper.svg"}
+    assert {path.name for path in (tmp_path / "paper").iterdir()} == names
+    assert json.loads((tmp_path / "paper" / "manifest.json").read_text())["repeats"] == 1
+    judged = frame[frame.metric == CLAIM]
+    assert list(judged.subject) == list(TOLD)
+    assert set(judged.reason_code) <= {REPRODUCED, NOT_REPRODUCED}
+    assert (judged.reason != "").all()
+    assert not judged[["value", "limit"]].isna().any().any()
+    # what rests on counts and poses repeats
+    sure = judged[judged.basis.isin(["counts", "poses"])].set_index("subject").reason_code
+    for name in ("hand", "self-collision", "wall"):
+        assert sure[name] == REPRODUCED
+    console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
+    show(frame, console)
+    text = console.export_text()
+    assert all(scene in text for scene in claims.SCENES)
+    assert "of 20 claims are reproduced" in text
+    assert "…" not in text
+    name, page, pictures = page_of(tmp_path / "paper")
+    assert (name, list(pictures)) == ("paper.md", ["paper-paper.png"])
+    assert "touchstone study paper" in page
+
+
+class Broken:
+    """Engine that builds no world."""
+
+    def build(self, scenario, settings):
+        raise AdapterError("reference: broken")
+
+
+def test_scenes_that_fail_are_told(tmp_path) -> None:
+    """A scene that cannot be played is an error with its reason; claims that need it are skipped."""
+    frame = run(1, tmp_path / "paper", silence, Broken())
+    assert set(frame[frame.metric == "run"].verdict) == {"error"}
+    assert set(frame[frame.metric == CLAIM].verdict) == {"skipped"}
+    console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
+    show(frame, console)
+    assert "error: table_slide: reference: broken" in console.export_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--repeats", "0"], "Invalid value for '--repeats': "),
+        (["--out", "full"], "--out full: exists and is not an empty folder"),
+        (["--profile", "balanced"], "No such option: --profile"),
+    ],
+)
+def test_wrong_arguments_are_one_line(touchstone, tmp_path, arguments, said) -> None:
+    """End with status 2 and one line, and write nothing."""
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").touch()
+    code, out, err = touchstone("study", "paper", *arguments)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["full"]
+
+
+def test_the_command_prints_rows(touchstone, monkeypatch) -> None:
+    """The registered command passes its options on, and prints the long table."""
+    from touchstone.reports.studies.paper import study
+
+    asked = []
+
+    def fake(repeats, out, progress):
+        asked.append((repeats, str(out)))
+        return pd.DataFrame({"metric": ["paper.claim"], "verdict": [""]})
+
+    monkeypatch.setattr(study, "run", fake)
+    code, out, _ = touchstone(
+        "study", "paper", "--repeats", "3", "--out", "here", "--format", "csv", "--quiet"
+    )
+    assert (code, asked) == (0, [(3, "here")])
+    assert out.splitlines() == ["metric,verdict", "paper.claim,"]
