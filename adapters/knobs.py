@@ -113,7 +113,7 @@ Setting = Choice | Range | Numbers
 
 
 class Table(Mapping[str, Setting]):
-    """Settings of an engine by name, in the order of the table; `profiles`: its columns, then those of `bare`.
+    """Settings of an engine by name, in the order of the table; `profiles`: columns, then those of `bare`.
 
     `idle`: setting -> another setting and its values with which the first does nothing. `bare`: profile that
     has none of the settings -> what it has instead.

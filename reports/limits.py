@@ -31,7 +31,7 @@ class Limit:
     by_construction: bool = False
 
 
-EXTRAPOLATED = "ccd extrapolated"
+CCD = "ccd as printed"
 """The algorithm of the study `ik` whose time has a limit."""
 PERSON_ENERGY = {
     "wall_push": 40.0,
@@ -108,10 +108,10 @@ GALLERY: tuple[Limit, ...] = (
         for profile in ("balanced", "accurate")
     ),
     Limit("energy.injected", 1e-9, "nothing but rounding", engine="reference"),
-    Limit("ik.missed", 0.02, "goals of a chain, from within 0.1 rad", "reference", "arm, near", EXTRAPOLATED),
+    Limit("ik.missed", 0.1, "64 passes: CCD creeps where an arm is stretched", "reference", "arm, near", CCD),
     *(
-        Limit("ratio.time", ratio, "over damped least squares in Python", "reference", start, EXTRAPOLATED)
-        for start, ratio in (("arm, near", 0.1), ("arm, rest", 0.09))
+        Limit("ratio.time", ratio, "over damped least squares in Python", "reference", start, CCD)
+        for start, ratio in (("arm, near", 0.4), ("arm, rest", 0.35))
     ),
     Limit("events.touch.spread", 1 / 60, "one frame: all engines follow the same glove"),
     Limit("events.roll.spread", 2 / 60, "two frames: sliding ends at 2/7 v0 / (mu g), v0 within 20 %"),

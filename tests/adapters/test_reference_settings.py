@@ -8,6 +8,9 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.engines.reference.settings import (
+    COLUMNS,
+    EQUAL,
+    PAPER,
     PROFILES,
     SETTINGS,
     configure,
@@ -23,12 +26,12 @@ SPEED = Range("speed", 0, 0.5, "m/s", ("0", "0", "0"), "a speed", whole=False)
 
 def test_every_profile_is_a_column() -> None:
     """Set in the table what the registry promises, and nothing else."""
-    assert set(SETTINGS.profiles) == set(ENGINES["reference"].profiles) == {*PROFILES, "equal-step"}
+    assert set(SETTINGS.profiles) == set(ENGINES["reference"].profiles) == {*PROFILES, EQUAL}
     assert SETTINGS.values_of("equal-step") == SETTINGS.values_of("balanced")
-    assert all(len(setting.profiles) == len(SETTINGS.profiles) for setting in SETTINGS.values())
+    assert all(len(setting.profiles) == len(SETTINGS.profiles) - 1 for setting in SETTINGS.values())
 
 
-@pytest.mark.parametrize("profile", SETTINGS.profiles)
+@pytest.mark.parametrize("profile", [*COLUMNS, EQUAL])
 def test_a_profile_is_read_back_as_it_was_set(profile: str) -> None:
     """Write a profile over a state full of other numbers; the same words come back."""
     state = np.zeros(1, STATE)
@@ -46,7 +49,7 @@ def test_a_profile_is_read_back_as_it_was_set(profile: str) -> None:
 )
 def test_a_change_changes_its_own_setting_alone(name: str, value: str) -> None:
     """Reach each named value of each setting from every profile, and leave all others alone."""
-    for profile in PROFILES:
+    for profile in COLUMNS:
         plain, state = np.zeros(1, STATE), np.zeros(1, STATE)
         configure(plain[0], profile)
         configure(state[0], profile, SETTINGS.changes(profile, [f" {name} = {value}"]))
@@ -98,8 +101,24 @@ def test_one_setting_takes_one_value() -> None:
     """Refuse two values of one setting, and a profile that is none."""
     with pytest.raises(SettingError, match="depth: given as depth=certified and depth=exact"):
         SETTINGS.changes("balanced", ["depth=certified", "depth=exact"])
-    with pytest.raises(SettingError, match=f"no profile 'papr'; valid: {', '.join(PROFILES)}, equal-step"):
+    with pytest.raises(
+        SettingError, match=f"no profile 'papr'; valid: {', '.join(COLUMNS)}, {EQUAL}, {PAPER}"
+    ):
         SETTINGS.changes("papr", [])
+
+
+def test_paper_has_the_numbers_of_the_scene_alone(lab) -> None:
+    """Refuse every setting under `paper` with what it has instead, and name its constants in the manifest."""
+    for text in ("depth=exact", "friction=stick"):
+        with pytest.raises(
+            SettingError, match=r"profile paper has no such setting: .* K \(stiffness\) and R"
+        ):
+            SETTINGS.changes(PAPER, [text])
+    assert SETTINGS.changes(PAPER, []) == ()
+    assert SETTINGS.values_of(PAPER) == {}
+    manifest = ReferenceEngine().build(lab.scene(lab.ball()), Settings(PAPER, 1 / 60)).describe()
+    assert "depth" not in manifest.settings
+    assert manifest.settings["attraction time"] == 0.1
 
 
 def test_a_world_says_how_it_was_changed(lab) -> None:

@@ -14,7 +14,7 @@ from rich.console import Console
 from touchstone.reports.cli import main as cli
 from touchstone.reports.results import table
 from touchstone.reports.studies.inverse_kinematics.study import (
-    EXTRAPOLATED,
+    CCD,
     NEAR,
     SOLVERS,
     STARTS,
@@ -69,8 +69,8 @@ def test_limits_are_judged(measured) -> None:
     frame = measured[0]
     judged = frame[frame.verdict != ""]
     assert set(zip(judged.metric, judged.profile, judged.scenario)) == {
-        ("ik.missed", EXTRAPOLATED, "arm, near"),
-        *(("ratio.time", EXTRAPOLATED, start) for start in STARTS),
+        ("ik.missed", CCD, "arm, near"),
+        *(("ratio.time", CCD, start) for start in STARTS),
     }
     missed = judged[judged.metric == "ik.missed"]
     assert (missed.verdict == "pass").all()

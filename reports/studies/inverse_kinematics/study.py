@@ -1,6 +1,6 @@
-"""The study `ik`: cyclic coordinate descent and a damped least-squares loop on pinocchio, on random reachable
-goals of the avatar's left arm. `paper` uses CCD as printed; `ccd extrapolated` adds atan2 and Aitken's
-extrapolation; `balanced` and `accurate` use neither (`posture=least_turn`).
+"""The study `ik`: cyclic coordinate descent of profile `paper`, and a damped least-squares loop on pinocchio.
+
+They solve for random reachable goals of the avatar's left arm; `balanced` and `accurate` use neither.
 
 A goal is the position of the middle of the hand in a random posture within limits and reach cones. Starts:
 `near`, each angle within 0.1 rad of that posture, and `rest`, the hanging arm. Solvers alternate goal by
@@ -23,18 +23,10 @@ import pandas as pd
 from touchstone.adapters.contract import Array
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.oracles.articulated import DampedLeastSquares
-from touchstone.reference_impl.core.conventions import (
-    ANGLE_ACOS,
-    ANGLE_ATAN2,
-    IK_CAP,
-    IK_TOLERANCE,
-    PASSES_EXTRAPOLATED,
-    PASSES_PLAIN,
-)
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
 from touchstone.reference_impl.kinematics.skeleton import pose_links
-from touchstone.reference_impl.posture.ccd_ik import Hinges, ccd_ik
+from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, ccd_ik
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
@@ -52,8 +44,10 @@ NEAR = 0.1
 STARTS = ("arm, near", "arm, rest")
 DAMPING, STEPS = 0.01, 200
 """Damping of pinocchio's loop [m], the fastest of 0.01, 0.03 and 0.1, and its iteration limit."""
-CCD, EXTRAPOLATED, LOOP = "ccd as printed", "ccd extrapolated", "damped least squares"
-SOLVERS = (("reference", CCD), ("reference", EXTRAPOLATED), ("pinocchio", LOOP))
+IK_TOLERANCE = 1e-5
+"""Distance from the goal at which it counts as reached, and at which pinocchio's loop ends [m]."""
+CCD, LOOP = "ccd as printed", "damped least squares"
+SOLVERS = (("reference", CCD), ("pinocchio", LOOP))
 """Engine and algorithm."""
 MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
 CROSSINGS = 1000
@@ -98,7 +92,7 @@ class Arm:
         balls = [k for k in range(self.first, self.last + 1) if self.world.joints[k]["cone_count"]]
         return not any(keep_in_cone(self.world.joints, k) for k in balls)
 
-    def solve(self, engine: str, algorithm: str, start: Array, goal: Array) -> tuple[Answer, float]:
+    def solve(self, engine: str, start: Array, goal: Array) -> tuple[Answer, float]:
         """A solver's result (passes or steps, remaining distance [m], whether it converged), and its
         seconds."""
         self.place(start)
@@ -106,8 +100,8 @@ class Arm:
             begin = perf_counter()
             steps, left, _ = self.loop.solve(start, goal, IK_TOLERANCE)
             return (steps, left, left <= IK_TOLERANCE), perf_counter() - begin
-        answer, seconds = solve_chain(*self._arguments(goal), algorithm == EXTRAPOLATED)
-        return answer, seconds
+        passes, left, seconds = solve_chain(*self._arguments(goal))
+        return (passes, left, left <= IK_TOLERANCE), seconds
 
     def _arguments(self, goal: Array) -> tuple[Any, ...]:
         world = self.world
@@ -119,27 +113,23 @@ class Arm:
         if engine == "pinocchio":
             self.loop.cross()
         else:
-            _nothing(*self._arguments(self._point), False)
+            _nothing(*self._arguments(self._point))
         return perf_counter() - begin
 
 
 @kernel
-def solve_chain(bodies, joints, first, last, point, goal, state, extrapolated):  # type: ignore[no-untyped-def]
-    """Solve for a goal by `ccd_ik`, as printed or extrapolated: (passes, remaining distance, whether it
-    converged), seconds."""
+def solve_chain(bodies, joints, first, last, point, goal, state):  # type: ignore[no-untyped-def]
+    """Solve for a goal by `ccd_ik`: passes, remaining distance, seconds."""
     s = state[0]
     for i in range(3):
         s["point"][i], s["goal"][i] = point[i], goal[i]
-    angle = ANGLE_ATAN2 if extrapolated else ANGLE_ACOS
-    passes = PASSES_EXTRAPOLATED if extrapolated else PASSES_PLAIN
     start = clock(s["clock"])
-    hinges = Hinges(bodies, joints, first, last)
-    answer = ccd_ik(hinges, s["point"], s["goal"], angle, passes, IK_TOLERANCE, IK_CAP)
-    return answer, clock(s["clock"]) - start
+    passes, left = ccd_ik(bodies, joints, first, last, s)
+    return passes, left, clock(s["clock"]) - start
 
 
 @kernel
-def _nothing(bodies, joints, first, last, point, goal, state, extrapolated):  # type: ignore[no-untyped-def]
+def _nothing(bodies, joints, first, last, point, goal, state):  # type: ignore[no-untyped-def]
     """An empty compiled call."""
 
 
@@ -169,7 +159,13 @@ def run(goals: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
     with output_folder(out) as folder:
         frame = table(rows(goals, seed, progress))
         save(frame, folder)
-        facts = {"study": STUDY, "goals": goals, "seed": seed, "tolerance": IK_TOLERANCE, "passes": IK_CAP}
+        facts = {
+            "study": STUDY,
+            "goals": goals,
+            "seed": seed,
+            "tolerance": CCD_TOLERANCE,
+            "passes": CCD_PASSES,
+        }
         loop = {"damping": DAMPING, "steps": STEPS}
         save_manifest(folder, {**facts, "chain": CHAIN, "pinocchio": loop})
     return frame
@@ -184,7 +180,7 @@ def rows(count: int, seed: int, progress: Progress) -> list[Row]:
     goals = np.array([arm.place(posture) for posture in postures])
     starts = dict(zip(STARTS, (near, np.zeros_like(near))))
     for solver in SOLVERS:
-        arm.solve(*solver, near[0], goals[0])
+        arm.solve(solver[0], near[0], goals[0])
         arm.cross(solver[0])
     found: list[Row] = []
     for name, start in starts.items():
@@ -192,7 +188,7 @@ def rows(count: int, seed: int, progress: Progress) -> list[Row]:
         for k in range(count):
             for turn in range(len(SOLVERS)):
                 solver = SOLVERS[(k + turn) % len(SOLVERS)]
-                (passes, left, arrived), seconds = arm.solve(*solver, start[k], goals[k])
+                (passes, left, arrived), seconds = arm.solve(solver[0], start[k], goals[k])
                 answers[solver][k] = passes, left, arrived, seconds
             progress(name, 1)
         for (engine, profile), mine in answers.items():

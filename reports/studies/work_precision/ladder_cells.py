@@ -1,37 +1,41 @@
-"""Cells of the reference's own ladder: each setting in which its profiles differ, toggled alone."""
+"""Cells of the reference's own ladder: its other profiles as a whole, and each setting of `balanced` changed
+alone."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
+from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import settings_of
 from touchstone.reports.studies.work_precision.definitions import REFERENCE
 from touchstone.reports.sweep.cells import Cell, grid
 
-RUNGS = ("paper", "balanced", "accurate")
-BASE = "balanced"
+BASE, WHOLE = "balanced", ("paper", "accurate")
+"""Profile in which one setting changes at a time, and profiles that are compared with it as a whole."""
+NOWHERE = "-"
+"""Stands for the profile of a value that no profile has."""
 
 
-def rungs() -> list[tuple[str, str, str]]:
-    """("balanced", its neighbour, change): one setting takes the neighbour's value; those that do nothing in
-    `balanced` are left out."""
+def changes() -> dict[str, str]:
+    """Change of one setting of `balanced` -> the profile that has its value: of a choice every other value,
+    of a number that of `accurate`."""
     table = settings_of(REFERENCE)
-    base = {name: setting.profiles[table.column(BASE)] for name, setting in table.items()}
-    found = []
-    for lower, upper in pairwise(RUNGS):
-        for setting in table.values():
-            values = {name: setting.profiles[table.column(name)] for name in (lower, upper)}
-            if values[lower] != values[upper] and not table.is_idle(setting.name, base):
-                found.append((lower, upper, f"{setting.name}={values[upper]}"))
-                found.append((upper, lower, f"{setting.name}={values[lower]}"))
-    return [one for one in found if one[0] == BASE]
+    found: dict[str, str] = {}
+    for setting in table.values():
+        base, other = (setting.profiles[table.column(profile)] for profile in (BASE, "accurate"))
+        values = list(setting.values) if isinstance(setting, Choice) else [other]
+        for value in values:
+            if value != base:
+                found[f"{setting.name}={value}"] = "accurate" if value == other else NOWHERE
+    return found
 
 
 def ladder_cells(names: Sequence[str]) -> list[Cell]:
-    """Cells of `balanced` with one setting of a neighbour each."""
-    return [
+    """Cells of the other profiles, and of `balanced` with one change each."""
+    whole = grid(names, [(REFERENCE, profile) for profile in WHOLE])
+    single = [
         cell
-        for profile, _, change in rungs()
-        for cell in grid(names, [(REFERENCE, profile)], changes=[f"{REFERENCE}.{change}"])
+        for change in changes()
+        for cell in grid(names, [(REFERENCE, BASE)], changes=[f"{REFERENCE}.{change}"])
     ]
+    return [*whole, *single]

@@ -103,7 +103,7 @@ def _losses(fronts: pd.DataFrame, console: Console) -> None:
 def _ladder(ladder: pd.DataFrame, console: Console) -> None:
     """Changes of `balanced` that change an error or the time."""
     shown = Table(
-        title="\nOne setting of the profile balanced at a time: errors before and after, and time",
+        title="\nProfiles against balanced, and one setting of balanced at a time: errors and time",
         title_justify="left",
         box=None,
         pad_edge=False,

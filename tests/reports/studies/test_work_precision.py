@@ -25,7 +25,7 @@ from touchstone.reports.studies.work_precision.definitions import (
 from touchstone.reports.studies.work_precision.errors import distance
 from touchstone.reports.studies.work_precision.front import band, deficit, order_of, pareto
 from touchstone.reports.studies.work_precision.fronts import fronts
-from touchstone.reports.studies.work_precision.ladder_cells import ladder_cells, rungs
+from touchstone.reports.studies.work_precision.ladder_cells import changes, ladder_cells
 from touchstone.reports.studies.work_precision.picture import draw
 from touchstone.reports.studies.work_precision.points import COLUMNS
 from touchstone.reports.studies.work_precision.study import Plan
@@ -268,19 +268,16 @@ def test_a_study_says_what_it_cost():
     assert "The study took 92 s: accuracy 61 s, timing 30 s." in console.export_text()
 
 
-def test_the_ladder_toggles_one_setting_at_a_time():
-    """Every setting in which profiles differ and that does something in `balanced`, and no other."""
+def test_the_ladder_changes_one_setting_at_a_time():
+    """Every other value of a choice, and every number in which `accurate` differs; and two profiles as a
+    whole."""
+    from touchstone.adapters.knobs import Choice
     from touchstone.adapters.registry import settings_of
 
-    changes = [change for _, _, change in rungs()]
-    assert len(changes) == len(set(changes))
     table_of = settings_of("reference")
-    base = {name: setting.profiles[table_of.column("balanced")] for name, setting in table_of.items()}
-    differ = {
-        s.name
-        for s in table_of.values()
-        if len({s.profiles[table_of.column(p)] for p in ("paper", "balanced", "accurate")}) > 1
-        and not table_of.is_idle(s.name, base)
-    }
-    assert {change.partition("=")[0] for change in changes} == differ
-    assert len(ladder_cells(["fall"])) == len(changes)
+    ours, theirs = (table_of.values_of(profile) for profile in ("balanced", "accurate"))
+    wanted = {name for name, s in table_of.items() if isinstance(s, Choice) or ours[name] != theirs[name]}
+    assert {change.partition("=")[0] for change in changes()} == wanted
+    cells = ladder_cells(["fall"])
+    assert len(cells) == len(changes()) + 2
+    assert [cell.profile for cell in cells[:2]] == ["paper", "accurate"]
