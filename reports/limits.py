@@ -339,7 +339,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     if known is not None and not met and (known.never or not isnan(row.value)):
         verdict, reason = _excused(row, known)
         basis = HARNESS if known.harness and verdict == "known" else basis
-    elif known is not None and met and at_own_step(row) and was_failing(row):
+    elif known is not None and met and not known.chaotic and at_own_step(row) and was_failing(row):
         verdict, reason = "fail", f"a known failing is gone: take it out of known_failures ({known.reason})"
     remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
     again = known.reproduce if known is not None and verdict == "known" else row.reproduce
@@ -355,7 +355,7 @@ def _excused(row: Row, known: Known) -> tuple[str, str]:
     have no bound; nor has a row at a step that was not measured."""
     if row.metric.startswith("events.") or not at_own_step(row):
         return "known", known.reason
-    bound = bound_of(row)
+    bound = bound_of(row, known)
     if bound is None and not is_measured(row):
         return "known", f"{known.reason} (no bound yet)"
     if bound is None:

@@ -200,6 +200,7 @@ CAUSES: tuple[Cause, ...] = (
                 "symmetry.mirror": "arch_stands",
             },
         },
+        chaotic="arch_stands",
     ),
     Cause(
         "bullet",

@@ -17,7 +17,11 @@ Places = Mapping[str, Mapping[str, str]]
 @dataclass(frozen=True, slots=True)
 class Known:
     """A documented failing of an engine. It is strict: a row that meets the limit after all fails, and so
-    does a row beyond its bound (`bounds.csv`)."""
+    does a row beyond its bound (`bounds.csv`).
+
+    In a chaotic scene rounding, and with it the processor, decides which pairs fail and by how much: one
+    bound, of another order of magnitude, holds for all of them, and any of them may meet the limit.
+    """
 
     metric: str
     engine: str
@@ -28,18 +32,21 @@ class Known:
     never: bool = False  # the failing is that an event never happens
     reproduce: str = ""  # the command that shows it
     harness: bool = False  # our drive causes it
+    chaotic: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
     """The cause of an engine's failings, and the places where it shows; `never`: it prevents an event.
-    `harness`: our drive is the cause, such as the gains of our servo."""
+    `harness`: our drive is the cause, such as the gains of our servo. `chaotic`: scenes in which it is
+    (`Known`)."""
 
     engine: str
     reason: str
     seen: Places
     never: Places = field(default_factory=dict)
     harness: bool = False
+    chaotic: str = ""
 
     def known(self) -> Iterator[Known]:
         """One entry per profile, metric and scene, each with the command that shows it."""
@@ -60,5 +67,9 @@ class Cause:
         if metric != "run":  # the failing is that the run ends before the scene does
             shows += f" --metric {metric}"
         label = plain + (NOISY if noise else "")
-        reason, harness = self.reason, self.harness
-        return Known(metric, self.engine, reason, scene, label, subject, never, shows, harness)
+        chaotic = scene in self.chaotic.split()
+        return Known(
+            *(metric, self.engine, self.reason, scene, label, subject, never, shows),
+            harness=self.harness,
+            chaotic=chaotic,
+        )

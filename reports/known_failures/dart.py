@@ -57,6 +57,7 @@ CAUSES: tuple[Cause, ...] = (
                 ),
             },
         },
+        chaotic="arch_slides arch_stands",
     ),
     Cause(
         "dart",

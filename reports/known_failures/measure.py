@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 import pandas as pd
 
 from touchstone.reports.known_failures.bounds import FILE, Key, key_of, read, updated, write
+from touchstone.reports.known_failures.cause import Known
 from touchstone.reports.limits import at_own_step, known_of, limit_of
 from touchstone.reports.results import Row, rows_of
 from touchstone.scenarios.catalogue import catalogue
@@ -35,17 +36,23 @@ def _rows(paths: Iterable[str]) -> Iterator[Row]:
 def main(paths: list[str]) -> None:
     """Update the bounds of documented failings from tables of results."""
     old = read(FILE) if FILE.exists() else {}
-    failing = [row for row in _rows(paths) if failing_known(row)]
-    now = updated(old, failing, [*map(key_of, failing), *(key for key in old if _documented(key))])
+    failing = [(row, _known(row)) for row in _rows(paths) if failing_known(row)]
+    documented = [key_of(row, known) for row, known in failing]
+    now = updated(old, failing, [*documented, *(key for key in old if _documented(key))])
     write(now, FILE)
     print(f"{len(now)} bounds, {len(failing)} of them measured now")
 
 
+def _known(row: Row) -> Known | None:
+    scene = catalogue().get(row.scenario)
+    return known_of(row, scene.tags if scene else ())
+
+
 def _documented(key: Key) -> bool:
     engine, profile, scenario, metric, subject = key
-    scene = catalogue().get(scenario)
     row = Row("run", scenario, engine, profile, 0.0, metric, subject=subject)
-    return known_of(row, scene.tags if scene else ()) is not None
+    known = _known(row)
+    return known is not None and key_of(row, known)[-1] == subject
 
 
 if __name__ == "__main__":

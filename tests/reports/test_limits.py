@@ -48,7 +48,7 @@ def limits(monkeypatch):
         monkeypatch.setattr(module, "LIMITS", tuple(limits))
         monkeypatch.setattr(module, "KNOWN", tuple(known))
         for place in (module, known_bounds):
-            monkeypatch.setattr(place, "bound_of", lambda row: bound)
+            monkeypatch.setattr(place, "bound_of", lambda row, known=None: bound)
             monkeypatch.setattr(place, "is_measured", lambda row: True)
 
     return put
@@ -239,7 +239,9 @@ def test_every_known_failing_has_a_bound():
         engine, profile, scenario, metric, subject = key
         row = Row("run", scenario, engine, profile, 0.0, metric, subject=subject)
         tags_of = catalogue()[scenario].tags if scenario in catalogue() else ()
-        assert module.known_of(row, tags_of) is not None, key
+        known = module.known_of(row, tags_of)
+        assert known is not None, key
+        assert known_bounds.key_of(row, known) == key
         limit = module.limit_of(row, tags_of)
         assert limit is not None, key
         assert largest > limit.largest, key
@@ -259,10 +261,23 @@ def test_bounds_are_a_quarter_over_what_was_measured(tmp_path):
     assert known_bounds.bounded(row.value) == 0.054
     assert known_bounds.bounded(0.1) == 0.13
     old = {key: 9.0, ("gone", *key[1:]): 1.0, ("kept", *key[1:]): 2.0}
-    now = known_bounds.updated(old, [row], [key, ("kept", *key[1:])])
+    now = known_bounds.updated(old, [(row, None)], [key, ("kept", *key[1:])])
     assert now == {key: 0.054, ("kept", *key[1:]): 2.0}
     known_bounds.write(now, tmp_path / "bounds.csv")
     assert known_bounds.read(tmp_path / "bounds.csv") == now
+
+
+def test_a_chaotic_scene_has_one_bound_for_all_pairs(limits):
+    """Ten times the largest of them; what meets its limit there is no news."""
+    known = Known("overlap.max", "mujoco", "it collapses", chaotic=True)
+    rows = [replace(ROW, subject=pair, value=value) for pair, value in (("a-b", 2.0), ("b-c", 0.031))]
+    key = known_bounds.key_of(rows[0], known)
+    assert key[-1] == known_bounds.ALL_SUBJECTS
+    assert known_bounds.updated({}, [(row, known) for row in rows], [key]) == {key: 20.0}
+    limits([Limit("overlap.max", 1.0, "why")], [known], bound=20.0)
+    assert judged(replace(ROW, value=0.5), ()).verdict == "pass"
+    assert judged(replace(ROW, value=3.0), ()).verdict == "known"
+    assert judged(replace(ROW, value=21.0), ()).verdict == "fail"
 
 
 def test_one_cause_is_one_entry():

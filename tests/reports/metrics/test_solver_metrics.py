@@ -137,7 +137,7 @@ def test_known_failings_are_warned_of(context, monkeypatch):
     """Warn of what is known to fail as well: the numbers of the run are no better for it."""
     known = Known("solver.dropped_time", "reference", "it drops")
     monkeypatch.setattr(limits, "KNOWN", (known,))
-    monkeypatch.setattr(limits, "bound_of", lambda row: 0.02)
+    monkeypatch.setattr(limits, "bound_of", lambda row, known: 0.02)
     reported = context({2: {"dropped_time": 0.01}})
     assert [row.verdict for row in rows_of(reported)] == ["pass", "known", "pass", "pass"]
     assert "0.01 s were not simulated, most of it in frame 2" in str(warned(reported))
