@@ -1,4 +1,4 @@
-"""What the paper leaves open: every decision has its row in docs/method.md, with figures that are measured."""
+"""What the paper leaves open: each decision has its row in docs/method.md, with figures as measured."""
 
 from __future__ import annotations
 
