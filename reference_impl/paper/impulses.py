@@ -85,7 +85,7 @@ def impulse_magnitude(v_n, e, inverse_masses, a, b):
 
 @kernel
 def rotational_term(n, inverse_inertia, r):
-    """A of Eq. 9: n . ((I^-1 (r x n)) x r) [1/kg]; B alike."""
+    """A of Eq. 9: n . ((I^-1 (r x n)) x r) [1/kg]; B has the same form."""
     return dot(n, cross(times(inverse_inertia, cross(r, n)), r))
 
 
