@@ -28,7 +28,8 @@ def keep_in_cone(joints, first):
     """Project a ball joint into its reach cone, in place.
 
     Args:
-        first: index of the ball joint's first hinge; `last_angle` of its three hinges is inside the cone.
+        first: index of the ball joint's first hinge. `last_angle` of its three hinges is inside the cone: they
+            get these where limits exclude the projection.
     Returns:
         Whether an angle changed.
     """
@@ -36,7 +37,11 @@ def keep_in_cone(joints, first):
     bone_and_mark(joint, joints[first + 1], joints[first + 2], joint["bone"], joint["mark"])
     if not project(joint):
         return False
-    take_angles(joints, first)
+    if not recover_angles(joints, first):
+        for k in range(first, first + 3):
+            joints[k]["angle"] = joints[k]["last_angle"]
+    for k in range(first, first + 3):
+        measure_angle(joints[k])
     return True
 
 
@@ -54,18 +59,11 @@ def keep_in_cones(joints, first, last):
 def project(joint):
     """Project `bone` on the nearest direction inside, rotating `mark` with it by the shortest rotation; then
     clamp the twist to its interval. Returns whether either was outside."""
-    bone, mark, nearest, outward = joint["bone"], joint["mark"], joint["nearest"], joint["outward"]
-    outward[:] = 0.0
+    bone, mark, nearest = joint["bone"], joint["mark"], joint["nearest"]
     inside = is_inside(joint, bone)
     if not inside:
         nearest_direction(joint, bone, nearest)
         carry(bone, nearest, mark)
-        along = _dot(bone, nearest)
-        for i in range(3):
-            outward[i] = bone[i] - along * nearest[i]
-        size = sqrt(_dot(outward, outward))
-        for i in range(3):
-            outward[i] = outward[i] / size if size > CONE_SLACK else 0.0
         copy_vector(nearest, bone)
     twist = twist_of(joint)
     kept = nearest_twist(twist, joint["twist_lower"], joint["twist_upper"])
@@ -73,17 +71,6 @@ def project(joint):
         return not inside
     turn_about(bone, cos(kept - twist), sin(kept - twist), mark)
     return True
-
-
-@kernel
-def take_angles(joints, first):
-    """Set a ball joint's angles from its `bone` and `mark`, or to `last_angle` if limits exclude them."""
-    if not recover_angles(joints, first):
-        joints[first]["outward"][:] = 0.0
-        for k in range(first, first + 3):
-            joints[k]["angle"] = joints[k]["last_angle"]
-    for k in range(first, first + 3):
-        measure_angle(joints[k])
 
 
 @kernel

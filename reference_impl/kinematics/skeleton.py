@@ -67,14 +67,6 @@ def pose_moved(bodies, joints, driver):
 
 
 @kernel
-def pose_chain_links(bodies, joints, driver, chain):
-    """Forward kinematics of the links that one chain moves; the other links must be posed."""
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        if bodies[joints[k]["child"]]["chain"] == chain:
-            _pose_link(bodies, joints[k])
-
-
-@kernel
 def _pose_root(bodies, driver):
     """Set the pose of a driver's root to the driver's pose."""
     root = bodies[driver["root"]]

@@ -3,7 +3,7 @@
 from math import exp
 
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.paper.reach_cones import keep_in_reach_cones
+from touchstone.reference_impl.kinematics.reach_cone import keep_in_cones
 
 ATTRACTION_TIME = 0.1
 """Time in which the distance to a tracker at rest falls to 1 / e [s]: visible as a lag, without jumps."""
@@ -27,7 +27,7 @@ def attract(joints, driver, h):
             continue
         wanted = joint["angle"] + share * (joint["target_angle"] - joint["angle"])
         joint["angle"] = min(max(wanted, joint["lower"]), joint["upper"])
-    keep_in_reach_cones(joints, first, end - 1)
+    keep_in_cones(joints, first, end - 1)
     for k in range(first, end):
         if joints[k]["chain"] >= 0:
             joints[k]["rate"] = (joints[k]["angle"] - joints[k]["last_angle"]) / h

@@ -1,6 +1,6 @@
 """One frame (section "System Architecture", figure 3): driven objects first, then simulated objects."""
 
-from touchstone.reference_impl.broad_phase.detection import detect, place_pieces
+from touchstone.reference_impl.broad_phase.detection import place_pieces
 from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
 from touchstone.reference_impl.core.conventions import DEPTH_WALK, DRIVEN, FIXED, OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.counters import (
@@ -16,6 +16,7 @@ from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.kinematics.driver_poses import store_free_pose
 from touchstone.reference_impl.kinematics.skeleton import move_links, place, pose_links
 from touchstone.reference_impl.paper.attraction import attract
 from touchstone.reference_impl.paper.impulses import resolve_collisions
@@ -27,8 +28,8 @@ from touchstone.reference_impl.paper.integration import (
     move_all,
     refresh_inverse_inertia,
 )
-from touchstone.reference_impl.paper.overlap_avoidance import free_driven_objects, free_simulated_objects
-from touchstone.reference_impl.paper.penetration_depth import is_overlapping, store_free_state
+from touchstone.reference_impl.paper.overlap_avoidance import free_driven_objects, translate_out
+from touchstone.reference_impl.paper.penetration_depth import find_overlap, is_overlapping
 from touchstone.reference_impl.paper.virtual_coupling import follow_tracker
 
 COLLISION_TIMES = 64
@@ -52,9 +53,9 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     place_pieces(bodies, pieces, vertices, FIXED)
     place_pieces(bodies, pieces, vertices, SIMULATED)
     list_pieces(bodies, pieces, state[0])
-    end, _ = detect(world, DRIVEN, 0)
+    end, _ = find_overlap(world, DRIVEN)
     for d in range(len(drivers)):
-        store_free_state(joints, drivers[d])
+        store_free_pose(bodies, joints, drivers[d])
         drivers[d]["has_free"] = 0 if is_overlapping(bodies, pairs, end, d) else 1
     state[0]["counters"][:] = 0
 
@@ -105,7 +106,7 @@ def update_simulated_objects(world):
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     impulses, left, deepest = 0.0, state["dt"], 0.0
     for stop in range(COLLISION_TIMES + 1):
-        end, _ = detect(world, SIMULATED, 0)
+        end, _ = find_overlap(world, SIMULATED)
         since, time = clock(state["clock"]), state["dt"] - left
         resolved = resolve_collisions(world, end, time, 1.0)
         accelerate(bodies, state["gravity"], left)
@@ -114,7 +115,7 @@ def update_simulated_objects(world):
         begin_motion(bodies, left)
         move_all(bodies, left)
         t = left
-        found, deepest = detect(world, SIMULATED, 0)
+        found, deepest = find_overlap(world, SIMULATED)
         if deepest > OVERLAP_TOLERANCE and stop < COLLISION_TIMES:
             t = _first_collision(world, found, left)
             move_all(bodies, t)
@@ -128,7 +129,7 @@ def update_simulated_objects(world):
         accelerate(bodies, state["gravity"], -left)
         state["counters"][COUNT_EVENTS] += 1
     if deepest > OVERLAP_TOLERANCE:
-        free_simulated_objects(world)
+        translate_out(world, SIMULATED)
     state["stage_seconds"][STAGE_IMPULSES] += impulses
     collision = state["stage_seconds"][STAGE_COLLISION] - collision
     state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start - collision - impulses

@@ -6,12 +6,10 @@ one, and the simulated one moves only where that is not possible; two objects of
 
 from math import atan2, pi
 
-from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, RANDOM_PRIME, SIMULATED
 from touchstone.reference_impl.core.counters import (
     CAP_CHAIN_ROUNDS,
     CAP_TRANSLATION_ROUNDS,
-    COUNT_CONTACTING,
     COUNT_GAVE_UP,
     COUNT_IK_ROUNDS,
     COUNT_ROUNDS,
@@ -19,17 +17,15 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of
+from touchstone.reference_impl.kinematics.driver_poses import store_entry, store_free_pose
 from touchstone.reference_impl.kinematics.skeleton import hang, measure_angle, place, pose_links
 from touchstone.reference_impl.paper.ccd_ik import ccd_ik
 from touchstone.reference_impl.paper.penetration_depth import (
     add_depth,
-    clear_sums,
+    find_overlap,
     global_depth,
     is_overlapping,
-    overlaps,
     return_to_free_state,
-    store_entry_state,
-    store_free_state,
 )
 from touchstone.reference_impl.paper.vectors import (
     add,
@@ -65,9 +61,9 @@ def free_driven_objects(world):
     """
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     for d in range(len(drivers)):
-        store_entry_state(joints, drivers[d])
+        store_entry(joints, drivers[d])
         pose_links(bodies, joints, drivers[d])
-    end = _translate_out(world, DRIVEN)
+    end = translate_out(world, DRIVEN)
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
             end = _free_chains(world, d, end)
@@ -79,21 +75,15 @@ def free_driven_objects(world):
             else:
                 state["counters"][COUNT_GAVE_UP] += 1
                 drivers[d]["is_free"] = 0
-            end, _ = detect(world, DRIVEN, 0)
+            end, _ = find_overlap(world, DRIVEN)
         if drivers[d]["is_free"] == 1:
-            store_free_state(joints, drivers[d])
+            store_free_pose(bodies, joints, drivers[d])
 
 
 @kernel
-def free_simulated_objects(world):
-    """Translate simulated objects out of fixed ones, out of driven ones that could not move, and apart."""
-    _translate_out(world, SIMULATED)
-
-
-@kernel
-def _translate_out(world, kind):
-    """Translate all objects of a kind by their PD_g until none overlaps; of driven objects the links in no
-    chain, with which all others move.
+def translate_out(world, kind):
+    """Translate all objects of a kind by their PD_g until none overlaps: driven objects for the links in no
+    chain; simulated objects out of fixed ones, of driven ones that could not move, and apart.
 
     The paper leaves open when to stop: after TRANSLATION_ROUNDS, which is counted.
 
@@ -103,9 +93,7 @@ def _translate_out(world, kind):
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     for rounds in range(TRANSLATION_ROUNDS + 1):
-        end, _ = detect(world, kind, 0)
-        if kind == DRIVEN:
-            state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
+        end, _ = find_overlap(world, kind)
         if not _sum_depths(bodies, drivers, pairs, end, kind):
             return end
         if rounds == TRANSLATION_ROUNDS:
@@ -113,30 +101,27 @@ def _translate_out(world, kind):
         state["counters"][COUNT_ROUNDS] += 1
         if kind == DRIVEN:
             for d in range(len(drivers)):
-                if overlaps(drivers[d]["sums"]):
-                    _translate(drivers[d]["position"], global_depth(drivers[d]["sums"]))
+                if drivers[d]["sums"][1, 1] > OVERLAP_TOLERANCE:
+                    position = drivers[d]["position"]
+                    store(add(vector(position), global_depth(drivers[d]["sums"])), position)
                     pose_links(bodies, joints, drivers[d])
         else:
             for b in range(len(bodies)):
-                if bodies[b]["kind"] == SIMULATED and overlaps(bodies[b]["sums"]):
-                    _translate(bodies[b]["position"], global_depth(bodies[b]["sums"]))
+                if bodies[b]["kind"] == SIMULATED and bodies[b]["sums"][1, 1] > OVERLAP_TOLERANCE:
+                    position = bodies[b]["position"]
+                    store(add(vector(position), global_depth(bodies[b]["sums"])), position)
                     place(bodies[b])
     state["counters"][CAP_TRANSLATION_ROUNDS] += 1
     return end
 
 
 @kernel
-def _translate(position, pd):
-    store(add(vector(position), pd), position)
-
-
-@kernel
 def _sum_depths(bodies, drivers, pairs, end, kind):
     """Sum Eq. 1 for every object of a kind over `pairs[:end]`; returns whether one of them overlaps."""
     for d in range(len(drivers)):
-        clear_sums(drivers[d]["sums"])
+        drivers[d]["sums"][:] = 0.0
     for b in range(len(bodies)):
-        clear_sums(bodies[b]["sums"])
+        bodies[b]["sums"][:] = 0.0
     found = False
     for k in range(end):
         pair = pairs[k]
@@ -151,7 +136,7 @@ def _sum_depths(bodies, drivers, pairs, end, kind):
                 continue
             sums = drivers[body["driver"]]["sums"] if kind == DRIVEN else body["sums"]
             add_depth(sums, side, pair["depth"], vector(pair["normal"]), share)
-            found = found or overlaps(sums)
+            found = found or pair["depth"] > OVERLAP_TOLERANCE
     return found
 
 
@@ -180,8 +165,7 @@ def _free_chains(world, d, end):
             first = _set_end_effector_and_goal(world, end, d, chain, link)
             _bring_out(bodies, joints, first, link, state)
             pose_links(bodies, joints, driver)
-            end, _ = detect(world, DRIVEN, 0)
-            state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
+            end, _ = find_overlap(world, DRIVEN)
     return end
 
 
@@ -234,7 +218,7 @@ def _set_end_effector_and_goal(world, end, d, chain, link):
     """
     bodies, pairs, driver, state = world.bodies, world.pairs, world.drivers[d], world.state
     sums, first, ee, count = driver["sums"], driver["chains"][chain, 0], (0.0, 0.0, 0.0), 0
-    clear_sums(sums)
+    sums[:] = 0.0
     for k in range(end):
         pair = pairs[k]
         side = _side_in_chain(bodies, pair, d, chain)
@@ -261,7 +245,8 @@ def _bring_out(bodies, joints, first, link, state):
     joints inwards of its own bring its proximal joint there, and its own joint keeps its orientation.
     """
     own = link
-    while own > first and _shares_origin(joints[own]):
+    # the hinges of a ball joint share their origin
+    while own > first and length(vector(joints[own]["position"])) == 0:
         own -= 1
     body = bodies[joints[link]["child"]]
     pd = sub(vector(state["goal"]), vector(state["point"]))
@@ -275,13 +260,6 @@ def _bring_out(bodies, joints, first, link, state):
     ccd_ik(bodies, joints, first, own - 1, state)
     for k in range(own, link + 1):
         _keep_orientation(bodies[joints[k]["parent"]], joints[k], bodies[joints[k]["child"]])
-
-
-@kernel
-def _shares_origin(joint):
-    """Whether a joint and the next one inwards share their origin: both belong to one ball joint."""
-    position = joint["position"]
-    return position[0] == 0 and position[1] == 0 and position[2] == 0
 
 
 @kernel

@@ -1,8 +1,8 @@
 """Estimate of the global penetration depth (section "Estimating the Global Penetration Depth", algorithm 1).
 
     Input: convex decomposition of all objects. Output: global PD per pair of general objects.
-    1. Cull non-overlapping pairs.                            `broad_phase/detection.py`, `detect`
-    2. Determine the PD per convex pair.                      `geometry/depth_warm_start.py`, `pair_depth`
+    1. Cull non-overlapping pairs.                            `find_overlap` (sweep and prune)
+    2. Determine the PD per convex pair.                      `find_overlap` (`geometry/depth_warm_start.py`)
     3. Compute PD_g with equation 1.                          `add_depth`, `global_depth`
     4. If needed, interpolate between current and last state. `return_to_free_state`
 
@@ -10,23 +10,32 @@ The depth of a convex pair is found "by walking on the surface of the Minkowski 
 frame before: it is locally optimal.
 """
 
-from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE
-from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between, turn
-from touchstone.reference_impl.kinematics.skeleton import pose_links
-from touchstone.reference_impl.paper.reach_cones import keep_in_reach_cones
-from touchstone.reference_impl.paper.vectors import add, scaled, store, vector
+from touchstone.reference_impl.broad_phase.detection import find_touching, place_listed
+from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, PART_WHOLE
+from touchstone.reference_impl.core.counters import COUNT_CONTACTING, STAGE_COLLISION
+from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.kinematics.driver_poses import interpolate
+from touchstone.reference_impl.paper.vectors import scaled, vector
 
 INTERPOLATION_STEPS = 24
 """Bisections between the last free state and the present one: 6e-8 of their distance."""
 
 
 @kernel
-def clear_sums(sums):
-    """Begin the sums of Eq. 1 of one object: an array (3, 3) with the numerator in row 0, the denominator and
-    the largest depth in row 1."""
-    sums[:] = 0.0
+def find_overlap(world, kind):
+    """Steps 1 and 2: find the pairs that touch or overlap and contain a body of `kind`, with their depths.
+
+    Returns:
+        (end, deepest): `world.pairs[:end]` are the pairs; the largest depth [m].
+    """
+    state = world.state
+    since = clock(state["clock"])
+    place_listed(world.bodies, world.pieces, world.vertices, kind, state)
+    end, deepest = find_touching(world, kind, 0)
+    if kind == DRIVEN:
+        state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+    return end, deepest
 
 
 @kernel
@@ -34,7 +43,7 @@ def add_depth(sums, side, pd, n, share):
     """Add a convex pair to the sums of Eq. 1 of one object.
 
     Args:
-        sums: of the object.
+        sums: of the object (3, 3): the numerator in row 0, the denominator and the largest depth in row 1.
         side: 1.0 if the object is B of the pair, -1.0 if it is A; n points from A to B.
         pd: penetration depth of the pair [m].
         n: normal of the pair, a triple.
@@ -51,12 +60,6 @@ def add_depth(sums, side, pd, n, share):
 def global_depth(sums):
     """Eq. 1: PD_g = sum_i(pd_i^2 n_i) / sum_i(pd_i), the translation of the object out of its overlap [m]."""
     return scaled(1 / sums[1, 0], vector(sums[0]))
-
-
-@kernel
-def overlaps(sums):
-    """Whether an object's largest depth is over the tolerance."""
-    return sums[1, 1] > OVERLAP_TOLERANCE
 
 
 @kernel
@@ -80,7 +83,6 @@ def return_to_free_state(world, d):
     Returns:
         Whether it is free: if not, it is in its last free state, where another object is by now.
     """
-    driver = world.drivers[d]
     if not _is_free_at(world, d, 0.0):
         return False
     free, blocked = 0.0, 1.0
@@ -90,51 +92,13 @@ def return_to_free_state(world, d):
             free = middle
         else:
             blocked = middle
-    _interpolate(world.bodies, world.joints, driver, free)
+    interpolate(world.bodies, world.joints, world.drivers[d], PART_WHOLE, free)
     return True
 
 
 @kernel
 def _is_free_at(world, d, t):
-    _interpolate(world.bodies, world.joints, world.drivers[d], t)
-    end, _ = detect(world, DRIVEN, 0)
+    """Whether driven object d is free at t between its last free state (0) and that at entry (1)."""
+    interpolate(world.bodies, world.joints, world.drivers[d], PART_WHOLE, t)
+    end, _ = find_overlap(world, DRIVEN)
     return not is_overlapping(world.bodies, world.pairs, end, d)
-
-
-@kernel
-def _interpolate(bodies, joints, driver, t):
-    """Pose a driven object between its last free state (t = 0) and that at entry to overlap avoidance (1).
-
-    Positions and angles are linear in t, orientations turn about a fixed axis.
-    """
-    store(
-        add(scaled(1 - t, vector(driver["free_position"])), scaled(t, vector(driver["entry_position"]))),
-        driver["position"],
-    )
-    turned = driver["scratch"][0]
-    rotation_between(driver["free_orientation"], driver["entry_orientation"], turned)
-    turn(driver["free_orientation"], t * turned[0], t * turned[1], t * turned[2], driver["orientation"])
-    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
-    for k in range(first, end):
-        joints[k]["last_angle"] = joints[k]["free_angle"]
-        joints[k]["angle"] = (1 - t) * joints[k]["free_angle"] + t * joints[k]["entry_angle"]
-    keep_in_reach_cones(joints, first, end - 1)
-    pose_links(bodies, joints, driver)
-
-
-@kernel
-def store_entry_state(joints, driver):
-    """Remember a driven object's state before overlap avoidance."""
-    copy_vector(driver["position"], driver["entry_position"])
-    copy_quaternion(driver["orientation"], driver["entry_orientation"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["entry_angle"] = joints[k]["angle"]
-
-
-@kernel
-def store_free_state(joints, driver):
-    """Cache a driven object's state as the last one without overlap."""
-    copy_vector(driver["position"], driver["free_position"])
-    copy_quaternion(driver["orientation"], driver["free_orientation"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["free_angle"] = joints[k]["angle"]

@@ -4,7 +4,7 @@ from math import cos, exp, sin, sqrt
 
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotation_between, turn
-from touchstone.reference_impl.paper.vectors import scaled, store, sub, vector
+from touchstone.reference_impl.paper.vectors import scaled, sub, vector
 
 NEAR_CRITICAL = 1e-5
 """(w h)^2 below which three terms of the series of sin and sinh are exact to rounding [1]: the exact formula
@@ -36,7 +36,6 @@ def follow_tracker(driver, h):
         away[i], x_rate = coupled(away[i], rate[i], k, r, h)
         driver["omega"][i] = pace[i] + x_rate
     turn(driver["target_orientation"], away[0], away[1], away[2], driver["orientation"])
-    store(vector(driver["position"]), driver["coupled_position"])
 
 
 @kernel

@@ -35,6 +35,7 @@ from touchstone.reports.cli.options import (
     stop,
     tell_failures,
     version,
+    with_settings,
 )
 from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.compare import compare
@@ -162,9 +163,12 @@ def run(
 
     scenarios = _tracked(scenarios_for(scenario or [], tag, hold_last, allow_paths), tracker, drive)
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
+    # `paper` has no settings: it plays beside a changed `balanced` only where it is named
+    columns = request.columns if profile else with_settings(request.columns, change or [])
     request = replace(
         request,
-        changes=changes_for(request.columns, change or []),
+        columns=columns,
+        changes=changes_for(columns, change or []),
         effects=effects_for(effects),
         drive=known("drive", drive, DRIVES),
         tracker=tracker,

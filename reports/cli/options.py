@@ -87,6 +87,18 @@ def engines_named(names: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def with_settings(columns: tuple[tuple[str, str], ...], wanted: Iterable[str]) -> tuple[tuple[str, str], ...]:
+    """The columns without the profiles that have no settings, of engines for which one is wanted."""
+    from touchstone.adapters.registry import settings_of
+
+    asked = {text.partition("=")[0].rpartition(".")[0].strip() for text in wanted}
+    return tuple(
+        (engine, profile)
+        for engine, profile in columns
+        if not (asked & {"", engine} and settings_of(engine).is_bare(profile))
+    )
+
+
 def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tuple[str, ...]:
     """Changed settings ("key=value" or "engine.key=value") for all columns; invalid ones exit with one
     line."""

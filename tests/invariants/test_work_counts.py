@@ -80,8 +80,8 @@ def test_table_slide_has_two_plateaus_and_spikes_at_its_end(counts: Counts) -> N
     assert first > 0.45 * len(pairs)
     assert np.ptp(free) == 0
     for start, end in plateaus:
-        # but for a frame in which the ball, at rest beside the hand, has sunk by the tolerance
-        assert np.mean(pairs[start:end] == pairs[start]) > 0.95
+        # but for the first frames of contact, which may take a second round
+        assert np.mean(pairs[start:end] == pairs[start]) > 0.9
         assert pairs[start] > free[0]
     # a brief break between the slides, as cheap as before
     assert 0 < again - left < FRAME_RATE

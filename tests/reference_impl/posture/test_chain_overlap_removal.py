@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.engines.reference.reference_world import translate
-from touchstone.adapters.engines.reference.settings import PROFILES
+from touchstone.adapters.engines.reference.settings import COLUMNS
 from touchstone.adapters.oracles.overlap import measure
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
@@ -140,7 +140,7 @@ def assert_within_limits(recording: Recording, scenario: Scenario) -> None:
         np.testing.assert_allclose(rows["angle"], angles, atol=1e-9)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", COLUMNS)
 def test_a_pushed_arm_gives_way(lab: SimpleNamespace, profile: str) -> None:
     """Push an arm 30 cm into a wall: it folds, the body goes on, and no frame shows an overlap."""
     scenario = wall_push(lab, "right")
@@ -213,7 +213,7 @@ def test_a_pushed_arm_stays_near_the_best_posture(lab: SimpleNamespace, profile:
     assert 0.9 * best < found <= 1.3 * best
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", COLUMNS)
 def test_crossing_arms_hold_each_other_up(profile: str) -> None:
     """Keep arms that are led through each other apart; both give way, and one may slide over the other."""
     scenario = arms_cross()
@@ -236,7 +236,7 @@ def test_crossing_arms_hold_each_other_up(profile: str) -> None:
     assert not work(played(through), "ik.rounds").any()
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", COLUMNS)
 def test_what_chains_cannot_take_the_body_does(lab: SimpleNamespace, profile: str) -> None:
     """Stop before a wall that the tracker walks through, though the chains alone could not come free."""
     wall = lab.block("wall", (0.5, 3.0, 3.0), (1.25, 0.0, 0.0), kind="fixed")
@@ -327,7 +327,7 @@ def test_a_struck_ball_moves_the_body_no_farther_than_its_momentum(lab: SimpleNa
     assert 0.0 < away < 2 * 5.0 * speed / np.sqrt(mass * tracker.stiffness)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", COLUMNS)
 def test_a_tracker_may_start_in_a_wall(lab: SimpleNamespace, profile: str) -> None:
     """Come out of a wall that the tracker starts in, by the first frame."""
     arm = posture(right_shoulder=lifted("right"), right_elbow=0.3)
