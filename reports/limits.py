@@ -56,9 +56,7 @@ HINGE_SPEED = {
 jerks a hinge is faster."""
 GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
-    Limit(
-        "overlap.max", 1e-6, "method, section 3: removal ends at 1e-6 m", "reference", by_construction=True
-    ),
+    Limit("overlap.max", 1e-6, "method, Removal: it ends at 1e-6 m", "reference", by_construction=True),
     Limit("overlap.tunnelled", 0, "nothing passes through a body"),
     Limit("contact.gap", 1e-4, "a body at rest neither hovers nor sinks visibly"),
     Limit("contact.gap", 1e-6, "contacts are found within 1e-6 m", engine="reference"),
@@ -96,8 +94,8 @@ GALLERY: tuple[Limit, ...] = (
         for scene, joule in PERSON_ENERGY.items()
     ),
     Limit("joint.limit", 0.02, "about one degree", scenario="gallery"),
-    Limit("joint.limit", 1e-9, "method, section 4: angles are clamped", "reference", by_construction=True),
-    Limit("joint.cone", 1e-9, "method, section 4: bones are put back", "reference", by_construction=True),
+    Limit("joint.limit", 1e-9, "method, Posture QP: angles are clamped", "reference", by_construction=True),
+    Limit("joint.cone", 1e-9, "`keep_in_cone`: bones are put back", "reference", by_construction=True),
     *(
         Limit("joint.speed", fastest, "no hinge outruns its scene's tracker", "reference", scene, profile)
         for scene, fastest in HINGE_SPEED.items()
@@ -191,7 +189,7 @@ ROBUSTNESS: tuple[Limit, ...] = tuple(
         ("exploded", 0, "contacts do no positive work: energy cannot double"),
         ("passed", 0, "nothing passes through a body"),
         ("solves.open", 0.005, "all but named cases are solved"),
-        ("overlap.max", 1.02e-6, "method, section 3: 1e-6 m, by an oracle good to 1e-8 m"),
+        ("overlap.max", 1.02e-6, "method, Removal: 1e-6 m, by an oracle good to 1e-8 m"),
         ("momentum.max", 1e-9, "impulses act on both sides, to rounding"),
         ("rise.max", 1e-6, "contacts do no positive work, corrections hardly any"),
         ("rise.p99", 1e-9, "contacts do no positive work, to rounding"),

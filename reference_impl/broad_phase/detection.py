@@ -44,22 +44,13 @@ def detect(world, kind, first):
     Returns:
         (end, deepest): index after the last pair, and the largest depth [m].
     """
-    bodies, pieces, vertices, state = world.bodies, world.pieces, world.vertices, world.state
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     since = clock(state["clock"])
     place_listed(bodies, pieces, vertices, kind, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
         drop_fat_bounds(bodies, pieces, state)
         place_listed(bodies, pieces, vertices, DRIVEN, state)
-    end, deepest = find_touching(world, kind, first)
-    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
-    return end, deepest
-
-
-@kernel
-def find_touching(world, kind, first):
-    """`detect` for pieces whose poses and boxes are up to date."""
-    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
-    pairs, state = world.pairs, world.state
     found, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
@@ -80,6 +71,7 @@ def find_touching(world, kind, first):
             pairs[end] = pair
         end += 1
     state["counters"][COUNT_CONTACTS] += end - first
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
 
 

@@ -99,9 +99,9 @@ def cell_index(x, width):
 
 
 @kernel
-def find_column(pieces, group, level, y, z):
-    """Index of the column at cell (y, z) of a level, or -1."""
-    s = pieces[_bucket(group, level, y, z)]["column"]["bucket"]
+def find_column(pieces, bucket, level, y, z):
+    """Index of the column at cell (y, z) of a level, or -1; `bucket` is that of the cell."""
+    s = pieces[bucket]["column"]["bucket"]
     while s >= 0:
         strip = pieces[s]["column"]
         if strip["y"] == y and strip["z"] == z and strip["level"] == level:
@@ -111,7 +111,8 @@ def find_column(pieces, group, level, y, z):
 
 
 @kernel
-def _bucket(group, level, y, z):
+def bucket_of(group, level, y, z):
+    """Row that holds the first column of the bucket of a cell."""
     hashed = y * HASH_Y + z * HASH_Z + level * HASH_LEVEL
     return group["first"] + hashed % (group["end"] - group["first"])
 
@@ -187,10 +188,11 @@ def _column_of(pieces, group, piece, s):
     strip = pieces[s]["column"]
     if group["columns"] > 0 and strip["y"] == y and strip["z"] == z and strip["level"] == level:
         return s
-    s = find_column(pieces, group, level, y, z)
+    bucket = bucket_of(group, level, y, z)
+    s = find_column(pieces, bucket, level, y, z)
     if s < 0:
         s = group["first"] + group["columns"]
-        strip, head = pieces[s]["column"], pieces[_bucket(group, level, y, z)]["column"]
+        strip, head = pieces[s]["column"], pieces[bucket]["column"]
         strip["y"], strip["z"], strip["level"], strip["end"] = y, z, level, 0
         strip["next"], head["bucket"] = head["bucket"], s
         group["columns"] += 1

@@ -2,7 +2,13 @@
 
 from math import ldexp
 
-from touchstone.reference_impl.broad_phase.spatial_hash import arrange, bound_column, cell_index, find_column
+from touchstone.reference_impl.broad_phase.spatial_hash import (
+    arrange,
+    bound_column,
+    bucket_of,
+    cell_index,
+    find_column,
+)
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
 
@@ -59,7 +65,7 @@ def _sweep_neighbours(pieces, strip, group, own, pairs, end):
             continue
         for k in range(strip["z"] if half else z, last_z + 1):
             for j in range(strip["y"] + 1 if half and k == strip["z"] else y, last_y + 1):
-                s = find_column(pieces, group, level, j, k)
+                s = find_column(pieces, bucket_of(group, level, j, k), level, j, k)
                 if s >= 0:
                     end = _sweep(pieces, strip, pieces[s]["column"], pairs, end)
     return end

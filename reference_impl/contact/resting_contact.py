@@ -1,4 +1,4 @@
-"""Resting contacts: impulses over a substep that keep touching pairs from approaching (section 5)."""
+"""Resting contacts: impulses over a substep that keep touching pairs from approaching."""
 
 from touchstone.reference_impl.contact.contact_events import first_stop, note_free_slip
 from touchstone.reference_impl.contact.contact_log import log_held

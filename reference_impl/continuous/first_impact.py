@@ -1,4 +1,4 @@
-"""Earliest impact of a substep: by time of impact, or among pairs that overlap at its end (section 5)."""
+"""Earliest impact of a substep: by time of impact, or among pairs that overlap at its end."""
 
 from touchstone.reference_impl.broad_phase.detection import is_marked
 from touchstone.reference_impl.continuous.swept_motion import is_fast_pair

@@ -28,8 +28,8 @@ def keep_in_cone(joints, first):
     """Project a ball joint into its reach cone, in place.
 
     Args:
-        first: index of the ball joint's first hinge. `last_angle` of its three hinges is inside the cone: they
-            get these where limits exclude the projection.
+        first: index of the ball joint's first hinge. `last_angle` of its three hinges is inside the cone: it
+            is what they get where limits exclude the projection.
     Returns:
         Whether an angle changed.
     """
@@ -151,10 +151,10 @@ def nearest_direction(joint, bone, out_direction):
 @kernel
 def carry(start, end, vector):
     """Rotate `vector`, perpendicular to `start`, by the shortest rotation from `start` to `end`, in place."""
-    size = 1 + _dot(start, end)
+    size = 1 + (start[0] * end[0] + start[1] * end[1] + start[2] * end[2])
     # for opposite directions, rotate by pi about the vector itself, which leaves it unchanged
     if size > HALF_TURN:
-        share = _dot(vector, end) / size
+        share = (vector[0] * end[0] + vector[1] * end[1] + vector[2] * end[2]) / size
         for i in range(3):
             vector[i] -= share * (start[i] + end[i])
 

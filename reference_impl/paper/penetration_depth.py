@@ -10,11 +10,20 @@ The depth of a convex pair is found "by walking on the surface of the Minkowski 
 frame before: it is locally optimal.
 """
 
-from touchstone.reference_impl.broad_phase.detection import find_touching, place_listed
-from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, PART_WHOLE
-from touchstone.reference_impl.core.counters import COUNT_CONTACTING, STAGE_COLLISION
+from touchstone.reference_impl.broad_phase.detection import place_listed, set_coefficients
+from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
+from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, PART_WHOLE, TOUCH_DISTANCE
+from touchstone.reference_impl.core.counters import (
+    COUNT_CONTACTING,
+    COUNT_CONTACTS,
+    COUNT_LOST,
+    COUNT_PAIRS,
+    STAGE_COLLISION,
+)
 from touchstone.reference_impl.core.kernel import clock, kernel
+from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.kinematics.driver_poses import interpolate
+from touchstone.reference_impl.kinematics.skeleton import are_adjacent
 from touchstone.reference_impl.paper.vectors import scaled, vector
 
 INTERPOLATION_STEPS = 24
@@ -23,15 +32,32 @@ INTERPOLATION_STEPS = 24
 
 @kernel
 def find_overlap(world, kind):
-    """Steps 1 and 2: find the pairs that touch or overlap and contain a body of `kind`, with their depths.
+    """Steps 1 and 2: find the pairs that overlap or touch and contain a body of `kind`, with their depths.
 
     Returns:
         (end, deepest): `world.pairs[:end]` are the pairs; the largest depth [m].
     """
-    state = world.state
+    bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
     since = clock(state["clock"])
-    place_listed(world.bodies, world.pieces, world.vertices, kind, state)
-    end, deepest = find_touching(world, kind, 0)
+    place_listed(bodies, pieces, world.vertices, kind, state)
+    found, lost = find_pairs(pieces, kind, 0, pairs, state)
+    end, deepest = 0, 0.0
+    for k in range(found):
+        pair = pairs[k]
+        if state["self_collision"] == 1 and are_adjacent(bodies, pair["body_a"], pair["body_b"]):
+            continue
+        pair_depth(pieces, world.vertices, state, pair)
+        if pair["distance"] > TOUCH_DISTANCE:
+            continue
+        pair["depth"] = -pair["distance"]
+        deepest = max(deepest, pair["depth"])
+        set_coefficients(bodies, pair, state)
+        if k != end:
+            pairs[end] = pair
+        end += 1
+    state["counters"][COUNT_LOST] += lost
+    state["counters"][COUNT_PAIRS] += found
+    state["counters"][COUNT_CONTACTS] += end
     if kind == DRIVEN:
         state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
@@ -83,22 +109,16 @@ def return_to_free_state(world, d):
     Returns:
         Whether it is free: if not, it is in its last free state, where another object is by now.
     """
-    if not _is_free_at(world, d, 0.0):
-        return False
-    free, blocked = 0.0, 1.0
-    for _ in range(INTERPOLATION_STEPS):
-        middle = (free + blocked) / 2
-        if _is_free_at(world, d, middle):
-            free = middle
+    free, blocked, t = 0.0, 1.0, 0.0
+    for k in range(INTERPOLATION_STEPS + 1):
+        interpolate(world.bodies, world.joints, world.drivers[d], PART_WHOLE, t)
+        end, _ = find_overlap(world, DRIVEN)
+        if is_overlapping(world.bodies, world.pairs, end, d):
+            if k == 0:
+                return False
+            blocked = t
         else:
-            blocked = middle
+            free = t
+        t = (free + blocked) / 2
     interpolate(world.bodies, world.joints, world.drivers[d], PART_WHOLE, free)
     return True
-
-
-@kernel
-def _is_free_at(world, d, t):
-    """Whether driven object d is free at t between its last free state (0) and that at entry (1)."""
-    interpolate(world.bodies, world.joints, world.drivers[d], PART_WHOLE, t)
-    end, _ = find_overlap(world, DRIVEN)
-    return not is_overlapping(world.bodies, world.pairs, end, d)

@@ -1,4 +1,4 @@
-"""Attraction of a driven body's posture to its tracker's (coach and trainee; method, section 4).
+"""Attraction of a driven body's posture to its tracker's (coach and trainee).
 
 Each frame moves the chains from the posture shown towards the tracker's posture. The posture QP projects each
 part of the motion on the constraints of existing contacts: a limb that cannot reach its tracker slides along

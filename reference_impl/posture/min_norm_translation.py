@@ -1,4 +1,4 @@
-"""Minimum-norm translation that resolves all depths of a mover at once (method, section 3).
+"""Minimum-norm translation that resolves all depths of a mover at once.
 
 In three dimensions at most three constraints n_i . x >= d_i are active. A dual active-set method adds the
 most violated constraint to the active set. It finds the smallest x that satisfies these at most four by

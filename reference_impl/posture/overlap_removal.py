@@ -55,7 +55,7 @@ WAY_BACK_STEPS = 24
 
 @kernel
 def remove_overlap(world):
-    """Remove all drivers' overlap with fixed, simulated and driven bodies (method, section 3).
+    """Remove all drivers' overlap with fixed, simulated and driven bodies.
 
     Two overlapping drivers move by half of the depth each; the later one resolves the rest. If one is stuck
     then (pushed into a wall by the other), all drivers return to their last free poses. Each in turn then

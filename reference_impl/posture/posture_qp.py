@@ -4,7 +4,7 @@ It is the articulated counterpart of `min_norm_translation`: minimise |dq - pull
 at every contact point of the links (`posture_constraints`), where J is the contact Jacobian, and to the joint
 limits. One QP covers all chains. Two chains that overlap share the depth in proportion to |g|^2, where g is
 the gradient of the depth with respect to a chain's angles; this minimises |dq|^2. With pull = 0 the QP brings
-chains out of overlap. With pull = q_tracker - q it computes the attraction (section 4) subject to the
+chains out of overlap. With pull = q_tracker - q it computes the attraction subject to the
 contacts, and converges to a local minimum of |q - q_tracker|^2 among the free postures. Hildreth's method
 (1957) solves it: coordinate ascent on the multipliers, with the angles clamped to their limits. It converges
 slowly where contacts nearly oppose each other; after every QP_NEWTON_EVERY sweeps a semismooth Newton step

@@ -1,7 +1,7 @@
 """Articulated hand: a tracked palm and five fingers of three elliptic parts on hinges.
 
 The palm frame has x along the fingers, y to the thumb, z out of the back of the hand. Flexion rotates about
-+y. The palm has mass and no shape: only the fifteen parts can touch (method, section 7). Lengths are those of
++y. The palm has mass and no shape: only the fifteen parts can touch. Lengths are those of
 a medium adult hand, rounded to millimetres.
 """
 

@@ -18,6 +18,7 @@ from unittest.mock import patch
 
 import paper_scenes as scenes
 
+from touchstone.reference_impl.core.conventions import PART_WHOLE
 from touchstone.reference_impl.core.kernel import JIT
 from touchstone.reference_impl.kinematics.skeleton import move_from_shown, store_shown
 from touchstone.reference_impl.paper import attraction, ccd_ik, frame, impulses, integration
@@ -38,7 +39,7 @@ TABLE = """
   | largest turn of a hinge in a frame: {arms} in `two_arms`, {corner} in `corner_slide` |
 | velocity of a link in contacts (`frame.update_driven_objects`) | of coupling and attraction
   | of the resolved poses | way and highest speed of the box in the first 2 s of `push_box`: {link} |
-| end of translation (`overlap_avoidance._translate_out`) | after 32 rounds | after 4 rounds
+| end of translation (`overlap_avoidance.translate_out`) | after 32 rounds | after 4 rounds
   | frames with step 4, ball 2 cm in a square corner: {rounds} |
 | end of step 4 (`penetration_depth.return_to_free_state`) | at the nearest free state
   | at the last free state | distance from a narrow slot of a ball that arrives at 3 m/s: {back} |
@@ -103,7 +104,7 @@ def update_from_shown(world):
 
 def back_to_free_state(world, d):
     """Step 4 all the way to the last free state."""
-    depth._interpolate(world.bodies, world.joints, world.drivers[d], 0.0)
+    depth.interpolate(world.bodies, world.joints, world.drivers[d], PART_WHOLE, 0.0)
     return True
 
 
@@ -158,7 +159,7 @@ RESOLVED_POSES = (
 )
 AT_THE_END = (
     (frame, "_first_collision", lambda world, found, h: h),
-    (frame, "free_simulated_objects", lambda world: None),
+    (frame, "translate_out", lambda world, kind: None),
 )
 AT_ONCE, EULER = (attraction, "ATTRACTION_TIME", 1e-9), (coupling, "coupled", euler_step)
 FIGURES = {

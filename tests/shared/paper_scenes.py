@@ -71,7 +71,7 @@ def slot_gap() -> str:
     """Distance from a slot's edges in the first frame in which a wider ball overlaps them."""
     run = hand(0.0, wall("left", -0.54, 0.5), wall("right", 0.54, 0.5), y=np.minimum(3 * TIMES - 0.3, 0.2))
     y = run.position[1:][counted(run, "way_back") > 0][0, 0, 1]
-    return f"{1e3 * (np.hypot(y, 0.04) - RADIUS):.1f} mm"
+    return f"{round(1e3 * (np.hypot(y, 0.04) - RADIUS), 1) + 0.0:.1f} mm"
 
 
 def squeezed() -> str:

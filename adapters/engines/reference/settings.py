@@ -1,4 +1,4 @@
-"""Table of the reference's settings, one row each, with the value in every profile (method, section 6).
+"""Table of the reference's settings, one row each, with the value in every profile.
 
 A setting is a field of the reference's state on which the kernels branch at run time. A profile is a column
 of the table and nothing more, but for `paper`, which is a frame of its own without settings. The module

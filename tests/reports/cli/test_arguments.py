@@ -77,7 +77,7 @@ def test_the_program_is_installed():
         (["--set", "removal=eq1"], "--set dart: unknown setting 'removal'"),
         (
             [*REFERENCE, "--profile", "paper", "--set", "depth=exact"],
-            "--set reference: depth: profile paper has no such setting: it has the numbers of the scene alone, K",
+            "--set reference: depth: profile paper has no such setting: it has the numbers of the scene",
         ),
         (["--tracker", "nosy"], "unknown tracker 'nosy'; did you mean 'noisy'? (valid: ideal, noisy)"),
         (["fall", "--tracker", "noisy"], "--tracker noisy: no scene of this run has a tracker"),
