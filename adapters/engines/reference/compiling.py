@@ -1,8 +1,8 @@
 """Compilation of the reference's kernels: once per version of their sources, in two processes.
 
 The first process begins with the driven loop. A second one compiles the contact solver, which uses none of
-the driven loop's kernels, and then the rest of the simulated loop. The first process finds all of these in
-the kernel cache when it gets there. A lock keeps other processes from compiling the same kernels at the same
+the driven loop's kernels, then the rest of the simulated loop, and profile `paper`. The first process finds
+all of these in the kernel cache when it gets there. A lock keeps other processes from compiling the same kernels at the same
 time.
 """
 
@@ -110,7 +110,9 @@ def compile_simulated_loop(parent: int) -> None:
     _compile(frame.gather_contacts, world, 0.0)
     _compile(frame.separate_simulated, world, 0)
     _compile(frame.earliest_impact, world, 0, 0, True)
-    # the first process is still in the driven loop
+    # the first process is still in the driven loop, and comes to profile `paper` last
+    _compile(paper_frame.update_driven_objects, world)
+    _compile(paper_frame.update_simulated_objects, world)
     _compile(frame.update_fat_bounds, bodies, world.pieces, world.vertices, drivers, world.pairs, state)
     _compile(frame.is_isolated, bodies, world.pieces, drivers, state)
     _compile(frame.weigh_links, bodies, joints, drivers, world.pairs, 0, 0.0)
