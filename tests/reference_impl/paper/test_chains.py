@@ -14,6 +14,7 @@ from touchstone.reference_impl.core.conventions import DRIVEN, RANDOM_PRIME
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.paper import frame
+from touchstone.reference_impl.paper.attraction import attract
 from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, ccd_ik
 from touchstone.reference_impl.paper.impulses import normal_velocity
 from touchstone.reference_impl.paper.overlap_avoidance import (
@@ -163,3 +164,18 @@ def test_chains_come_in_random_order(lab: SimpleNamespace) -> None:
     # four numbers a frame: the state after 10,000 that Park & Miller give
     assert state["random"] == 1043618065 < RANDOM_PRIME
     assert (abs(first / 2500 - 0.2) < 0.03).all()
+
+
+def test_joints_are_attracted_to_their_tracker(lab: SimpleNamespace) -> None:
+    """Go the share 1 - exp(-h / 0.1 s) of the way to the tracker's angles, within limits, at that rate."""
+    world = build(lab.person())
+    first, last = world.drivers[0]["chains"][CHAIN]
+    elbow = world.joints[first + 3]
+    start = float(elbow["angle"])
+    elbow["target_angle"] = start + 0.3
+    attract(world.joints, world.drivers[0], 1 / 60)
+    assert elbow["angle"] == pytest.approx(start + 0.3 * (1 - np.exp(-1 / 6)), rel=1e-12)
+    assert elbow["rate"] == pytest.approx((elbow["angle"] - start) * 60, rel=1e-12)
+    elbow["target_angle"] = 1e3
+    attract(world.joints, world.drivers[0], 1 / 60)
+    assert elbow["angle"] == elbow["upper"]
