@@ -2,8 +2,8 @@
 
 The first process begins with the driven loop. A second one compiles the contact solver, which uses none of
 the driven loop's kernels, then the rest of the simulated loop, and profile `paper`. The first process finds
-all of these in the kernel cache when it gets there. A lock keeps other processes from compiling the same kernels at the same
-time.
+all of these in the kernel cache when it gets there. A lock keeps other processes from compiling the same
+kernels at the same time.
 """
 
 from __future__ import annotations

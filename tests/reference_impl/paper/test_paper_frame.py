@@ -21,6 +21,7 @@ from touchstone.adapters.recorder import record
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.paper import frame
+from touchstone.reference_impl.paper.overlap_avoidance import translate_out
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Body, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -87,6 +88,17 @@ def test_driven_objects_move_half_each(lab: SimpleNamespace) -> None:
     place(world, (-0.04, 0.0, 0.0), (0.04, 0.0, 0.0))
     play(world, 1)
     np.testing.assert_allclose(world.drivers["position"][:, 0], (-RADIUS, RADIUS), atol=1e-12)
+
+
+def test_simulated_objects_move_half_each(lab: SimpleNamespace) -> None:
+    """Part two simulated balls, light and heavy, by half of their depth each."""
+    balls = (lab.ball("one", (-0.2, 0.0, 0.0), mass=0.01), lab.ball("two", (0.2, 0.0, 0.0)))
+    world = build(lab.scene(*balls))
+    for row, x in zip(world.bodies, (-0.04, 0.04)):
+        row["position"] = row["center"] = (x, 0.0, 0.0)
+    translate_out(world.of_stages(), SIMULATED)
+    np.testing.assert_allclose(world.bodies["position"][:, 0], (-RADIUS, RADIUS), atol=1e-12)
+    assert lab.counters(world)["rounds"] == 1
 
 
 def test_the_driven_object_leaves_a_simulated_one(lab: SimpleNamespace) -> None:
@@ -185,6 +197,22 @@ def test_an_impulse_moves_the_whole_driven_object(lab: SimpleNamespace) -> None:
     momentum = 0.2 * simulated(world)["velocity"][0] + 0.4 * world.drivers[0]["velocity"][0]
     assert world.drivers[0]["velocity"][0] > 0
     assert momentum == pytest.approx(0.2 * 8.0, rel=1e-9)
+    # Eq. 8 with the same mass
+    left = simulated(world)["velocity"][0] - world.drivers[0]["velocity"][0]
+    assert left == pytest.approx(-0.5 * 8.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("speeds", [(1.0, 3.0), (3.0, 1.0)])
+def test_the_fastest_collision_comes_first(lab: SimpleNamespace, speeds: tuple[float, float]) -> None:
+    """Hit a ball from both sides at once: the first impulse is that of the faster ball."""
+    left, right = speeds
+    balls = (
+        lab.ball("left", (-2 * RADIUS, 0.0, 0.0), linear_velocity=(left, 0.0, 0.0)),
+        lab.ball("middle", (0.0, 0.0, 0.0)),
+        lab.ball("right", (2 * RADIUS, 0.0, 0.0), linear_velocity=(-right, 0.0, 0.0)),
+    )
+    rows = play(build(lab.scene(*balls, e=0.5, gravity=(0.0, 0.0, 0.0))), 1)
+    assert (0 if left > right else 2) in (rows[0]["body_a"], rows[0]["body_b"])
 
 
 Function = tuple[str, str]
