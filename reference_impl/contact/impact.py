@@ -19,9 +19,7 @@ from touchstone.reference_impl.core.conventions import APPROACH_MIN, NO_FLOOR
 from touchstone.reference_impl.core.counters import COUNT_OPEN_SOLVES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
-from touchstone.reference_impl.solver.mobility import (
-    approach_speed,
-)
+from touchstone.reference_impl.solver.mobility import approach_speed
 
 SETTLE_DEPTH, DENSE_SETTLE = 1.7e-8, 1e-7
 """Depth by which an approaching pair would sink in a substep, from which it stops before the contact solve;

@@ -31,7 +31,6 @@ JOINT = record(
     pushes="i8",  # 1: a link of its chain touches a simulated body after this frame's removal
     # first of a ball joint's three hinges: its reach cone, in the hinges' axes at angles 0
     cone_count="i8",  # number of corners; 0 if no ball joint starts here
-    cone_axes=MATRIX,  # axes as columns, parent frame
     cone_center=VECTOR,
     cone_mark=VECTOR,  # direction of twist 0 if the bone points to the centre
     cone=("f8", (CONE_CORNERS, 3)),

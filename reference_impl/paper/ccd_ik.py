@@ -59,7 +59,7 @@ def ccd_ik(bodies, joints, first, last, state):
         for k in range(last, first - 1, -1):
             # the axes and origins of joints further inwards do not move
             ee = turn_joint(joints[k], vector(bodies[joints[k]["child"]]["position"]), ee, goal)
-            # all three hinges of a ball joint have turned
+            # the three hinges of a ball joint have turned, each within its limits
             if joints[k]["cone_count"] > 0 and keep_in_cone(joints, k):
                 ee = pose_chain(bodies, joints, k, last, local)
         ee = pose_chain(bodies, joints, first, last, local)

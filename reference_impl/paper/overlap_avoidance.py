@@ -1,12 +1,13 @@
 """Geometric and kinematic overlap avoidance: translation by the global depth, chains by inverse kinematics.
 
 Whose displacement: an object that overlaps a fixed one moves alone; a driven object moves out of a simulated
-one, and the simulated one moves only where that is not possible; two objects of one kind move half each.
+one, and the simulated one moves only where that is not possible; two objects of one kind move half each. A
+link of a chain moves in full, out of other driven objects and of the links of other chains, too.
 """
 
 from math import atan2, pi
 
-from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, RANDOM_PRIME, SIMULATED
+from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.counters import (
     CAP_CHAIN_ROUNDS,
     CAP_TRANSLATION_ROUNDS,
@@ -17,6 +18,7 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of
+from touchstone.reference_impl.kinematics.chain_order import shuffle_chains
 from touchstone.reference_impl.kinematics.driver_poses import store_entry, store_free_pose
 from touchstone.reference_impl.kinematics.skeleton import hang, measure_angle, place, pose_links
 from touchstone.reference_impl.paper.ccd_ik import ccd_ik
@@ -48,8 +50,6 @@ CHAIN_ROUNDS = 16
 PARALLEL_COSINE = 0.17364817766693033
 """Cosine between a link and its way out below which it is "almost parallel to the obstacle's surface" [1].
 The paper leaves open the angle: 10 degrees."""
-RANDOM_FACTOR = 16807
-"""Factor of the generator of Park & Miller (1988) [1], which fits 64-bit integers."""
 
 
 @kernel
@@ -151,7 +151,7 @@ def _free_chains(world, d, end):
         Index after the last pair of the last detection.
     """
     bodies, joints, driver, state = world.bodies, world.joints, world.drivers[d], world.state
-    _shuffle_chains(driver, state)
+    shuffle_chains(driver, state)
     for i in range(driver["chain_count"]):
         chain = driver["order"][i]
         for rounds in range(CHAIN_ROUNDS + 1):
@@ -167,18 +167,6 @@ def _free_chains(world, d, end):
             pose_links(bodies, joints, driver)
             end, _ = find_overlap(world, DRIVEN)
     return end
-
-
-@kernel
-def _shuffle_chains(driver, state):
-    """Random order of a driven object's chains (Fisher & Yates)."""
-    order, count = driver["order"], driver["chain_count"]
-    for i in range(count):
-        order[i] = i
-    for i in range(count - 1, 0, -1):
-        state["random"] = RANDOM_FACTOR * state["random"] % RANDOM_PRIME
-        j = int(state["random"] / RANDOM_PRIME * (i + 1))
-        order[i], order[j] = order[j], order[i]
 
 
 @kernel
@@ -242,7 +230,8 @@ def _bring_out(bodies, joints, first, link, state):
     """Turn joints `first` to `link` until the end effector is at its goal.
 
     A link that is almost parallel to the obstacle's surface is moved out "with pure translation by PD_g": the
-    joints inwards of its own bring its proximal joint there, and its own joint keeps its orientation.
+    joints inwards of its own bring its proximal joint there, and its own joint keeps its orientation. The
+    first link of a chain has no joints inwards, and is turned.
     """
     own = link
     # the hinges of a ball joint share their origin

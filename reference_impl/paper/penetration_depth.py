@@ -104,7 +104,7 @@ def return_to_free_state(world, d):
     """Step 4: move driven object d "back towards where it came from until the overlap is diminished".
 
     The paper leaves open when this is needed, and how far back: where translation and inverse kinematics
-    leave overlap, to the state nearest to the present one that bisection finds free.
+    leave overlap, from the state before both to the nearest one that bisection finds free.
 
     Returns:
         Whether it is free: if not, it is in its last free state, where another object is by now.

@@ -1,7 +1,7 @@
 """Overlap removal for chains by the posture QP."""
 
 from touchstone.reference_impl.broad_phase.detection import detect_for
-from touchstone.reference_impl.core.conventions import QP_TOLERANCE, RANDOM_PRIME
+from touchstone.reference_impl.core.conventions import QP_TOLERANCE
 from touchstone.reference_impl.core.counters import CAP_CHAIN_ROUNDS, COUNT_IK_ROUNDS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.kinematics.skeleton import pose_moved
@@ -18,24 +18,6 @@ BEND_ROUNDS = 4
 """Rounds in which a chain is bent: a straight leg is 3 mm too long after one, 20 mm after four."""
 QP_TURN_MAX = 0.2
 """Largest rotation of a hinge in one round [rad]: the linearisation error is 2 % of it."""
-
-
-@kernel
-def next_random(state):
-    """Random number in (0, 1) by the generator of Park and Miller (1988), which fits 64-bit integers."""
-    state["random"] = 16807 * state["random"] % RANDOM_PRIME
-    return state["random"] / RANDOM_PRIME
-
-
-@kernel
-def shuffle_chains(driver, state):
-    """Draw the random order in which this frame processes a driver's chains (Fisher and Yates)."""
-    order, count = driver["order"], driver["chain_count"]
-    for i in range(count):
-        order[i] = i
-    for i in range(count - 1, 0, -1):
-        j = int(next_random(state) * (i + 1))
-        order[i], order[j] = order[j], order[i]
 
 
 @kernel

@@ -25,6 +25,7 @@ from touchstone.reference_impl.core.counters import (
     COUNT_WAY_BACK,
 )
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.kinematics.chain_order import shuffle_chains
 from touchstone.reference_impl.kinematics.driver_poses import (
     interpolate,
     restore_entry,
@@ -32,7 +33,7 @@ from touchstone.reference_impl.kinematics.driver_poses import (
     store_free_pose,
 )
 from touchstone.reference_impl.kinematics.skeleton import place, pose_links, pose_moved
-from touchstone.reference_impl.posture.chain_overlap_removal import free_chains, shuffle_chains
+from touchstone.reference_impl.posture.chain_overlap_removal import free_chains
 from touchstone.reference_impl.posture.chain_servo import note_pushing_links
 from touchstone.reference_impl.posture.driven_time_of_impact import is_far, stop_deep
 from touchstone.reference_impl.posture.global_depth import Mover, global_depth, largest_depth, side_of

@@ -243,7 +243,6 @@ def _set_chains(scenario: Scenario, world: World) -> None:
             row = world.joints[names.index(cone.joints[0])]
             axes = hinge_axes(tuple(by_name[name] for name in cone.joints))
             row["cone_count"], row["cone_center"] = len(cone.swing), np.array(cone.center) @ axes
-            row["cone_axes"] = axes
             row["cone"][: len(cone.swing)] = np.array(cone.swing) @ axes
             # Carry the first axis from the bone's rest direction to the cone's centre.
             x, y, z = row["cone_center"]

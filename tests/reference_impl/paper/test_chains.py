@@ -10,19 +10,21 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.reference_impl.broad_phase.detection import detect
-from touchstone.reference_impl.core.conventions import DRIVEN, RANDOM_PRIME
+from touchstone.reference_impl.core.conventions import DRIVEN
 from touchstone.reference_impl.core.world import World
+from touchstone.reference_impl.kinematics.reach_cone import bone_and_mark, is_inside
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.paper import frame
-from touchstone.reference_impl.paper.attraction import attract
+from touchstone.reference_impl.paper.attraction import ATTRACTION_TIME, attract
 from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, ccd_ik
 from touchstone.reference_impl.paper.impulses import normal_velocity
 from touchstone.reference_impl.paper.overlap_avoidance import (
+    _bring_out,
     _closest_to_root,
     _set_end_effector_and_goal,
-    _shuffle_chains,
     free_driven_objects,
 )
+from touchstone.scenarios.avatar.chains import hinge_axes
 from touchstone.scenarios.scenario import Scenario
 
 CHAIN = 1
@@ -45,7 +47,8 @@ def forearm_in_a_table(lab: SimpleNamespace, depth: float) -> tuple[World, int]:
     world = build(person)
     first = world.drivers[0]["chains"][CHAIN, 0]
     # upper arm half-way forward, the elbow makes up for it
-    axes = world.joints[first]["cone_axes"]
+    hinges = {joint.name: joint for joint in person.joints}
+    axes = hinge_axes(tuple(hinges[name] for name in person.chains[CHAIN].cones[0].joints))
     lifted = Rotation.from_euler("y", -45, degrees=True).as_matrix()
     world.joints["angle"][first : first + 3] = Rotation.from_matrix(axes.T @ lifted @ axes).as_euler("XYZ")
     world.joints["angle"][names.index("left_elbow")] = np.pi / 4
@@ -67,7 +70,8 @@ def test_eq_7_relative_normal_velocity(lab: SimpleNamespace) -> None:
     world.bodies[0]["velocity"], world.bodies[0]["omega"] = (0.3, 0.2, -0.7), (5.0, 0.0, 0.0)
     pair = world.pairs[0]
     pair["body_a"], pair["body_b"], pair["normal"] = 1, 0, (0.6, 0.0, 0.8)
-    pair["point_a"] = pair["point_b"] = (0.0, 0.0, 0.0)
+    # their middle counts
+    pair["point_a"], pair["point_b"] = (0.0, 0.0, 0.01), (0.0, 0.0, -0.01)
     # omega x r = (5, 0, 0) x (0, 0, -0.05) = (0, 0.25, 0)
     assert normal_velocity(world.bodies, pair) == pytest.approx(0.6 * 0.3 - 0.8 * 0.7, rel=1e-12)
 
@@ -112,6 +116,22 @@ def test_a_parallel_link_is_translated(lab: SimpleNamespace) -> None:
     assert not turned[first + 4 : last + 1].any()
 
 
+@pytest.mark.parametrize(("degrees", "is_translated"), [(9.0, True), (11.0, False)])
+def test_parallel_means_within_ten_degrees(lab: SimpleNamespace, degrees: float, is_translated: bool) -> None:
+    """Take the proximal joint as the end effector where the link is within 10 degrees of the surface."""
+    world, forearm = forearm_in_a_table(lab, 0.005)
+    body, state = world.bodies[forearm], world.state[0]
+    first, along = world.drivers[0]["chains"][CHAIN, 0], body["rotation"] @ body["axis"]
+    across = np.cross(along, (0.0, 1.0, 0.0))
+    lean = np.radians(degrees)
+    way_out = np.sin(lean) * along + np.cos(lean) * across / np.linalg.norm(across)
+    touched = body["position"] + 0.1 * along
+    state["point"], state["goal"] = touched, touched + 0.002 * way_out
+    before = body["position"].copy()
+    _bring_out(world.bodies, world.joints, first, int(body["hinge"]), state)
+    np.testing.assert_array_equal(state["point"], before if is_translated else touched)
+
+
 def arm_at(world: World, angles) -> tuple[int, int, np.ndarray]:
     """First and last joint of the left arm, at these angles, and its hand's origin."""
     first, last = map(int, world.drivers[0]["chains"][CHAIN])
@@ -152,30 +172,74 @@ def test_ccd_stops_where_the_goal_cannot_be_reached(lab: SimpleNamespace, goal) 
 
 
 def test_chains_come_in_random_order(lab: SimpleNamespace) -> None:
-    """Draw each of five chains first in about a fifth of the frames; the generator is Park & Miller's."""
+    """Draw each of five chains first in some of 50 frames."""
     world = build(lab.person())
-    state, driver = world.state[0], world.drivers[0]
-    state["random"] = 1
-    first = np.zeros(5)
-    for _ in range(2500):
-        _shuffle_chains(driver, state)
-        assert sorted(driver["order"][:5].tolist()) == [0, 1, 2, 3, 4]
-        first[driver["order"][0]] += 1
-    # four numbers a frame: the state after 10,000 that Park & Miller give
-    assert state["random"] == 1043618065 < RANDOM_PRIME
-    assert (abs(first / 2500 - 0.2) < 0.03).all()
+    first = set()
+    for _ in range(50):
+        frame.step(*world)
+        first.add(int(world.drivers[0]["order"][0]))
+    assert first == set(range(5))
 
 
-def test_joints_are_attracted_to_their_tracker(lab: SimpleNamespace) -> None:
-    """Go the share 1 - exp(-h / 0.1 s) of the way to the tracker's angles, within limits, at that rate."""
+def is_within(world: World, first: int, last: int) -> bool:
+    """Whether hinges are within their limits, and ball joints among them within their reach cones."""
+    rows, inside = world.joints[first : last + 1], True
+    for k in np.flatnonzero(rows["cone_count"]):
+        joint, (one, two, three) = rows[k].copy(), rows[k : k + 3].copy()
+        for hinge in (one, two, three):
+            hinge["cosine"], hinge["sine"] = np.cos(hinge["angle"]), np.sin(hinge["angle"])
+        bone_and_mark(one, two, three, joint["bone"], joint["mark"])
+        # as far out as rounding of the recovered angles
+        joint["bone"] = (1 - 1e-9) * joint["bone"] + 1e-9 * joint["cone_center"]
+        inside = inside and is_inside(joint, joint["bone"])
+    return inside and bool(((rows["lower"] <= rows["angle"]) & (rows["angle"] <= rows["upper"])).all())
+
+
+def test_ccd_keeps_limits_and_reach_cones(lab: SimpleNamespace) -> None:
+    """Turn the arm towards goals all around the shoulder: no hinge and no bone leaves its limits."""
+    world, rng = build(lab.person()), np.random.default_rng(5)
+    for _ in range(30):
+        first, last, hand = arm_at(world, (0.2, 0.1, 0.0, 0.8, 0.0, 0.0))
+        shoulder = world.bodies[world.joints[first]["child"]]["position"]
+        world.state[0]["point"], world.state[0]["goal"] = hand, shoulder + rng.normal(size=3)
+        ccd_ik(world.bodies, world.joints, first, last, world.state[0])
+        assert is_within(world, first, last)
+
+
+def aimed(lab: SimpleNamespace, wanted: float) -> tuple[World, int, int]:
+    """A standing person whose tracker has all hinges of the left arm at one angle; the arm's hinges."""
     world = build(lab.person())
-    first = world.drivers[0]["chains"][CHAIN, 0]
-    elbow = world.joints[first + 3]
-    start = float(elbow["angle"])
-    elbow["target_angle"] = start + 0.3
+    first, last = map(int, world.drivers[0]["chains"][CHAIN])
+    world.joints["target_angle"][first : last + 1] = wanted
+    return world, first, last
+
+
+@pytest.mark.parametrize("frames", [1, 4])
+def test_attraction_goes_by_equal_shares_in_equal_times(lab: SimpleNamespace, frames: int) -> None:
+    """Leave 1 / e of the way to a tracker at rest after the time of attraction, in however many frames."""
+    world, _, last = aimed(lab, 0.1)
+    start, h = world.joints["angle"][last], ATTRACTION_TIME / frames
+    for _ in range(frames):
+        old = world.joints["angle"][last]
+        attract(world.joints, world.drivers[0], h)
+        assert world.joints["rate"][last] == pytest.approx((world.joints["angle"][last] - old) / h, rel=1e-9)
+    assert 0.1 - world.joints["angle"][last] == pytest.approx((0.1 - start) / np.e, rel=1e-12)
+    assert ATTRACTION_TIME == 0.1
+
+
+@pytest.mark.parametrize("wanted", [-3.0, -1.5, 1.5, 3.0])
+def test_attraction_keeps_limits_and_reach_cones(lab: SimpleNamespace, wanted: float) -> None:
+    """Follow a tracker beyond the limits of all hinges: no hinge and no bone leaves its own."""
+    world, first, last = aimed(lab, wanted)
+    for _ in range(30):
+        attract(world.joints, world.drivers[0], 1 / 60)
+        assert is_within(world, first, last)
+
+
+def test_joints_of_a_hand_take_the_glove_at_once(lab: SimpleNamespace) -> None:
+    """Set hinges in no chain to the tracker's angle and rate."""
+    world, first, last = aimed(lab, 0.3)
+    world.joints["chain"], world.joints["target_rate"][first : last + 1] = -1, 0.7
     attract(world.joints, world.drivers[0], 1 / 60)
-    assert elbow["angle"] == pytest.approx(start + 0.3 * (1 - np.exp(-1 / 6)), rel=1e-12)
-    assert elbow["rate"] == pytest.approx((elbow["angle"] - start) * 60, rel=1e-12)
-    elbow["target_angle"] = 1e3
-    attract(world.joints, world.drivers[0], 1 / 60)
-    assert elbow["angle"] == elbow["upper"]
+    assert (world.joints["angle"][first : last + 1] == 0.3).all()
+    assert (world.joints["rate"][first : last + 1] == 0.7).all()

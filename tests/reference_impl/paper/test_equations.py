@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from math import acos, sqrt
+from math import acos, cos, sin, sqrt
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from touchstone.reference_impl.core.driver_dtypes import DRIVER
 from touchstone.reference_impl.paper.ccd_ik import joint_rotation, project
 from touchstone.reference_impl.paper.friction import friction_impulse
 from touchstone.reference_impl.paper.impulses import impulse_magnitude, rotational_term
 from touchstone.reference_impl.paper.penetration_depth import add_depth, global_depth
-from touchstone.reference_impl.paper.virtual_coupling import coupled
+from touchstone.reference_impl.paper.virtual_coupling import coupled, follow_tracker
 
 SEEDS = range(20)
 ROUNDING = 1e-12
@@ -104,6 +105,45 @@ def test_eq_6_neither_overflows_nor_jumps(mass: float) -> None:
     below, at, above = (coupled(0.03, -0.7, 2500.0 * (1 + e), 100.0, 1 / 60) for e in (-1e-7, 0.0, 1e-7))
     np.testing.assert_allclose(below, at, rtol=1e-5)
     np.testing.assert_allclose(above, at, rtol=1e-5)
+
+
+def turned(angle: float) -> tuple[float, float, float, float]:
+    """Quaternion of a turn about x [rad]."""
+    return cos(angle / 2), sin(angle / 2), 0.0, 0.0
+
+
+def coupled_driver(**fields: object) -> np.void:
+    """A driver of 0.3 kg at its tracker, with K = 1000 N/m and R = 40 N s/m."""
+    driver = np.zeros(1, DRIVER)[0]
+    for name in ("orientation", "old_target_orientation", "target_orientation"):
+        driver[name] = turned(0.0)
+    for name, value in ({"mass": 0.3, "stiffness": 1000.0, "damping": 40.0} | fields).items():
+        driver[name] = value
+    return driver
+
+
+def test_eq_6_has_no_lag_behind_a_steady_tracker() -> None:
+    """Stay on a tracker that moves and turns steadily, at its speed."""
+    h, v, w = 1 / 60, (1.0, -2.0, 0.5), 3.0
+    driver = coupled_driver(target_position=np.multiply(h, v), target_orientation=turned(w * h))
+    driver["velocity"], driver["omega"] = v, (w, 0.0, 0.0)
+    follow_tracker(driver, h)
+    np.testing.assert_allclose(driver["position"], np.multiply(h, v), rtol=1e-12)
+    np.testing.assert_allclose(driver["velocity"], v, rtol=1e-12)
+    np.testing.assert_allclose(driver["orientation"], turned(w * h), atol=1e-12)
+    np.testing.assert_allclose(driver["omega"], (w, 0.0, 0.0), atol=1e-9)
+
+
+def test_eq_6_rotation_is_coupled_as_translation() -> None:
+    """Return to a tracker at rest by Eq. 6 with K / m and R / m, from a distance and from an angle."""
+    h, k, r = 1 / 60, 1000.0 / 0.3, 40.0 / 0.3
+    driver = coupled_driver(position=(0.1, 0.0, 0.0), orientation=turned(0.1))
+    follow_tracker(driver, h)
+    x, x_rate = coupled(0.1, 0.0, k, r, h)
+    np.testing.assert_allclose(driver["position"], (x, 0.0, 0.0), rtol=1e-12)
+    np.testing.assert_allclose(driver["velocity"], (x_rate, 0.0, 0.0), rtol=1e-12)
+    np.testing.assert_allclose(driver["orientation"], turned(x), atol=1e-12)
+    np.testing.assert_allclose(driver["omega"], (x_rate, 0.0, 0.0), atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

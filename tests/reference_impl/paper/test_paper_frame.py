@@ -21,6 +21,7 @@ from touchstone.adapters.recorder import record
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.paper import frame
+from touchstone.reference_impl.paper.overlap_avoidance import translate_out
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Body, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -89,6 +90,17 @@ def test_driven_objects_move_half_each(lab: SimpleNamespace) -> None:
     np.testing.assert_allclose(world.drivers["position"][:, 0], (-RADIUS, RADIUS), atol=1e-12)
 
 
+def test_simulated_objects_move_half_each(lab: SimpleNamespace) -> None:
+    """Part two simulated balls, light and heavy, by half of their depth each."""
+    balls = (lab.ball("one", (-0.2, 0.0, 0.0), mass=0.01), lab.ball("two", (0.2, 0.0, 0.0)))
+    world = build(lab.scene(*balls))
+    for row, x in zip(world.bodies, (-0.04, 0.04)):
+        row["position"] = row["center"] = (x, 0.0, 0.0)
+    translate_out(world.of_stages(), SIMULATED)
+    np.testing.assert_allclose(world.bodies["position"][:, 0], (-RADIUS, RADIUS), atol=1e-12)
+    assert lab.counters(world)["rounds"] == 1
+
+
 def test_the_driven_object_leaves_a_simulated_one(lab: SimpleNamespace) -> None:
     """Move the driven ball alone out of a simulated one."""
     world = driven_world(lab, [(-0.3, 0.0, 0.0)], lab.ball("ball", (0.0, 0.0, 0.0)), gravity=(0.0, 0.0, 0.0))
@@ -135,6 +147,34 @@ def test_a_ball_bounces_at_e(lab: SimpleNamespace) -> None:
     ball, sign = ("b", 1) if rows[0]["normal"][2] > 0 else ("a", -1)
     before, after = (sign * rows[0][f"velocity_{ball}_{when}"][2] for when in ("before", "after"))
     assert sign * after == pytest.approx(-e * sign * before, rel=1e-9)
+
+
+def test_a_body_at_rest_is_at_rest_for_others(lab: SimpleNamespace) -> None:
+    """Drop a ball on one of a tonne that lies on the ground: it leaves at e times its speed, not faster."""
+    below = lab.ball("below", (0.0, 0.0, RADIUS), mass=1000.0)
+    ball = lab.ball("falling", (0.0, 0.0, 3 * RADIUS + 0.003))
+    world = build(lab.scene(below, ball, lab.ground(), e=1.0, mu=0.0))
+    rows = [row for row in play(world, 5) if {int(row["body_a"]), int(row["body_b"])} == {0, 1}]
+    above = "ab"[int(rows[0]["body_b"] == 1)]
+    under = "ba"[int(rows[0]["body_b"] == 1)]
+    assert rows[0][f"velocity_{under}_before"][2] == pytest.approx(0.0, abs=1e-5)
+    assert rows[0][f"velocity_{above}_after"][2] == pytest.approx(
+        -rows[0][f"velocity_{above}_before"][2], rel=5e-3
+    )
+
+
+def test_logged_impulses_are_those_that_acted(lab: SimpleNamespace) -> None:
+    """Keep the momentum of two balls on each other: gravity, and the ground's impulses in the log."""
+    below, ball = lab.ball("below", (0.0, 0.0, RADIUS)), lab.ball("falling", (0.0, 0.0, 3 * RADIUS + 0.003))
+    world = build(lab.scene(below, ball, lab.ground(), e=0.5, mu=0.0))
+    rows = play(world, 10)
+    ground = sum(
+        row["impulse"][2] * (1 if row["body_a"] == 2 else -1)
+        for row in rows
+        if 2 in (row["body_a"], row["body_b"])
+    )
+    momentum = (world.bodies["mass"] * world.bodies["velocity"][:, 2])[:2].sum()
+    assert momentum == pytest.approx(ground - 2 * GRAVITY * 10 / 60, abs=1e-12)
 
 
 def test_a_body_at_rest_stays(lab: SimpleNamespace) -> None:
@@ -185,6 +225,22 @@ def test_an_impulse_moves_the_whole_driven_object(lab: SimpleNamespace) -> None:
     momentum = 0.2 * simulated(world)["velocity"][0] + 0.4 * world.drivers[0]["velocity"][0]
     assert world.drivers[0]["velocity"][0] > 0
     assert momentum == pytest.approx(0.2 * 8.0, rel=1e-9)
+    # Eq. 8 with the same mass
+    left = simulated(world)["velocity"][0] - world.drivers[0]["velocity"][0]
+    assert left == pytest.approx(-0.5 * 8.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("speeds", [(1.0, 3.0), (3.0, 1.0)])
+def test_the_fastest_collision_comes_first(lab: SimpleNamespace, speeds: tuple[float, float]) -> None:
+    """Hit a ball from both sides at once: the first impulse is that of the faster ball."""
+    left, right = speeds
+    balls = (
+        lab.ball("left", (-2 * RADIUS, 0.0, 0.0), linear_velocity=(left, 0.0, 0.0)),
+        lab.ball("middle", (0.0, 0.0, 0.0)),
+        lab.ball("right", (2 * RADIUS, 0.0, 0.0), linear_velocity=(-right, 0.0, 0.0)),
+    )
+    rows = play(build(lab.scene(*balls, e=0.5, gravity=(0.0, 0.0, 0.0))), 1)
+    assert (0 if left > right else 2) in (rows[0]["body_a"], rows[0]["body_b"])
 
 
 Function = tuple[str, str]

@@ -23,16 +23,12 @@ from touchstone.adapters.oracles.overlap import measure
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
-from touchstone.reference_impl.core.driver_dtypes import DRIVER
-from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.posture.attraction import ATTRACTION_TIME
 from touchstone.reference_impl.posture.chain_overlap_removal import (
     BEND_SHARE,
     _bend,
-    next_random,
-    shuffle_chains,
 )
 from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.scenarios.avatar.avatar import avatar_parts
@@ -349,20 +345,6 @@ def test_a_tracker_that_starts_stuck_is_refused(lab: SimpleNamespace) -> None:
         ReferenceEngine().build(scenario, Settings("balanced", FRAME))
 
 
-def test_every_order_of_the_chains_comes_up() -> None:
-    """Draw each of the six orders of three chains about equally often."""
-    state, drivers = np.zeros(1, STATE), np.zeros(1, DRIVER)
-    state["random"], drivers["chain_count"] = 1, 3
-    seen: dict[tuple[int, ...], int] = {}
-    for _ in range(600):
-        shuffle_chains(drivers[0], state[0])
-        order = drivers[0]["order"][:3]
-        seen[tuple(order.tolist())] = seen.get(tuple(order.tolist()), 0) + 1
-    assert len(seen) == 6
-    # 100 expected each, standard deviation 9.1
-    assert 60 < min(seen.values()) <= max(seen.values()) < 140
-
-
 INTERPRETED = """
 import json, sys
 sys.path.insert(0, "tests/reference_impl/posture")
@@ -396,16 +378,6 @@ def test_interpreted_source_computes_the_same() -> None:
         angles.append(json.loads(done.stdout))
     np.testing.assert_allclose(*angles, rtol=0, atol=1e-9)
     assert np.abs(angles[0]).max() > 0.1
-
-
-def test_the_generator_is_that_of_park_and_miller() -> None:
-    """Reach the state that their paper gives after 10,000 numbers from 1, and stay in (0, 1)."""
-    state = np.zeros(1, STATE)[0]
-    state["random"] = 1
-    numbers = [next_random(state) for _ in range(10000)]
-    assert state["random"] == 1043618065
-    assert 0 < min(numbers) < max(numbers) < 1
-    assert np.mean(numbers) == pytest.approx(0.5, abs=5 / np.sqrt(12 * 10000))
 
 
 def test_only_hinges_of_their_own_bend(lab: SimpleNamespace) -> None:
