@@ -195,7 +195,7 @@ def timing(history: pd.DataFrame, nights: Mapping[int, Night], accepted: int = 0
     found = []
     for (scene, engine, profile), series in history.groupby(["scenario", "engine", "profile"], sort=False):
         values = series.value.to_numpy(dtype=float)
-        place = (scene, engine, profile, SERIES, "")
+        place = (str(scene), str(engine), str(profile), SERIES, "")
         confirmed = step(values)
         if confirmed is not None and int(series.sequence.iloc[confirmed.first]) <= accepted:
             # A new level was accepted: only the nights from it on count.

@@ -28,7 +28,7 @@ def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> str:
     parts = []
     for number, kind in enumerate(kinds):
         mine = [change for change in changes if change.kind == kind]
-        rows = [
+        rows: list[list[Cell]] = [
             [
                 scene_part(change.scene, scenes),
                 change.engine,

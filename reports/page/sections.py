@@ -69,7 +69,7 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
     """Metrics of one scene in every column that played: all, or those that miss a limit."""
     cells = grid(content.frame, scene)
     heads = ["metric", "unit", *(f"{engine} {profile} {step} s" for engine, profile, step in cells.heads)]
-    lines = [
+    lines: list[list[Cell]] = [
         [metric_part(metric, subject), "" if unit == "1" else unit, *(cell.marked for cell in line)]
         for metric, subject, unit, line in cells.rows
         if full or any(cell.verdict in MARKS for cell in line)

@@ -92,6 +92,12 @@ def test_recordings_survive_packing(made):
     assert record["apart"][made.deepest] == pytest.approx(made.sinks, rel=1e-2)
 
 
+def test_bodies_are_coloured_from_a_millimetre(made):
+    """The page says the depth, and the player gets its code."""
+    assert made.record["alarm"] == 1 + 40 * 4
+    assert "overlaps by 1 mm or more" in made.text
+
+
 def test_a_page_stays_small():
     """Playback is left out for scenes beyond the budget, not for those before."""
     big = {f"scene_{k}": "x" * (MOST_PLAYBACK // 3 + 1) for k in range(4)}
