@@ -88,7 +88,7 @@ def history_charts(history: pd.DataFrame, nights: Mapping[int, Night]) -> dict[s
     )
     drawn = {}
     try:
-        for scene, own in _own_times(found).groupby("scenario", sort=False):
+        for scene, own in _own_times(found).groupby("scenario"):
             ours, others = own[own.engine == REFERENCE], own[own.engine != REFERENCE]
             for name, series in (("reference", ours), ("engines", others)):
                 if series.sequence.nunique() >= charts.LEAST_NIGHTS:
@@ -103,9 +103,9 @@ def history_table(history: pd.DataFrame, nights: Mapping[int, Night]) -> list[li
     numbers = sorted(set(history.sequence))
     if not 2 <= len(numbers) <= FEW_NIGHTS:
         return []
-    dates = [str(nights[int(k)].identity["started"])[:10] for k in numbers]
+    dates = [str(nights[int(k)].identity["started"])[:16].replace("T", " ") for k in numbers]
     lines = [["scene", "engine", *(f"{date} [µs]" for date in dates), "last over first"]]
-    for (scene, engine), part in _own_times(history).groupby(["scenario", "engine"], sort=False):
+    for (scene, engine), part in _own_times(history).groupby(["scenario", "engine"]):
         values = part.set_index("sequence").value.reindex(numbers)
         ratio = values.iloc[-1] / values.iloc[0]
         line = [exact_number(1e6 * value) for value in values]

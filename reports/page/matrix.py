@@ -17,7 +17,7 @@ from touchstone.reports.metrics.labels import label
 from touchstone.reports.page.content import Column, reproduce
 from touchstone.reports.results import Row
 from touchstone.reports.run.request import REFERENCE
-from touchstone.reports.views.tables import MARKS, exact_number, number, quantity, unit_of
+from touchstone.reports.views.tables import MARKS, exact_number, number, quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +60,8 @@ SCALE = (
     "Colour begins at the limit, and not below 1 mm, 10 mJ and a share of 5 %; each shade is 3 times "
     "the one before. Times, in grey: each shade is twice the fastest engine's."
 )
+SMALLEST = 0.01
+"""Least value that a cell shows [shown unit]: smaller ones are in its hover."""
 MISSED = ("fail", "error", "unjudged", "known")
 """Verdicts that mark a cell, the gravest first."""
 
@@ -115,7 +117,7 @@ def entries(rows: Sequence[Row], columns: Sequence[Column]) -> dict[tuple[str, C
             base = known.get(ours, []) if ours else []
             found[topic.name, column] = Entry(
                 row,
-                figure(row) if row.metric in (metric, "run") else "-",
+                short(row) if row.metric in (metric, "run") else "-",
                 _apart(row, next((r for r in base if r.subject == row.subject), None)),
                 _shade(row, least) if row.metric == metric else 0,
                 tuple(missed or gravest(runs)),
@@ -188,6 +190,15 @@ def figure(row: Row) -> str:
     return exact_or_zero(row.value * (scale[1] if scale else 1.0))
 
 
+def short(row: Row) -> str:
+    """A row's value as a cell shows it: what is below SMALLEST is no more than that."""
+    text = figure(row)
+    value = quantity(row.metric, row.value, row.unit)[0]
+    if row.metric == "run" or text in ("-", "never", "0"):
+        return text
+    return f"<{SMALLEST:g}" if abs(float(value)) < SMALLEST else text
+
+
 def shown(row: Row) -> str:
     """A row's value in the unit of tables, with the mark of its verdict."""
     return figure(row) if row.metric == "run" else figure(row) + MARKS.get(row.verdict, "")
@@ -240,7 +251,7 @@ def facts(entry: Entry) -> dict[str, object]:
     if row.metric == LIMITS:
         again = reproduce(replace(row, metric="run"))
         return {**head, "facts": [("limits met", entry.text), *missed], "command": again}
-    unit = unit_of(row.metric) if row.metric in METRICS else ""
+    unit = quantity(row.metric, row.value, row.unit)[1]
     facts = [("metric", f"{row.metric} {row.subject}".strip()), ("value", f"{shown(row)} {unit}".strip())]
     if row.metric in METRICS:
         facts.append(("definition", METRICS[row.metric].formula))
@@ -252,7 +263,8 @@ def facts(entry: Entry) -> dict[str, object]:
     facts += [("verdict", row.verdict)] if row.verdict else []
     facts += [("reason", row.reason)] if row.reason else []
     others = [fact for one, fact in zip(entry.missed, missed) if one is not row]
-    return {**head, "facts": [*facts, *others], "command": reproduce(row)}
+    again = reproduce(entry.missed[0] if entry.missed else row)
+    return {**head, "facts": [*facts, *others], "command": again}
 
 
 def table(

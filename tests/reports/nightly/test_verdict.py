@@ -110,7 +110,13 @@ def test_few_nights_are_numbers(store, nights, count):
     assert list(drawn) == (["fall, engines"] if count == 5 else [])
     assert len(lines) == (2 if 2 <= count <= 4 else 0)
     if count == 2:
-        assert lines[0] == ["scene", "engine", "2026-01-01 [µs]", "2026-01-02 [µs]", "last over first"]
+        assert lines[0] == [
+            "scene",
+            "engine",
+            "2026-01-01 02:00 [µs]",
+            "2026-01-02 02:00 [µs]",
+            "last over first",
+        ]
         assert lines[1] == ["fall", "mujoco", "100", "200", "2.00"]
 
 

@@ -41,6 +41,7 @@ def test_a_broken_time_limit_marks_the_time():
         found
     )
     assert any("slow" in fact for _, fact in facts(found)["facts"])
+    assert facts(found)["command"] == "touchstone bench frame slide"
     html, _ = table({"slide": rows}, [OURS, THEIRS])
     assert re.findall(r'class="\w+ shade\d fail[^>]*><button[^>]*aria-label="([^"]*)"', html) == [
         "slide, reference, limits: 0/1 ✗",
@@ -109,6 +110,16 @@ def test_a_cell_shows_its_worst_pair():
 def test_colour_begins_at_the_limit(value, limit, shade):
     """Nothing below the limit is coloured, nor what a reader cannot see."""
     assert cell([overlap(value, limit)], "overlap").shade == shade
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "exact"),
+    [(0.0, "0", "0"), (2e-6, "<0.01", "0.00200"), (1e-5, "0.0100", "0.0100"), (0.1, "100", "100")],
+)
+def test_a_cell_has_no_more_digits_than_a_reader_needs(value, text, exact):
+    """What is smaller than a hundredth of the unit is in the hover."""
+    found = cell([overlap(value)], "overlap")
+    assert (found.text, title(found)) == (text, f"deepest overlap: {exact} mm")
 
 
 def test_times_are_coloured_from_twice_the_fastest():
