@@ -122,11 +122,9 @@ def _class_row(row: Row) -> Row:
     return replace(row, subject="", value=value, unit="1", verdict=verdict, reason=reason)
 
 
-def described(metric: str, value: float) -> str:
-    """A figure in words: the class of a hard case, else the number."""
-    if metric == OUTCOME and 0 <= value < len(CLASSES):
-        return list(CLASSES)[int(value)]
-    return f"{value:.4g}"
+def described(value: float) -> str:
+    """The class of a hard case by its number."""
+    return list(CLASSES)[int(value)] if 0 <= value < len(CLASSES) else "-"
 
 
 def _columns(*profiles: str) -> tuple[tuple[str, str], ...]:

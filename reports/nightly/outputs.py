@@ -12,17 +12,19 @@ import pandas as pd
 
 from touchstone.reports.nightly.night import Measured
 from touchstone.reports.nightly.store import Night
-from touchstone.reports.nightly.verdict import CHANGE, GONE, REGRESSION, WARNING, Finding
+from touchstone.reports.nightly.verdict import CHANGE, GONE, ORDER, REGRESSION, WARNING, Finding, ordered
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import BAD, GOOD, WARN, Content, counted, reproduce, verdict_of
+from touchstone.reports.page.content import BAD, GOOD, WARN, Change, Content, counted, reproduce, verdict_of
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.run.request import REFERENCE, STUDY
+from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue
 
 MOST_LINES = 20
-"""Findings of a kind that are listed on the first screen; the rest is counted."""
-ORDER = (REGRESSION, WARNING, GONE, CHANGE)
+"""Findings of a kind that Markdown lists; the rest is counted."""
+FEW_NIGHTS = charts.LEAST_NIGHTS - 1
+"""Nights of the table of times, which has the place of charts that would have as many points."""
 
 
 def sentence(frame: pd.DataFrame, findings: Sequence[Finding], compared: bool) -> tuple[str, str]:
@@ -32,7 +34,7 @@ def sentence(frame: pd.DataFrame, findings: Sequence[Finding], compared: bool) -
     if not compared:
         return level, f"First night on this hardware, nothing to compare with. {own}"
     if counts[REGRESSION]:
-        places = ", ".join(dict.fromkeys(one.place.split()[1] for one in findings if one.kind == REGRESSION))
+        places = ", ".join(dict.fromkeys(one.engine for one in findings if one.kind == REGRESSION))
         return BAD, f"{counted(counts[REGRESSION], 'confirmed regression')} ({places}). {own}"
     parts = [
         f"{counts[k]} {word}"
@@ -48,15 +50,37 @@ def listed(findings: Sequence[Finding]) -> list[str]:
     """Lines of the findings, the gravest first, MOST_LINES of a kind."""
     lines = []
     for kind in ORDER:
-        mine = [one.line for one in findings if one.kind == kind]
+        mine = [one.line for one in ordered(findings) if one.kind == kind]
         lines += mine[:MOST_LINES]
         lines += [f"{kind}: {len(mine) - MOST_LINES} more"] if len(mine) > MOST_LINES else []
     return lines
 
 
+def changes(findings: Sequence[Finding]) -> list[Change]:
+    """The findings as the page shows them, the gravest first."""
+    return [
+        Change(
+            one.kind,
+            one.scene,
+            f"{one.engine} {one.profile}".strip(),
+            one.metric,
+            one.subject,
+            one.moved.replace("->", "→"),
+            one.text.replace("->", "→"),
+        )
+        for one in ordered(findings)
+    ]
+
+
+def _own_times(history: pd.DataFrame) -> pd.DataFrame:
+    """Times of each engine in its own profile."""
+    return history[history.profile.isin(["balanced", "recommended"])]
+
+
 def history_charts(history: pd.DataFrame, nights: Mapping[int, Night]) -> dict[str, str]:
-    """One chart of times per scene over nights; the reference's times and those of the engines."""
-    if history.sequence.nunique() < 2:
+    """One chart of times per scene over nights; the reference's times and those of the engines. None with
+    fewer than LEAST_NIGHTS nights."""
+    if history.sequence.nunique() < charts.LEAST_NIGHTS:
         return {}
     found = history.assign(
         night=pd.to_datetime([nights[int(k)].identity["started"] for k in history.sequence], utc=True),
@@ -64,15 +88,29 @@ def history_charts(history: pd.DataFrame, nights: Mapping[int, Night]) -> dict[s
     )
     drawn = {}
     try:
-        for scene, part in found.groupby("scenario", sort=False):
-            own = part[part.profile.isin(["balanced", "recommended"])]
+        for scene, own in _own_times(found).groupby("scenario"):
             ours, others = own[own.engine == REFERENCE], own[own.engine != REFERENCE]
             for name, series in (("reference", ours), ("engines", others)):
-                if len(series):
+                if series.sequence.nunique() >= charts.LEAST_NIGHTS:
                     drawn[f"{scene}, {name}"] = charts.nights(series, "", "median frame [µs]")
     except charts.ChartsMissing:
         return {}
     return drawn
+
+
+def history_table(history: pd.DataFrame, nights: Mapping[int, Night]) -> list[list[str]]:
+    """Times of nights that are too few for a chart, and the change of the last one: heads, then lines."""
+    numbers = sorted(set(history.sequence))
+    if not 2 <= len(numbers) <= FEW_NIGHTS:
+        return []
+    dates = [str(nights[int(k)].identity["started"])[:16].replace("T", " ") for k in numbers]
+    lines = [["scene", "engine", *(f"{date} [µs]" for date in dates), "last over first"]]
+    for (scene, engine), part in _own_times(history).groupby(["scenario", "engine"]):
+        values = part.set_index("sequence").value.reindex(numbers)
+        ratio = values.iloc[-1] / values.iloc[0]
+        line = [exact_number(1e6 * value) for value in values]
+        lines.append([str(scene), str(engine), *line, exact_number(ratio)])
+    return lines
 
 
 def write_page(
@@ -81,9 +119,9 @@ def write_page(
     level: str,
     verdict: str,
     findings: Sequence[Finding],
-    drawn: Mapping[str, str],
+    history: tuple[Mapping[str, str], Sequence[Sequence[str]]],
 ) -> None:
-    """Write `report.html`."""
+    """Write `report.html`; `history` has the charts and the table of times."""
     facts = measured.identity
     known = {"commit": f"{facts['commit']}{'+' if facts['dirty'] else ''}", "started": facts["started"]}
     known |= {"load": f"{facts['load']:.2f}", "hardware": facts["fingerprint"]}
@@ -94,12 +132,13 @@ def write_page(
         frame=measured.frame[measured.frame.study == STUDY],
         studies=measured.frame[measured.frame.study != STUDY],
         command="touchstone nightly" + (" --quick" if facts["settings"].get("quick") else ""),
-        changes=listed(findings),
+        changes=changes(findings),
         identity=[*known.items(), *facts["versions"].items(), *facts["machine"].items()],
         playback=measured.playback,
         settings=measured.settings,
         summaries={scene.name: scene.summary for scene in catalogue().values()},
-        history=drawn,
+        history=history[0],
+        times=history[1],
     )
     _write(folder / "report.html", page(content))
 
@@ -149,7 +188,7 @@ def write_junit(folder: Path, frame: pd.DataFrame, findings: Sequence[Finding]) 
     )
     for one in regressions:
         case = ElementTree.SubElement(suite, "testcase", classname="nights", name=one.place)
-        ElementTree.SubElement(case, "failure", message=one.text)
+        ElementTree.SubElement(case, "failure", message=one.line)
     _write(folder / "junit.xml", ElementTree.tostring(suites, encoding="unicode", xml_declaration=True))
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from touchstone.reports.metrics.labels import label
 from touchstone.reports.nightly.due import OUTCOME, described
 from touchstone.reports.nightly.identity import changes
 from touchstone.reports.nightly.store import Night, Store
-from touchstone.reports.nightly.timing_verdict import WINDOW, step, warns
+from touchstone.reports.nightly.timing_verdict import RECENT, WINDOW, step, warns
+from touchstone.reports.views.tables import quantity
 
 KEYS = ["study", "scenario", "engine", "profile", "metric", "subject"]
 SAME = 1e-2
@@ -25,20 +28,71 @@ SERIES = "time.frame.median"
 NIGHTS = 2 * WINDOW
 """Nights whose times are read [1]."""
 REGRESSION, WARNING, CHANGE, GONE = "regression", "warning", "change", "gone"
+ORDER = (REGRESSION, WARNING, GONE, CHANGE)
+"""Kinds of findings, the gravest first."""
+FAILED, UNMET = "error", ("fail", "unjudged")
+"""Verdict of a run that failed, and of figures that do not meet a limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A difference of this night: kind, place (scene, engine, profile, metric), and one sentence."""
+    """A difference of this night.
+
+    Attributes:
+        kind: REGRESSION, WARNING, CHANGE or GONE.
+        text: what happened, in a few words; may be empty.
+        before, after: value [unit]; NaN where there is none.
+        unit: unit of metrics that are not in METRICS.
+        limit: limit of tonight [unit].
+    """
 
     kind: str
-    place: str
+    scene: str
+    engine: str
+    profile: str
+    metric: str
+    subject: str
     text: str
+    before: float = nan
+    after: float = nan
+    unit: str = ""
+    limit: float = nan
+
+    @property
+    def place(self) -> str:
+        """Scene, engine, profile, metric and subject."""
+        return " ".join(filter(None, (self.scene, self.engine, self.profile, self.metric, self.subject)))
+
+    @property
+    def moved(self) -> str:
+        """Value before and after, in the unit of tables."""
+        if isnan(self.before) and isnan(self.after):
+            return ""
+        if self.metric == OUTCOME:
+            return f"{described(self.before)} -> {described(self.after)}"
+        (old, unit), (new, _) = (quantity(self.metric, v, self.unit) for v in (self.before, self.after))
+        return f"{old} -> {new} {unit}".strip()
+
+    @property
+    def weight(self) -> float:
+        """How grave it is among those of its kind: its value over the limit, or over the value before; 0 for
+        what is no longer measured, which a failed run explains."""
+        if isnan(self.after):
+            return inf if self.text.endswith(FAILED) else 0.0
+        if self.limit > 0:
+            return abs(self.after) / self.limit
+        if self.limit == 0:
+            return inf
+        small, large = sorted((abs(self.before), abs(self.after)))
+        return large / small if small > 0 else inf if large > 0 else 1.0
 
     @property
     def line(self) -> str:
         """The finding in one line."""
-        return f"{self.kind}: {self.place}: {self.text}"
+        who = " ".join((self.scene, self.engine, self.profile))
+        name = label(self.metric) + (f" ({self.metric})" if label(self.metric) != self.metric else "")
+        what = ": ".join(filter(None, (f"{name} {self.subject}".strip(), self.moved, self.text)))
+        return f"{self.kind}: {who}: {what}"
 
 
 def physics(tonight: pd.DataFrame, accepted: pd.DataFrame) -> list[Finding]:
@@ -57,38 +111,44 @@ def physics(tonight: pd.DataFrame, accepted: pd.DataFrame) -> list[Finding]:
     return found
 
 
+def ordered(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings by kind, the gravest first."""
+    return sorted(findings, key=lambda one: (ORDER.index(one.kind), -one.weight))
+
+
 def _figures(frame: pd.DataFrame) -> pd.DataFrame:
     kept = frame[
         ~frame.metric.str.startswith(TIMED) & (frame.verdict != "skipped") & (frame.metric != "work")
     ]
-    return kept.drop_duplicates(KEYS).set_index(KEYS)[["value", "limit", "verdict"]]
+    return kept.drop_duplicates(KEYS).set_index(KEYS)[["value", "unit", "limit", "verdict"]]
 
 
 def _compared(key: Any, row: pd.Series) -> Finding | None:
     _, scene, engine, profile, metric, subject = key
-    place = " ".join(filter(None, (scene, engine, profile, metric, subject)))
     now, before = row["verdict"], row["verdict_before"]
+
+    def finding(kind: str, text: str) -> Finding:
+        figures = row["value_before"], row["value"], row["unit"], row["limit"]
+        return Finding(kind, scene, engine, profile, metric, subject, text, *figures)
+
     if not isinstance(now, str):
-        return Finding(REGRESSION, place, "no longer measured")
+        return Finding(REGRESSION, scene, engine, profile, metric, subject, "no longer measured")
     if not isinstance(before, str):
-        if now in ("fail", "error", "unjudged"):
-            return Finding(REGRESSION, place, f"new, {now}")
-        return None
+        return finding(REGRESSION, f"new, {now}") if now in (FAILED, *UNMET) else None
     value, old = float(row["value"]), float(row["value_before"])
     moved = not np.isclose(value, old, rtol=SAME, atol=FLOOR, equal_nan=True)
-    text = f"{described(metric, old)} -> {described(metric, value)}"
     if metric == OUTCOME and (now == "pass") != (before == "pass"):
-        return Finding(GONE if now == "pass" else REGRESSION, place, text)
-    if now in ("fail", "error", "unjudged") and before not in (now, "fail"):
-        return Finding(REGRESSION, place, f"{before or 'no limit'} -> {now}, {text}")
+        return finding(GONE if now == "pass" else REGRESSION, "")
+    if now in (FAILED, *UNMET) and before not in (now, "fail"):
+        return finding(REGRESSION, f"{before or 'no limit'} -> {now}")
     if before == "known" and now != "known":
-        return Finding(GONE, place, f"a known failing is gone: {text}")
+        return finding(GONE, "a known failing is gone")
     if now == "known" and moved and abs(value) > abs(old):
         what = "a known failing grew" if before == "known" else "a known failing began"
-        return Finding(REGRESSION, place, f"{what}: {text}")
-    if before in ("fail", "error") and now not in ("fail", "error"):
-        return Finding(GONE, place, f"{before} -> {now or 'no limit'}, {text}")
-    return Finding(CHANGE, place, text) if moved else None
+        return finding(REGRESSION, what)
+    if before in ("fail", FAILED) and now not in ("fail", FAILED):
+        return finding(GONE, f"{before} -> {now or 'no limit'}")
+    return finding(CHANGE, "") if moved else None
 
 
 def compared_with(
@@ -135,7 +195,7 @@ def timing(history: pd.DataFrame, nights: Mapping[int, Night], accepted: int = 0
     found = []
     for (scene, engine, profile), series in history.groupby(["scenario", "engine", "profile"], sort=False):
         values = series.value.to_numpy(dtype=float)
-        place = f"{scene} {engine} {profile} {SERIES}"
+        place = (str(scene), str(engine), str(profile), SERIES, "")
         confirmed = step(values)
         if confirmed is not None and int(series.sequence.iloc[confirmed.first]) <= accepted:
             # A new level was accepted: only the nights from it on count.
@@ -144,9 +204,11 @@ def timing(history: pd.DataFrame, nights: Mapping[int, Night], accepted: int = 0
         if confirmed is not None:
             first = int(series.sequence.iloc[confirmed.first])
             text = f"{confirmed.ratio:.2f} times as long since {_when(nights, first)}: {_why(nights, first)}"
-            found.append(Finding(REGRESSION, place, text))
+            found.append(Finding(REGRESSION, *place, text, confirmed.before, confirmed.after))
         elif warns(values):
-            found.append(Finding(WARNING, place, "2 of the last 3 nights are slower than before"))
+            before = float(np.nanmedian(values[:-RECENT]))
+            text = "2 of the last 3 nights are slower than before"
+            found.append(Finding(WARNING, *place, text, before, float(values[-1])))
     return found
 
 

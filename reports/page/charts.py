@@ -19,6 +19,13 @@ SHAPES = {"o": "circle", "^": "triangle-up", "s": "square", "D": "diamond"}
 WIDTH, ROW = 620, 18
 """Width of a chart and height of one of its rows [px]."""
 
+PADDING = 14
+"""Margin of a chart [px]: browsers draw labels wider than they are measured here."""
+LEAST_SCENES = 3
+"""Scenes of a chart [1]: fewer are read faster as numbers."""
+LEAST_NIGHTS = 5
+"""Nights of a chart [1]: fewer show no course."""
+
 
 class ChartsMissing(ImportError):
     """The libraries that draw charts are not installed; the message says how to install them."""
@@ -47,7 +54,7 @@ def svg_of(chart: Any) -> str:
         "tickColor": FAINT,
     }
     plain = (
-        chart.configure(background="transparent", font="system-ui, sans-serif")
+        chart.configure(background="transparent", font="system-ui, sans-serif", padding=PADDING)
         .configure_axis(**axis, titleFontWeight="normal", labelFontSize=11)
         .configure_view(stroke=None)
         .configure_legend(labelColor=INK, titleColor=INK, orient="top", title=None)
@@ -99,13 +106,14 @@ def values_of(frame: pd.DataFrame, columns: Sequence[Column], metric: str, facto
 def dots(
     frame: pd.DataFrame, columns: Sequence[Column], metric: str, factor: float, title: str, floor: float
 ) -> str:
-    """One row per scene, one mark per engine, on a logarithmic axis; "" with fewer than two engines.
+    """One row per scene, one mark per engine, on a logarithmic axis; "" with fewer than two engines or
+    LEAST_SCENES.
 
     Values below `floor` [unit of the chart] are drawn at it.
     """
     altair, _ = library()
     found = values_of(frame, columns, metric, factor)
-    if found.engine.nunique() < 2:
+    if found.engine.nunique() < 2 or found.scenario.nunique() < LEAST_SCENES:
         return ""
     found["shown"] = found.value.clip(lower=floor)
     engines = [engine for engine, _ in columns]
@@ -126,12 +134,13 @@ def dots(
 
 
 def work_precision(frame: pd.DataFrame, columns: Sequence[Column]) -> str:
-    """Overlap over the time of a frame, a mark per scene and engine; "" with fewer than two engines."""
+    """Overlap over the time of a frame, a mark per scene and engine; "" with fewer than two engines or
+    LEAST_SCENES."""
     altair, _ = library()
     time = values_of(frame, columns, "time.frame.median", 1e6).rename(columns={"value": "time"})
     depth = values_of(frame, columns, "overlap.max", 1e3).rename(columns={"value": "overlap"})
     found = time.merge(depth, on=["scenario", "engine"])
-    if found.engine.nunique() < 2:
+    if found.engine.nunique() < 2 or found.scenario.nunique() < LEAST_SCENES:
         return ""
     found["shown"] = found.overlap.clip(lower=1e-7)
     color, shape = _scales(altair, [engine for engine, _ in columns])

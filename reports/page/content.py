@@ -10,11 +10,32 @@ import pandas as pd
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-from touchstone.reports.run.request import step_text
+from touchstone.reports.run.request import STUDY, step_text
 
 BAD, WARN, GOOD = "bad", "warn", "good"
 Column = tuple[str, str]
 """Engine and profile."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A difference from earlier nights.
+
+    Attributes:
+        kind: such as "regression".
+        engine: engine and profile.
+        metric, subject: what changed.
+        moved: value before and after, with its unit.
+        text: one sentence.
+    """
+
+    kind: str
+    scene: str
+    engine: str
+    metric: str
+    subject: str
+    moved: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +48,13 @@ class Content:
         verdict: one sentence.
         frame: the long table of results.
         command: the command of the run.
-        changes: what changed since the last accepted run, one line each.
+        changes: what changed since the last accepted run, the gravest first.
         identity: (name, value) of the machine, the program and the libraries.
         playback: scene -> packed recordings (`pack_text`).
         settings: "scene/engine/profile" -> manifest of the engine.
         summaries: scene -> its sentence.
         history: heading -> chart of nights, as SVG.
+        times: table of the times of nights that are too few for a chart, its heads first.
         studies: long table of studies beside the scenes; None without.
     """
 
@@ -41,12 +63,13 @@ class Content:
     verdict: str
     frame: pd.DataFrame
     command: str = ""
-    changes: Sequence[str] = ()
+    changes: Sequence[Change] = ()
     identity: Sequence[tuple[str, str]] = ()
     playback: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     summaries: Mapping[str, str] = field(default_factory=dict)
     history: Mapping[str, str] = field(default_factory=dict)
+    times: Sequence[Sequence[str]] = ()
     studies: pd.DataFrame | None = None
 
     def columns(self) -> list[Column]:
@@ -89,6 +112,8 @@ def counted(count: int, word: str) -> str:
 
 def reproduce(row: Row) -> str:
     """The command that measures a row again; for `ENGINE==VERSION` that of the version."""
+    if row.study == STUDY and row.metric.startswith("ratio.time"):
+        return f"touchstone bench frame {row.scenario}"
     profile, *changes = row.profile.split(", ")
     engine, _, version = row.engine.partition("==")
     words = ["touchstone run", row.scenario, f"--engine {engine}", f"--profile {profile}"]

@@ -11,8 +11,10 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from touchstone.reports.page import charts, matrix, sections
+from touchstone.reports.page import charts, findings, matrix, sections
 from touchstone.reports.page.content import Content, rows_by_scene
+from touchstone.reports.page.html import fold
+from touchstone.reports.page.playback import ALARM
 from touchstone.reports.page.studies import studies_part
 from touchstone.reports.results import rows_of
 from touchstone.reports.views.tables import LEGEND
@@ -20,8 +22,6 @@ from touchstone.reports.views.tables import LEGEND
 MOST_PLAYBACK = 3_500_000
 """Characters of recordings in a page: scenes beyond are listed without playback, so that a page stays under
 5 MB."""
-IN_FULL = 12
-"""Scenes whose tables are part of a page; of more, the table of results has them."""
 
 
 def pack_text(record: Mapping[str, object]) -> str:
@@ -50,22 +50,17 @@ def page(content: Content) -> str:
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
-    full = list(scenes)[:IN_FULL]
+    every = rows_of(content.frame)
+    studies = studies_part(content.studies) if content.studies is not None and len(content.studies) else ""
     parts = [
-        sections.fold("Charts", sections.all_charts(content), "charts", True) if len(columns) > 1 else "",
-        sections.fold("Nights", "".join(_figures(content.history)), "nights", True)
-        if content.history
-        else "",
-        sections.fold("Hard cases and studies", studies_part(content.studies), "studies")
-        if content.studies is not None and len(content.studies)
-        else "",
-        sections.fold(
-            "Broken limits and known failings", sections.failings(rows_of(content.frame)), "failings"
-        ),
-        sections.fold("Where the reference loses", sections.reference_loses(scenes, columns), "loses"),
-        *(sections.scene_part(content, name, scenes[name]) for name in full),
-        sections.fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
-        sections.fold("Machine, program and command", sections.identity_part(content), "identity"),
+        sections.charts_part(content),
+        sections.nights_part(content),
+        fold("Hard cases and studies", studies, "studies") if studies else "",
+        findings.known_part(every, scenes),
+        fold("Where the reference loses", sections.reference_loses(scenes, columns), "loses"),
+        sections.scene_parts(content, scenes),
+        fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
+        fold("Machine, program and command", sections.identity_part(content), "identity"),
     ]
     return Template(_asset("page.html")).substitute(
         policy=policy,
@@ -74,7 +69,9 @@ def page(content: Content) -> str:
         title=escape(content.title),
         level=content.level,
         verdict=escape(content.verdict),
-        changes=_changes(content),
+        changes=findings.changes_part(content.changes, scenes),
+        broken=findings.broken_part(every, scenes),
+        scale=escape(matrix.SCALE),
         legend="".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines()),
         matrix=table,
         playback=_player(playback) if playback else "",
@@ -84,20 +81,9 @@ def page(content: Content) -> str:
     )
 
 
-def _changes(content: Content) -> str:
-    if not content.changes:
-        return ""
-    lines = "".join(f"<li>{escape(line)}</li>" for line in content.changes)
-    return f'<ul class="changes">{lines}</ul>'
-
-
-def _figures(drawn: Mapping[str, str]) -> str:
-    return "".join(sections.figure(title, svg) for title, svg in drawn.items())
-
-
 def _player(playback: Mapping[str, str]) -> str:
     names = "".join(f"<option>{escape(scene)}</option>" for scene in playback)
-    return Template(_asset("player.html")).substitute(options=names)
+    return Template(_asset("player.html")).substitute(options=names, alarm=f"{1e3 * ALARM:g} mm")
 
 
 def _data(record: object) -> str:

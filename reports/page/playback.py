@@ -29,7 +29,9 @@ FINEST_STEP = 1e-4
 FARTHEST = 25.0
 """Distance from the scene's middle beyond which a body that flew off is shown at the border [m]."""
 SHALLOWEST = 1e-7
-"""Depth below which an overlap is not coloured [m]."""
+"""Least depth that is coded [m]."""
+ALARM = 1e-3
+"""Depth from which a body has the colour of overlap [m]: the limit of the gallery; less is not seen."""
 DEPTH_STEPS = 40.0
 """Steps of the coded depth per decade."""
 MOST_CONTACTS = 48
@@ -56,6 +58,7 @@ def packed(scenario: Scenario, played: Mapping[tuple[str, str], Context]) -> dic
         "middle": middle.tolist(),
         "step": step,
         "size": _size(played, moving),
+        "alarm": int(_coded(np.array([ALARM]))[0]),
         "moving": moving,
         "bodies": [
             {

@@ -2,121 +2,87 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
+from touchstone.reports.metrics.labels import label
 from touchstone.reports.page import charts
 from touchstone.reports.page.content import Column, Content, reproduce
-from touchstone.reports.page.matrix import shown
+from touchstone.reports.page.findings import metric_part, remarks, scene_part, valued
+from touchstone.reports.page.html import Cell, figure, fold, plain_table
 from touchstone.reports.results import NOT_RUN, Row
 from touchstone.reports.run.request import REFERENCE
-from touchstone.reports.views.tables import grid, unit_of
+from touchstone.reports.views.tables import MARKS, grid
 
 CHARTS: tuple[tuple[str, str, float, float], ...] = (
     ("overlap.max", "deepest overlap [mm]", 1e3, 1e-7),
-    ("energy.injected", "energy from nowhere [mJ]", 1e3, 1e-7),
+    ("energy.injected", "injected energy [mJ]", 1e3, 1e-7),
     ("friction.deficit", "missing or excess share of friction", 1.0, 1e-6),
     ("time.frame.median", "median time of a frame [µs]", 1e6, 1e-3),
 )
 """Metric, title, factor to the unit of the chart, and least value drawn [that unit]."""
 LARGER = 1.0 + 0.02
 """Ratio from which the reference counts as worse than another engine: the repeatability of a median."""
+MOST_TABLES = 1_000_000
+"""Characters of tables of scenes in full: with MOST_PLAYBACK, a page stays under 5 MB."""
 SAME_DEPTH = 1e-6
 """Overlap below which the reference loses to nobody [m]: the gap in which it handles contact."""
 
 
-def fold(title: str, body: str, name: str = "", opened: bool = False) -> str:
-    """A part that opens and closes."""
-    link = f' id="{escape(name, quote=True)}"' if name else ""
-    state = " open" if opened else ""
-    return f"<details{link}{state}><summary><h2>{escape(title)}</h2></summary>{body}</details>"
-
-
-def figure(title: str, svg: str) -> str:
-    """A chart with its caption."""
-    return f'<figure class="chart"><figcaption>{escape(title)}</figcaption>{svg}</figure>'
-
-
-def plain_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    """A table of texts; the first `left` columns hold words."""
-    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
-    lines = []
-    for row in rows:
-        cells = [
-            f"<td{'' if k < left else ' class=number'}>{escape(text)}</td>" for k, text in enumerate(row)
-        ]
-        lines.append(f"<tr>{''.join(cells)}</tr>")
-    body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody>"
-    return f'<div class="wide"><table>{body}</table></div>'
-
-
-def all_charts(content: Content) -> str:
-    """Charts over all scenes; a sentence where the libraries are missing."""
+def charts_part(content: Content) -> str:
+    """Charts over all scenes; a sentence where the libraries are missing; "" where there is nothing to
+    compare: with few scenes the matrix says it."""
     columns = content.columns()
-    if len(columns) < 2:
+    if len(columns) < 2 or content.frame.scenario.nunique() < charts.LEAST_SCENES:
         return ""
     try:
         drawn = {"Work and precision: left and low is better": charts.work_precision(content.frame, columns)}
         for metric, title, factor, floor in CHARTS:
-            drawn[metric] = charts.dots(content.frame, columns, metric, factor, title, floor)
+            drawn[label(metric)] = charts.dots(content.frame, columns, metric, factor, title, floor)
     except charts.ChartsMissing as error:
-        return f"<p>{escape(str(error))}</p>"
+        return fold("Charts", f"<p>{escape(str(error))}</p>", "charts")
     parts = [figure(title, svg) for title, svg in drawn.items() if svg]
-    return f'<div class="charts">{"".join(parts)}</div>'
+    return fold("Charts", f'<div class="charts">{"".join(parts)}</div>', "charts", True) if parts else ""
 
 
-def scene_part(content: Content, scene: str, rows: Sequence[Row]) -> str:
-    """All metrics of one scene in every column that played."""
+def nights_part(content: Content) -> str:
+    """Times over nights, folded away: a table of few nights, charts of more."""
+    drawn = "".join(figure(title, svg) for title, svg in content.history.items())
+    body = f'<div class="charts">{drawn}</div>' if drawn else ""
+    if content.times:
+        body += plain_table(content.times[0], content.times[1:], 2)
+    return fold("Times over nights", body, "nights") if body else ""
+
+
+def scene_parts(content: Content, scenes: Mapping[str, Sequence[Row]]) -> str:
+    """A fold for every scene: all links to scenes have their target. Tables are in full up to MOST_TABLES
+    characters; those of later scenes have the figures that miss a limit."""
+    parts, size = [], 0
+    for scene, rows in scenes.items():
+        part = _scene(content, scene, rows, True)
+        size += len(part)
+        parts.append(part if size <= MOST_TABLES else _scene(content, scene, rows, False))
+    return f'<section class="scenes"><h2>Figures of each scene</h2>{"".join(parts)}</section>'
+
+
+def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str:
+    """Metrics of one scene in every column that played: all, or those that miss a limit."""
     cells = grid(content.frame, scene)
     heads = ["metric", "unit", *(f"{engine} {profile} {step} s" for engine, profile, step in cells.heads)]
-    body = []
-    for metric, subject, unit, line in cells.rows:
-        body.append(
-            [f"{metric} {subject}".strip(), "" if unit == "1" else unit, *(cell.marked for cell in line)]
-        )
-    remarks = [
-        f"{row.verdict}: {row.engine} {row.profile}: {row.reason}"
-        for row in rows
-        if row.metric == "run" and row.verdict in (*NOT_RUN, "error", "known")
+    lines: list[list[Cell]] = [
+        [metric_part(metric, subject), "" if unit == "1" else unit, *(cell.marked for cell in line)]
+        for metric, subject, unit, line in cells.rows
+        if full or any(cell.verdict in MARKS for cell in line)
     ]
-    remark_text = "".join(f"<p class=remark>{escape(line)}</p>" for line in remarks)
+    text = remarks(r for r in rows if r.metric == "run" and r.verdict in (*NOT_RUN, "error", "known"))
     play = ""
     if scene in content.playback:
-        play = (
-            f'<p><button type="button" data-play="{escape(scene, quote=True)}">Play this scene</button></p>'
-        )
+        play = f'<p><button type="button" data-play="{escape(scene)}">Play this scene</button></p>'
     summary = f"<p>{escape(content.summaries.get(scene, ''))}</p>"
+    rest = "" if full else "<p>Figures that miss a limit; the command prints all.</p>"
     again = f"<p class=again><code>touchstone run {escape(scene)}</code></p>"
-    return fold(scene, summary + play + remark_text + plain_table(heads, body, 2) + again, f"scene-{scene}")
-
-
-def failings(rows: Iterable[Row]) -> str:
-    """Broken limits, failed runs and known failings: one line per cause, with its places and a command."""
-    order = {"fail": 0, "error": 1, "known": 2}
-    groups: dict[tuple[int, str, str], list[Row]] = {}
-    for row in rows:
-        if row.verdict in order:
-            cause = row.reason.rpartition(": touchstone ")[0] or row.reason
-            # The remark of a row comes before its cause.
-            groups.setdefault((order[row.verdict], row.engine, cause.rpartition("; ")[2]), []).append(row)
-    lines = []
-    for (_, engine, _), found in sorted(groups.items(), key=lambda item: item[0][:2]):
-        largest = max(found, key=lambda row: abs(row.value) / row.limit if row.limit > 0 else 0.0)
-        cause = largest.reason.rpartition(": touchstone ")[0] or largest.reason
-        lines.append([largest.verdict, engine, cause, _places(found), reproduce(largest)])
-    if not lines:
-        return "<p>None.</p>"
-    return plain_table(["verdict", "engine", "cause", "where", "command of the largest"], lines, 5)
-
-
-def _places(found: Iterable[Row]) -> str:
-    """Per metric and profile, the scenes with their values."""
-    groups: dict[str, list[str]] = {}
-    for row in found:
-        unit = unit_of(row.metric).replace("1", "") if row.metric != "run" else ""
-        name = f"{row.metric} ({row.profile})"
-        groups.setdefault(name, []).append(f"{row.scenario} {shown(row)} {unit}".strip())
-    return "; ".join(f"{name}: {', '.join(places)}" for name, places in groups.items())
+    body = summary + play + text + rest + (plain_table(heads, lines, 2) if lines else "") + again
+    return fold(scene, body, f"scene-{scene}", level=3)
 
 
 def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Column]) -> str:
@@ -124,7 +90,7 @@ def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Colum
     ours = next((column for column in columns if column[0] == REFERENCE), None)
     if ours is None:
         return "<p>The reference did not play.</p>"
-    lines = []
+    lines: list[list[Cell]] = []
     for scene, rows in scenes.items():
         for metric, least in (
             ("time.frame.median", 0.0),
@@ -141,14 +107,13 @@ def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Colum
             mine = worst.pop(ours)
             best = min(worst.values(), key=lambda row: abs(row.value))
             if abs(mine.value) > max(abs(best.value) * LARGER, least):
-                unit = unit_of(metric)
                 ratio = f"{abs(mine.value / best.value):.3g} times" if best.value else ""
                 lines.append(
                     [
-                        scene,
-                        metric,
-                        f"{shown(mine)} {unit}",
-                        f"{shown(best)} {unit}",
+                        scene_part(scene, scenes),
+                        metric_part(metric),
+                        valued(mine)[0],
+                        valued(best)[0],
                         best.engine,
                         ratio,
                         reproduce(mine),
@@ -156,7 +121,7 @@ def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Colum
                 )
     if not lines:
         return "<p>In none of these scenes: no engine is faster, overlaps less or hovers less.</p>"
-    return plain_table(["scene", "metric", "reference", "best other", "engine", "ratio", "command"], lines, 1)
+    return plain_table(["scene", "figure", "reference", "best other", "engine", "ratio", "command"], lines, 7)
 
 
 def settings_part(settings: Mapping[str, Mapping[str, object]]) -> str:

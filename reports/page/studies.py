@@ -7,7 +7,7 @@ from html import escape
 import pandas as pd
 
 from touchstone.reports.outcome.classes import CLASSES, SURVIVED
-from touchstone.reports.page.sections import plain_table
+from touchstone.reports.page.html import plain_table
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.views.tables import exact_number
 

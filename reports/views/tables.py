@@ -119,6 +119,15 @@ def cell_of(row: Row) -> Cell:
     return Cell(number(row.value * (shown[1] if shown else 1.0)), row.verdict, basis=row.basis)
 
 
+def quantity(metric: str, value: float, unit: str = "") -> tuple[str, str]:
+    """A value and its unit as readers see them: in the metric's shown unit, else in `unit` [SI]."""
+    known = METRICS.get(metric)
+    scale = known.shown if known else None
+    name = scale[0] if scale else known.unit if known else unit
+    text = exact_number(value * (scale[1] if scale else 1.0))
+    return text, {"1": "", "us": "µs"}.get(name, name)
+
+
 def number(value: float) -> str:
     """Three significant digits; two and an exponent below 1e-3 and from 1e4; 0 for rounding."""
     if abs(value) < 1e-12:

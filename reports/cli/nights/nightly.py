@@ -94,7 +94,11 @@ def _publish(
         "junit.xml": lambda: outputs.write_junit(folder, measured.frame, findings),
         "badge.json": lambda: outputs.write_badge(folder, level),
         "report.html": lambda: outputs.write_page(
-            folder, measured, level, sentence, findings, outputs.history_charts(history, known_nights)
+            *(folder, measured, level, sentence, findings),
+            (
+                outputs.history_charts(history, known_nights),
+                outputs.history_table(history, known_nights),
+            ),
         ),
         "report.md": lambda: outputs.write_markdown(
             folder, outputs.markdown(sentence, findings, [*store.notes, *measured.faults])
@@ -108,7 +112,7 @@ def _publish(
             reason = f"{type(error).__name__}: {error}".splitlines()[0]
             measured.faults.append(f"{name} could not be written; the night is stored: {reason}")
     lines = [
-        *(one.line for one in findings if one.kind in ("regression", "warning")),
+        *(one.line for one in verdict.ordered(findings) if one.kind in ("regression", "warning")),
         *store.notes,
         *measured.faults,
     ]

@@ -60,7 +60,16 @@ async function show(scene, frame, engine) {
   pick("#playback").scrollIntoView({ block: "start" });
 }
 
+// A link to a fold opens it, and those around it.
+function unfold(id) {
+  const target = id && document.getElementById(id);
+  if (!target) return;
+  for (let fold = target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+  target.scrollIntoView({ block: "start" });
+}
+
 function follow() {
+  unfold(location.hash.slice(1));
   const link = new URLSearchParams(location.hash.slice(1));
   if (link.has("cell")) open(link.get("cell"));
   if (link.has("play")) show(link.get("play"), Number(link.get("frame") ?? 0));
@@ -103,6 +112,10 @@ function tips() {
 
 window.touchstone = {};
 window.addEventListener("hashchange", follow);
+document.addEventListener("click", (event) => {
+  const link = event.target.closest?.("a[href^='#']");
+  if (link && link.hash === location.hash) unfold(link.hash.slice(1));
+});
 document.querySelectorAll("table.matrix").forEach(matrix);
 pick("[name=scheme]").addEventListener("change", (event) => paint(event.target.value));
 document.querySelectorAll("[name=shown]").forEach((choice) =>

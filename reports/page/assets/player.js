@@ -429,7 +429,7 @@ class Player {
         if (piece.slot !== last) [turn, place] = this.pose(one, (last = piece.slot), this.time);
         const [q, p] = compose(turn, place, piece.q, piece.p), at = 12 * (row * wide + k);
         const code = one.depth[piece.body * one.f + frame];
-        const share = code ? Math.min(1, 0.25 + Math.max(0, (code - 40) / 160)) : 0;
+        const share = alarm(code, this.scene.alarm);
         this.poses.set(q, at);
         this.poses.set(p, at + 4);
         this.poses.set(KIND[piece.kind].map((v, c) => v * (1 - share) + OVERLAP[c] * share), at + 8);
@@ -646,6 +646,8 @@ class Player {
   }
 }
 
+// Share of the colour of overlap: none below the depth that a reader cares about, all at a hundred times as much.
+const alarm = (code, from) => (code < from ? 0 : Math.min(1, 0.4 + (0.6 * (code - from)) / 80));
 const metres = (value) => (value < 0.1 ? millimetres(value) : `${value.toPrecision(3)} m`);
 const millimetres = (value) => {
   const mm = value * 1000;

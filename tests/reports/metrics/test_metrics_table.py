@@ -101,3 +101,11 @@ def test_a_missing_oracle_is_told(registry, monkeypatch):
         with pytest.raises(JudgeMissing, match="pip install --force-reinstall touchstone"):
             METRICS[name].measure(context)
     assert METRICS["friction.cone.point"].measure(context)[""] < 1e-12  # Coulomb's inequality, to rounding
+
+
+def test_every_metric_has_a_name_for_readers():
+    """Each name is given once."""
+    from touchstone.reports.metrics.labels import LABELS
+
+    assert set(METRICS) <= set(LABELS)
+    assert len(set(LABELS.values())) == len(LABELS)

@@ -87,14 +87,15 @@ def test_two_nights_at_once_measure_for_themselves(program, tmp_path):
 def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
     """A limit that breaks after a good night: exit 1 with its place; `accept` moves what is compared with."""
     assert program("nightly", "--quick")[0] == 0
+    place = "regression: fall mujoco recommended: deepest overlap (overlap.max)"
     worse = {"overlap": 1.6e-3, "verdict": "known"}
     code, _, err, _ = program("nightly", "--quick", frame={"overlap": 1.5e-3, "verdict": "known"})
     assert code == 1
-    assert "regression: fall mujoco recommended overlap.max: a known failing began: 0.001 -> 0.0015" in err
+    assert f"{place}: 1.00 -> 1.50 mm: a known failing began" in err
     assert program("accept", "last", "--reason", "understood")[0] == 0
     code, out, err, _ = program("nightly", "--quick", frame=worse)
     assert code == 1
-    assert "regression: fall mujoco recommended overlap.max: a known failing grew: 0.0015 -> 0.0016" in err
+    assert f"{place}: 1.50 -> 1.60 mm: a known failing grew" in err
     # the accepted night had no study: it is compared with the night before
     assert "3 confirmed regressions (mujoco)" in out
     last = Store("nights").nights()[-1]
@@ -139,7 +140,7 @@ def test_a_study_is_measured_when_it_is_due(program):
     assert "study robustness failed: ValueError: no\n" in err
     code, _, err, played = program("nightly", "--quick", frame={"overlap": 3e-3, "verdict": "fail"})
     assert (code, played) == (1, ["fall", "slip", "study"])
-    assert "regression: random mujoco recommended overlap.max: pass -> fail, 0.001 -> 0.003" in err
+    assert "random mujoco recommended: deepest overlap (overlap.max): 1.00 -> 3.00 mm: pass -> fail" in err
 
 
 def test_a_page_that_fails_leaves_the_night(program, monkeypatch):

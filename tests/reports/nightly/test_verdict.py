@@ -17,6 +17,7 @@ from touchstone.reports.nightly.verdict import (
     WARNING,
     Finding,
     histories,
+    ordered,
     physics,
     timing,
 )
@@ -29,11 +30,11 @@ EVIL = "<script>alert(1)</script>"
     [
         ({}, {}, None, ""),
         ({}, {"overlap": 1e-3 * (1 + 1e-6)}, None, ""),
-        ({}, {"overlap": 1.05e-3}, CHANGE, "0.001 -> 0.00105"),
-        ({}, {"overlap": 0.95e-3}, CHANGE, "0.001 -> 0.00095"),
-        ({}, {"overlap": 3e-3, "verdict": "fail"}, REGRESSION, "pass -> fail, 0.001 -> 0.003"),
+        ({}, {"overlap": 1.05e-3}, CHANGE, "1.00 -> 1.05 mm"),
+        ({}, {"overlap": 0.95e-3}, CHANGE, "1.00 -> 0.950 mm"),
+        ({}, {"overlap": 3e-3, "verdict": "fail"}, REGRESSION, "1.00 -> 3.00 mm: pass -> fail"),
         ({"verdict": "known"}, {"overlap": 1.05e-3, "verdict": "known"}, REGRESSION, "a known failing grew"),
-        ({"verdict": "known"}, {"overlap": 0.9e-3, "verdict": "known"}, CHANGE, "0.001 -> 0.0009"),
+        ({"verdict": "known"}, {"overlap": 0.9e-3, "verdict": "known"}, CHANGE, "1.00 -> 0.900 mm"),
         ({"verdict": "known"}, {"verdict": "pass"}, GONE, "a known failing is gone"),
         ({"verdict": "fail"}, {"verdict": "pass"}, GONE, "fail -> pass"),
         ({}, {"overlap": float("nan"), "verdict": "unjudged"}, REGRESSION, "pass -> unjudged"),
@@ -43,7 +44,7 @@ def test_a_change_of_physics_is_always_told(nights, before, after, kind, text):
     """A figure that moved by 5 % is a finding, each time; times are none, nor is rounding."""
     found = physics(nights.frame(time=5.0, **after), nights.frame(**before))
     assert [one.kind for one in found] == ([kind] if kind else [])
-    assert all(text in one.text for one in found)
+    assert all(text in one.line for one in found)
 
 
 def test_what_is_no_longer_measured_is_a_regression(nights):
@@ -68,15 +69,64 @@ def test_a_step_names_its_night_and_its_cause(store, nights):
     (finding,) = timing(history, by_number)
     assert finding.kind == REGRESSION
     assert finding.text == "1.20 times as long since 2026-01-21: mujoco 4.0.0 -> 4.1.0"
+    assert finding.moved == "100 -> 120 µs"
     assert timing(history, by_number, accepted=24) == []
     # another machine has no history
     assert len(histories(store, found, "two")) == 0
 
 
+def test_findings_are_readable_and_the_worst_is_first(nights):
+    """Names and units for readers; the value farthest beyond its limit first, what is not measured last."""
+    scenes = {"fall": 2.5e-3, "slip": 9e-3, "stack": 4e-3}
+    before = pd.concat([nights.frame(scene=scene) for scene in (*scenes, "slide")], ignore_index=True)
+    tonight = pd.concat(
+        [nights.frame(scene=scene, overlap=value, verdict="fail") for scene, value in scenes.items()],
+        ignore_index=True,
+    )
+    found = ordered(physics(tonight, before))
+    assert [one.scene for one in found] == ["slip", "stack", "fall", "slide"]
+    assert found[0].line == (
+        "regression: slip mujoco recommended: deepest overlap (overlap.max): 1.00 -> 9.00 mm: pass -> fail"
+    )
+    shown = outputs.changes(found)
+    assert (shown[0].metric, shown[0].moved, shown[-1].text) == (
+        "overlap.max",
+        "1.00 → 9.00 mm",
+        "no longer measured",
+    )
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 5])
+def test_few_nights_are_numbers(store, nights, count):
+    """Times of fewer than five nights are a table, of more a chart; of one there is nothing to compare."""
+    pytest.importorskip("altair")
+    for number in range(count):
+        store.add(nights.frame(1e-4 * (1 + number)), nights.facts(number))
+    found = store.nights()
+    by_number = {night.sequence: night for night in found}
+    history = histories(store, found, "one")
+    drawn = outputs.history_charts(history, by_number)
+    lines = outputs.history_table(history, by_number)
+    assert list(drawn) == (["fall, engines"] if count == 5 else [])
+    assert len(lines) == (2 if 2 <= count <= 4 else 0)
+    if count == 2:
+        assert lines[0] == [
+            "scene",
+            "engine",
+            "2026-01-01 02:00 [µs]",
+            "2026-01-02 02:00 [µs]",
+            "last over first",
+        ]
+        assert lines[1] == ["fall", "mujoco", "100", "200", "2.00"]
+
+
 def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
     """Sentence, Markdown, JUnit XML and badge; HTML in names is text; a job's summary is appended to."""
     frame = pd.concat([nights.frame(), nights.frame(verdict="fail", scene="slip")], ignore_index=True)
-    findings = [Finding(REGRESSION, f"slip mujoco {EVIL}", EVIL), Finding(WARNING, "a mujoco b", "slow")]
+    findings = [
+        Finding(REGRESSION, "slip", "mujoco", "recommended", "overlap.max", EVIL, EVIL),
+        Finding(WARNING, "a", "mujoco", "b", "time.frame.median", "", "slow"),
+    ]
     level, sentence = outputs.sentence(frame, findings, True)
     assert (level, sentence.startswith("1 confirmed regression (mujoco). 1 limit broken")) == ("bad", True)
     summary = tmp_path / "summary.md"
@@ -98,7 +148,7 @@ def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
     }
     failure = suites["slip"].find("testcase/failure")
     assert failure.text.startswith("touchstone run slip --engine mujoco --profile recommended")
-    assert suites["nights"].find("testcase/failure").get("message") == EVIL
+    assert suites["nights"].find("testcase/failure").get("message").endswith(EVIL)
     outputs.write_badge(tmp_path, level)
     assert json.loads((tmp_path / "badge.json").read_text())["message"] == "regression"
 
@@ -113,7 +163,9 @@ def test_a_good_night_is_said_so(nights, compared):
 
 def test_long_lists_are_counted():
     """Of many findings of a kind the first are listed, the rest is counted."""
-    lines = outputs.listed([Finding(CHANGE, f"p{k}", "x") for k in range(50)])
+    lines = outputs.listed(
+        [Finding(CHANGE, f"p{k}", "mujoco", "p", "overlap.max", "", "x") for k in range(50)]
+    )
     assert len(lines) == outputs.MOST_LINES + 1
     assert lines[-1] == f"change: {50 - outputs.MOST_LINES} more"
     assert np.all([line.startswith("change: p") for line in lines[:-1]])

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from touchstone.reports.page.content import reproduce, verdict_of
+from touchstone.reports.page.findings import broken_part
 from touchstone.reports.page.page import MOST_PLAYBACK, within_budget
 from touchstone.reports.page.playback import INT16
-from touchstone.reports.page.sections import failings
 from touchstone.reports.results import Row, table
 
 
@@ -92,6 +92,12 @@ def test_recordings_survive_packing(made):
     assert record["apart"][made.deepest] == pytest.approx(made.sinks, rel=1e-2)
 
 
+def test_bodies_are_coloured_from_a_millimetre(made):
+    """The page says the depth, and the player gets its code."""
+    assert made.record["alarm"] == 1 + 40 * 4
+    assert "overlaps by 1 mm or more" in made.text
+
+
 def test_a_page_stays_small():
     """Playback is left out for scenes beyond the budget, not for those before."""
     big = {f"scene_{k}": "x" * (MOST_PLAYBACK // 3 + 1) for k in range(4)}
@@ -119,6 +125,12 @@ def test_every_row_has_its_command(profile, dt, line):
     assert reproduce(Row("run", "fall", "dart", profile, dt, "overlap.max")) == line
 
 
+def test_a_ratio_of_times_is_measured_by_the_bench():
+    """A run of the reference alone measures no ratio."""
+    row = Row("run", "fall", "reference", "balanced", 1 / 60, "ratio.time", subject="mujoco recommended")
+    assert reproduce(row) == "touchstone bench frame fall"
+
+
 @pytest.mark.parametrize(
     ("verdicts", "level", "start"),
     [
@@ -137,8 +149,9 @@ def test_the_sentence_is_never_green_unseen(verdicts, level, start):
 def test_a_slow_reference_is_listed_among_the_failings():
     """Show a broken limit of a ratio of times, which is no metric of a recording."""
     row = Row("run", "ball_snip", "reference", "balanced", 1 / 60, "ratio.time.p99", 3.0, "1")
-    text = failings([replace(row, limit=0.3, verdict="fail", reason="slower than before")])
-    assert "ratio.time.p99 (balanced): ball_snip 3" in text
+    text = broken_part([replace(row, limit=0.3, verdict="fail", reason="slower than before")], ())
+    assert "99th percentile of frame times" in text
+    assert "<td>3.00</td><td>0.300</td>" in text
 
 
 def test_studies_are_shown_as_text(made):

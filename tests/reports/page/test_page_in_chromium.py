@@ -60,6 +60,25 @@ def test_charts_and_canvas_are_drawn(opened):
     assert sum(a != b for a, b in zip(first, pixels(opened, 12))) > 20
 
 
+def test_only_overlap_that_matters_is_coloured(opened, made):
+    """A body takes the colour of overlap from 1 mm on, not from where overlap can be measured."""
+    start = made.record["alarm"]
+    codes = [0, 1, start - 1, start, 255]
+    shares = opened.evaluate("([codes, start]) => codes.map((code) => alarm(code, start))", [codes, start])
+    assert shares == pytest.approx([0, 0, 0, 0.4, 1])
+    assert start == 1 + 40 * 4
+
+
+def test_a_link_opens_the_fold_of_its_scene(opened):
+    """The figures of a scene are shown, not a closed line."""
+    opened.evaluate("location.hash = ''")
+    opened.click(".matrix a[href='#scene-test_1']")
+    assert opened.evaluate("document.getElementById('scene-test_1').open")
+    opened.evaluate("document.getElementById('scene-test_1').open = false")
+    opened.click(".matrix a[href='#scene-test_1']")
+    assert opened.evaluate("document.getElementById('scene-test_1').open")
+
+
 def test_the_scrubber_moves_the_bodies(opened):
     """The range input sets the frame: clock, labels and the drawn pose follow."""
     opened.evaluate(
@@ -94,7 +113,7 @@ def test_keys_play_and_step(opened):
         time.sleep(0.05)
     opened.keyboard.press("Space")
     assert opened.evaluate(f"[{PLAYER}.playing, {PLAYER}.time > 6]") == [False, True]
-    opened.focus(".matrix tbody button")
+    opened.focus(".matrix td.overlap button")
     opened.keyboard.press("ArrowRight")
     opened.keyboard.press("Enter")
     assert opened.inner_text("dialog h3") == "test · dart recommended"

@@ -1,0 +1,69 @@
+"""Elements of a page. All texts are escaped here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A text with what a hover says, and the scene whose figures it links to."""
+
+    text: str
+    title: str = ""
+    scene: str = ""
+
+    @property
+    def html(self) -> str:
+        """The element."""
+        hover = f' title="{escape(self.title)}"' if self.title else ""
+        if self.scene:
+            return f'<a href="#{scene_anchor(self.scene)}"{hover}>{escape(self.text)}</a>'
+        return f"<span{hover}>{escape(self.text)}</span>" if hover else escape(self.text)
+
+
+Cell = str | Part | Sequence[str | Part]
+"""A cell of a table: a text, or parts of one."""
+
+
+def scene_anchor(scene: str) -> str:
+    """Name of the element with the figures of a scene, escaped."""
+    return f"scene-{escape(scene)}"
+
+
+def fold(title: str, body: str, name: str = "", opened: bool = False, level: int = 2) -> str:
+    """A part that opens and closes."""
+    link = f' id="{escape(name)}"' if name else ""
+    state = " open" if opened else ""
+    head = f"<h{level}>{escape(title)}</h{level}>"
+    return f"<details{link}{state}><summary>{head}</summary>{body}</details>"
+
+
+def figure(title: str, svg: str) -> str:
+    """A chart with its caption."""
+    return f'<figure class="chart"><figcaption>{escape(title)}</figcaption>{svg}</figure>'
+
+
+def plain_table(heads: Sequence[str], rows: Iterable[Sequence[Cell]], left: int = 1) -> str:
+    """A table; the first `left` columns hold words."""
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
+    lines = []
+    for row in rows:
+        cells = [f"<td{'' if k < left else ' class=number'}>{_html(cell)}</td>" for k, cell in enumerate(row)]
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody>"
+    return f'<div class="wide"><table>{body}</table></div>'
+
+
+def _html(cell: Cell) -> str:
+    parts = [cell] if isinstance(cell, (str, Part)) else cell
+    return "".join(part.html if isinstance(part, Part) else escape(part) for part in parts)
+
+
+def long_table(heads: Sequence[str], rows: Sequence[Sequence[Cell]], shown: int, left: int = 1) -> str:
+    """A table whose rows beyond the first `shown` are folded away."""
+    first = plain_table(heads, rows[:shown], left)
+    rest = rows[shown:]
+    return first + (fold(f"{len(rest)} more", plain_table(heads, rest, left), level=3) if rest else "")
