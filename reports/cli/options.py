@@ -45,6 +45,22 @@ def stop(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
+def require_new(path: Path, option: str = "--out") -> None:
+    """Exit with one line if a file that is to be written exists."""
+    if path.exists():
+        stop(f"{option} {path}: exists", BAD_INPUT)
+
+
+def write_file(path: Path, write: Callable[[Path], object], option: str = "--out") -> None:
+    """Call `write` on a temporary file, and rename it to `path`; a disk error exits with one line."""
+    from touchstone.reports.results import write_beside
+
+    try:
+        write_beside(path, write)
+    except OSError as error:
+        stop(f"{option} {path}: {error.strerror or error}", BAD_INPUT)
+
+
 def known(kind: str, name: str, valid: Iterable[str]) -> str:
     """The name, if valid; else exit 2 with one line of the nearest valid names."""
     try:

@@ -99,6 +99,10 @@ def test_a_slurm_script_is_written(touchstone, tmp_path):
     assert f"--engine mujoco --out {tmp_path}/runs/sweep --jobs 1" in text
     assert "slurm-script" not in text
     assert subprocess.run(["bash", "-n", "job.sh"], cwd=tmp_path, check=False).returncode == 0
+    for name, said in (("job.sh", "exists"), ("no/job.sh", "No such file or directory")):
+        code, out, err = touchstone("sweep", "fall", "--engine", "mujoco", "--slurm-script", name)
+        assert (code, out, err) == (2, "", f"touchstone: --slurm-script {name}: {said}\n")
+    assert (tmp_path / "job.sh").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["job.sh"]
 
 
