@@ -196,7 +196,7 @@ def run(
         show_budget(results.recordings, console())
         print(f"results: {request.out}")
     if quiet:
-        tell_failures(results.frame)
+        tell_failures(results.frame, bool(engine))
     for line in results.faults:
         print(line, file=sys.stderr)
     exit_for(results.frame.verdict, bool(engine), bool(results.faults))
@@ -209,7 +209,7 @@ def _ignore(frame: pd.DataFrame) -> None:
 def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[pd.DataFrame], None]:
     """A function that prints the table of a scene, while the bar of the progress steps aside.
 
-    Results come first: where standard output is closed or full, `broken` gets the error, and no more is printed.
+    Results come first: if standard output is closed or full, `broken` gets the error and no more is printed.
     """
     from touchstone.reports.views.terminal import console, show_scene
 

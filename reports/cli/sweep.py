@@ -24,6 +24,7 @@ from touchstone.reports.cli.options import (
     resumable,
     step_of,
     stop,
+    tell_failures,
     write_file,
 )
 
@@ -106,7 +107,10 @@ def sweep(
 
         show(frame, console())
         print(f"store: {out}")
-    exit_for(frame[frame.metric == "run"].verdict, bool(engine))
+    runs = frame[frame.metric == "run"]
+    if quiet:
+        tell_failures(runs, bool(engine))
+    exit_for(runs.verdict, bool(engine))
 
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:

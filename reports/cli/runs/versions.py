@@ -23,6 +23,7 @@ from touchstone.reports.cli.options import (
     progress_for,
     require_judge,
     stop,
+    tell_failures,
 )
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
@@ -107,6 +108,9 @@ def versions(
             what = f"{row['scenario']} {row['profile']} {row['metric']} {row['subject']}".rstrip()
             values = f"{row['a']:.4g} -> {row['b']:.4g}" if row["kind"] == "worse" else row["reason"]
             print(f"{row['kind']}: {row['version']} {what}: {values}", file=sys.stderr)
+        for tried, results in found.results.items():
+            failed = results.frame[results.frame.verdict == "error"]
+            tell_failures(failed.assign(engine=f"{name} {tried}"))
     if len(worse):
         raise typer.Exit(LIMIT_BROKEN)
     if (found.frame.verdict == "error").any():

@@ -9,6 +9,8 @@ from io import StringIO
 import pandas as pd
 import pytest
 
+from touchstone.adapters.registry import installed, missing_reason
+
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
@@ -87,6 +89,13 @@ def test_a_sweep_is_printed_and_kept(touchstone, tmp_path):
     (tmp_path / "runs" / "sweep" / "store.json").write_text('{"format": 99}')
     code, _, err = touchstone(*asked)
     assert (code, err) == (2, "touchstone: runs/sweep: store of version 99, this program writes 1\n")
+
+
+@pytest.mark.skipif(installed("drake"), reason="drake is installed")
+def test_a_missing_engine_is_told_in_quiet(touchstone):
+    """Exit 3 has its line under `--quiet`."""
+    code, out, err = touchstone("sweep", "fall", "--engine", "drake", "--jobs", "1", "--quiet")
+    assert (code, out, err) == (3, "", f"missing: drake: {missing_reason('drake')}\n")
 
 
 def test_a_slurm_script_is_written(touchstone, tmp_path):
