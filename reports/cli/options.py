@@ -193,8 +193,8 @@ def exit_for(verdicts: Iterable[str], by_name: bool, faults: bool = False) -> No
 
 
 def tell_failures(frame: pd.DataFrame, by_name: bool = False) -> None:
-    """Print on standard error what decides the exit code: a line per broken limit, failed run, engine that did
-    not play, and reason why figures are not judged."""
+    """Print on standard error what decides the exit code: broken limits, failed runs, engines that did not
+    play, and why figures are not judged."""
     from touchstone.adapters.contract import MISSING, UNIMPORTABLE
     from touchstone.reports.results import UNJUDGED
 
