@@ -100,9 +100,9 @@ def settings_of_scene(table: pd.DataFrame, frame_rate: float) -> list[Setting]:
     for _, part in usable.groupby(KEYS, sort=False):
         first = part.iloc[0]
         errors = dict(zip(part.quantity, part.error))
-        times = [float(first[name]) / frame_rate for name in ("time", "time_low", "time_high")]
         label = (first.engine, first.profile, first.settings, float(first["dt"]))
-        found.append(Setting(*label, *times, errors, 0.0, "", first.reproduce))
+        time, low, high = (float(first[name]) / frame_rate for name in ("time", "time_low", "time_high"))
+        found.append(Setting(*label, time, low, high, errors, 0.0, "", first.reproduce))
     return sorted(found, key=lambda one: one.time)
 
 

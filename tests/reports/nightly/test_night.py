@@ -115,7 +115,7 @@ def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
 
 
 def test_physics_is_compared_across_hardware(program, monkeypatch):
-    """Compare a new processor's physics with the last night, then with its own; an accepted night holds on all."""
+    """Compare a new processor's physics with the last night, then its own; an accepted night holds on all."""
 
     def on(hardware):
         original = identity.identity
