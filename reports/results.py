@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from math import nan
 from pathlib import Path
@@ -111,7 +112,10 @@ def illustrate(path: Path, draw: Callable[[Path], object]) -> None:
         write_beside(path, draw)
     except Exception as error:
         reason = f"{error}".partition("\n")[0]
-        print(f"touchstone: {path.name} is not written: {type(error).__name__}: {reason}", file=sys.stderr)
+        with suppress(OSError):  # standard error may be closed
+            print(
+                f"touchstone: {path.name} is not written: {type(error).__name__}: {reason}", file=sys.stderr
+            )
 
 
 def save(frame: pd.DataFrame, folder: Path) -> None:

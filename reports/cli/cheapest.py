@@ -38,7 +38,11 @@ def cheapest(
     ] = Path("runs/sweep"),
     quiet: QuietOption = False,
 ) -> None:
-    """Name the cheapest measured setting within tolerances, the runner-up, and the line that plays it."""
+    """Name the cheapest measured setting within tolerances, the runner-up, and the line that plays it.
+
+    Times have the range of their rounds. Settings whose ranges overlap that of the cheapest cannot be told
+    apart from it: all are named.
+    """
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies.work_precision.cheapest import (
         TIME,
@@ -91,24 +95,26 @@ def cheapest(
 def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
     """The answer as text."""
     best, second = answer.best, answer.runner_up
-    head = "cheapest" if answer.met else "nothing measured meets all; nearest miss"
+    cheapest = "cannot tell apart" if answer.tied else "cheapest"
+    head = cheapest if answer.met else "nothing measured meets all; nearest miss"
     found = [f"{head}: {words_of(best)}", f"  {margins(best, limits)}"]
-    if second is not None:
+    found += [f"and: {words_of(one)}" for one in answer.tied]
+    if second is not None and second not in answer.tied:
         ratio = f", {second.time / best.time:.3g} times the time" if answer.met else ""
         found.append(f"{'runner-up' if answer.met else 'next'}: {words_of(second)}{ratio}")
-    if answer.other_engine is not None and answer.other_engine != second:
-        other = answer.other_engine
+    if (other := answer.other_engine) is not None and other not in (second, *answer.tied):
         found.append(f"next engine: {words_of(other)}, {other.time / best.time:.3g} times the time")
     return [*found, f"again: {best.command}"]
 
 
 def words_of(setting: Setting) -> str:
-    """A setting and its time."""
+    """A setting and its time, with the range of the rounds."""
     from touchstone.reports.run.request import step_text
     from touchstone.reports.studies.work_precision.table import number
 
     label = f"{setting.engine} {setting.profile} {setting.settings}".strip()
-    return f"{label} at {step_text(setting.dt)} s: {number(setting.time, 's')} a frame"
+    low, high = number(setting.time_low, "s"), number(setting.time_high, "s")
+    return f"{label} at {step_text(setting.dt)} s: {number(setting.time, 's')} a frame ({low} to {high})"
 
 
 def margins(setting: Setting, limits: dict[str, float]) -> str:
@@ -122,5 +128,7 @@ def margins(setting: Setting, limits: dict[str, float]) -> str:
         value = setting.time if name == TIME else setting.errors[name]
         unit = "s" if name == TIME else QUANTITIES[name].unit
         over = "" if value <= limit else f", {value / limit:.3g} times too much" if limit else ", too much"
+        if name == TIME and (setting.time_low <= limit) != (setting.time_high <= limit):
+            over += ", within noise"
         parts.append(f"{name} {number(value, unit)} of {number(limit, unit)}{over}")
     return "; ".join(parts)

@@ -176,14 +176,17 @@ def run(
     )
     for line in [] if quiet else _held(scenarios):
         print(line, file=sys.stderr)
+    broken: list[BaseException] = []
     at_once = output is Format.table and not quiet and len(scenarios) <= SCENES_IN_FULL
     try:
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet, by_scene=True) as progress:
-            shown = _show_at_once(progress) if at_once else _ignore
+            shown = _show_at_once(progress, broken) if at_once else _ignore
             results = run_study(request, progress, shown)
     except OutputError as error:
         stop(str(error), BAD_INPUT)
+    if broken:
+        raise broken[0]
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
@@ -193,7 +196,7 @@ def run(
         show_budget(results.recordings, console())
         print(f"results: {request.out}")
     if quiet:
-        tell_failures(results.frame)
+        tell_failures(results.frame, bool(engine))
     for line in results.faults:
         print(line, file=sys.stderr)
     exit_for(results.frame.verdict, bool(engine), bool(results.faults))
@@ -203,14 +206,22 @@ def _ignore(frame: pd.DataFrame) -> None:
     """Print nothing."""
 
 
-def _show_at_once(progress: Progress) -> Callable[[pd.DataFrame], None]:
-    """A function that prints the table of a scene, while the bar of the progress steps aside."""
+def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[pd.DataFrame], None]:
+    """A function that prints the table of a scene, while the bar of the progress steps aside.
+
+    Results come first: if standard output is closed or full, `broken` gets the error and no more is printed.
+    """
     from touchstone.reports.views.terminal import console, show_scene
 
     def show(frame: pd.DataFrame) -> None:
-        with stepping_aside(progress):
-            show_scene(frame, console())
-            sys.stdout.flush()
+        if broken:
+            return
+        try:
+            with stepping_aside(progress):
+                show_scene(frame, console())
+                sys.stdout.flush()
+        except (OSError, SystemExit) as error:  # rich turns a closed pipe into an exit
+            broken.append(error)
 
     return show
 

@@ -45,6 +45,22 @@ def stop(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
+def require_new(path: Path, option: str = "--out") -> None:
+    """Exit with one line if a file that is to be written exists."""
+    if path.exists():
+        stop(f"{option} {path}: exists", BAD_INPUT)
+
+
+def write_file(path: Path, write: Callable[[Path], object], option: str = "--out") -> None:
+    """Call `write` on a temporary file, and rename it to `path`; a disk error exits with one line."""
+    from touchstone.reports.results import write_beside
+
+    try:
+        write_beside(path, write)
+    except OSError as error:
+        stop(f"{option} {path}: {error.strerror or error}", BAD_INPUT)
+
+
 def known(kind: str, name: str, valid: Iterable[str]) -> str:
     """The name, if valid; else exit 2 with one line of the nearest valid names."""
     try:
@@ -176,14 +192,25 @@ def exit_for(verdicts: Iterable[str], by_name: bool, faults: bool = False) -> No
         raise typer.Exit(ENGINE_MISSING)
 
 
-def tell_failures(frame: pd.DataFrame) -> None:
-    """Print broken limits and failed runs on standard error, one line each."""
-    from touchstone.reports.results import rows_of
+def tell_failures(frame: pd.DataFrame, by_name: bool = False) -> None:
+    """Print on standard error what decides the exit code: broken limits, failed runs, engines that did not
+    play, and why figures are not judged."""
+    from touchstone.adapters.contract import MISSING, UNIMPORTABLE
+    from touchstone.reports.results import UNJUDGED
 
-    for row in rows_of(frame[frame.verdict.isin(["fail", "error"])]):
-        what = f" {row.metric} {row.subject}".rstrip() + f" {row.value:.4g}, limit {row.limit:.4g}:"
-        reason = row.reason if row.metric == "run" else f"{what.strip()} {row.reason}"
-        line = f"{row.verdict}: {row.scenario} {row.engine} {row.profile}: {reason}"
+    told = ["fail", "error", UNJUDGED, UNIMPORTABLE, *([MISSING] if by_name else [])]
+    lines: dict[str, None] = {}
+    for row in frame[frame.verdict.isin(told)].to_dict("records"):
+        where, reason = f"{row['scenario']} {row['engine']} {row['profile']}", row["reason"]
+        if row["verdict"] in (MISSING, UNIMPORTABLE):
+            where = row["engine"]
+        elif row["verdict"] == UNJUDGED:
+            where = "some figures"
+        elif row.get("metric", "run") != "run":
+            what = f"{row['metric']} {row['subject']}".strip()
+            reason = f"{what} {row['value']:.4g}, limit {row['limit']:.4g}: {reason}"
+        lines[f"{row['verdict']}: {where}: {reason}"] = None
+    for line in lines:
         print(line, file=sys.stderr)
 
 
@@ -241,7 +268,7 @@ def ended(
         show(frame, console())
         print(f"results: {folder}")
     if quiet:
-        tell_failures(frame)
+        tell_failures(frame, by_name)
     exit_for(frame.verdict, by_name)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import inf
 from time import monotonic
 
@@ -75,7 +75,8 @@ def lines(by_scene: bool = False) -> Iterator[Progress]:
         elif by_scene and not label.startswith(SCENE):
             return
         if label not in seen:
-            print(label, file=sys.stderr, flush=True)
+            with suppress(OSError):  # results do not depend on who reads this
+                print(label, file=sys.stderr, flush=True)
         seen.add(label)
 
     yield step

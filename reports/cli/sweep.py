@@ -20,9 +20,12 @@ from touchstone.reports.cli.options import (
     known,
     measuring,
     printed,
+    require_new,
     resumable,
     step_of,
     stop,
+    tell_failures,
+    write_file,
 )
 
 if TYPE_CHECKING:
@@ -70,6 +73,8 @@ def sweep(
     from touchstone.reports.sweep.sweep import sweep as run_sweep
     from touchstone.reports.sweep.sweep import sweep_timed
 
+    if slurm_script is not None:
+        require_new(slurm_script, "--slurm-script")
     scenarios = scenes_for(scenario or [], tag)
     columns = columns_for(engine or [], profile or [], DEFAULT_PROFILES)
     names = [one.name for one in scenarios]
@@ -102,17 +107,19 @@ def sweep(
 
         show(frame, console())
         print(f"store: {out}")
-    exit_for(frame[frame.metric == "run"].verdict, bool(engine))
+    runs = frame[frame.metric == "run"]
+    if quiet:
+        tell_failures(runs, bool(engine))
+    exit_for(runs.verdict, bool(engine))
 
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
     """Write the array job of this command; its store is named by its absolute path."""
-    from touchstone.reports.results import write_beside
     from touchstone.reports.sweep.slurm import script
 
     arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
     text = script([*arguments, "--out", str(out.resolve())], cells)
-    write_beside(path, lambda part: part.write_text(text))
+    write_file(path, lambda part: part.write_text(text), "--slurm-script")
     if not quiet:
         print(f"sbatch {path}")
 

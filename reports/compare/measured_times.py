@@ -3,7 +3,7 @@
 `times.toml` has those that `touchstone compare` takes unless a file says otherwise. Measure it again by
 several runs, `touchstone run SCENES --out runs/K`, and
 
-    touchstone tolerances runs/1 runs/2 ... --out reports/compare/times.toml
+    touchstone tolerances runs/1 runs/2 ... --out times.toml && mv times.toml reports/compare
 """
 
 from __future__ import annotations

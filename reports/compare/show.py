@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-COLOR = {"worse": "red", "better": "green", "changed": "yellow", "new": "blue", "gone": "blue"}
+COLOR = {"worse": "red", "better": "green", "changed": "yellow", "new": "blue", "gone": "red"}
 WIDEST = 90
 """Widest remark [characters]."""
 

@@ -27,12 +27,15 @@ FEW_NIGHTS = charts.LEAST_NIGHTS - 1
 """Nights of the table of times, which has the place of charts that would have as many points."""
 
 
-def sentence(frame: pd.DataFrame, findings: Sequence[Finding], compared: bool) -> tuple[str, str]:
-    """Level and verdict of a night in one sentence."""
+def sentence(
+    frame: pd.DataFrame, findings: Sequence[Finding], compared: bool, new_hardware: bool = False
+) -> tuple[str, str]:
+    """Level and verdict of a night in one sentence; a second one says that times have no history yet."""
     level, own = verdict_of(frame)
     counts = {kind: sum(one.kind == kind for one in findings) for kind in ORDER}
     if not compared:
-        return level, f"First night on this hardware, nothing to compare with. {own}"
+        return level, f"First night of these settings, nothing to compare with. {own}"
+    own += " First night on this hardware: its times have nothing to compare with." if new_hardware else ""
     if counts[REGRESSION]:
         places = ", ".join(dict.fromkeys(one.engine for one in findings if one.kind == REGRESSION))
         return BAD, f"{counted(counts[REGRESSION], 'confirmed regression')} ({places}). {own}"

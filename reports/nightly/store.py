@@ -160,7 +160,7 @@ class Store:
 
     def query(self, nights: Sequence[Night], sql: str, values: Sequence[object] = ()) -> pd.DataFrame:
         """Run SQL over `nights` of the store: table `rows`, with the column `sequence`."""
-        duckdb = _duckdb()
+        duckdb = query_library()
         if not nights:
             return pd.DataFrame()
         with duckdb.connect(":memory:") as database:
@@ -245,7 +245,8 @@ def _filesystem(place: str) -> tuple[Any, str]:
     return found, str(root).rstrip("/")
 
 
-def _duckdb() -> Any:
+def query_library() -> Any:
+    """DuckDB; raises StoreError where it is not installed."""
     try:
         import duckdb
     except ImportError as error:

@@ -158,7 +158,7 @@ def compared_with(
     study that was not due, those of the last night before it that did, or else the first one after it.
 
     Args:
-        nights: earlier nights of the same hardware, in order.
+        nights: earlier nights, in order.
         scenes: study and scenario of what was measured tonight.
     """
     wanted = set(scenes[["study", "scenario"]].itertuples(index=False, name=None))

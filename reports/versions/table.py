@@ -17,13 +17,13 @@ SLOWER = 1.05
 """Ratio of times beyond which an interval counts as a change of speed, or its inverse [1]."""
 MOST_FIGURES = 20
 """Changed figures that the terminal shows; `changes.csv` has all."""
-KINDS = ("worse", "better", "changed")
+KINDS = ("worse", "gone", "better", "changed")
 FIGURE = ["scenario", "profile", "metric", "subject"]
-HEADS = ("scene", "version", "motion [mm]", "worse", "better", "other", "time", "95 %")
+HEADS = ("scene", "version", "motion [mm]", "worse", "gone", "better", "other", "time", "95 %")
 NOTE = (
     "motion: largest distance of a body from its place in the first version; = all states are the same to "
-    "the bit. worse, better, other: figures that moved by more than 1 %. time: mean frame over that of the "
-    "first version"
+    "the bit. worse, better, other: figures that moved by more than 1 %; gone: figures that it lacks. "
+    "time: mean frame over that of the first version"
 )
 
 

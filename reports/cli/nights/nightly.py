@@ -17,7 +17,9 @@ from touchstone.reports.cli.options import (
     exit_for,
     known,
     progress_for,
+    require_judge,
     stop,
+    tell_failures,
 )
 
 if TYPE_CHECKING:
@@ -35,28 +37,38 @@ def nightly(
 ) -> None:
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
-    from touchstone.reports.nightly.store import Store, StoreError
+    from touchstone.reports.nightly.store import Store, StoreError, query_library
     from touchstone.reports.run.request import DEFAULT_PROFILES, columns_of
 
     columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
+    require_judge()
     try:
+        query_library()
         with Store(store).opened() as opened, working_folder(settings) as work:
             chosen = scenes(quick)
             with progress_for(
                 sum(s.frame_count for s in chosen) * len(columns), quiet, by_scene=True
             ) as progress:
                 measured = measure(chosen, columns, work, progress, opened.nights())
-            if measured.continued and not quiet:
-                print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
             before = opened.nights()
             night = opened.add(measured.frame, measured.identity)
             shutil.rmtree(work[0], ignore_errors=True)
-            findings = _publish(opened, [*before, night], night, measured, quiet)
+            findings, sentence, page = _publish(opened, [*before, night], night, measured)
     except StoreError as error:
         stop(str(error), BAD_INPUT)
     except OSError as error:
         stop(f"{store}: {error.strerror or error}; finished scenes are kept, run again", BAD_INPUT)
+    if measured.continued and not quiet:
+        print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
+    lines = [one.line for one in findings if one.kind in ("regression", "warning")]
+    for line in [*lines, *opened.notes, *measured.faults]:
+        print(line, file=sys.stderr)
+    if quiet:
+        tell_failures(measured.frame)
+    else:
+        print(sentence)
+        print(f"page: {page}")
     if any(one.kind == "regression" for one in findings):
         raise typer.Exit(LIMIT_BROKEN)
     if measured.faults:
@@ -71,23 +83,25 @@ def _engines() -> list[str]:
 
 
 def _publish(
-    store: Store, nights: list[Night], night: Night, measured: Measured, quiet: bool
-) -> list[Finding]:
-    """Compare the night, and write its pages; what was measured is stored already."""
+    store: Store, nights: list[Night], night: Night, measured: Measured
+) -> tuple[list[Finding], str, Path]:
+    """Compare the night, and write its pages; what was measured is stored already. Returns the findings, the
+    verdict in one sentence, and the page."""
     from touchstone.reports.nightly import outputs, verdict
 
     known_nights = {one.sequence: one for one in nights}
     fingerprint = str(night.identity["fingerprint"])
-    accepted = _accepted(store, nights, night)
+    before = [one for one in nights if one is not night]
+    new_hardware = all(one.identity.get("fingerprint") != fingerprint for one in before)
+    baseline = _baseline(store, before, night)
     findings = []
-    if accepted is not None:
-        same = [one for one in nights if one is not night and one.identity.get("fingerprint") == fingerprint]
-        kept = verdict.compared_with(store, same, accepted, measured.frame)
+    if baseline is not None:
+        kept = verdict.compared_with(store, before, baseline, measured.frame)
         findings += verdict.physics(measured.frame, kept)
     history = verdict.histories(store, nights, fingerprint)
     record = store.accepted()
     findings += verdict.timing(history, known_nights, int(record["sequence"]) if record else 0)
-    level, sentence = outputs.sentence(measured.frame, findings, accepted is not None)
+    level, sentence = outputs.sentence(measured.frame, findings, baseline is not None, new_hardware)
     folder = store.folder / "pages" / night.run
     folder.mkdir(parents=True, exist_ok=True)
     writers = {
@@ -111,31 +125,19 @@ def _publish(
         except Exception as error:
             reason = f"{type(error).__name__}: {error}".splitlines()[0]
             measured.faults.append(f"{name} could not be written; the night is stored: {reason}")
-    lines = [
-        *(one.line for one in verdict.ordered(findings) if one.kind in ("regression", "warning")),
-        *store.notes,
-        *measured.faults,
-    ]
-    for line in lines:
-        print(line, file=sys.stderr)
-    if not quiet:
-        print(sentence)
-        print(f"page: {folder / 'report.html'}")
-    return findings
+    return verdict.ordered(findings), sentence, folder / "report.html"
 
 
-def _accepted(store: Store, nights: list[Night], night: Night) -> Night | None:
-    """The night to compare with: the accepted one, or else the first of these settings on this hardware."""
-    same = [
-        one
-        for one in nights
-        if one is not night and one.identity.get("fingerprint") == night.identity["fingerprint"]
-    ]
+def _baseline(store: Store, before: list[Night], night: Night) -> Night | None:
+    """The night whose physics tonight's is compared with: the accepted one; or else, of these settings, the
+    first on this hardware, or the last on any."""
     record = store.accepted()
-    for one in same:
+    for one in before:
         if record and one.run == record["run"]:
             return one
-    return next((one for one in same if one.identity.get("settings") == night.identity["settings"]), None)
+    same = [one for one in before if one.identity.get("settings") == night.identity["settings"]]
+    here = [one for one in same if one.identity.get("fingerprint") == night.identity["fingerprint"]]
+    return next(iter([*here, *reversed(same)]), None)
 
 
 def accept(

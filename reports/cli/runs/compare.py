@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from touchstone.reports.cli.options import BAD_INPUT, LIMIT_BROKEN, Format, FormatOption, printed, stop
+
+
+class Matching(StrEnum):
+    """Columns that are compared."""
+
+    exact = "exact"
+    profile = "profile"
 
 
 def compare(
@@ -19,33 +27,42 @@ def compare(
     metric: Annotated[
         list[str] | None, typer.Option(help="Compare these metrics alone; patterns such as 'friction.*'.")
     ] = None,
+    match: Annotated[
+        Matching,
+        typer.Option(
+            help="Compare columns of equal profile, settings and step (exact), or of equal profile."
+        ),
+    ] = Matching.exact,
+    allow_gone: Annotated[
+        bool,
+        typer.Option("--allow-gone", help="Accept that run B lacks scenes, engines or figures of run A."),
+    ] = False,
     every: Annotated[
-        bool, typer.Option("--all", help="Show changes within limits, new and gone rows too.")
+        bool, typer.Option("--all", help="Show changes within limits and new rows too.")
     ] = False,
     output: FormatOption = Format.table,
 ) -> None:
-    """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse."""
+    """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse or gone."""
     from touchstone.reports.cli.scenes.chosen import metrics_for
-    from touchstone.reports.compare.changes import KINDS, changes
+    from touchstone.reports.compare.changes import FAILING, KINDS, changes
     from touchstone.reports.compare.stored import RunError, table_of
     from touchstone.reports.compare.tolerances import tolerances
     from touchstone.scenarios.files.read import SceneFileError
 
     try:
         one, two = table_of(run_a), table_of(run_b)
-        allowed = tolerances(tolerance)
+        if metric:
+            wanted = metrics_for(metric)
+            one, two = (frame[frame.metric.isin(wanted) | (frame.metric == "run")] for frame in (one, two))
+        found = changes(one, two, tolerances(tolerance), match is Matching.profile)
     except (RunError, SceneFileError) as error:
         stop(str(error), BAD_INPUT)
-    if metric:
-        wanted = metrics_for(metric)
-        one, two = one[one.metric.isin(wanted)], two[two.metric.isin(wanted)]
-    found = changes(one, two, allowed)
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
     if not printed(found, output):
         from touchstone.reports.compare.show import show_changes
 
-        show_changes(found if every else found[found.kind.isin(["worse", "better"])])
+        show_changes(found if every else found[found.kind.isin([*FAILING, "better"])])
         listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
         print(f"{len(one)} and {len(two)} rows: {listed}")
-    if counts["worse"]:
+    if counts["worse"] or (counts["gone"] and not allow_gone):
         raise typer.Exit(LIMIT_BROKEN)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, stop
+from touchstone.reports.cli.options import BAD_INPUT, require_new, stop, write_file
 
 
 def tolerances(
@@ -22,21 +22,20 @@ def tolerances(
     from touchstone.reports.cli.listing import show_rows
     from touchstone.reports.compare.measured_times import differences, toml_of
     from touchstone.reports.compare.stored import RunError, table_of
-    from touchstone.reports.results import write_beside
 
     names = [str(run) for run in dict.fromkeys(runs)]
     if len(names) < 2:
         stop(f"{names[0]}: name two runs or more", BAD_INPUT)
+    if out is not None:
+        require_new(out)
     try:
         found = differences({name: table_of(Path(name)) for name in names})
     except RunError as error:
         stop(str(error), BAD_INPUT)
+    if out is not None:
+        write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
     show_rows([_shown(row) for row in found.to_dict("records")], "table")
     if out is not None:
-        try:
-            write_beside(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
-        except OSError as error:
-            stop(f"--out {out}: {error.strerror or error}", BAD_INPUT)
         print(out)
 
 

@@ -23,6 +23,7 @@ from touchstone.reports.cli.options import (
     progress_for,
     require_judge,
     stop,
+    tell_failures,
 )
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
@@ -52,10 +53,11 @@ def versions(
 
     Each version is installed by pip into an environment of its own, kept in ~/.cache/touchstone/engines.
     A single version is compared with the installed one (`--version installed`). Exit 1 if a figure is worse
-    than in the first version, 3 if a version cannot be had.
+    than in the first version or gone, 3 if a version cannot be had.
     """
     from touchstone.adapters.registry import distribution, profiles_of
     from touchstone.adapters.workers.environment import installed_version
+    from touchstone.reports.compare.changes import FAILING
     from touchstone.reports.output_folder import OutputError, output_folder
     from touchstone.reports.run.request import Request
     from touchstone.reports.versions.study import Compared, compare, environments
@@ -100,11 +102,15 @@ def versions(
 
         show(found, console())
         print(f"results: {folder}")
-    worse = found.figures[found.figures.kind == "worse"]
+    worse = found.figures[found.figures.kind.isin(FAILING)]
     if quiet:
         for row in worse.to_dict("records"):
             what = f"{row['scenario']} {row['profile']} {row['metric']} {row['subject']}".rstrip()
-            print(f"worse: {row['version']} {what}: {row['a']:.4g} -> {row['b']:.4g}", file=sys.stderr)
+            values = f"{row['a']:.4g} -> {row['b']:.4g}" if row["kind"] == "worse" else row["reason"]
+            print(f"{row['kind']}: {row['version']} {what}: {values}", file=sys.stderr)
+        for tried, results in found.results.items():
+            failed = results.frame[results.frame.verdict == "error"]
+            tell_failures(failed.assign(engine=f"{name} {tried}"))
     if len(worse):
         raise typer.Exit(LIMIT_BROKEN)
     if (found.frame.verdict == "error").any():

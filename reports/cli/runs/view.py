@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, known, require_judge, stop
+from touchstone.reports.cli.options import BAD_INPUT, known, require_judge, require_new, stop, write_file
 
 MOST = 6
 """Recordings that the player shows side by side [1]."""
@@ -29,8 +29,9 @@ def view(
     """
     from touchstone.reports.compare.stored import RunError
     from touchstone.reports.page.scene_page import own_columns, scene_page, scenes_of
-    from touchstone.reports.results import write_beside
 
+    if out is not None:
+        require_new(out)
     try:
         found = scenes_of(run)
         name = known("scenario", scenario, found) if scenario else next(iter(found))
@@ -52,10 +53,7 @@ def view(
     except RunError as error:
         stop(str(error), BAD_INPUT)
     path = out or run / f"view-{name}.html"
-    try:
-        write_beside(path, lambda part: part.write_text(text, "utf-8"))
-    except OSError as error:
-        stop(f"--out {path}: {error.strerror or error}", BAD_INPUT)
+    write_file(path, lambda part: part.write_text(text, "utf-8"))
     if show and not webbrowser.open(f"{path.absolute().as_uri()}#play={name}"):
         print("no browser was found; open the page by hand", file=sys.stderr)
     print(path)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, stop
+from touchstone.reports.cli.options import BAD_INPUT, require_new, stop, write_file
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
 
@@ -60,7 +60,6 @@ def export(
 ) -> None:
     """Write a scene for an engine's own viewer or as a file, or a recording as animated 3D file or table."""
     from touchstone.reports.output_folder import OutputError, output_folder
-    from touchstone.reports.results import write_beside
     from touchstone.scenarios.files.write import scene_json, scene_toml
 
     if form in OF_RECORDINGS or scenario.endswith(RECORDING):
@@ -89,10 +88,8 @@ def export(
     if out is None:
         print(text, end="")
         return
-    if out.exists():
-        stop(f"--out {out}: exists", BAD_INPUT)
-    write_beside(out, lambda part: part.write_text(text, encoding="utf-8"))
-    print(out)
+    require_new(out)
+    _written(out, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Path | None) -> None:
@@ -114,8 +111,8 @@ def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Pa
     if not path.is_file():
         stop(f"{path}: no such recording", BAD_INPUT)
     target = out or (None if form is ExportFormat.csv else Path(f"{path.stem}.{form}"))
-    if target is not None and target.exists():
-        stop(f"--out {target}: exists", BAD_INPUT)
+    if target is not None:
+        require_new(target)
     try:
         recording = load(path)
         scene = scene_of(path, recording)
@@ -136,10 +133,5 @@ def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Pa
 
 
 def _written(target: Path, write: Callable[[Path], object]) -> None:
-    from touchstone.reports.results import write_beside
-
-    try:
-        write_beside(target, write)
-    except OSError as error:
-        stop(f"--out {target}: {error.strerror or error}", BAD_INPUT)
+    write_file(target, write)
     print(target)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, ENGINE_MISSING, stop
+from touchstone.reports.cli.options import BAD_INPUT, ENGINE_MISSING, stop, write_file
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption
 
 
@@ -28,7 +28,6 @@ def import_robot(
         stop(f"import needs MuJoCo: {missing_reason('mujoco')}", ENGINE_MISSING)
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.adapters.robots.robot_scene import imported
-    from touchstone.reports.results import write_beside
     from touchstone.scenarios.files.read import NAME
     from touchstone.scenarios.files.write import scene_json, scene_toml
 
@@ -46,7 +45,7 @@ def import_robot(
     scenario = found.scenario
     comment = "\n".join([f"{robot.name}, imported by touchstone", *found.notes])
     text = scene_json(scenario) if path.suffix == ".json" else scene_toml(scenario, comment)
-    write_beside(path, lambda part: part.write_text(text, encoding="utf-8"))
+    write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
     for line in found.notes:
         print(f"note: {line}", file=sys.stderr)
     pieces = sum(len(body.pieces) for body in scenario.bodies)

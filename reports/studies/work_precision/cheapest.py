@@ -30,7 +30,8 @@ class Setting:
     """A measured setting of one scene.
 
     Attributes:
-        time: wall time per displayed frame [s].
+        time: wall time per displayed frame [s]: the median of the rounds.
+        time_low, time_high: least and largest time of the rounds [s].
         errors: by quantity.
         excess: the largest ratio of an error, or of the time, to its limit; at most 1 meets all.
         tightest: the quantity with that ratio.
@@ -42,23 +43,31 @@ class Setting:
     settings: str
     dt: float
     time: float
+    time_low: float
+    time_high: float
     errors: Mapping[str, float]
     excess: float
     tightest: str
     command: str
+
+    def overlaps(self, other: Setting) -> bool:
+        """Whether the intervals of both times overlap: the rounds do not say which is faster."""
+        return self.time_low <= other.time_high and other.time_low <= self.time_high
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
     """The answer of a query: `met` says whether `best` meets the tolerances or is the nearest miss.
 
-    `runner_up` is the next cheapest that meets them, of another engine if `other_engine` is one.
+    `runner_up` is the next cheapest that meets them, of another engine if `other_engine` is one; `tied` are
+    all that meet them and whose times cannot be told apart from that of `best`.
     """
 
     met: bool
     best: Setting
     runner_up: Setting | None
     other_engine: Setting | None
+    tied: tuple[Setting, ...] = ()
 
 
 def tolerance(text: str, unit: str, option: str) -> float:
@@ -91,9 +100,9 @@ def settings_of_scene(table: pd.DataFrame, frame_rate: float) -> list[Setting]:
     for _, part in usable.groupby(KEYS, sort=False):
         first = part.iloc[0]
         errors = dict(zip(part.quantity, part.error))
-        time = float(first.time) / frame_rate
         label = (first.engine, first.profile, first.settings, float(first["dt"]))
-        found.append(Setting(*label, time, errors, 0.0, "", first.reproduce))
+        time, low, high = (float(first[name]) / frame_rate for name in ("time", "time_low", "time_high"))
+        found.append(Setting(*label, time, low, high, errors, 0.0, "", first.reproduce))
     return sorted(found, key=lambda one: one.time)
 
 
@@ -121,7 +130,8 @@ def cheapest(known: Sequence[Setting], limits: Mapping[str, float], engine: str 
         return Answer(False, ranked[0], ranked[1] if len(ranked) > 1 else None, None)
     best = within[0]
     others = [one for one in within if one.engine != best.engine]
-    return Answer(True, best, within[1] if len(within) > 1 else None, others[0] if others else None)
+    tied = tuple(one for one in within[1:] if best.overlaps(one))
+    return Answer(True, best, within[1] if len(within) > 1 else None, others[0] if others else None, tied)
 
 
 def _rated(setting: Setting, limits: Mapping[str, float]) -> Setting:

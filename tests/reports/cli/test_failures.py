@@ -108,6 +108,9 @@ def test_a_missing_engine_is_skipped_with_a_hint(touchstone, quick, monkeypatch,
     for name in ("mujoco",) if named else ("dart", "bullet", "mujoco"):
         assert f"missing: {name} recommended: {missing_reason(name)}" in out
     assert "Traceback" not in err
+    code, out, err = touchstone("run", "ball_snip", *chosen, *options[:-1], "s", "--quiet")
+    said = f"missing: mujoco: {missing_reason('mujoco')}\n" if named else ""
+    assert (code, out, err) == (wanted, "", said)
 
 
 @pytest.mark.parametrize(
@@ -155,6 +158,8 @@ def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, monkeypatch, re
     code, out, _ = touchstone("run", "ball_snip", *options, "--out", "r")
     assert code == 3
     assert f"unimportable: mujoco recommended: {said}" in " ".join(out.split())
+    quiet = touchstone("run", "ball_snip", *options, "--out", "s", "--quiet")
+    assert quiet == (3, "", f"unimportable: mujoco: {said}\n")
     assert "overlap.max" in out
 
 
@@ -172,6 +177,14 @@ def test_a_run_without_its_judge_says_so(touchstone, quick, monkeypatch):
         assert not (row["metric"].startswith(("overlap.", "contact.gap")) and row["verdict"] == "pass")
     shown = " ".join(touchstone(*RUN, "--out", "s")[1].split())
     assert re.search(r"unjudged: \S.*overlap\.max, .*: import of coal halted", shown)
+    code, out, err = touchstone(*RUN, "--out", "t", "--quiet")
+    assert (code, out, len(err.splitlines())) == (
+        4,
+        "",
+        len({r["reason"] for r in rows if r["verdict"] == "unjudged"}),
+    )
+    assert err.startswith("unjudged: some figures: ")
+    assert "import of coal halted" in err
     for name in ("robustness", "predictability"):
         code, _, err = touchstone("study", name)
         assert (code, "cannot be judged" in err) == (4, True)

@@ -9,6 +9,8 @@ from io import StringIO
 import pandas as pd
 import pytest
 
+from touchstone.adapters.registry import installed, missing_reason
+
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
@@ -89,6 +91,13 @@ def test_a_sweep_is_printed_and_kept(touchstone, tmp_path):
     assert (code, err) == (2, "touchstone: runs/sweep: store of version 99, this program writes 1\n")
 
 
+@pytest.mark.skipif(installed("drake"), reason="drake is installed")
+def test_a_missing_engine_is_told_in_quiet(touchstone):
+    """Exit 3 has its line under `--quiet`."""
+    code, out, err = touchstone("sweep", "fall", "--engine", "drake", "--jobs", "1", "--quiet")
+    assert (code, out, err) == (3, "", f"missing: drake: {missing_reason('drake')}\n")
+
+
 def test_a_slurm_script_is_written(touchstone, tmp_path):
     """The script repeats the command with an absolute store, and nothing is measured."""
     code, out, _ = touchstone(
@@ -99,6 +108,10 @@ def test_a_slurm_script_is_written(touchstone, tmp_path):
     assert f"--engine mujoco --out {tmp_path}/runs/sweep --jobs 1" in text
     assert "slurm-script" not in text
     assert subprocess.run(["bash", "-n", "job.sh"], cwd=tmp_path, check=False).returncode == 0
+    for name, said in (("job.sh", "exists"), ("no/job.sh", "No such file or directory")):
+        code, out, err = touchstone("sweep", "fall", "--engine", "mujoco", "--slurm-script", name)
+        assert (code, out, err) == (2, "", f"touchstone: --slurm-script {name}: {said}\n")
+    assert (tmp_path / "job.sh").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["job.sh"]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import nan
 
 import pandas as pd
@@ -61,8 +62,40 @@ def test_rows_of_one_run_only():
     assert kinds([row()], other) == ["new"]
     assert kinds(other, [row()]) == ["gone"]
     assert kinds([row()], [row(), row("work", verdict="fail")]) == ["worse"]
-    dart = Row("run", "fall", "dart", "recommended", nan, "run", verdict="missing")
+    dart = Row("run", "fall", "dart", "recommended", 1 / 1000, "overlap.max", 1.0)
     assert kinds([row()], [row(), dart]) == ["new"]
+    assert kinds([row()], [row(), replace(dart, verdict="fail")]) == ["worse", "new"]
+    # a run that failed has a row that says so, for all of its figures
+    assert kinds([row(), row("overlap.p95")], [row("run", nan, "error")]) == ["worse"]
+    died = row("run", nan, "error")
+    assert kinds([died], [row()]) == ["better", "new"]
+
+
+@pytest.mark.parametrize("verdict", ["missing", "unimportable"])
+def test_an_engine_that_did_not_play_is_gone(verdict):
+    """An engine that is missing later is gone, with the reason; one that was missing before is new."""
+    absent = Row("run", "fall", "mujoco", "recommended", nan, "run", verdict=verdict, reason="pip install it")
+    found = changes(table([row()]), table([absent]), default())
+    assert found[["kind", "reason"]].values.tolist() == [["gone", f"{verdict}: pip install it"]]
+    assert kinds([absent], [row()]) == ["new"]
+    assert kinds([absent], [absent]) == []
+
+
+def test_columns_of_other_settings_match_on_request():
+    """Another step or setting is another column, unless columns match by profile; two of one match none."""
+    ratio = replace(
+        row("ratio.time.frames"), engine="reference", profile="balanced", subject="mujoco recommended"
+    )
+    a = [row(), ratio]
+    other = replace(row(value=1.1), dt=1 / 240, profile="recommended, cone=pyramidal")
+    b = [other, replace(ratio, subject="mujoco recommended, cone=pyramidal")]
+    found = changes(table(a), table(b), default())
+    assert sorted(found.kind) == ["gone", "gone", "new", "new"]
+    said = "the later run has recommended, cone=pyramidal at 1/240 s (--match profile compares them)"
+    assert said in found.reason.tolist()
+    assert changes(table(a), table(b), default(), by_profile=True).kind.tolist() == ["worse"]
+    with pytest.raises(RunError, match="several columns of fall on mujoco recommended"):
+        changes(table(a), table([*a, other]), default(), by_profile=True)
 
 
 def test_a_file_of_tolerances(tmp_path):
@@ -88,7 +121,7 @@ def test_order_and_tables(tmp_path):
     b = [row("overlap.max", 0.5), row("overlap.p95", 2.0), row("work")]
     found = changes(table(a), table(b), default()).kind.tolist()
     assert found == sorted(found, key=KINDS.index)
-    assert found == ["worse", "better", "new", "gone"]
+    assert found == ["worse", "gone", "better", "new"]
     save(table(a), tmp_path)
     parquet = table_of(tmp_path)
     (tmp_path / "results.parquet").unlink()

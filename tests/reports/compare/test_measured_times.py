@@ -78,8 +78,9 @@ def test_the_command(touchstone, tmp_path):
         (("a",), "a: name two runs or more"),
         (("a", "a"), "a: name two runs or more"),
         (("a", "none"), "none: no such folder"),
+        (("a", "b", "--out", "mine.toml"), "--out mine.toml: exists"),
         (("a", "b", "--out", "no/where.toml"), "--out no/where.toml: No such file or directory"),
     ):
-        code, _, err = touchstone("tolerances", *arguments)
-        assert (code, err.count("\n")) == (2, 1)
+        code, out, err = touchstone("tolerances", *arguments)
+        assert (code, out, err.count("\n")) == (2, "", 1)
         assert line in err

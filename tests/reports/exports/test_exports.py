@@ -170,6 +170,10 @@ def test_a_browser_that_is_missing_is_told(touchstone, stored, monkeypatch):
         (("view", "RUN", "slid"), "did you mean 'slip'"),
         (("view", "RUN", "slip", "--engine", "bullet"), "unknown engine 'bullet' (valid: reference)"),
         (("view", "RUN", "--profile", "paper"), "unknown profile 'paper' (valid: balanced)"),
+        (("view", "RUN", "--no-open", "--out", "RUN/broken.npz"), "broken.npz: exists"),
+        (("view", "RUN", "--no-open", "--out", "no/a.html"), "--out no/a.html: No such file or directory"),
+        (("export", "slip", "--format", "toml", "--out", "RUN/broken.npz"), "broken.npz: exists"),
+        (("export", "slip", "--format", "toml", "--out", "no/a.toml"), "--out no/a.toml: No such file"),
     ],
 )
 def test_wrong_arguments_are_one_line(touchstone, stored, arguments, said):

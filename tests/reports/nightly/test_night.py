@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import sys
 
 import pytest
 
 from touchstone.adapters.workers.scratch import locked
+from touchstone.reports.cli.nights import nightly
+from touchstone.reports.nightly import identity
 from touchstone.reports.nightly import night as module
 from touchstone.reports.nightly.due import Study
 from touchstone.reports.nightly.store import Store
@@ -18,8 +22,6 @@ from touchstone.scenarios.catalogue import catalogue
 @pytest.fixture
 def program(monkeypatch, tmp_path, nights, capfd):
     """Call the program with two scenes that cost nothing: (exit code, stdout, stderr)."""
-    import sys
-
     from touchstone.reports.cli import main as cli
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -65,7 +67,7 @@ def test_a_killed_night_is_continued(program, tmp_path):
     code, out, err, played = program("nightly", "--quick")
     assert (code, played) == (0, ["slip", "study"])
     assert "continued a night: 1 scenes were measured before" in err
-    assert "First night on this hardware" in out
+    assert "First night of these settings" in out
     assert len(Store("nights").nights()) == 1
     assert list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*")) == []
 
@@ -111,6 +113,59 @@ def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
     code, out, *_ = program("accept", last.run, "--reason", "a trade")
     assert (code, out) == (0, f"accepted {last.run}: a trade\n")
     assert program("nightly", "--quick", frame=worse)[0] == 0
+
+
+def test_physics_is_compared_across_hardware(program, monkeypatch):
+    """Compare a new processor's physics with the last night, then its own; an accepted night holds on all."""
+
+    def on(hardware):
+        original = identity.identity
+        monkeypatch.setattr(
+            module, "identity", lambda settings: original(settings) | {"fingerprint": hardware}
+        )
+
+    deep = {"overlap": 3e-3, "verdict": "fail"}
+    on("one")
+    assert program("nightly", "--quick")[0] == 0
+    on("two")
+    code, out, err, _ = program("nightly", "--quick", frame={"time": 1.0, **deep})
+    assert (code, "time.frame" in err) == (1, False)
+    assert "regression: fall mujoco recommended overlap.max: pass -> fail, 0.001 -> 0.003" in err
+    assert "regression: random mujoco recommended overlap.max: pass -> fail, 0.001 -> 0.003" in err
+    assert "First night on this hardware: its times have nothing to compare with." in out
+    _, out, err, _ = program("nightly", "--quick", frame=deep)
+    assert ("First night" in out, "regression: fall" in err) == (False, False)
+    first = Store("nights").nights()[0].run
+    assert program("accept", first, "--reason", "right")[0] == 0
+    assert "regression: fall mujoco" in program("nightly", "--quick", frame=deep)[2]
+
+
+def test_what_is_missing_is_told_before_the_night(program, monkeypatch):
+    """Without DuckDB or a judge nothing is played: exit 2 or 4 and one line."""
+    for library, code, said in (
+        ("duckdb", 2, "nights are queried by duckdb"),
+        ("coal", 4, "cannot be judged"),
+    ):
+        with monkeypatch.context() as without:
+            for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
+                without.delitem(sys.modules, name)
+            without.setitem(sys.modules, library, None)
+            found = program("nightly", "--quick")
+        assert (found[0], found[1], found[2].count("\n"), found[3]) == (code, "", 1, [])
+        assert said in found[2]
+
+
+def test_a_night_that_nobody_reads_is_stored(program, monkeypatch):
+    """A closed standard output is exit 141 without a word about the store; the night is there."""
+
+    def closed(*arguments, file=None, **options):
+        if file is None:
+            raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr(nightly, "print", closed, raising=False)
+    code, _, err, _ = program("nightly", "--quick")
+    assert (code, "run again" in err) == (141, False)
+    assert len(Store("nights").nights()) == 1
 
 
 @pytest.mark.parametrize("options", [(), ("--quick",)])

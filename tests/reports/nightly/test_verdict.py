@@ -158,7 +158,7 @@ def test_a_good_night_is_said_so(nights, compared):
     """Without a finding the level is that of the limits; a first night says that it compares with nothing."""
     level, sentence = outputs.sentence(nights.frame(), [], compared)
     assert level == "good"
-    assert sentence.startswith("No regression." if compared else "First night on this hardware")
+    assert sentence.startswith("No regression." if compared else "First night of these settings")
 
 
 def test_long_lists_are_counted():

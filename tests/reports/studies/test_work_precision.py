@@ -9,8 +9,10 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
+from touchstone.reports.cli.cheapest import lines
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
+    Setting,
     ToleranceError,
     cheapest,
     settings_of_scene,
@@ -281,3 +283,37 @@ def test_the_ladder_changes_one_setting_at_a_time():
     cells = ladder_cells(["fall"])
     assert len(cells) == len(changes()) + 2
     assert [cell.profile for cell in cells[:2]] == ["paper", "accurate"]
+
+
+def test_times_that_overlap_have_no_winner():
+    """Settings whose times overlap that of the cheapest are named beside it; one that is apart is beaten."""
+
+    def answered(*times, limits):
+        label = ("reference", "balanced", "")
+        known = [
+            Setting(*label, 1 / (60 * k), *(1e-6 * t for t in one), {"position": 0.0}, 0.0, "", f"play {k}")
+            for k, one in enumerate(times, start=1)
+        ]
+        found = cheapest(known, limits)
+        return lines(found, limits)
+
+    limits = {"position": 1e-3}
+    apart = answered((20, 19, 21), (30, 25, 40), limits=limits)
+    assert apart[0] == "cheapest: reference balanced at 1/60 s: 20 us a frame (19 us to 21 us)"
+    assert (
+        apart[2]
+        == "runner-up: reference balanced at 1/120 s: 30 us a frame (25 us to 40 us), 1.5 times the time"
+    )
+    tied = answered((20, 19, 26), (30, 25, 40), (31, 27, 40), limits=limits)
+    assert tied[0] == "cannot tell apart: reference balanced at 1/60 s: 20 us a frame (19 us to 26 us)"
+    assert tied[2:] == ["and: reference balanced at 1/120 s: 30 us a frame (25 us to 40 us)", "again: play 1"]
+    # a wide interval overlaps though the runner-up is apart
+    wide = answered((20, 19, 21), (30, 25, 40), (50, 20, 90), limits=limits)
+    assert [line.partition(":")[0] for line in wide] == [
+        "cannot tell apart",
+        "  position 0 m of 1 mm",
+        "and",
+        "runner-up",
+        "again",
+    ]
+    assert "within noise" in answered((20, 19, 26), limits={TIME: 22e-6})[1]
