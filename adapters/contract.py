@@ -72,7 +72,7 @@ class Unsupported(AdapterError):
 
 
 class NotInstalled(AdapterError):
-    """The engine's package is missing; the message names the extra that installs it."""
+    """The engine's package is missing; the message names what pip installs."""
 
     status = MISSING
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import shlex
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -80,14 +81,14 @@ def installed(name: str) -> bool:
 
 def missing_reason(name: str) -> str:
     """Why an engine is skipped if it is not installed."""
-    extra = _entry(name).extra
-    if not extra:
+    requirement = _entry(name).requirement
+    if not requirement:
         return f"not installed (no module {_entry(name).package!r})"
-    return f"not installed (pip install {repr(extra) if '[' in extra else extra})"
+    return f"not installed (pip install {shlex.quote(requirement)})"
 
 
 def load(name: str) -> Engine:
-    """Load the engine called `name`; raises NotInstalled with the extra that installs it."""
+    """Load the engine called `name`; raises NotInstalled with the package that pip installs."""
     if not installed(name):
         raise NotInstalled(missing_reason(name))
     engine: Engine = _named(_entry(name).implementation)()

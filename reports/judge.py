@@ -13,6 +13,8 @@ JUDGES = {
     "touchstone.adapters.oracles.nearest_posture": "postures",
 }
 """Quantity that each oracle measures."""
+REINSTALLED = "coal pin numba"
+"""What pip reinstalls: the oracles' packages, and numba so that numpy stays at a version that it takes."""
 
 
 def judge_faults() -> list[str]:
@@ -29,4 +31,4 @@ def judge_faults() -> list[str]:
 def fault_text(error: ImportError) -> str:
     """The reason why an oracle is missing and how to install it, in one line."""
     reason = str(error).partition("\n")[0]
-    return f"{reason} (pip install --force-reinstall touchstone)"
+    return f"{reason} (pip install --force-reinstall {REINSTALLED})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import runpy
 import shutil
 import subprocess
@@ -122,11 +123,28 @@ def test_old_links_are_said_in_one_line(other, tmp_path: Path):
 
 
 def test_two_checkouts_are_not_mixed(other, tmp_path: Path):
-    """A checkout that is not the installed one says so: it would import the folders of the other."""
+    """A checkout that is not the installed one says so: it would import the folders of the other.
+
+    The command also removes an install under the earlier name `touchstone`, which would still come first.
+    """
     assert other() == (
         f"touchstone: this Python has another checkout installed, {ROOT}; "
-        f"run: {sys.executable} -m pip install -e {tmp_path}\n"
+        f"run: {sys.executable} -m pip uninstall -y touchstone && "
+        f"{sys.executable} -m pip install -e {tmp_path}\n"
     )
+
+
+def test_no_hint_installs_a_foreign_package():
+    """Another project has the name `touchstone` on PyPI, and ours is on no index: no text names either."""
+    assert PROJECT["project"]["name"] != "touchstone"
+    hint = re.compile(r"pip[3x}]? install\b[^\n`|&;]*?[\s'\"]touchstone(-contact)?(?![\w/.-])")
+    found = []
+    for name in tracked():
+        if name == "tests/test_packaging.py" or Path(name).suffix in (".png", ".npz"):
+            continue
+        lines = (ROOT / name).read_text("utf-8").splitlines()
+        found += [f"{name}: {line}" for line in lines if hint.search(line)]
+    assert found == []
 
 
 @pytest.mark.slow
@@ -146,7 +164,7 @@ def test_the_wheel_holds_the_sources(tmp_path: Path):
         environment = os.environ | {"PYTHONPATH": str(backend)}
         call = [sys.executable, "-c", code, str(tmp_path)]
         subprocess.run(call, cwd=folder, env=environment, check=True, capture_output=True, timeout=300)
-        return max(tmp_path.glob("touchstone-*.*"), key=lambda path: path.stat().st_mtime_ns)
+        return max(tmp_path.glob("touchstone_contact-*.*"), key=lambda path: path.stat().st_mtime_ns)
 
     with tarfile.open(build("sdist", source)) as archive:
         archive.extractall(tmp_path / "unpacked", filter="data")

@@ -85,13 +85,16 @@ def _check_folders() -> None:
         return
     import shlex
 
-    install = shlex.join([sys.executable, "-m", "pip", "install", "-e", root])
+    pip = shlex.join([sys.executable, "-m", "pip"])
+    install = f"{pip} install -e {shlex.quote(root)}"
     if links:
         # an install beside links maps no folders
         reason = "links of an older checkout are in the way"
         install = f"{shlex.join(['rm', *links])} && {install}"
     elif place:
         reason = f"this Python has another checkout installed, {os.path.dirname(place)}"
+        # installed under the distribution's earlier name it would still come first
+        install = f"{pip} uninstall -y touchstone && {install}"
     else:
         reason = "not installed, or installed before its sources moved"
     raise SystemExit(f"touchstone: {reason}; run: {install}")

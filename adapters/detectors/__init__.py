@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -159,12 +160,12 @@ def unit(vector: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A detector's "module:Class", the class's arguments, the required package and the extra that installs it
-    ("": the project itself requires it); `profile` is "exact", "default" or "tight"."""
+    """A detector's "module:Class", the class's arguments, the required package and what pip installs to get
+    it ("": it has the name of the package); `profile` is "exact", "default" or "tight"."""
 
     implementation: str
     package: str
-    extra: str = ""
+    requirement: str = ""
     profile: str = "default"
     options: tuple[Scalar, ...] = ()
 
@@ -173,25 +174,27 @@ REFERENCE = "reference.exact"
 DETECTORS: dict[str, Entry] = {
     REFERENCE: Entry("touchstone.adapters.detectors.reference:ReferenceDetector", "numba", profile="exact"),
     "reference.walk": Entry("touchstone.adapters.detectors.reference:WalkDetector", "numba", profile="exact"),
-    "python-fcl": Entry("touchstone.adapters.detectors.fcl:FclCollide", "fcl"),
-    "python-fcl.distance": Entry("touchstone.adapters.detectors.fcl:FclDistance", "fcl"),
+    "python-fcl": Entry("touchstone.adapters.detectors.fcl:FclCollide", "fcl", "python-fcl"),
+    "python-fcl.distance": Entry("touchstone.adapters.detectors.fcl:FclDistance", "fcl", "python-fcl"),
     "coal": Entry("touchstone.adapters.detectors.coal:CoalDetector", "coal"),
     "coal.warm": Entry("touchstone.adapters.detectors.coal:WarmCoal", "coal"),
     "coal.tight": Entry("touchstone.adapters.detectors.coal:CoalDetector", "coal", "", "tight", (True,)),
-    "mujoco": Entry("touchstone.adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco"),
+    "mujoco": Entry("touchstone.adapters.detectors.mujoco:MujocoDetector", "mujoco"),
     "mujoco.tight": Entry(
-        "touchstone.adapters.detectors.mujoco:MujocoDetector", "mujoco", "mujoco", "tight", (True,)
+        "touchstone.adapters.detectors.mujoco:MujocoDetector", "mujoco", "", "tight", (True,)
     ),
-    "bullet": Entry("touchstone.adapters.detectors.bullet:BulletDetector", "pybullet", "bullet"),
+    "bullet": Entry("touchstone.adapters.detectors.bullet:BulletDetector", "pybullet"),
     "bullet.tight": Entry(
-        "touchstone.adapters.detectors.bullet:BulletDetector", "pybullet", "bullet", "tight", (True,)
+        "touchstone.adapters.detectors.bullet:BulletDetector", "pybullet", "", "tight", (True,)
     ),
-    "dart.fcl": Entry("touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("fcl",)),
+    "dart.fcl": Entry(
+        "touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dartpy<7", options=("fcl",)
+    ),
     "dart.bullet": Entry(
-        "touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("bullet",)
+        "touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dartpy<7", options=("bullet",)
     ),
     "dart.dart": Entry(
-        "touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dart", options=("dart",)
+        "touchstone.adapters.detectors.dart:DartDetector", "dartpy", "dartpy<7", options=("dart",)
     ),
 }
 
@@ -201,8 +204,7 @@ def missing_reason(name: str) -> str:
     entry = DETECTORS[name]
     if importlib.util.find_spec(entry.package) is not None:
         return ""
-    wanted = f"'touchstone[{entry.extra}]'" if entry.extra else "touchstone"
-    return f"not installed (pip install {wanted})"
+    return f"not installed (pip install {shlex.quote(entry.requirement or entry.package)})"
 
 
 def load(name: str) -> Detector:

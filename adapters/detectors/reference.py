@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array, Scalar
 from touchstone.adapters.detectors import FRAME_STEP, UNCONVERGED, Answers, Failure, Pair
+from touchstone.adapters.engines.reference import ENTRY
 from touchstone.adapters.engines.reference.reference_world import piece_arrays
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.kernel import clock, kernel
@@ -93,7 +94,7 @@ class ReferenceDetector:
     def describe(self) -> Mapping[str, Scalar]:
         """Version of the project and tolerances of `conventions.py`."""
         return {
-            "version": version("touchstone"),
+            "version": version(ENTRY.distribution),
             "depth_tolerance": conventions.DEPTH_TOLERANCE,
             "distance_tolerance": conventions.DISTANCE_TOLERANCE,
         }

@@ -26,7 +26,7 @@ class Entry:
         distribution: what is installed, where it is not called like the package.
         color, marker: of the engine in pictures, as matplotlib writes them.
         rounding: what the engine stores in lower precision; "" if nothing.
-        extra: what pip installs to get the engine; "" for an engine that is not of this project.
+        requirement: what pip installs to get the engine; "" for an engine that is not of this project.
         compiles: "module:function" that says in words how far a compiler is for which the engine's first
             scene waits; "" if it has none.
         settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
@@ -46,7 +46,7 @@ class Entry:
     color: str = "#666666"
     marker: str = "P"
     rounding: str = ""
-    extra: str = ""
+    requirement: str = ""
     compiles: str = ""
     settings: str = ""
 

@@ -10,12 +10,22 @@ their addresses, because LLVM terminates the process at an unknown symbol.
 
 import copy
 import hashlib
+import pickle
+import sys
 from pathlib import Path
 
 import llvmlite.binding
-from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc, imputils
+from numba.core import base, caching, codegen, compiler, dispatcher, funcdesc, imputils, serialize
 
-from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER, PACKAGE, is_key_valid, note_import
+from touchstone.reference_impl.core.kernel_cache import (
+    CACHE_FOLDER,
+    PACKAGE,
+    SUFFIX,
+    is_key_valid,
+    note_import,
+    read_entry,
+    write_entry,
+)
 
 LINES_COPIED = 200
 """Lines of optimised LLVM text up to which a kernel is linked into its callers [-]: LLVM does not inline
@@ -25,6 +35,10 @@ PARTS = (
     (caching, "FunctionCache"),
     (caching, "CompileResultCacheImpl"),
     (caching, "_CacheLocator"),
+    (caching.CacheImpl, "locator"),
+    (caching.CacheImpl, "check_cachable"),
+    (caching.Cache, "_impl"),
+    (caching.Cache, "_index_key"),
     (base.BaseContext, "declare_function"),
     (base.BaseContext, "insert_func_defn"),
     (base.BaseContext, "remove_user_function"),
@@ -41,6 +55,7 @@ PARTS = (
     (funcdesc.FunctionDescriptor, "abi_tags"),
     (funcdesc.FunctionDescriptor, "mangled_name"),
     (imputils, "user_function"),
+    (serialize, "dumps"),
 )
 """Numba attributes outside its documented interface that this module uses: (owner, name)."""
 
@@ -181,20 +196,24 @@ def _load_named(symbol, module, name, args):
 
 
 class _Locator(caching._CacheLocator):
-    """Cache locator for the kernels of this package, whose sources are the key of the cache folder.
+    """Cache locator: all kernels are in the cache folder.
 
-    Numba's own locators add the file's time stamp and the kernel's line, which change with comments.
+    Its key covers the sources of this package. Numba's own locators add the file's time stamp and the
+    kernel's line, which change with comments.
     """
+
+    def __init__(self, py_func, py_file):
+        self._stamp = "" if _is_keyed(py_func) else hashlib.sha256(Path(py_file).read_bytes()).hexdigest()
 
     @classmethod
     def from_function(cls, py_func, py_file):
-        return cls() if _is_keyed(py_func) else None
+        return cls(py_func, py_file) if Path(py_file).exists() else None
 
     def get_cache_path(self):
         return str(CACHE_FOLDER)
 
     def get_source_stamp(self):
-        return CACHE_FOLDER.name
+        return self._stamp
 
     def get_disambiguator(self):
         return "kernel"
@@ -203,7 +222,7 @@ class _Locator(caching._CacheLocator):
 class _Entry(caching.CompileResultCacheImpl):
     """Cache entry that starts with the list of symbols that its code calls."""
 
-    _locator_classes = (_Locator, *caching.CompileResultCacheImpl._locator_classes)
+    _locator_classes = (_Locator,)
 
     def reduce(self, result):
         called = [one.name for one in result.library._final_module.functions if one.name in _owners]
@@ -217,20 +236,33 @@ class _Entry(caching.CompileResultCacheImpl):
 
 
 class _Cache(caching.FunctionCache):
-    """Cache of a kernel called from Python; unlike Numba's, its entries start with a list of symbols."""
+    """Cache of a kernel called from Python: a file for every signature, without Numba's index.
+
+    Unlike Numba's, the files have a checksum, and one that cannot be read or written ends no run.
+    """
 
     _impl_class = _Entry
     _caller = "python"
 
     def load_overload(self, sig, target_context):
-        return super().load_overload(sig, target_context) if is_key_valid() else None
+        if not is_key_valid():
+            return None
+        target_context.refresh()
+        content = read_entry(self._path(sig, target_context.codegen()))
+        return None if content is None else self._impl.rebuild(target_context, pickle.loads(content))
 
     def save_overload(self, sig, data):
-        if is_key_valid():
-            super().save_overload(sig, data)
+        if is_key_valid() and self._impl.check_cachable(data):
+            write_entry(self._path(sig, data.codegen), serialize.dumps(self._impl.reduce(data)))
 
-    def _index_key(self, sig, codegen):
-        return self._caller, super()._index_key(sig, codegen)
+    def _path(self, sig, codegen):
+        """File of a signature; "-kernel" in the name ends that of the kernel."""
+        stamp = self._impl.locator.get_source_stamp()
+        described = f"{sys.implementation.cache_tag} {stamp} {self._index_key(sig, codegen)}"
+        digest = hashlib.sha256(described.encode()).hexdigest()[:16]
+        function = self._py_func
+        name = f"{function.__module__}.{function.__qualname__}.{digest}.{self._caller}{SUFFIX}"
+        return CACHE_FOLDER / name
 
 
 class _CalleeCache(_Cache):

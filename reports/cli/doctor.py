@@ -47,10 +47,16 @@ def libraries() -> list[tuple[str, str]]:
 def compile_facts() -> dict[str, str]:
     """Location of the compiled kernels and their compile time; compiles them if not yet done."""
     from touchstone.adapters.engines.reference.compiling import compile_seconds
-    from touchstone.reference_impl.core.kernel import CACHE_FOLDER
+    from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER, REJECTED, UNWRITTEN, damaged_count
 
+    notes = [f"not used: {one}" for one in REJECTED]
+    if CACHE_FOLDER and (count := damaged_count(CACHE_FOLDER)):
+        notes.append(f"damaged files removed: {count}, the next run compiles their kernels again")
     seconds = compile_seconds()
+    if UNWRITTEN:
+        notes.append(f"{len(UNWRITTEN)} kernels could not be written, they compile in every process")
+    place = str(CACHE_FOLDER or "none, kernels compile in every process")
     return {
-        "kernel cache": str(CACHE_FOLDER or "none: no folder is writable, kernels compile in every process"),
+        "kernel cache": "; ".join((place, *notes)),
         "compile time": f"{seconds:.1f} s cold, once per version of the sources",
     }

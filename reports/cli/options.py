@@ -156,8 +156,10 @@ def version() -> str:
     from importlib.metadata import PackageNotFoundError
     from importlib.metadata import version as version_of
 
+    from touchstone.adapters.engines.reference import ENTRY
+
     try:
-        return version_of("touchstone")
+        return version_of(ENTRY.distribution)
     except PackageNotFoundError:
         return "not installed"
 

@@ -250,5 +250,5 @@ def query_library() -> Any:
     try:
         import duckdb
     except ImportError as error:
-        raise StoreError("nights are queried by duckdb (pip install 'touchstone[nightly]')") from error
+        raise StoreError("nights are queried by duckdb (pip install duckdb)") from error
     return duckdb

@@ -38,7 +38,7 @@ def library() -> tuple[Any, Any]:
         import vl_convert
     except ImportError as error:
         raise ChartsMissing(
-            f"no charts: {error.name} is missing (pip install 'touchstone[nightly]')"
+            f"no charts: {error.name} is missing (pip install altair vl-convert-python)"
         ) from error
     return altair, vl_convert
 

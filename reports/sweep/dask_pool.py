@@ -57,7 +57,7 @@ class DaskPool:
         try:
             import distributed
         except ImportError as error:
-            raise ClusterError("--dask: not installed (pip install 'touchstone[dask]')") from error
+            raise ClusterError("--dask: not installed (pip install dask distributed)") from error
         with contextlib.ExitStack() as stack:
             client = stack.enter_context(self._client(distributed, stack))
             workers = max(1, len(client.scheduler_info()["workers"]))

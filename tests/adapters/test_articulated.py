@@ -12,7 +12,7 @@ from touchstone.reference_impl.kinematics.skeleton import joint_space_inertia, m
 from touchstone.scenarios.avatar.avatar import HAND_LENGTH, arm_with_hand_parts
 from touchstone.scenarios.catalogue import catalogue
 
-pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
+pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
 
 from touchstone.adapters.oracles.articulated import Articulated, DampedLeastSquares
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -147,11 +149,20 @@ def test_an_exception_is_a_failure_of_its_query() -> None:
 
 
 def test_a_missing_package_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Name the extra that brings it, without importing anything."""
-    monkeypatch.setitem(DETECTORS, "absent", Entry("no.such:Thing", "no_such_package", "extra"))
-    assert missing_reason("absent") == "not installed (pip install 'touchstone[extra]')"
+    """Name the package that brings it, without importing anything."""
+    monkeypatch.setitem(DETECTORS, "absent", Entry("no.such:Thing", "no_such_package"))
+    assert missing_reason("absent") == "not installed (pip install no_such_package)"
     with pytest.raises(AdapterError, match="absent: not installed"):
         load("absent")
+
+
+@pytest.mark.parametrize("name", DETECTORS)
+def test_the_hint_of_a_detector_is_a_requirement_of_the_project(name: str) -> None:
+    """Tell pip a package that the project requires, itself or by an extra."""
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
+    asked = DETECTORS[name].requirement or DETECTORS[name].package
+    assert asked in {*wanted, *(one.partition(">")[0] for one in wanted)}
 
 
 def test_a_child_that_dies_is_one_failure(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Box, PairCoefficients, Piece, Sphere
 
-pytest.importorskip("pydrake", reason="drake is not installed (pip install 'touchstone[drake]')")
+pytest.importorskip("pydrake", reason="drake is not installed (pip install drake)")
 DT = 1 / 1020
 G = 9.81
 READ_BACK = {

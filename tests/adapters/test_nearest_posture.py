@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import LinearConstraint, minimize
 from scipy.spatial.transform import Rotation
 
-pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
-pytest.importorskip("fcl", reason="not installed (pip install 'touchstone[fcl]')")
+pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
+pytest.importorskip("fcl", reason="not installed (pip install python-fcl)")
 
 from touchstone.adapters.oracles.nearest_posture import FREE, NearestPosture, _least_distance
 

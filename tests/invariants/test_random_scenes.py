@@ -53,8 +53,8 @@ def reference() -> Engine:
 
 def played(profile: str, seeds: Iterable[int], most: int | None = None, kind: str | None = None) -> list[Run]:
     """The assessed scenes of some seeds, of those with at most so many bodies."""
-    pytest.importorskip("coal", reason="not installed (pip install 'touchstone[pin]')")
-    pytest.importorskip("fcl", reason="not installed (pip install 'touchstone[fcl]')")
+    pytest.importorskip("coal", reason="not installed (pip install coal)")
+    pytest.importorskip("fcl", reason="not installed (pip install python-fcl)")
     asked = [Task("reference", Settings(profile, FRAME), seed, kind) for seed in seeds]
     scenes = [(task, task.scenario) for task in asked]
     return [

@@ -346,7 +346,7 @@ def test_a_known_failing_may_be_gone_at_another_step(limits):
 @pytest.mark.parametrize("scene", PERSON_ENERGY)
 def test_a_persons_energy_is_that_of_its_tracker(scene):
     """Give the largest kinetic energy that a tracker asks for, by pinocchio, to two digits."""
-    pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
+    pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
     from touchstone.adapters.oracles.articulated import Articulated
 
     scenario = catalogue()[scene]

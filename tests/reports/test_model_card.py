@@ -12,7 +12,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.scenarios.catalogue import catalogue
 
-pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
+pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
 
 from touchstone.reports.views.model_card import AGREED, NotDriven, card_rows, deviation
 

@@ -43,7 +43,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, pd.
     with pytest.MonkeyPatch.context() as patch:
         for name in set(DETECTORS) - {REFERENCE, OTHER}:
             patch.delitem(DETECTORS, name)
-        patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package", "extra"))
+        patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package"))
         one, two = (run(PAIRS, 5, folder / name, silence) for name in ("one", "two"))
     return one, two, folder / "one"
 
@@ -71,7 +71,7 @@ def test_a_missing_engine_is_a_skipped_row(results) -> None:
     """Skip with the reason, once."""
     rows = results[0][results[0].engine == ABSENT]
     assert rows[["metric", "verdict", "reason"]].to_numpy().tolist() == [
-        ["run", "missing", "not installed (pip install 'touchstone[extra]')"]
+        ["run", "missing", "not installed (pip install no_such_package)"]
     ]
 
 

@@ -15,6 +15,6 @@ ENTRY = Entry(
     color="#B8860B",
     marker="s",
     rounding="corners of hulls rounded to about 1e-4 of their size",
-    extra="touchstone[bullet]",
+    requirement="pybullet",
     settings="touchstone.adapters.engines.bullet.settings:SETTINGS",
 )

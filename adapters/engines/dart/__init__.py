@@ -9,6 +9,6 @@ ENTRY = Entry(
     color="#AA4499",
     marker="^",
     rounding="vertices of hulls in single precision",
-    extra="touchstone[dart]",
+    requirement="dartpy<7",
     settings="touchstone.adapters.engines.dart.settings:SETTINGS",
 )

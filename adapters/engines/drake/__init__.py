@@ -10,6 +10,6 @@ ENTRY = Entry(
     distribution="drake",
     color="#56B4E9",
     marker="v",
-    extra="touchstone[drake]",
+    requirement="drake",
     settings="touchstone.adapters.engines.drake.settings:SETTINGS",
 )

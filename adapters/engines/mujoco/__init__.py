@@ -9,6 +9,6 @@ ENTRY = Entry(
     color="#009E73",
     marker="D",
     rounding="vertices of hulls in single precision",
-    extra="touchstone[mujoco]",
+    requirement="mujoco",
     settings="touchstone.adapters.engines.mujoco.settings:SETTINGS",
 )

@@ -6,10 +6,10 @@ ENTRY = Entry(
     "touchstone.adapters.engines.reference.engine:ReferenceEngine",
     "numba",
     {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60, "equal-step": EQUAL_STEP},
-    distribution="touchstone",
+    distribution="touchstone-contact",
     color="#000000",
     marker="o",
-    extra="touchstone",  # numba is no extra: the project itself requires it
+    requirement="numba",
     compiles="touchstone.adapters.engines.reference.compile_progress:compile_progress",
     settings="touchstone.adapters.engines.reference.settings:SETTINGS",
 )

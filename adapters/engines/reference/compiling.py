@@ -13,18 +13,26 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from pathlib import Path
 from time import perf_counter
 from types import ModuleType
 from typing import Any
 
-from touchstone.adapters.engines.reference.compile_progress import LOCK, NOTE, is_compiled
+from touchstone.adapters.engines.reference.compile_progress import LOCK
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.engines.reference.settings import PAPER, configure
 from touchstone.adapters.workers.orphans import end_with_parent
 from touchstone.reference_impl import frame
 from touchstone.reference_impl.core import kernel
-from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
+from touchstone.reference_impl.core.kernel_cache import (
+    CACHE_FOLDER,
+    NOTE,
+    UNWRITTEN,
+    noted_seconds,
+    write_whole,
+)
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
@@ -34,22 +42,32 @@ HELPER = f"from {__name__} import compile_simulated_loop; compile_simulated_loop
 """Program of the second process."""
 
 
+@cache
 def compile_seconds() -> float:
     """Compilation time of all kernels [s]; compiles them on a small world if the cache holds no time."""
     if CACHE_FOLDER is None or not kernel.JIT:
         return _compiled()
-    with suppress(FileNotFoundError):
-        return float((CACHE_FOLDER / NOTE).read_text())
-    with (CACHE_FOLDER / LOCK).open("a") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not is_compiled():
-            os.utime(lock.fileno())
-            with _helper():
-                seconds = _compiled()
-            part = CACHE_FOLDER / f"{NOTE}.{os.getpid()}"
-            part.write_text(f"{seconds:.2f}")
-            part.replace(CACHE_FOLDER / NOTE)
-    return float((CACHE_FOLDER / NOTE).read_text())
+    seconds: float | None = noted_seconds(CACHE_FOLDER)
+    if seconds is None:
+        with _lock(CACHE_FOLDER / LOCK):
+            seconds = noted_seconds(CACHE_FOLDER)
+            if seconds is None:
+                with _helper():
+                    seconds = _compiled()
+                if not UNWRITTEN:
+                    write_whole(CACHE_FOLDER / NOTE, f"{seconds:.2f}".encode())
+    return seconds
+
+
+@contextmanager
+def _lock(path: Path) -> Iterator[None]:
+    """Hold a lock, whose file gets the present time; do without where the file system refuses it."""
+    with ExitStack() as stack:
+        with suppress(OSError):
+            file = stack.enter_context(path.open("a"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+            os.utime(file.fileno())
+        yield
 
 
 @kernel.kernel

@@ -86,7 +86,7 @@ class ReferenceEngine:
         """Version of this project."""
         from importlib.metadata import version
 
-        return version("touchstone")
+        return version(ENGINES["reference"].distribution)
 
     def build(self, scenario: Scenario, settings: Settings) -> _World:
         """Translate a scenario to a world of the reference."""

@@ -55,7 +55,7 @@ def versions(
     A single version is compared with the installed one (`--version installed`). Exit 1 if a figure is worse
     than in the first version or gone, 3 if a version cannot be had.
     """
-    from touchstone.adapters.registry import distribution, profiles_of
+    from touchstone.adapters.registry import profiles_of
     from touchstone.adapters.workers.environment import installed_version
     from touchstone.reports.compare.changes import FAILING
     from touchstone.reports.output_folder import OutputError, output_folder
@@ -65,7 +65,7 @@ def versions(
     if not engine:
         stop("--engine: name the engine, such as --engine mujoco", BAD_INPUT)
     (name,) = engines_named([engine])
-    if distribution(name) == "touchstone" or name == "reference":
+    if name == "reference":
         stop(f"--engine {engine}: its versions are commits of this program (touchstone compare)", BAD_INPUT)
     if not version:
         stop("--version: name released versions, such as --version 3.6.0 --version 3.17.0", BAD_INPUT)

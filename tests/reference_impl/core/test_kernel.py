@@ -7,13 +7,20 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 import touchstone.reference_impl
-from touchstone.reference_impl.core.kernel_cache import remove_old_folders, source_key
+from touchstone.reference_impl.core.kernel_cache import (
+    noted_seconds,
+    read_entry,
+    remove_old_folders,
+    source_key,
+    write_entry,
+)
 
 SOURCE = Path(touchstone.reference_impl.__file__).resolve().parent
 ROOT = SOURCE.parent
@@ -53,10 +60,9 @@ for profile, dt in engine.profiles.items():
 rows(30, 0, lambda label, count: None)
 found = {}
 for one in kernel.KERNELS:
-    # the cache's index knows every signature, also of kernels that were compiled into others
-    index = one._cache._cache_file._load_index()
-    signatures = {signature for caller, (signature, *_) in index}
-    found[f"{one.py_func.__module__}.{one.py_func.__name__}"] = len(signatures)
+    # the cache has a file for every signature, also of kernels that were compiled into others
+    name = f"{one.py_func.__module__}.{one.py_func.__qualname__}"
+    found[name] = len({path.name.rsplit(".", 2)[0] for path in kernel.CACHE_FOLDER.glob(f"{name}.*.*.nbc")})
 print(json.dumps(found))
 """
 
@@ -174,14 +180,98 @@ def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
     assert run(CALL + SYMBOLS, **named).split() == first
 
 
-@pytest.mark.parametrize("lost", ["*.nbc", "*.nbi"])
-def test_a_lost_entry_is_compiled_again(named: dict[str, str], lost: str) -> None:
-    """Compile a named kernel whose entry is missing before its caller is loaded."""
-    folder = run(CALL + FOLDER, **named).split()[1]
-    for entry in Path(folder).glob(f"inner.{lost}"):
-        entry.unlink()
-    assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "emptied": lambda data: b"",
+    "halved": lambda data: data[: len(data) // 2],
+    "last byte lost": lambda data: data[:-1],
+    "zeros": lambda data: bytes(len(data)),
+    "zeros in the middle": lambda data: data[:1000] + bytes(len(data) - 2000) + data[-1000:],
+    "garbage": lambda data: bytes(range(256)) * (len(data) // 256),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damage_is_noticed(tmp_path: Path, damage: str) -> None:
+    """Read a file that was not written to its end, or was overwritten, as one that is missing; remove it."""
+    entry, content = tmp_path / "entry.nbc", os.urandom(10_000)
+    write_entry(entry, content)
+    assert read_entry(entry) == content
+    entry.write_bytes(DAMAGES[damage](entry.read_bytes()))
+    assert read_entry(entry) is None
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kernel", ["inner", "outer"])
+def test_a_damaged_entry_is_compiled_again(named: dict[str, str], kernel: str) -> None:
+    """Compile a named kernel whose file is damaged before its caller is loaded, and the caller likewise."""
+    folder = Path(run(CALL + FOLDER, **named).split()[1])
+    for damage in ("halved", "zeros in the middle"):
+        (entry,) = folder.glob(f"*{kernel}.{kernel}[.-]*.nbc")
+        entry.write_bytes(DAMAGES[damage](entry.read_bytes()))
+        assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
     assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
+
+
+def test_a_lost_or_unreadable_entry_is_compiled_again(named: dict[str, str]) -> None:
+    """Compile a named kernel whose file is missing, or cannot be read, before its caller is loaded."""
+    folder = Path(run(CALL + FOLDER, **named).split()[1])
+    (entry,) = folder.glob("*inner.inner[.-]*.nbc")
+    entry.unlink()
+    assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
+    entry.unlink()
+    entry.mkdir()  # unreadable for root too
+    told, *values = run("import sys; sys.stderr = sys.stdout; " + CALL + COUNT, **named).splitlines()
+    assert values == ["2.0", "1"]
+    assert told.endswith("Is a directory; kernels compile in every process")
+
+
+@pytest.mark.parametrize("call", ["write_bytes", "replace"])
+def test_a_disk_that_fills_up_ends_no_process(named: dict[str, str], call: str) -> None:
+    """Compile in memory when no file can be written, with one line, and leave no parts of files."""
+    full = "import errno, os, pathlib, sys; sys.stderr = sys.stdout\n"
+    full += (
+        f"def fail(*_): raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))\npathlib.Path.{call} = fail\n"
+    )
+    told, value, folder = run(full + CALL + FOLDER, **named).splitlines()
+    assert value == "2.0"
+    assert told == (
+        f"touchstone: kernel cache {folder}: No space left on device; kernels compile in every process"
+    )
+    assert [one.name for one in Path(folder).iterdir() if not one.name.startswith("sources-")] == []
+    assert run(CALL + COUNT, **named).split() == ["2.0", "3"]
+
+
+SPACE = """
+import shutil
+from pathlib import Path
+free = {free}
+usage = shutil.disk_usage
+shutil.disk_usage = lambda path: usage(path)._replace(free=free.get(Path(path).parents[1].name, 0))
+"""
+
+
+def test_a_full_disk_falls_back(package: dict[str, str], tmp_path: Path) -> None:
+    """Take the next folder where space is less than the kernels need, and none where all disks are full."""
+    environment = {**package, "XDG_CACHE_HOME": str(tmp_path / "home")}
+    ask = CALL + FOLDER + "; from touchstone.reference_impl.core import kernel_cache as c; print(c.REJECTED)"
+    first, second = str(tmp_path / "cache"), str(tmp_path / "home" / "touchstone")
+    value, folder, rejected = run(SPACE.format(free={"touchstone": 10**9}) + ask, **environment).splitlines()
+    assert value == "2.0"
+    assert Path(folder).is_relative_to(second)
+    assert rejected == str([f"{first}/kernels: 0 MB free, 100 MB needed"])
+    value, folder, rejected = run(SPACE.format(free={}) + ask, **environment).splitlines()
+    assert (value, folder, rejected.count("0 MB free")) == ("2.0", "None", 3)
+
+
+def test_a_complete_folder_need_not_be_written(package: dict[str, str]) -> None:
+    """Use a folder with all kernels where its disk is full or read-only."""
+    folder = Path(run(CALL + FOLDER, **package).split()[1])
+    (folder / "compile_seconds.txt").write_text("1.0")
+    locked = "import errno, os, pathlib\n"
+    locked += "def fail(*_, **__): raise OSError(errno.EROFS, os.strerror(errno.EROFS))\n"
+    locked += "os.utime = pathlib.Path.touch = pathlib.Path.write_bytes = fail\n"
+    code = SPACE.format(free={}) + locked + CALL + COUNT + ";" + FOLDER
+    assert run(code, **package).split() == ["2.0", "0", str(folder)]
 
 
 def test_processes_share_a_cold_cache(named: dict[str, str]) -> None:
@@ -290,6 +380,17 @@ def test_old_cache_folders_are_removed(tmp_path: Path) -> None:
         os.utime(folder, (1e9 - age, 1e9 - age))
     remove_old_folders(tmp_path, 3)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["folder_0", "folder_1", "folder_2"]
+
+
+@pytest.mark.parametrize("text", ["", "\0\0\0\0", "1.0.0", "nan", "inf", "-1"])
+def test_a_damaged_note_is_none(tmp_path: Path, text: str) -> None:
+    """Take kernels as not compiled where the time that a compilation notes at its end makes no sense."""
+    assert noted_seconds(tmp_path) is None
+    note = tmp_path / "compile_seconds.txt"
+    note.write_text("37.35")
+    assert noted_seconds(tmp_path) == 37.35
+    note.write_text(text)
+    assert noted_seconds(tmp_path) is None
 
 
 @pytest.mark.slow

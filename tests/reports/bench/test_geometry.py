@@ -46,7 +46,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Pa
     folder, reported = tmp_path_factory.mktemp("bench") / "out", []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(geometry, "SUBJECTS", (REFERENCE, OTHER, ABSENT))
-        patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package", "extra"))
+        patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package"))
         rows = geometry.run(folder, lambda label, count: reported.append(count), TINY)
         assert sum(reported) == geometry.steps(TINY)
     return rows, folder, sum(reported)
@@ -77,7 +77,7 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
     """Skip a detector that is not installed, once, with the reason; show it."""
     rows = measured[0]
     absent = rows[rows.engine == ABSENT]
-    reason = "not installed (pip install 'touchstone[extra]')"
+    reason = "not installed (pip install no_such_package)"
     assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "missing", reason]]
     assert f"missing: absent: {reason}" in shown(geometry, rows)
 

@@ -98,7 +98,7 @@ def test_a_missing_oracle_is_told(registry, monkeypatch):
     monkeypatch.delitem(sys.modules, "touchstone.adapters.oracles.overlap", raising=False)
     monkeypatch.setitem(sys.modules, "coal", None)
     for name in ("overlap.max", "overlap.tunnelled", "contact.gap"):
-        with pytest.raises(JudgeMissing, match="pip install --force-reinstall touchstone"):
+        with pytest.raises(JudgeMissing, match="pip install --force-reinstall coal pin numba"):
             METRICS[name].measure(context)
     assert METRICS["friction.cone.point"].measure(context)[""] < 1e-12  # Coulomb's inequality, to rounding
 

@@ -12,7 +12,7 @@ from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 
-pytest.importorskip("pinocchio", reason="not installed (pip install 'touchstone[pin]')")
+pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
 
 
 def test_deviation_is_the_root_mean_square(registry, known):
