@@ -71,7 +71,7 @@ def test_eq_7_relative_normal_velocity(lab: SimpleNamespace) -> None:
     pair = world.pairs[0]
     pair["body_a"], pair["body_b"], pair["normal"] = 1, 0, (0.6, 0.0, 0.8)
     # their middle counts
-    pair["point_a"], pair["point_b"] = (0.0, 0.0, 0.01), (0.0, 0.0, -0.01)
+    pair["point_a"], pair["point_b"] = (0.0, 0.01, 0.0), (0.0, -0.01, 0.0)
     # omega x r = (5, 0, 0) x (0, 0, -0.05) = (0, 0.25, 0)
     assert normal_velocity(world.bodies, pair) == pytest.approx(0.6 * 0.3 - 0.8 * 0.7, rel=1e-12)
 
