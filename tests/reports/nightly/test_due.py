@@ -87,7 +87,7 @@ def test_rows_are_kept_without_times_and_with_their_step():
 def test_an_outcome_that_changes_is_a_finding(before, after, kind):
     """A hard case that is no longer survived is a regression, named by its classes."""
     found = physics(rows_for_nights(table([_hard(after)])), rows_for_nights(table([_hard(before)])))
-    assert [(one.kind, one.text) for one in found] == ([(kind, f"{before} -> {after}")] if kind else [])
+    assert [(one.kind, one.moved) for one in found] == ([(kind, f"{before} -> {after}")] if kind else [])
 
 
 @pytest.mark.parametrize(("accepted", "said"), [(0, "ok"), (2, "jitter"), (3, "jitter")])
