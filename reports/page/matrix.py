@@ -8,8 +8,9 @@ from html import escape
 from math import isfinite, isnan, log2, log10
 
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.page.content import Column, reproduce
+from touchstone.reports.page.content import Column
 from touchstone.reports.results import Row
+from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
 from touchstone.reports.views.tables import MARKS, exact_number, number, unit_of
 

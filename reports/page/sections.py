@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import Column, Content, reproduce
+from touchstone.reports.page.content import Column, Content
 from touchstone.reports.page.matrix import shown
 from touchstone.reports.results import NOT_RUN, Row
+from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
 from touchstone.reports.views.tables import grid, unit_of
 
@@ -151,7 +152,7 @@ def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Colum
                         f"{shown(best)} {unit}",
                         best.engine,
                         ratio,
-                        reproduce(mine),
+                        reproduce(mine, best),
                     ]
                 )
     if not lines:

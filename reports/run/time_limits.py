@@ -80,6 +80,8 @@ def judged_time(
             interruptions decide.
         median: ratio of the medians. A single run whose mean alone is beyond the limit gets no verdict: one
             interruption of some milliseconds doubles a mean.
+
+    A limit is broken only where the whole interval of the ratio is beyond it.
     """
     measured = _measured().get((row.scenario, row.profile, kind, row.metric))
     target = _target(row, kind, tags)
@@ -98,6 +100,10 @@ def judged_time(
         command = f"touchstone bench frame {row.scenario}"
         why = f"too close to {limit:.2g} for one run" if close else "no verdict from one run"
         return replace(row, reason=f"{said}: {why}, {command} decides")
+    if row.low <= limit < row.value:
+        return replace(
+            row, reason=f"{said}: no verdict, its interval includes {limit:.2g}; more restarts decide"
+        )
     verdict = "pass" if row.value <= limit else "fail"
     if target is not None and verdict == "pass" and row.value > target:
         verdict, said = "known", f"{said}; misses its target {target:g}; {stages}"

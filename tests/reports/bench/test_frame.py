@@ -208,6 +208,20 @@ def test_one_run_decides_nothing_on_an_interruption() -> None:
         assert row.verdict == verdict
 
 
+def test_a_limit_is_broken_only_by_the_whole_interval() -> None:
+    """Leave a ratio beyond its limit without verdict while its interval includes the limit, with a reason."""
+    base = time_limits.Row(
+        "run", "push_box", "reference", "balanced", 1 / 60, RATIO, 0.9, subject="mujoco recommended"
+    )
+    for frames in (240, np.inf):
+        for low, verdict in ((0.02, ""), (0.8, "fail")):
+            row = time_limits.judged_time(
+                "own steps", replace(base, low=low, high=1.1), ("gallery",), "", frames, 0.9
+            )
+            assert row.verdict == verdict
+            assert ("its interval includes" in row.reason) == (verdict == "")
+
+
 def test_a_failed_column_says_why(registry, shown) -> None:
     """Show the reason of a column that failed, and all others."""
     takes = taken(registry)
