@@ -99,7 +99,7 @@ def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run
     for kind, row, _, _ in found:
         key = (row.profile, kind, row.metric)
         fastest[key] = max(fastest.get(key, 0.0), row.value)
-    medians = {(row.profile, row.subject): row.value for _, row, _, _ in found if row.metric == MEDIAN}
+    medians = {(row.profile, row.subject): row.low for _, row, _, _ in found if row.metric == MEDIAN}
     return [
         _judged(kind, row, stages, scenario, frames, medians.get((row.profile, row.subject), inf))
         if row.value == fastest[row.profile, kind, row.metric]

@@ -78,8 +78,8 @@ def judged_time(
         frames: number of frames of a single run; inf: several restarts. A single run gets no verdict within
             CLOSE of the limit, on fewer than LEAST_FRAMES, or on a 99th percentile, which the machine's
             interruptions decide.
-        median: ratio of the medians. A single run whose mean alone is beyond the limit gets no verdict: one
-            interruption of some milliseconds doubles a mean.
+        median: low end of the interval of the ratio of the medians. A single run whose mean alone is beyond
+            the limit gets no verdict: one interruption of some milliseconds doubles a mean.
 
     A limit is broken only where the whole interval of the ratio is beyond it.
     """

@@ -17,7 +17,7 @@ from touchstone.reports.bench import frame, restarts
 from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take
 from touchstone.reports.bootstrap import RATIO, RATIOS
 from touchstone.reports.results import table
-from touchstone.reports.run import time_limits
+from touchstone.reports.run import ratios, time_limits
 from touchstone.reports.run.contact_frames import contact_frames
 from touchstone.reports.run.decomposition import FACTORS
 from touchstone.scenarios.catalogue import catalogue
@@ -220,6 +220,21 @@ def test_a_limit_is_broken_only_by_the_whole_interval() -> None:
             )
             assert row.verdict == verdict
             assert ("its interval includes" in row.reason) == (verdict == "")
+
+
+def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> None:
+    """Leave a mean whose whole interval is beyond its limit without verdict where that of the median is not."""
+    limits(monkeypatch, 0.1)
+    contact = np.ones(180, dtype=bool)
+    busy = np.repeat(np.where(np.arange(12) < 7, 5e-6, 5e-7), 15)[None]
+    theirs = ratios.Timed("dart", "recommended", 1 / 1020, np.full((1, 180), 1e-5), contact)
+    for mine, verdict in ((busy, ""), (np.full((1, 180), 3e-6), "fail")):
+        ours = ratios.Timed("reference", "balanced", 1 / 60, mine, contact)
+        row = next(
+            row for row in ratios.ratio_rows("run", SCENE, [ours, theirs], True) if row.metric == RATIO
+        )
+        assert row.low > 0.15
+        assert row.verdict == verdict
 
 
 def test_a_failed_column_says_why(registry, shown) -> None:
