@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from touchstone.reports.results import Row, rows_of, write_beside
+from touchstone.reports.results import Row, is_undecided, rows_of, write_beside
 from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
 
 OWN, EQUAL, POSED = "own steps", "equal steps", "posed"
@@ -100,7 +100,7 @@ def judged_time(
         command = f"touchstone bench frame {row.scenario}"
         why = f"too close to {limit:.2g} for one run" if close else "no verdict from one run"
         return replace(row, reason=f"{said}: {why}, {command} decides")
-    if row.low <= limit < row.value:
+    if is_undecided(row, limit):
         return replace(
             row, reason=f"{said}: no verdict, its interval includes {limit:.2g}; more restarts decide"
         )

@@ -169,7 +169,7 @@ def test_chains_come_in_random_order(lab: SimpleNamespace) -> None:
 def test_joints_are_attracted_to_their_tracker(lab: SimpleNamespace) -> None:
     """Go the share 1 - exp(-h / 0.1 s) of the way to the tracker's angles, within limits, at that rate."""
     world = build(lab.person())
-    first, last = world.drivers[0]["chains"][CHAIN]
+    first, _ = world.drivers[0]["chains"][CHAIN]
     elbow = world.joints[first + 3]
     start = float(elbow["angle"])
     elbow["target_angle"] = start + 0.3

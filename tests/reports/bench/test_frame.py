@@ -223,7 +223,7 @@ def test_a_limit_is_broken_only_by_the_whole_interval() -> None:
 
 
 def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> None:
-    """Leave a mean whose whole interval is beyond its limit without verdict where that of the median is not."""
+    """Leave a mean whose interval is beyond its limit without verdict where that of the median is not."""
     limits(monkeypatch, 0.1)
     contact = np.ones(180, dtype=bool)
     busy = np.repeat(np.where(np.arange(12) < 7, 5e-6, 5e-7), 15)[None]
