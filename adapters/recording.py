@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import AdapterError, Array
+from touchstone.scenarios.scenario import ShortRepr
 
 FORMAT_VERSION = 3
 DAMAGED = (
@@ -46,8 +47,8 @@ class RunEnded(AdapterError):
         self.recording = recording
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
+@dataclass(frozen=True, slots=True, repr=False)
+class Recording(ShortRepr):
     """A run of one engine on one scene. `scenario` and `manifest` are JSON texts."""
 
     scenario: str

@@ -5,10 +5,10 @@ from __future__ import annotations
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.own_limits import valid_metrics
 from touchstone.reports.results import Row
-from touchstone.reports.run.request import MACHINE_PROFILE, step_text
+from touchstone.reports.run.request import EVERY_ENGINE, MACHINE_PROFILE, step_text
 
-RATIO, EVERY_ENGINE = "ratio.", "all"
-"""Start of the metrics of a row whose subject is another column; the engine of a row about all of them."""
+RATIO = "ratio."
+"""Start of the metrics of a row whose subject is another column."""
 BENCH = "bench "
 """Start of the name of a study that starts every engine several times."""
 
