@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import touchstone
+from touchstone.reports import api
 from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.results import table
 from touchstone.reports.run.request import Request
@@ -56,6 +57,19 @@ def test_what_a_script_prints_is_short(registry):
     assert repr(results).startswith(f"<Results: scenes 1, columns 1, rows {len(frame)}, recordings 1; ")
     assert f"{(frame.verdict == 'pass').sum()} pass" in repr(results)
     assert "position=<array (" in repr(recording)
+
+
+@pytest.mark.parametrize("name", ["run", "sweep", "work_precision"])
+@pytest.mark.parametrize(("engine", "told"), [("reference", True), ("mujoco", False)])
+def test_a_compilation_is_told(monkeypatch, capsys, name, engine, told):
+    """A function that plays the reference says in one line on standard error that it compiles first."""
+    said = "compiling the reference, once per version of it: about 60 s"
+    monkeypatch.setattr(api, "announcement", lambda: said)
+    monkeypatch.setattr(api, "scratch_folder", lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        getattr(touchstone, name)("fall", engine)
+    # the study of work and precision also plays the reference for its converged solutions
+    assert capsys.readouterr().err == f"{said}\n" * (told or name == "work_precision")
 
 
 @pytest.mark.parametrize("way", ["standard input", "script"])
