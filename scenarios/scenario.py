@@ -50,7 +50,7 @@ class ScenarioError(ValueError):
 
 
 class ShortRepr:
-    """Base of dataclasses that are represented in a few lines: arrays, long texts and collections by sizes."""
+    """Base of dataclasses that print a few lines: arrays, long texts and collections by their sizes."""
 
     __slots__ = ()
 
