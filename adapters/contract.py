@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from touchstone.scenarios.avatar.noisy_tracker import TRACKERS
 from touchstone.scenarios.effects import PLANNED
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import Scenario, ShortRepr
 
 Array = NDArray[np.float64]
 Scalar = str | int | float | bool
@@ -135,8 +135,8 @@ class PairFacts:
     friction: float
 
 
-@dataclass(frozen=True, slots=True)
-class Manifest:
+@dataclass(frozen=True, slots=True, repr=False)
+class Manifest(ShortRepr):
     """What the engine simulates, read back from it, hidden defaults included."""
 
     engine: str

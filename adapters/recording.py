@@ -11,13 +11,19 @@ import os
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
+from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from touchstone.adapters.contract import AdapterError, Array
+from touchstone.adapters.contract import CONTACT_FIELDS, AdapterError, Array
+from touchstone.scenarios.files.safe_paths import regular
+from touchstone.scenarios.scenario import Scenario, ScenarioError, ShortRepr
 
 FORMAT_VERSION = 3
 DAMAGED = (
@@ -25,13 +31,49 @@ DAMAGED = (
     ValueError,
     TypeError,
     EOFError,
+    KeyError,  # zipfile: a name that the archive lists and lacks
+    MemoryError,  # an array that claims a huge shape
     NotImplementedError,  # zipfile: an unknown method of compression
+    OverflowError,
+    RuntimeError,  # zipfile: an encrypted file
     SyntaxError,  # a damaged header of an array is parsed as Python
     tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
 )
 """Exceptions of numpy and zipfile on damaged files or files of another format."""
+FORGED = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
+"""Exceptions of the decoder on a text that is no scenario."""
+MAPPINGS = ("settings", "bodies", "drives", "effects", "limits", "pieces")
+"""Fields of a manifest that are tables."""
+FARTHEST = 1e30
+"""Coordinates that no scene has at its start [m], with room for single precision."""
+RESIDUAL_BODY = "residual.body"
+"""Start of the counters that are indices of bodies."""
+LARGEST = 2**33
+"""Largest size of all arrays [bytes], 100 times that of our longest runs: an archive of zeros is small."""
+TEXTS = ("scenario", "manifest", "ended")
+SHAPES = {
+    "time": "f",
+    "position": "fn3",
+    "orientation": "fn4",
+    "linear_velocity": "fn3",
+    "angular_velocity": "fn3",
+    "joint_angle": "fj",
+    "joint_rate": "fj",
+    "driver_work": "f",
+    "driver_impulse": "ft3",
+    "contacts": "c",
+    "time_frame": "s",
+    "time_drive": "s",
+    "time_read": "s",
+    "time_crossing": "k",
+    "stage_names": "m",
+    "stage_seconds": "sm",
+    "work_names": "w",
+    "work": "sw",
+}
+"""Shape of each array, in letters as in the comments of `Recording`."""
 
 
 class RecordingError(AdapterError):
@@ -46,8 +88,8 @@ class RunEnded(AdapterError):
         self.recording = recording
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
+@dataclass(frozen=True, slots=True, repr=False)
+class Recording(ShortRepr):
     """A run of one engine on one scene. `scenario` and `manifest` are JSON texts."""
 
     scenario: str
@@ -89,19 +131,132 @@ class Recording:
             part.unlink(missing_ok=True)
 
 
-def load(path: Path) -> Recording:
-    """Read a recording; raises RecordingError with the reason if the file is not one of this format."""
+@lru_cache(maxsize=32)
+def scene_of_text(text: str) -> Scenario:
+    """The scenario of a recording's JSON text; raises ValueError with one line if there is none."""
+    from touchstone.scenarios.files.read import NAME, named, scenario_of
+    from touchstone.scenarios.files.schema import checked, model_of
+
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            columns = {name: archive[name] for name in archive.files}
-    except DAMAGED as error:
-        reason = f"{error}".partition("\n")[0][:100]
-        raise RecordingError(f"{path}: not a recording ({reason})") from error
-    version = int(columns.pop("format_version", np.array(-1)))
-    if version != FORMAT_VERSION:
-        raise RecordingError(f"{path}: format version {version}, this program reads {FORMAT_VERSION}")
+        data, faults = checked(json.loads(text), model_of(Scenario))
+        if faults:
+            place, reason = faults[0]
+            raise ValueError(f"{named(place)}: {reason}")
+        if not NAME.fullmatch(data["name"]):
+            raise ValueError(f"name: found {data['name'][:100]!r}, which names no file")
+        return scenario_of(data)
+    except ScenarioError as error:
+        place, reason = error.faults[0]
+        raise ValueError(f"{place}: {reason}") from error
+    except FORGED as error:
+        raise ValueError(_first_line(error)) from error
+
+
+def load(path: str | Path) -> Recording:
+    """Read a recording; raises RecordingError with the reason if the file is not one of this format."""
+    columns = _columns(Path(path))
+    version = columns.pop("format_version", np.array(-1))
+    if version.shape or version.dtype.kind not in "iu" or version != FORMAT_VERSION:
+        found = version if version.size == 1 else "none"
+        raise RecordingError(f"{path}: format version {found}, this program reads {FORMAT_VERSION}")
     wanted = {f.name for f in fields(Recording)}
     if set(columns) != wanted:
         raise RecordingError(f"{path}: fields {sorted(wanted ^ set(columns))} are missing or unknown")
-    texts = {name: str(columns.pop(name)) for name in ("scenario", "manifest", "ended")}
+    try:
+        _check(columns)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    texts = {name: str(columns.pop(name)) for name in TEXTS}
     return Recording(**texts, **columns)  # type: ignore[arg-type]
+
+
+def _columns(path: Path) -> dict[str, NDArray[Any]]:
+    """Arrays of an archive by name; raises RecordingError."""
+    place = f"{path}"
+    try:
+        with np.load(regular(path), allow_pickle=False) as archive:
+            size = sum(info.file_size for info in archive.zip.infolist())
+            if size > LARGEST:
+                raise RecordingError(f"{path}: {size} bytes of arrays, expected at most {LARGEST}")
+            columns = {}
+            for name in archive.files:
+                place = f"{path}: {name}"
+                columns[name] = np.asarray(archive[name])
+        return columns
+    except RecordingError:
+        raise
+    except DAMAGED as error:
+        raise RecordingError(f"{place}: not a recording ({_first_line(error)})") from error
+
+
+def _check(columns: Mapping[str, NDArray[Any]]) -> None:
+    """Raise ValueError, which names the field, where types, shapes or texts are not those of a recording."""
+    for name in TEXTS:
+        if columns[name].shape or columns[name].dtype.kind != "U":
+            raise ValueError(f"{name}: found {_kind(columns[name])}, expected a text")
+    try:
+        scenario = scene_of_text(str(columns["scenario"]))
+    except ValueError as error:
+        raise ValueError(f"scenario: damaged, or of another version: {error}") from error
+    _check_manifest(str(columns["manifest"]), scenario)
+    time, shown = columns["time"], columns["time_frame"]
+    if time.ndim != 1 or time.dtype != float or not len(time):
+        raise ValueError(f"time: found {_kind(time)}, expected one frame or more")
+    if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
+        raise ValueError("time: expected finite, increasing times")
+    sizes = {
+        "f": len(time),
+        "s": len(time) - 1 if shown.size else 0,  # without times where no engine played
+        "n": len(scenario.bodies),
+        "t": len(scenario.trackers),
+        "j": sum(len(tracker.joints) for tracker in scenario.trackers),
+    } | {digit: int(digit) for digit in "34"}
+    for name, letters in SHAPES.items():
+        found, text = columns[name], name.endswith("_names")
+        kind = CONTACT_FIELDS if name == "contacts" else np.dtype(float)
+        if found.dtype.kind != "U" if text else found.dtype != kind:
+            raise ValueError(f"{name}: found {_kind(found)}, expected {'texts' if text else kind.name}")
+        if found.ndim == len(letters):
+            sizes = dict(zip(letters, found.shape)) | sizes
+        expected = tuple(sizes.get(letter, letter) for letter in letters)
+        if found.shape != expected:
+            raise ValueError(f"{name}: found the shape {found.shape}, expected {expected}")
+    for name in ("position", "orientation"):
+        if not (np.abs(columns[name][0]) < FARTHEST).all():
+            raise ValueError(f"{name}: expected finite numbers in the initial frame")
+    bodies = np.char.startswith(columns["work_names"], RESIDUAL_BODY)
+    if not np.isin(columns["work"][:, bodies], np.arange(-1, sizes["n"])).all():
+        raise ValueError(f"work: {RESIDUAL_BODY}: expected indices of bodies, or -1")
+    for name in ("body_a", "body_b"):
+        ends = columns["contacts"][name]
+        if ((ends < 0) | (ends >= sizes["n"])).any():
+            raise ValueError(f"contacts: {name}: expected indices of the {sizes['n']} bodies")
+
+
+def _check_manifest(text: str, scenario: Scenario) -> None:
+    """Raise ValueError where the manifest lacks what every run has, or is that of other bodies."""
+    try:
+        facts = json.loads(text)
+        engine, profile, dt = facts["engine"], facts["profile"], facts["dt"]
+    except FORGED as error:
+        raise ValueError(
+            f"manifest: expected JSON with engine, profile and dt ({_first_line(error)})"
+        ) from error
+    if not isinstance(engine, str) or not isinstance(profile, str):
+        raise ValueError("manifest: engine, profile: expected texts")
+    if not isinstance(dt, int | float) or not 0 < dt < inf:
+        raise ValueError(f"manifest: dt: found {dt!r}, expected seconds")
+    for name in MAPPINGS:
+        if not isinstance(facts.get(name, {}), dict):
+            raise ValueError(f"manifest: {name}: expected a table")
+    names = {body.name for body in scenario.bodies}
+    if unknown := sorted(facts.get("bodies", {}).keys() - names):
+        raise ValueError(f"manifest: bodies: {unknown[0]!r} is not in the scene")
+
+
+def _kind(array: NDArray[Any]) -> str:
+    return f"{array.dtype.name} of the shape {array.shape}" if array.shape else array.dtype.name
+
+
+def _first_line(error: BaseException) -> str:
+    return f"{error}".partition("\n")[0][:100] or type(error).__name__

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
@@ -10,13 +11,14 @@ from typing import TypedDict, Unpack
 import pandas as pd
 
 from touchstone.adapters.contract import AdapterError
+from touchstone.adapters.engines.reference.compile_progress import announcement
 from touchstone.adapters.knobs import SettingError
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, available, registered
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.names import checked
 from touchstone.reports.own_limits import check_limits
-from touchstone.reports.run.request import DEFAULT_PROFILES, Request, Results, columns_of
+from touchstone.reports.run.request import DEFAULT_PROFILES, REFERENCE, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.named import NoScene, scenes_named
@@ -56,6 +58,7 @@ def run(
     columns = _columns(engines, profiles)
     if dt is not None:
         _check_step(dt, scenarios)
+    _announce(engine for engine, _ in columns)
     with scratch_folder() as folder:
         request = Request(scenarios, columns, Path(out) if out else Path(folder) / "run", dt)
         return run_study(request, lambda label, frames: None)
@@ -126,6 +129,7 @@ def sweep(
         cells = grid(names, columns, steps=asked, changes=texts, seeds=chosen, repeats=once)
     except SettingError as error:
         raise ValueError(str(error)) from error
+    _announce(engine for engine, _ in columns)
     with scratch_folder() as folder:
         store = Path(out) if out else folder / "sweep"
         return sweep_timed(cells, store, repeats, jobs=jobs) if timing else run_sweep(cells, store, jobs=jobs)
@@ -162,10 +166,17 @@ def work_precision(
     wanted = definitions.scenes(quick) if scenes is None else _several(scenes)
     names = [checked("scene", name, catalogue()) for name in wanted]
     plan = Plan(names, [_registered(name) for name in _several(engines)], quick)
+    _announce([REFERENCE])  # it also gives the converged solutions
     with scratch_folder() as folder:
         table, ladder = measure(plan, Path(store) if store else folder / "sweep", jobs)
     table.attrs |= {"fronts": fronts(table), "ladder": ladder}
     return table
+
+
+def _announce(engines: Iterable[str]) -> None:
+    """Say on standard error that the reference is about to compile, if it is among the engines."""
+    if REFERENCE in engines and (note := announcement()):
+        print(note, file=sys.stderr, flush=True)
 
 
 def _columns(

@@ -11,7 +11,7 @@ from touchstone.adapters.registry import ENGINES
 from touchstone.reports.known_failures.bounds import bound_of, is_measured, was_failing
 from touchstone.reports.known_failures.table import KNOWN, Known
 from touchstone.reports.metrics.contacts.contact import DRIVEN_AUDIT_LIMIT
-from touchstone.reports.results import CONSTRUCTION, HARNESS, Row
+from touchstone.reports.results import CONSTRUCTION, HARNESS, Row, is_undecided
 from touchstone.scenarios.effects import PLANNED
 
 
@@ -328,7 +328,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     reason, largest, met, basis = row.reason, row.limit, row.verdict == "pass", row.basis
     if not row.verdict:
         limit = limit_of(row, tags)
-        if limit is None:
+        if limit is None or is_undecided(row, limit.largest):
             return row
         reason, largest, met = limit.reason, limit.largest, abs(row.value) <= limit.largest
         basis = CONSTRUCTION if limit.by_construction else basis

@@ -18,7 +18,7 @@ from touchstone.reports import limits, noisy_limits
 from touchstone.reports.bootstrap import RATIOS
 from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.results import Row
+from touchstone.reports.results import Row, is_undecided
 from touchstone.scenarios.catalogue import tags
 from touchstone.scenarios.files.read import SceneFileError, data_of_file, placed
 from touchstone.scenarios.scenario import Scenario
@@ -44,7 +44,7 @@ def judged(row: Row, scenario: Scenario, of_file: Iterable[Limit] = ()) -> Row:
     """The row with its limit and verdict, by the scene's and a file's limits before ours."""
     own = limits.limit_of(row, scenario.tags, own_limits(scenario, of_file))
     if own is not None and row.verdict == "":
-        if isinf(own.largest):
+        if isinf(own.largest) or is_undecided(row, own.largest):
             return row
         remark = f"{row.reason}; {own.reason}" if row.reason else own.reason
         met = abs(row.value) <= own.largest

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from touchstone.reports.assertions.outcome import LISTENER, Finding, InvariantError
+
 if TYPE_CHECKING:
     from touchstone.adapters.recording import Recording
     from touchstone.reports.assertions.player import Player
@@ -171,14 +173,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """Write what assertions measure into the properties of the test; show a broken one without a
-    traceback."""
-    import sys
-
-    if "touchstone.reports.assertions.outcome" not in sys.modules:
-        return (yield)
-    from touchstone.reports.assertions.outcome import LISTENER, Finding
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Write what assertions of a test and of its fixtures measure into the properties of the test."""
 
     def write(finding: Finding) -> None:
         unit = f" [{finding.unit}]" if finding.unit != "1" else ""
@@ -196,14 +192,10 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> Iterator[None]:
     """A broken invariant is reported by its message and the line that asserts it."""
     report: Any = yield
-    error = call.excinfo.value if call.excinfo is not None else None
-    if type(error).__name__ == "InvariantError" and report.when == "call":
-        from touchstone.reports.assertions.outcome import InvariantError
-
-        if isinstance(error, InvariantError):
-            inner = (SUITE.parent, Path(pytest.__file__).parents[1] / "_pytest")
-            frames = [f for f in call.excinfo.traceback if Path(str(f.path)).parent not in inner]  # type: ignore[union-attr]
-            at = frames[-1] if frames else None
-            line = f"{at.path}:{at.lineno + 1}: {str(at.statement).strip()}\n" if at is not None else ""
-            report.longrepr = f"{line}{error}"
+    if call.excinfo is not None and isinstance(call.excinfo.value, InvariantError):
+        inner = (SUITE.parent, Path(pytest.__file__).parents[1] / "_pytest")
+        frames = [f for f in call.excinfo.traceback if Path(str(f.path)).parent not in inner]
+        at = frames[-1] if frames else None
+        line = f"{at.path}:{at.lineno + 1}: {str(at.statement).strip()}\n" if at is not None else ""
+        report.longrepr = f"{line}{call.excinfo.value}"
     return report

@@ -8,14 +8,14 @@ origin on the hinge. Every object is plain, frozen data.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from itertools import combinations
 from math import isfinite
 from numbers import Real
-from typing import Literal
+from typing import Any, Literal
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -49,6 +49,24 @@ class ScenarioError(ValueError):
         super().__init__(f"scenario {name!r} has {len(faults)} fault(s):\n{lines}")
 
 
+class ShortRepr:
+    """Base of dataclasses that print a few lines: arrays, long texts and collections by their sizes."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        parts = (f"{field.name}={_short(getattr(self, field.name))}" for field in dataclass_fields(self))  # type: ignore[arg-type]
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+
+def _short(value: Any, longest: int = 60) -> str:
+    if hasattr(value, "shape"):
+        return f"<array {value.shape}>"
+    if isinstance(value, Sized) and (len(value) > longest or len(repr(value)) > longest):
+        return f"<{len(value)} {'characters' if isinstance(value, str) else 'items'}>"
+    return repr(value)
+
+
 @dataclass(frozen=True, slots=True)
 class Sphere:
     """Ball of `radius` [m] about the piece's origin."""
@@ -79,8 +97,8 @@ class Ellipsoid:
     half_axes: Vector
 
 
-@dataclass(frozen=True, slots=True)
-class Hull:
+@dataclass(frozen=True, slots=True, repr=False)
+class Hull(ShortRepr):
     """Convex hull of `vertices` [m, piece frame], each of which must be a corner of it."""
 
     vertices: tuple[Vector, ...]
@@ -89,8 +107,8 @@ class Hull:
 Shape = Sphere | Box | Capsule | Ellipsoid | Hull
 
 
-@dataclass(frozen=True, slots=True)
-class Piece:
+@dataclass(frozen=True, slots=True, repr=False)
+class Piece(ShortRepr):
     """Convex piece, posed in the frame of its body."""
 
     name: str
@@ -99,8 +117,8 @@ class Piece:
     orientation: Quaternion = IDENTITY
 
 
-@dataclass(frozen=True, slots=True)
-class Body:
+@dataclass(frozen=True, slots=True, repr=False)
+class Body(ShortRepr):
     """Rigid body, or one link of a driven body.
 
     `position` to `angular_velocity` [m, wxyz, m/s of the centre of mass, rad/s; world] are the initial state;
@@ -135,8 +153,8 @@ class Joint:
     upper: float = 3.141592653589793
 
 
-@dataclass(frozen=True, slots=True)
-class ReachCone:
+@dataclass(frozen=True, slots=True, repr=False)
+class ReachCone(ShortRepr):
     """Joint limits of a ball joint, whose three `joints` turn about right-handed perpendicular axes through
     one point; the third axis is the bone's.
 
@@ -152,8 +170,8 @@ class ReachCone:
     twist: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Chain:
+@dataclass(frozen=True, slots=True, repr=False)
+class Chain(ShortRepr):
     """Hinges from root to tip that inverse kinematics turns together; they are consecutive in their
     tracker."""
 
@@ -162,8 +180,8 @@ class Chain:
     cones: tuple[ReachCone, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Tracker:
+@dataclass(frozen=True, slots=True, repr=False)
+class Tracker(ShortRepr):
     """Path that a driven body follows: keyframes of its root's pose and of its hinges' angles.
 
     `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation the
@@ -258,8 +276,8 @@ class Arc:
     angular_acceleration: Vector = ORIGIN
 
 
-@dataclass(frozen=True, slots=True)
-class Truth:
+@dataclass(frozen=True, slots=True, repr=False)
+class Truth(ShortRepr):
     """Closed-form motion of `body`; `closed_form.py` evaluates it.
 
     arcs: piecewise motion by `arcs`, the first from 0 s. torque_free: motion from the initial state under
@@ -276,8 +294,8 @@ CHECKS: list[Callable[[Scenario], list[tuple[str, str]]]] = []
 """Functions that list the faults of a scenario; `validation` adds its own when the package is imported."""
 
 
-@dataclass(frozen=True, slots=True)
-class Scenario:
+@dataclass(frozen=True, slots=True, repr=False)
+class Scenario(ShortRepr):
     """Scene with its truth. Construction validates it: `ScenarioError` names every fault at once. Under
     `HOLD_LAST` its trackers first hold their last good samples."""
 

@@ -9,6 +9,10 @@ from pathlib import Path
 import pytest
 
 import touchstone
+from touchstone.reports import api
+from touchstone.reports.metrics.motion.time_series import Course
+from touchstone.reports.results import table
+from touchstone.reports.run.request import Request
 
 PLAY = """
 import touchstone
@@ -33,6 +37,39 @@ def test_scenarios_are_listed_by_name_and_tag():
     gallery = touchstone.scenarios("gallery")
     assert 0 < len(gallery) < len(found)
     assert all("gallery" in scene.tags for scene in gallery.values())
+
+
+def test_what_a_script_prints_is_short(registry):
+    """Scenarios and all their parts, recordings, manifests, requests and results print a line or a few."""
+    recording = registry.played("ball_snip", "reference")
+    scenes = list(touchstone.scenarios().values())
+    request = Request(tuple(scenes), (("reference", "balanced"),), Path("out"))
+    rows = registry.judged_rows("ball_snip", "reference")
+    frame = table(rows)
+    results = touchstone.Results(frame, {("ball_snip", "reference", "balanced"): recording})
+    printed = [recording, request, results, Course(recording.time, {("overlap.max", ""): recording.time})]
+    for scene in scenes:
+        printed += [scene, *scene.bodies, *scene.trackers, *scene.truths, *scene.chains, *scene.joints]
+        printed += [piece for body in scene.bodies for piece in body.pieces]
+    for one in printed:
+        assert len(repr(one)) < 1000
+        assert repr(one).count("\n") < 5
+    assert repr(results).startswith(f"<Results: scenes 1, columns 1, rows {len(frame)}, recordings 1; ")
+    assert f"{(frame.verdict == 'pass').sum()} pass" in repr(results)
+    assert "position=<array (" in repr(recording)
+
+
+@pytest.mark.parametrize("name", ["run", "sweep", "work_precision"])
+@pytest.mark.parametrize(("engine", "told"), [("reference", True), ("mujoco", False)])
+def test_a_compilation_is_told(monkeypatch, capsys, name, engine, told):
+    """A function that plays the reference says in one line on standard error that it compiles first."""
+    said = "compiling the reference, once per version of it: about 60 s"
+    monkeypatch.setattr(api, "announcement", lambda: said)
+    monkeypatch.setattr(api, "scratch_folder", lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        getattr(touchstone, name)("fall", engine)
+    # the study of work and precision also plays the reference for its converged solutions
+    assert capsys.readouterr().err == f"{said}\n" * (told or name == "work_precision")
 
 
 @pytest.mark.parametrize("way", ["standard input", "script"])

@@ -14,7 +14,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.scenarios.files.safe_paths import PathRefused, allowed
+from touchstone.scenarios.files.safe_paths import PathRefused, allowed, regular
 
 SCHEME = re.compile(r"^(package|model|file)://")
 MOST_BYTES = 50_000_000
@@ -58,7 +58,7 @@ def parsed(path: Path) -> Element:
         RobotError: the file cannot be read, is not XML, or declares entities.
     """
     try:
-        text = path.read_bytes()
+        text = regular(path).read_bytes()
     except OSError as error:
         raise RobotError(f"{path}: {error.strerror or error}") from error
     if len(text) > MOST_BYTES:

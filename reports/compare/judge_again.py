@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 
 from touchstone.adapters.contract import Settings
-from touchstone.adapters.recording import Recording
+from touchstone.adapters.recording import scene_of_text
 from touchstone.adapters.workers.children import Job, Outcome
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.compare.stored import RunError, label_of, recordings_of
+from touchstone.reports.compare.stored import label_of, recordings_of
 from touchstone.reports.limits import Limit
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.request import Request, Results
 from touchstone.reports.run.study import judge_outcomes
-from touchstone.scenarios.files.read import scenario_of
-from touchstone.scenarios.scenario import Scenario, ScenarioError
-
-
-def scene_of(path: Path, recording: Recording) -> Scenario:
-    """The scene that a recording carries; raises RunError if it is of another version."""
-    try:
-        return scenario_of(json.loads(recording.scenario))
-    except (ScenarioError, TypeError, ValueError, KeyError) as error:
-        reason = f"{error}".partition("\n")[0]
-        raise RunError(f"{path}: its scene is of another version: {reason}") from error
+from touchstone.scenarios.scenario import Scenario
 
 
 def outcomes_of(folder: Path) -> dict[str, list[Outcome]]:
@@ -34,7 +23,7 @@ def outcomes_of(folder: Path) -> dict[str, list[Outcome]]:
     found: dict[str, list[Outcome]] = {}
     scenes: dict[str, Scenario] = {}
     for path, recording in recordings_of(folder):
-        scenario = scene_of(path, recording)
+        scenario = scene_of_text(recording.scenario)
         _, engine, label = label_of(path, recording)
         settings = Settings(label, float(recording.facts["dt"]))
         scenario = scenes.setdefault(scenario.name, scenario)

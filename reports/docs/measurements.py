@@ -12,6 +12,7 @@ import pandas as pd
 from rich.console import Console
 
 from touchstone.reports.docs.reference import NOTICE
+from touchstone.scenarios.files.safe_paths import regular
 
 WIDTH = 120
 """Width of tables in characters."""
@@ -34,8 +35,8 @@ def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
         NoResults: the folder has no `results.parquet` with rows, or no manifest.
     """
     try:
-        frame = pd.read_parquet(folder / "results.parquet")
-        facts = json.loads((folder / "manifest.json").read_text())
+        frame = pd.read_parquet(regular(folder / "results.parquet"))
+        facts = json.loads(regular(folder / "manifest.json").read_text())
         study = str(frame.study.iloc[0])
     except (OSError, ValueError, IndexError, AttributeError) as error:
         raise NoResults(f"{folder}: no results of a run, study or bench ({error})") from error

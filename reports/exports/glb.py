@@ -58,10 +58,12 @@ class _Buffer:
 
 
 def glb(recording: Recording, scenario: Scenario) -> bytes:
-    """The recording of a scene as a GLB file. Frames that are not finite end the animation."""
+    """The recording of a scene as a GLB file; a frame beyond single precision ends the animation."""
     buffer = _Buffer()
     poses = np.concatenate([recording.position, recording.orientation], axis=2)
-    finite: np.ndarray = np.isfinite(poses).all(axis=(1, 2))
+    with np.errstate(over="ignore"):
+        finite: np.ndarray = np.isfinite(poses.astype("<f4")).all(axis=(1, 2))
+    finite &= recording.orientation.any(axis=2).all(axis=1)  # a quaternion of zeros is no orientation
     frames = len(poses) if finite.all() else int(np.argmin(finite))
     times = buffer.add(recording.time[:frames], "SCALAR")
     kinds = list(COLORS)

@@ -14,9 +14,10 @@ from touchstone.reports.nightly.night import Measured
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import CHANGE, GONE, ORDER, REGRESSION, WARNING, Finding, ordered
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import BAD, GOOD, WARN, Change, Content, counted, reproduce, verdict_of
+from touchstone.reports.page.content import BAD, GOOD, WARN, Change, Content, counted, verdict_of
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
+from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE, STUDY
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue

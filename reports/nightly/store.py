@@ -28,6 +28,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from touchstone.reports.results import COLUMNS, write_beside
+from touchstone.scenarios.files.safe_paths import regular
 
 FORMAT = 1
 """Version of the files."""
@@ -110,7 +111,7 @@ class Store:
     def check(self) -> None:
         """Raise StoreError if the store vanished or has another version."""
         try:
-            found = json.loads((self.folder / MARK).read_text("utf-8"))["format"]
+            found = json.loads(regular(self.folder / MARK).read_text("utf-8"))["format"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise StoreError(
                 f"{self.place}: {MARK} cannot be read; the store vanished or is damaged"
@@ -126,7 +127,7 @@ class Store:
                 continue  # another process writes it, or was killed while it did
             reason = ""
             try:
-                facts = json.loads((pq.read_schema(path).metadata or {})[KEY])
+                facts = json.loads((pq.read_schema(regular(path)).metadata or {})[KEY])
                 if facts["format"] != FORMAT:
                     reason = f"version {facts['format']}, this program reads {FORMAT}"
                 else:
@@ -189,7 +190,7 @@ class Store:
         found = []
         for path in sorted((self.folder / "accepted").glob("*.json")):
             try:
-                found.append(json.loads(path.read_text("utf-8")))
+                found.append(json.loads(regular(path).read_text("utf-8")))
             except (OSError, ValueError) as error:
                 self._set_aside(path, f"damaged: {error}")
         return found

@@ -7,10 +7,7 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from touchstone.adapters.registry import ENGINES
-from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-from touchstone.reports.run.request import STUDY, step_text
 
 BAD, WARN, GOOD = "bad", "warn", "good"
 Column = tuple[str, str]
@@ -108,32 +105,6 @@ def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
 def counted(count: int, word: str) -> str:
     """A number of things, in the plural where it is due."""
     return f"{count} {word}{'' if count == 1 else 's'}"
-
-
-def reproduce(row: Row) -> str:
-    """The command that measures a row again; for `ENGINE==VERSION` that of the version."""
-    if row.study == STUDY and row.metric.startswith("ratio.time"):
-        return f"touchstone bench frame {row.scenario}"
-    profile, *changes = row.profile.split(", ")
-    engine, _, version = row.engine.partition("==")
-    words = ["touchstone run", row.scenario, f"--engine {engine}", f"--profile {profile}"]
-    if version:
-        words[0] = "touchstone versions"
-        return " ".join([*words, f"--version {version}"])
-    for change in changes:
-        key, _, value = change.partition("=")
-        words.append(
-            f"--{key} {value.replace('+', ',')}"
-            if key in ("drive", "tracker", "effects")
-            else f"--set {change}"
-        )
-    entry = ENGINES.get(row.engine)
-    own = entry.profiles.get(profile) if entry else None
-    if own is not None and row.dt == row.dt and abs(own - row.dt) > 1e-9 * row.dt:
-        words.append(f"--dt {step_text(row.dt)}")
-    if row.metric in METRICS:
-        words.append(f"--metric {row.metric}")
-    return " ".join(words)
 
 
 def rows_by_scene(frame: pd.DataFrame) -> dict[str, list[Row]]:

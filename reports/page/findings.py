@@ -7,10 +7,11 @@ from html import escape
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.labels import label
-from touchstone.reports.page.content import Change, counted, reproduce
+from touchstone.reports.page.content import Change, counted
 from touchstone.reports.page.html import Cell, Part, fold, long_table
 from touchstone.reports.page.matrix import gravest
 from touchstone.reports.results import Row
+from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.views.tables import MARKS, quantity
 
 SHOWN = 8

@@ -14,13 +14,13 @@ from pathlib import Path
 import pandas as pd
 
 from touchstone.adapters.engines.entry import ENGINES, Entry
-from touchstone.adapters.recording import RecordingError, load
-from touchstone.reports.compare.judge_again import scene_of
+from touchstone.adapters.recording import RecordingError, load, scene_of_text
 from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.page.content import Column, Content, verdict_of
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
+from touchstone.scenarios.files.safe_paths import regular
 
 VERSION_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Colours of versions, in their order; they differ for colour-blind readers too."""
@@ -46,7 +46,7 @@ def scenes_of(run: Path) -> dict[str, dict[Column, Path]]:
 def folders_of(run: Path) -> dict[str, Path]:
     """Version -> folder of its run; "" -> the folder of a run that knows no versions."""
     try:
-        versions = json.loads((run / "manifest.json").read_text("utf-8")).get("versions", ())
+        versions = json.loads(regular(run / "manifest.json").read_text("utf-8")).get("versions", ())
     except (OSError, ValueError, AttributeError):
         versions = ()
     names = [str(one) for one in versions] if isinstance(versions, list) else []
@@ -97,7 +97,7 @@ def scene_page(run: Path, scene: str, columns: Mapping[Column, Path]) -> str:
     """Page with the playback of some recordings of a scene, and the rows of the run's table for them.
 
     Raises:
-        RunError: a recording cannot be read, or its scene is of another version.
+        RunError: a recording cannot be read.
     """
     played = {}
     for column, path in columns.items():
@@ -105,7 +105,7 @@ def scene_page(run: Path, scene: str, columns: Mapping[Column, Path]) -> str:
             recording = load(path)
         except RecordingError as error:
             raise RunError(str(error)) from error
-        played[column] = Context(recording, scene_of(path, recording))
+        played[column] = Context(recording, scene_of_text(recording.scenario))
     scenario = next(iter(played.values())).scenario
     frame = results_of(run)
     chosen = pd.MultiIndex.from_frame(frame[["engine", "profile"]]).isin(list(columns))

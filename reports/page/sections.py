@@ -7,10 +7,11 @@ from html import escape
 
 from touchstone.reports.metrics.labels import label
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import Column, Content, reproduce
+from touchstone.reports.page.content import Column, Content
 from touchstone.reports.page.findings import metric_part, remarks, scene_part, valued
 from touchstone.reports.page.html import Cell, figure, fold, plain_table
 from touchstone.reports.results import NOT_RUN, Row
+from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
 from touchstone.reports.views.tables import MARKS, grid
 
@@ -116,7 +117,7 @@ def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Colum
                         valued(best)[0],
                         best.engine,
                         ratio,
-                        reproduce(mine),
+                        reproduce(mine, best),
                     ]
                 )
     if not lines:

@@ -17,6 +17,7 @@ from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, restart_rat
 from touchstone.reports.own_limits import is_foreign
 from touchstone.reports.results import UNJUDGED, Row
 from touchstone.reports.run.contact_frames import contact_frames
+from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import EQUAL_PROFILE, REFERENCE
 from touchstone.reports.run.time_limits import judged_time, kind_of
 from touchstone.scenarios.scenario import Scenario
@@ -90,7 +91,7 @@ def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run
             frames = len(pair_frames(mine, theirs)[2]) if one_run else inf
             for row in _statistics(study, scenario, mine, theirs):
                 remark = "; ".join(filter(None, (row.reason, said, "one run" if one_run else "")))
-                row = replace(row, reason=remark, reason_code=code)
+                row = replace(row, reason=remark, reason_code=code, reproduce=reproduce(row))
                 found.append((kind or theirs.label, row, mine.stages, frames))
     if is_foreign(scenario):
         return [row for _, row, _, _ in found]
@@ -98,7 +99,7 @@ def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run
     for kind, row, _, _ in found:
         key = (row.profile, kind, row.metric)
         fastest[key] = max(fastest.get(key, 0.0), row.value)
-    medians = {(row.profile, row.subject): row.value for _, row, _, _ in found if row.metric == MEDIAN}
+    medians = {(row.profile, row.subject): row.low for _, row, _, _ in found if row.metric == MEDIAN}
     return [
         _judged(kind, row, stages, scenario, frames, medians.get((row.profile, row.subject), inf))
         if row.value == fastest[row.profile, kind, row.metric]
@@ -137,7 +138,7 @@ def _judged(kind: str, row: Row, stages: str, scenario: Scenario, frames: float,
     """The row with the verdict on its time; it fails where the reference's overlap is larger."""
     found = judged_time(kind, row, scenario.tags, stages, frames, median)
     if isnan(found.limit):
-        return row
+        return found
     if row.reason_code == DEEPER:
         return replace(found, verdict="fail")
     unknown = row.reason_code == UNCOMPARED and found.verdict == "pass"

@@ -18,16 +18,18 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.results import Row
 from touchstone.reports.views.unresolved import warning
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import Scenario, ShortRepr
 
 STUDY = "run"
 REFERENCE = "reference"
+EVERY_ENGINE = "all"
+"""Engine of a row that is about all of them."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
 DEFAULT_PROFILES = ("balanced", "paper", "recommended")
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+@dataclass(frozen=True, slots=True, repr=False)
+class Request(ShortRepr):
     """What to run: scenes, (engine, profile) columns, an optional native step [s], and the output folder.
 
     Changed settings apply to the engines that they name ("mujoco.cone=elliptic"), or to all.
@@ -68,6 +70,17 @@ class Results:
     playback: dict[str, str] = field(default_factory=dict)  # per scene, recordings packed for the page
     warnings: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)  # pages that could not be written, and why
+
+    def __repr__(self) -> str:
+        """Scenes, columns, rows and verdicts, by their numbers."""
+        frame = self.frame
+        verdicts = frame.verdict[frame.verdict != ""].value_counts()
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
+        columns = frame[frame.engine != EVERY_ENGINE][["engine", "profile"]].drop_duplicates()
+        return (
+            f"<Results: scenes {frame.scenario.nunique()}, columns {len(columns)}, rows {len(frame)}, "
+            f"recordings {len(self.recordings)}; {counts or 'no verdicts'}>"
+        )
 
     def write(self, what: str, page: Callable[[], object]) -> None:
         """Write a page or a picture; what was measured survives one that fails."""

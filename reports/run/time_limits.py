@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from touchstone.reports.results import Row, rows_of, write_beside
+from touchstone.reports.results import Row, is_undecided, rows_of, write_beside
 from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
 
 OWN, EQUAL, POSED = "own steps", "equal steps", "posed"
@@ -78,8 +78,10 @@ def judged_time(
         frames: number of frames of a single run; inf: several restarts. A single run gets no verdict within
             CLOSE of the limit, on fewer than LEAST_FRAMES, or on a 99th percentile, which the machine's
             interruptions decide.
-        median: ratio of the medians. A single run whose mean alone is beyond the limit gets no verdict: one
-            interruption of some milliseconds doubles a mean.
+        median: low end of the interval of the ratio of the medians. A single run whose mean alone is beyond
+            the limit gets no verdict: one interruption of some milliseconds doubles a mean.
+
+    A limit is broken only where the whole interval of the ratio is beyond it.
     """
     measured = _measured().get((row.scenario, row.profile, kind, row.metric))
     target = _target(row, kind, tags)
@@ -98,6 +100,10 @@ def judged_time(
         command = f"touchstone bench frame {row.scenario}"
         why = f"too close to {limit:.2g} for one run" if close else "no verdict from one run"
         return replace(row, reason=f"{said}: {why}, {command} decides")
+    if is_undecided(row, limit):
+        return replace(
+            row, reason=f"{said}: no verdict, its interval includes {limit:.2g}; more restarts decide"
+        )
     verdict = "pass" if row.value <= limit else "fail"
     if target is not None and verdict == "pass" and row.value > target:
         verdict, said = "known", f"{said}; misses its target {target:g}; {stages}"

@@ -26,6 +26,7 @@ import pyarrow.parquet as pq
 from touchstone.reports.results import COLUMNS, Row, write_beside
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.content_hash import FORMAT
+from touchstone.scenarios.files.safe_paths import regular
 
 MOST_FILES = 64
 """Number of files above which they are merged."""
@@ -99,7 +100,7 @@ class Store:
                 raise StoreError(f"{self.folder}: is no store of a sweep (it holds {min(others)})")
             write_beside(path, lambda part: part.write_text(json.dumps({"format": FORMAT})))
         try:
-            found = json.loads(path.read_text())["format"]
+            found = json.loads(regular(path).read_text())["format"]
         except (ValueError, KeyError, TypeError) as error:
             raise StoreError(f"{path}: not the description of a store; choose another folder") from error
         if found != FORMAT:
@@ -153,7 +154,9 @@ class Store:
         tables, seen = [SCHEMA.empty_table()], set[str]()
         for path in files:
             try:
-                table = pq.read_table(path, columns=list(dict.fromkeys([*wanted, "cell"])), schema=SCHEMA)
+                table = pq.read_table(
+                    regular(path), columns=list(dict.fromkeys([*wanted, "cell"])), schema=SCHEMA
+                )
             except (pa.ArrowException, OSError) as error:
                 raise StoreError(_fault(path, error)) from error
             cells = set(table.column("cell").unique().to_pylist())

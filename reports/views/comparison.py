@@ -11,6 +11,7 @@ import numpy as np
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import step_text
 from touchstone.reports.views.tables import number, unit_of
 
@@ -212,17 +213,10 @@ def _add_gaps(gaps: dict[str, list[str]], line: Line, rows: list[Row]) -> None:
 
 def command(request: Request, line: Line) -> str:
     """The command that reproduces a line's worst value; for a time, also the shortest one."""
-    engines = [line.worst]
-    if line.metric.startswith("time."):
-        engines = [line.nearest[0], line.worst]
-    words = ["touchstone run", line.scenario, *(f"--engine {engine}" for engine in engines)]
-    words += [f"--profile {name}" for name in dict.fromkeys(line.rows[engine].profile for engine in engines)]
-    words += [f"--metric {line.metric}"]
-    words += [f"--dt {step_text(request.dt)}"] if request.dt else []
-    words += [f"--effects {','.join(request.effects)}"] if request.effects is not None else []
+    engines = [line.nearest[0], line.worst] if line.metric.startswith("time.") else [line.worst]
     scenario = next(s for s in request.scenarios if s.name == line.scenario)
-    words += ["--hold-last"] * any(tracker.held for tracker in scenario.trackers)
-    return " ".join(words)
+    held = " --hold-last" if any(tracker.held for tracker in scenario.trackers) else ""
+    return reproduce(*(line.rows[engine] for engine in engines)) + held
 
 
 def worst_lines(section: Section) -> dict[str, Line]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from touchstone.scenarios.catalogue import all_names, find
 from touchstone.scenarios.files.python_file import scenes_of_python
 from touchstone.scenarios.files.read import SceneFileError, read_scene
+from touchstone.scenarios.files.safe_paths import regular
 from touchstone.scenarios.scenario import HOLD_LAST, Scenario
 
 SUFFIXES = (".toml", ".json", ".py")
@@ -62,11 +63,11 @@ def scenes_of_file(path: Path, hold_last: bool = False, allow_paths: bool = Fals
     try:
         if path.suffix.lower() != ".py":
             return [read_scene(path, allow_paths)]
-        if not path.is_file():
-            raise SceneFileError(f"{path}: no such file")
-        found, broken = scenes_of_python(path)
+        found, broken = scenes_of_python(regular(path))
         if broken or not found:
             raise SceneFileError("\n".join(broken) or f"{path}: no function marked @scene")
         return list(found.values())
+    except OSError as error:
+        raise SceneFileError(f"{path}: {error.strerror or error}") from error
     finally:
         HOLD_LAST.reset(token)

@@ -14,7 +14,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from pydantic import BaseModel
 
 from touchstone.scenarios.files.mass_properties import uniform
-from touchstone.scenarios.files.safe_paths import PathRefused, allowed
+from touchstone.scenarios.files.safe_paths import PathRefused, allowed, regular
 from touchstone.scenarios.files.schema import KEYFRAMES, SHAPE_TYPES, Fault, checked, model_of, shape_type
 from touchstone.scenarios.files.text_lines import Path as Place
 from touchstone.scenarios.files.text_lines import json_lines, line_of, toml_lines
@@ -39,7 +39,7 @@ def document(path: Path) -> tuple[dict[str, Any], Callable[[], dict[Place, int]]
         SceneFileError: the file cannot be read or is not of its format.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = regular(path).read_text(encoding="utf-8")
     except OSError as error:
         raise SceneFileError(f"{path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

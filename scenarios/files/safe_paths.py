@@ -2,11 +2,34 @@
 
 from __future__ import annotations
 
+import errno
+import stat
 from pathlib import Path
+
+KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a FIFO"),
+    (stat.S_ISSOCK, "a socket"),
+    (lambda mode: True, "a device"),
+)
+"""What is no regular file: a test of its mode, and its name."""
 
 
 class PathRefused(ValueError):
     """The file lies outside the folder; the message says how to allow it."""
+
+
+def regular(path: Path) -> Path:
+    """The path of a file that a user named. All readers of such files go through here.
+
+    Raises:
+        OSError: it is absent, or a folder, FIFO, socket or device, whose reading may never end.
+    """
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        kind = next(name for is_kind, name in KINDS if is_kind(mode))
+        raise OSError(errno.EINVAL, f"is {kind}, expected a file", str(path))
+    return path
 
 
 def allowed(folder: Path, name: str, allow_paths: bool) -> Path:

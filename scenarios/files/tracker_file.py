@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from touchstone.scenarios.files.safe_paths import regular
+
 COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
 UNREADABLE = (OSError, ValueError, TypeError, EOFError, KeyError, zipfile.BadZipFile, zlib.error)
 """Exceptions of numpy and zipfile on files that are no NPZ archives of plain arrays."""
@@ -35,7 +37,7 @@ def keyframes(path: Path, joints: Sequence[str]) -> dict[str, Any]:
     if read is None:
         raise TrackerFileError(f"{path.name}: expected a file .csv or .npz")
     try:
-        table = read(path, joints)
+        table = read(regular(path), joints)
     except OSError as error:
         raise TrackerFileError(f"{path.name}: {error.strerror or error}") from error
     return {

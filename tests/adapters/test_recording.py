@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from forged_recordings import WAYS, forge
 
 from touchstone.adapters import recording as module
 from touchstone.adapters.recording import FORMAT_VERSION, Recording, RecordingError, load
@@ -26,7 +27,7 @@ def kept(lab, recordings):
     columns = {}
     for field in fields(Recording):
         value = getattr(blank, field.name)
-        if isinstance(value, np.ndarray) and value.dtype == float:
+        if isinstance(value, np.ndarray) and value.dtype == float and field.name != "time":
             columns[field.name] = rng.normal(size=value.shape)
     columns["stage_seconds"] = rng.normal(size=(6, 2))
     columns["driver_work"] = np.array([np.nan, np.inf, -0.0, 5e-324, 1 / 3, 1e308, 0.1])
@@ -93,6 +94,19 @@ def damage_array(path):
 def damage_archive(path):
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("position.npy", "no array")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_forged_recording_is_refused_by_its_field(registry, tmp_path, way):
+    """Types, shapes, texts and sizes that no run writes end in one line that names file and field."""
+    path = tmp_path / "run.npz"
+    registry.played("ball_snip", "reference").save(path)
+    named = forge(path, way)
+    with pytest.raises(RecordingError) as caught:
+        load(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert named in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 DAMAGES = {

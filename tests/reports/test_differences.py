@@ -87,9 +87,8 @@ def test_the_worst_is_what_misses_its_limit_by_most():
     results = Results(table(overlap + gap))
     section = sections(request_for("fall"), results)[0]
     assert [line.worst for line in section.lines] == ["reference", "dart"]
-    request = request_for("fall", dt=1 / 480, effects=("gravity", "contact"))
-    words = "--engine reference --profile balanced --metric overlap.max --dt 1/480 --effects gravity,contact"
-    assert command(request, worst_lines(section)["fall"]) == f"touchstone run fall {words}"
+    words = "--engine reference --profile balanced --metric overlap.max"
+    assert command(request_for("fall"), worst_lines(section)["fall"]) == f"touchstone run fall {words}"
 
 
 def test_the_pair_that_differs_most_is_shown():

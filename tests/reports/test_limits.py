@@ -12,6 +12,7 @@ from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.engines.drake import ENTRY
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports import limits as module
+from touchstone.reports import own_limits
 from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.bench.geometry import MOTION
 from touchstone.reports.bench.poses import FAMILIES
@@ -19,7 +20,7 @@ from touchstone.reports.known_failures import bounds as known_bounds
 from touchstone.reports.known_failures.bounds import UNMEASURED
 from touchstone.reports.known_failures.cause import NOISY
 from touchstone.reports.known_failures.table import CAUSES
-from touchstone.reports.limits import HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
+from touchstone.reports.limits import CCD, HINGE_SPEED, KNOWN, LIMITS, PERSON_ENERGY, Known, Limit, judged
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
 from touchstone.reports.run.request import DEFAULT_PROFILES
@@ -378,3 +379,12 @@ def test_no_default_row_is_the_harness():
     marked = {known.profile for known in KNOWN if known.harness}
     assert marked == {"equal-step"}
     assert not marked & set(DEFAULT_PROFILES)
+
+
+@pytest.mark.parametrize(("low", "verdict"), [(0.2, ""), (0.5, "fail"), (nan, "fail")])
+def test_a_ratio_of_times_breaks_a_limit_by_its_whole_interval(low, verdict):
+    """A limit, ours or of a file, says nothing of a ratio whose interval includes it."""
+    row = Row("ik", "arm, near", "reference", CCD, nan, "ratio.time", 0.6, "1", low=low, high=0.9)
+    assert judged(row, ()).verdict == verdict
+    of_file = (Limit("ratio.time", 0.4, "as fast"),)
+    assert own_limits.judged(row, catalogue()["fall"], of_file).verdict == verdict

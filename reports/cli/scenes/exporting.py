@@ -94,9 +94,7 @@ def export(
 
 def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Path | None) -> None:
     """Write a recording; what is none, and formats of scenes, exit with one line."""
-    from touchstone.adapters.recording import RecordingError, load
-    from touchstone.reports.compare.judge_again import scene_of
-    from touchstone.reports.compare.stored import RunError
+    from touchstone.adapters.recording import RecordingError, load, scene_of_text
     from touchstone.reports.exports.glb import glb
     from touchstone.reports.exports.tables import TABLES
 
@@ -108,15 +106,13 @@ def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Pa
             f"{path}: --format {form} is for recordings, such as runs/TIME/recordings/NAME{RECORDING}",
             BAD_INPUT,
         )
-    if not path.is_file():
-        stop(f"{path}: no such recording", BAD_INPUT)
     target = out or (None if form is ExportFormat.csv else Path(f"{path.stem}.{form}"))
     if target is not None:
         require_new(target)
     try:
         recording = load(path)
-        scene = scene_of(path, recording)
-    except (RecordingError, RunError) as error:
+        scene = scene_of_text(recording.scenario)
+    except RecordingError as error:
         stop(str(error), BAD_INPUT)
     if form is ExportFormat.glb:
         data = glb(recording, scene)

@@ -9,6 +9,7 @@ from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.overlap import overlap_depth
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import energy_rise
+from touchstone.scenarios.scenario import ShortRepr
 
 _OVER_TIME: dict[str, Callable[[Context], dict[str, Array]]] = {
     "overlap.max": lambda context: {"": overlap_depth(context)},
@@ -16,8 +17,8 @@ _OVER_TIME: dict[str, Callable[[Context], dict[str, Array]]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
+@dataclass(frozen=True, slots=True, repr=False)
+class Course(ShortRepr):
     """Per metric and subject, the values (f,) at `time` (f,) [s] of which the metric reports the largest."""
 
     time: Array

@@ -48,6 +48,27 @@ def test_own_argument(engine):
 def test_unknown(play):
     play("bounce_e5", "toy_engine:ToyEngine")
 """
+KEEPING = """
+import pytest
+
+
+def test_first(play):
+    import touchstone as ts
+
+    ts.assert_no_overlap(play("bounce_e05", "toy_engine:ToyEngine"), limit=0.02)
+
+
+test_second = test_first
+
+
+@pytest.fixture
+def sound(play):
+    test_first(play)
+
+
+def test_third(sound):
+    pass
+"""
 FAULTY = """
 from toy_engine import ToyEngine, ToyWorld
 
@@ -117,6 +138,18 @@ def test_a_later_session_plays_what_has_changed_only(session, tmp_path: Path):
     with (tmp_path / "toy_engine.py").open("a") as engine:
         engine.write("# edited\n")
     assert "earlier sessions" not in session(*asked, cached=True)[1]
+
+
+@pytest.mark.parametrize("workers", [(), ("-p", "xdist", "-n", "1")])
+def test_every_test_keeps_its_measured_values(session, tmp_path: Path, workers):
+    """The first test of a session or of a worker has its properties too, also those measured in a fixture."""
+    (tmp_path / "test_mine.py").write_text(KEEPING)
+    code, reported = session(*workers, "--junit-xml=out.xml", "test_mine.py")
+    assert code == 0, reported
+    cases = ElementTree.parse(tmp_path / "out.xml").iter("testcase")
+    names = {case.get("name"): [one.get("name") for one in case.iter("property")] for case in cases}
+    wanted = ["overlap.max [m]", "overlap.max limit [m]"]
+    assert names == {"test_first": wanted, "test_second": wanted, "test_third": wanted}
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from touchstone.reports.bench import frame, restarts
 from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take
 from touchstone.reports.bootstrap import RATIO, RATIOS
 from touchstone.reports.results import table
-from touchstone.reports.run import time_limits
+from touchstone.reports.run import ratios, time_limits
 from touchstone.reports.run.contact_frames import contact_frames
 from touchstone.reports.run.decomposition import FACTORS
 from touchstone.scenarios.catalogue import catalogue
@@ -205,6 +205,35 @@ def test_one_run_decides_nothing_on_an_interruption() -> None:
     )
     for frames, median, verdict in ((240, 0.07, ""), (240, 0.35, "fail"), (np.inf, 0.07, "fail")):
         row = time_limits.judged_time("own steps", base, ("gallery",), "", frames, median)
+        assert row.verdict == verdict
+
+
+def test_a_limit_is_broken_only_by_the_whole_interval() -> None:
+    """Leave a ratio beyond its limit without verdict while its interval includes the limit, with a reason."""
+    base = time_limits.Row(
+        "run", "push_box", "reference", "balanced", 1 / 60, RATIO, 0.9, subject="mujoco recommended"
+    )
+    for frames in (240, np.inf):
+        for low, verdict in ((0.02, ""), (0.8, "fail")):
+            row = time_limits.judged_time(
+                "own steps", replace(base, low=low, high=1.1), ("gallery",), "", frames, 0.9
+            )
+            assert row.verdict == verdict
+            assert ("its interval includes" in row.reason) == (verdict == "")
+
+
+def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> None:
+    """Leave a mean whose interval is beyond its limit without verdict where that of the median is not."""
+    limits(monkeypatch, 0.1)
+    contact = np.ones(180, dtype=bool)
+    busy = np.repeat(np.where(np.arange(12) < 7, 5e-6, 5e-7), 15)[None]
+    theirs = ratios.Timed("dart", "recommended", 1 / 1020, np.full((1, 180), 1e-5), contact)
+    for mine, verdict in ((busy, ""), (np.full((1, 180), 3e-6), "fail")):
+        ours = ratios.Timed("reference", "balanced", 1 / 60, mine, contact)
+        row = next(
+            row for row in ratios.ratio_rows("run", SCENE, [ours, theirs], True) if row.metric == RATIO
+        )
+        assert row.low > 0.15
         assert row.verdict == verdict
 
 

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import signal
+from pathlib import Path
 
 import pandas as pd
 import pytest
+from forged_recordings import WAYS, forge
 
+from touchstone.reports.compare.stored import NEEDED
 from touchstone.reports.results import save
 
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced", "--quiet", "--out", "old")
@@ -58,6 +64,78 @@ def test_what_is_gone_fails(old, tmp_path):
         assert old("compare", "old", name, "--allow-gone")[0] == 0, name
         code = old("compare", "old", name, "--match", "profile")[0]
         assert code == (0 if name in ("step", "settings") else 1), name
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_forged_recording_exits_with_one_line(touchstone, registry, tmp_path, way):
+    """Each command that reads recordings exits with 2 and a line that names file and field."""
+    path = tmp_path / "forged" / "recordings" / "a.npz"
+    path.parent.mkdir(parents=True)
+    registry.played("ball_snip", "reference").save(path)
+    named = forge(path, way)
+    shown = ("view", "forged", "--no-open"), ("judge", "forged"), ("export", path, "--format", "glb")
+    for arguments in shown:
+        code, out, err = touchstone(*arguments)
+        assert (code, out) == (2, "")
+        assert re.match(rf"touchstone: \S*a\.npz: .*{re.escape(named)}", err)
+        assert err.count("\n") == 1
+
+
+@pytest.fixture
+def special(tmp_path):
+    """Make a FIFO, a folder or a link to a device in the working folder; a program that waits fails."""
+
+    def make(kind, name):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)
+        {"FIFO": os.mkfifo, "folder": Path.mkdir, "device": lambda one: one.symlink_to("/dev/zero")}[kind](
+            path
+        )
+
+    def end(*_):
+        raise AssertionError("the program waits")  # no OSError, which the program expects
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.alarm(10)
+    yield make
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+READERS = (
+    ("s.toml", ("run", "s.toml")),
+    ("s.json", ("show", "s.json")),
+    ("s.py", ("run", "s.py")),
+    ("l.toml", ("run", "fall", "--limits", "l.toml")),
+    ("l.toml", ("judge", "old", "--limits", "l.toml")),
+    ("t.toml", ("compare", "old", "old", "--tolerance", "t.toml")),
+    ("old", ("compare", "old", "old")),
+    ("old/results.parquet", ("compare", "old", "old")),
+    ("run/recordings/a.npz", ("judge", "run")),
+    ("run/recordings/a.npz", ("view", "run", "--no-open")),
+    ("a.npz", ("export", "a.npz", "--format", "glb")),
+    ("robot.urdf", ("import", "robot.urdf", "--as", "robot")),
+    ("robot.xml", ("import", "robot.xml", "--as", "robot")),
+    ("run/results.parquet", ("docs", "run")),
+    ("store/store.json", ("sweep", "fall", "--engine", "reference", "--out", "store")),
+)
+
+
+@pytest.mark.parametrize("kind", ["FIFO", "folder", "device"])
+@pytest.mark.parametrize(("name", "arguments"), READERS)
+def test_what_is_no_regular_file_is_refused(touchstone, special, tmp_path, kind, name, arguments):
+    """A FIFO, a folder or a device in place of a file ends in one line and exit 2, at once."""
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "index.md").touch()
+    if not name.startswith("old"):
+        (tmp_path / "old").mkdir()
+        (tmp_path / "old" / "results.csv").write_text(",".join(NEEDED) + "\n")
+    special(kind, name)
+    code, out, err = touchstone(*arguments)
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    assert err.startswith("touchstone: ")
 
 
 WRONG = (

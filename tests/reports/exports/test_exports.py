@@ -159,7 +159,10 @@ def test_a_browser_that_is_missing_is_told(touchstone, stored, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("export", "RUN/none.npz", "--format", "glb"), "no such recording"),
+        (
+            ("export", "RUN/none.npz", "--format", "glb"),
+            "none.npz: not a recording ([Errno 2] No such file or directory",
+        ),
         (
             ("export", "RUN/recordings/slip-reference-balanced.npz", "--format", "urdf"),
             "is for scenes; of a rec",

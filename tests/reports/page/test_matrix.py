@@ -41,7 +41,10 @@ def test_a_broken_time_limit_marks_the_time():
         found
     )
     assert any("slow" in fact for _, fact in facts(found)["facts"])
-    assert facts(found)["command"] == "touchstone bench frame slide"
+    assert facts(found)["command"] == (
+        "touchstone run slide --engine reference --engine mujoco --profile balanced --profile recommended"
+        " --metric ratio.time"
+    )
     html, _ = table({"slide": rows}, [OURS, THEIRS])
     assert re.findall(r'class="\w+ shade\d fail[^>]*><button[^>]*aria-label="([^"]*)"', html) == [
         "slide, reference, limits: 0/1 ✗",

@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from touchstone.reports.page.content import reproduce, verdict_of
+from touchstone.reports.page.content import verdict_of
 from touchstone.reports.page.findings import broken_part
 from touchstone.reports.page.page import MOST_PLAYBACK, within_budget
 from touchstone.reports.page.playback import INT16
@@ -102,33 +102,6 @@ def test_a_page_stays_small():
     """Playback is left out for scenes beyond the budget, not for those before."""
     big = {f"scene_{k}": "x" * (MOST_PLAYBACK // 3 + 1) for k in range(4)}
     assert list(within_budget(big)) == ["scene_0", "scene_1"]
-
-
-@pytest.mark.parametrize(
-    ("profile", "dt", "line"),
-    [
-        (
-            "recommended",
-            1 / 1020,
-            "touchstone run fall --engine dart --profile recommended --metric overlap.max",
-        ),
-        (
-            "recommended, drive=torque",
-            1 / 480,
-            "touchstone run fall --engine dart --profile recommended --drive torque --dt 1/480"
-            " --metric overlap.max",
-        ),
-    ],
-)
-def test_every_row_has_its_command(profile, dt, line):
-    """The command names scene, engine, profile, changes, a step that is not the profile's, and the metric."""
-    assert reproduce(Row("run", "fall", "dart", profile, dt, "overlap.max")) == line
-
-
-def test_a_ratio_of_times_is_measured_by_the_bench():
-    """A run of the reference alone measures no ratio."""
-    row = Row("run", "fall", "reference", "balanced", 1 / 60, "ratio.time", subject="mujoco recommended")
-    assert reproduce(row) == "touchstone bench frame fall"
 
 
 @pytest.mark.parametrize(
