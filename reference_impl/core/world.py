@@ -95,7 +95,6 @@ BODY = record(
     guard=GUARD,
     memory="i8",  # 1-based index of its first warm-start point, or 0
     momentum=VECTOR,  # angular, about the centre of mass, world
-    old_momentum=VECTOR,  # in profile `paper`, before gravity and resting contacts act
     # data that decides whether discrete tests may miss a collision (`swept_motion.set_path`)
     width="f8",  # least width of its pieces [m]
     reach="f8",  # largest distance of its pieces' cores from its centre of mass [m]

@@ -24,10 +24,8 @@ from touchstone.reference_impl.paper.integration import (
     accelerate,
     begin_motion,
     end_motion,
-    keep_share,
     move,
     move_all,
-    note_velocities,
     refresh_inverse_inertia,
 )
 from touchstone.reference_impl.paper.overlap_avoidance import free_driven_objects, translate_out
@@ -103,17 +101,14 @@ def update_simulated_objects(world):
     resolved by updating velocities, and motion continues". Driven objects stand still.
 
     The paper leaves open how objects rest: contacts that gravity alone closes within the frame do not bounce.
-    Their impulses act evenly until the frame's end, as gravity does: by half if motion stops half-way.
     """
-    bodies, drivers, state = world.bodies, world.drivers, world.state
+    bodies, state = world.bodies, world.state
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     impulses, left, deepest = 0.0, state["dt"], 0.0
     for stop in range(COLLISION_TIMES + 1):
         end, _ = find_overlap(world, SIMULATED)
         since, time = clock(state["clock"]), state["dt"] - left
         resolved = resolve_collisions(world, end, time, 1.0)
-        first = state["contact_count"]
-        note_velocities(bodies, drivers)
         accelerate(bodies, state["gravity"], left)
         resolved = resolve_collisions(world, end, time, 0.0) and resolved
         impulses += clock(state["clock"]) - since
@@ -124,14 +119,14 @@ def update_simulated_objects(world):
         if deepest > OVERLAP_TOLERANCE and stop < COLLISION_TIMES:
             t = _first_collision(world, found, left)
             move_all(bodies, t)
-        if t < left:
-            keep_share(world, first, t / left)
         end_motion(bodies)
         if not resolved or stop == COLLISION_TIMES:
             state["counters"][COUNT_GAVE_UP] += 1
         left -= t
         if left <= 0:
             break
+        # gravity has acted for the time t only
+        accelerate(bodies, state["gravity"], -left)
         state["counters"][COUNT_EVENTS] += 1
     if deepest > OVERLAP_TOLERANCE:
         translate_out(world, SIMULATED)

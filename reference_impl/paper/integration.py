@@ -1,12 +1,11 @@
 """Motion of simulated objects "according to other laws of physics", and driven objects' inertia.
 
 The paper leaves open the integration: semi-implicit Euler. Gravity acts first, then an object moves at
-constant velocity v until the next collision; `keep_share` takes back what acted for longer. Rotation keeps
-the angular momentum L = I omega: by the midpoint rule, an object turns at the omega that L has in the
-orientation in the middle of its motion.
+constant velocity v until the next collision. Rotation keeps the angular momentum L = I omega: by the
+midpoint rule, an object turns at the omega that L has in the orientation in the middle of its motion.
 """
 
-from touchstone.reference_impl.core.conventions import FIXED, SIMULATED
+from touchstone.reference_impl.core.conventions import SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     conjugate_by,
@@ -28,48 +27,6 @@ def accelerate(bodies, gravity, h):
 
 
 @kernel
-def note_velocities(bodies, drivers):
-    """Store all velocities as they are before gravity and resting contacts act."""
-    for b in range(len(bodies)):
-        if bodies[b]["kind"] != FIXED:
-            copy_vector(bodies[b]["velocity"], bodies[b]["old_velocity"])
-            store(_angular_momentum(bodies[b]), bodies[b]["old_momentum"])
-    for d in range(len(drivers)):
-        copy_vector(drivers[d]["velocity"], drivers[d]["old_velocity"])
-
-
-@kernel
-def keep_share(world, first, share):
-    """Keep a share of what gravity and resting contacts changed since `note_velocities`: they act evenly.
-
-    Their impulses in the log, from row `first` on, become this share, too.
-    """
-    bodies, drivers = world.bodies, world.drivers
-    for b in range(len(bodies)):
-        if bodies[b]["kind"] != FIXED:
-            _keep_share(bodies[b]["old_velocity"], share, bodies[b]["velocity"])
-            _keep_share(bodies[b]["old_momentum"], share, bodies[b]["momentum"])
-    for d in range(len(drivers)):
-        _keep_share(drivers[d]["old_velocity"], share, drivers[d]["velocity"])
-    for row in range(first, world.state["contact_count"]):
-        impulse = world.contacts[row]["impulse"]
-        store(scaled(share, vector(impulse)), impulse)
-
-
-@kernel
-def _keep_share(old, share, out_new):
-    before = vector(old)
-    store(add(before, scaled(share, sub(vector(out_new), before))), out_new)
-
-
-@kernel
-def _angular_momentum(body):
-    """L = I omega, world."""
-    conjugate_by(body["rotation"], body["inertia"], body["scratch"])
-    return times(body["scratch"], vector(body["omega"]))
-
-
-@kernel
 def begin_motion(bodies, h):
     """Begin a motion of a time h [s]: store the poses of simulated objects, and set their spin in it."""
     for b in range(len(bodies)):
@@ -77,7 +34,8 @@ def begin_motion(bodies, h):
         if body["kind"] == SIMULATED:
             copy_vector(body["center"], body["old_center"])
             copy_quaternion(body["orientation"], body["old_orientation"])
-            store(_angular_momentum(body), body["momentum"])
+            conjugate_by(body["rotation"], body["inertia"], body["scratch"])
+            store(times(body["scratch"], vector(body["omega"])), body["momentum"])
             move(body, h / 2)
             _spin_by_momentum(body)
 
