@@ -125,7 +125,7 @@ def update_simulated_objects(world):
         left -= t
         if left <= 0:
             break
-        # gravity has acted for the time t only
+        # gravity has acted for the time t only; what resting contacts did against it stays
         accelerate(bodies, state["gravity"], -left)
         state["counters"][COUNT_EVENTS] += 1
     if deepest > OVERLAP_TOLERANCE:
