@@ -146,8 +146,7 @@ def scene_of_text(text: str) -> Scenario:
             raise ValueError(f"name: found {data['name'][:100]!r}, which names no file")
         return scenario_of(data)
     except ScenarioError as error:
-        place, reason = error.faults[0]
-        raise ValueError(f"{place}: {reason}") from error
+        raise ValueError(": ".join(error.faults[0])) from error
     except FORGED as error:
         raise ValueError(_first_line(error)) from error
 

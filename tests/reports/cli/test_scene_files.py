@@ -128,7 +128,7 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
     ("arguments", "line"),
     [
         (("run", "none.toml"), "touchstone: none.toml: No such file or directory"),
-        (("run", "none.py"), "touchstone: none.py: no such file"),
+        (("run", "none.py"), "touchstone: none.py: No such file or directory"),
         (("run", "fal"), "touchstone: unknown scenario 'fal'; did you mean 'fall'"),
         (("run", "fall", "fall.json"), "fall.json: two scenes of this run are called 'fall'"),
         (("show", "bad.json"), "touchstone: bad.json:2: duration: found 'x', expected a valid number"),

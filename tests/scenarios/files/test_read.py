@@ -130,7 +130,7 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "dir.toml").mkdir()
     for name, reason in (
         ("none.toml", "No such file"),
-        ("dir.toml", "Is a directory"),
+        ("dir.toml", "is a folder, expected a file"),
         ("bin.toml", "not a text"),
     ):
         with pytest.raises(SceneFileError, match=rf"{name}: {reason}"):
