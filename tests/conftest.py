@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from dataclasses import replace as changed
 from functools import cache
@@ -253,6 +253,15 @@ def motion(world: World) -> tuple[np.ndarray, np.ndarray, float]:
     linear = rows["mass"][:, None] * rows["velocity"]
     energy = (linear * rows["velocity"]).sum() / 2 + (spin * rows["omega"]).sum() / 2
     return linear.sum(0), (spin + np.cross(rows["center"], linear)).sum(0), float(energy)
+
+
+@pytest.fixture(autouse=True)
+def engines_of_this_test() -> Iterator[None]:
+    """Forget the engines that a test asked for by name: others play those of the start."""
+    before = dict(ENGINES)
+    yield
+    for name in set(ENGINES) - set(before):
+        del ENGINES[name]
 
 
 @pytest.fixture(scope="session")

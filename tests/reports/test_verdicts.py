@@ -53,7 +53,8 @@ def judged(tmp_path):
         for (engine, profile), recording in zip(COLUMNS, recorded.values()):
             dt = ENGINES[engine].profiles[profile]
             path = tmp_path / f"{engine}.npz"
-            replace(recording, manifest=f'{{"engine": "{engine}", "dt": {dt}}}').save(path)
+            facts = f'{{"engine": "{engine}", "profile": "default", "dt": {dt}}}'
+            replace(recording, manifest=facts).save(path)
             settings = Settings(profile, dt)
             outcomes.append(Outcome(Job(engine, scenario, settings, path, path), "done"))
         request = Request((scenario,), COLUMNS, tmp_path)
