@@ -39,7 +39,7 @@ def place_listed(bodies, pieces, vertices, kind, state):
 def detect(world, kind, first):
     """Find the pairs that touch or overlap and contain a body of `kind`, and write them from `pairs[first]`.
 
-    Updates the poses and boxes of the pieces of `kind` first.
+    Updates the poses and boxes of the pieces of `kind` first, and of drivers that move in the simulated loop.
 
     Returns:
         (end, deepest): index after the last pair, and the largest depth [m].
@@ -48,6 +48,8 @@ def detect(world, kind, first):
     pairs, state = world.pairs, world.state
     since = clock(state["clock"])
     place_listed(bodies, pieces, vertices, kind, state)
+    if kind == SIMULATED and state["driven_loop"] == 1:
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
         drop_fat_bounds(bodies, pieces, state)
         place_listed(bodies, pieces, vertices, DRIVEN, state)
@@ -78,6 +80,7 @@ def detect(world, kind, first):
 @kernel
 def detect_for(world, d, later):
     """Detect pairs of driven bodies; driver d resolves a share `later` of its overlap with later drivers.
+    Without chains it resolves no overlap with simulated bodies: they meet in the simulated loop.
 
     Returns:
         Index after the last pair.
@@ -86,7 +89,12 @@ def detect_for(world, d, later):
     end, _ = detect(world, DRIVEN, 0)
     state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
     for k in range(end):
-        one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
+        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+        one, two = a["driver"], b["driver"]
+        if (a["kind"] == SIMULATED or b["kind"] == SIMULATED) and (
+            world.drivers[max(one, two)]["chain_count"] == 0
+        ):
+            pairs[k]["depth"] = 0.0
         if min(one, two) == d and max(one, two) > d:
             pairs[k]["depth"] *= later
     return end

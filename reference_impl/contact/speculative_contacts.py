@@ -42,6 +42,7 @@ from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
+from touchstone.reference_impl.solver.islands import loops
 
 DENSE_SUBSTEPS = 8
 """Most dense substeps for the rest of a frame, unless rotation or sliding requires more."""
@@ -185,7 +186,9 @@ def _gather_speculative(world, left):
     g, v_rest = state["gravity"], rest_speed(state)
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
-            _coast(bodies[b], g, left)
+            _coast(bodies[b], g, 1.0, left)
+        elif loops(bodies, world.drivers, b):
+            _coast(bodies[b], g, 0.0, left)
     found = find_swept_pairs(world, SIMULATED, 0)
     # limit the substep so that no impact with restitution happens much too early
     fastest, reach, rate, least = v_rest, v_rest * state["dt"], 0.0, 0.0
@@ -274,13 +277,13 @@ def _meets(world, pair, until):
 
 
 @kernel
-def _coast(body, gravity, h):
-    """Set the motion of a body over a time h without contacts."""
+def _coast(body, gravity, falls, h):
+    """Set the motion of a body over a time h without contacts, under a share `falls` of gravity."""
     copy_vector(body["center"], body["old_center"])
     copy_quaternion(body["orientation"], body["old_orientation"])
     body["moves"], body["spin_steps"], body["spin_keeps"] = 1, 0, KEEPS_NOTHING
     for i in range(3):
-        body["travel"][i], body["travel_bend"][i] = h * body["velocity"][i], h * h * gravity[i] / 2
+        body["travel"][i], body["travel_bend"][i] = h * body["velocity"][i], falls * h * h * gravity[i] / 2
         body["turn"][i], body["turn_bend"][i] = h * body["omega"][i], 0.0
 
 

@@ -84,7 +84,8 @@ def remove_overlap(world):
             store_free_pose(bodies, joints, drivers[d])
         else:
             state["counters"][COUNT_GAVE_UP] += 1
-            _yield_simulated(world, Mover(MOVER_DRIVER, d))
+            if drivers[d]["chain_count"] > 0:
+                _yield_simulated(world, Mover(MOVER_DRIVER, d))
 
 
 @kernel
