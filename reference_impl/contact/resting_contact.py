@@ -19,7 +19,7 @@ from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
-from touchstone.reference_impl.solver.islands import loops
+from touchstone.reference_impl.solver.islands import join_islands, loops, mover_of
 from touchstone.reference_impl.solver.mobility import approach_speed
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
@@ -85,29 +85,36 @@ def solve_resting_contacts(world, count, time, h):
 def _prepare_resting_contacts(world, count, h):
     """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
+    if state["driven_loop"] == 1:
+        _mark_led(bodies, world.drivers, pairs, count)
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
-        begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["manifold"] < 0 else patch_flight))
+        led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
+        flight = APPROACH_MIN if pair["manifold"] < 0 else patch_flight
+        begin_row(bodies, pair, _floor(pair, state, flight, led))
         move_to_middle(bodies, world.pieces, pair, h)
 
 
 @kernel
-def _floor(pair, state, flight):
+def _floor(pair, state, flight, led):
     """Lower bound of a row's normal velocity after the contact solve [m/s].
 
     A pair that separates faster than `flight` gets NO_FLOOR (`first_return` finds its return). A slower pair
     may return as fast as it left: its mean velocity over the substep is then 0, and so is the work of its
-    impulse. A near pair may close its gap at most.
+    impulse; in an island with a driver, the law of positions sees to that. A near pair may close its gap at
+    most.
     """
     if pair["speculative_speed"] > 0:
         return pair["key"] - pair["speculative_speed"]
     separation = -pair["key"]
     if separation <= SEPARATION_MIN:
         return 0.0
-    return NO_FLOOR if separation > flight and state["dense_substep"] == 0 else -separation
+    if separation > flight and state["dense_substep"] == 0:
+        return NO_FLOOR
+    return 0.0 if led else -separation
 
 
 @inlined_kernel
@@ -142,7 +149,10 @@ def _solve_positions(world, count, h):
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
             exchange_pushes(drivers[d])
-    if _mark_led(bodies, drivers, pairs, count):
+    led = False
+    for b in range(len(bodies)):
+        led = led or bodies[b]["led"] == 1
+    if led:
         for b in range(len(bodies)):
             copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
             copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
@@ -170,18 +180,20 @@ def _solve_positions(world, count, h):
 
 @kernel
 def _mark_led(bodies, drivers, pairs, count):
-    """Mark the bodies of the islands of drivers in the loop as `led`; returns whether there are any."""
-    found = False
+    """Mark the movers of the islands of drivers in the loop as `led`."""
+    join_islands(bodies, drivers, pairs, count, True)
     for b in range(len(bodies)):
         bodies[b]["led"] = 0
     for k in range(count):
         a, b = pairs[k]["body_a"], pairs[k]["body_b"]
         if pairs[k]["island"] >= 0 and (loops(bodies, drivers, a) or loops(bodies, drivers, b)):
-            bodies[pairs[k]["island"]]["led"], found = 1, True
+            bodies[pairs[k]["island"]]["led"] = 1
     for k in range(count):
         if pairs[k]["island"] >= 0 and bodies[pairs[k]["island"]]["led"] == 1:
-            bodies[pairs[k]["body_a"]]["led"] = bodies[pairs[k]["body_b"]]["led"] = 1
-    return found
+            for side in range(2):
+                m = mover_of(bodies, drivers, pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"])
+                if m >= 0:
+                    bodies[m]["led"] = 1
 
 
 @kernel
@@ -189,7 +201,7 @@ def _ask_positions(bodies, pair, h):
     """Set the floor of a row in the law of positions: twice the speed at which its gap may close."""
     copy_vector(pair["resting_impulse"], pair["spare"])
     pair["held_floor"] = pair["floor"]
-    if pair["island"] < 0 or bodies[pair["island"]]["led"] == 0:
+    if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
         pair["floor"] = NO_FLOOR
     if pair["floor"] != NO_FLOOR:
         gap = max(pair["distance"], -OVERLAP_TOLERANCE)

@@ -103,8 +103,12 @@ def gather_contacts(world, left):
     for d in range(len(drivers)):
         if drivers[d]["pushes"] == 1:
             end = _keep_pushing(bodies, pieces, vertices, drivers[d], pairs, end, state)
-    # points that may land within a dense substep are speculative contacts
-    end = expand_manifolds(pieces, vertices, pairs, end, crowded, state)
+    # points that may land within a dense substep, or that a driver presses, are speculative contacts
+    pressed = False
+    for k in range(end):
+        pressed = pressed or loops(bodies, drivers, pairs[k]["body_a"])
+        pressed = pressed or loops(bodies, drivers, pairs[k]["body_b"])
+    end = expand_manifolds(pieces, vertices, pairs, end, crowded or pressed, state)
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["speculative_speed"] = 0.0
