@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.scenario import (
+    TRACKED,
     Body,
     Box,
     Capsule,
@@ -51,7 +52,7 @@ def rotated(scenario: Scenario, turn: Rotation) -> Scenario:
         return (w, x, y, z)
 
     def body(one: Body) -> Body:
-        if one.kind == "driven":
+        if one.kind in TRACKED:
             return one
         return replace(
             one,
@@ -82,7 +83,9 @@ def heavier(scenario: Scenario, factor: float) -> Scenario:
         replace(one, mass=one.mass * factor, inertia=_times(one.inertia, factor)) for one in scenario.bodies
     )
     trackers = tuple(
-        replace(one, stiffness=one.stiffness * factor, damping=one.damping * factor)
+        one
+        if scenario.prescribes(one)
+        else replace(one, stiffness=one.stiffness * factor, damping=one.damping * factor)
         for one in scenario.trackers
     )
     return bare(scenario, bodies=bodies, trackers=trackers)
@@ -106,9 +109,7 @@ def rescaled(scenario: Scenario, times: float) -> Scenario:
             one,
             times=tuple(times * t for t in one.times),
             positions=tuple(_scaled(p, size) for p in one.positions),
-            stiffness=one.stiffness / times**2,
-            damping=one.damping / times,
-            hinge_frequency=one.hinge_frequency / times,
+            **({} if scenario.prescribes(one) else _slower(one, times)),
         )
         for one in scenario.trackers
     )
@@ -120,6 +121,15 @@ def rescaled(scenario: Scenario, times: float) -> Scenario:
         duration=scenario.duration * times,
         frame_rate=round(rate),
     )
+
+
+def _slower(tracker: Tracker, times: float) -> dict[str, float]:
+    """Coupling and servo of a tracker whose motion takes `times` as long."""
+    return {
+        "stiffness": tracker.stiffness / times**2,
+        "damping": tracker.damping / times,
+        "hinge_frequency": tracker.hinge_frequency / times,
+    }
 
 
 def _rescaled_body(one: Body, size: float, times: float) -> Body:
@@ -154,7 +164,7 @@ def _rescaled_shape(shape: Shape, size: float) -> Shape:
 
 
 def with_hulls(scenario: Scenario) -> Scenario:
-    """Scene with every box of simulated and driven bodies as the hull of its eight corners."""
+    """Scene with every box of bodies that are not fixed as the hull of its eight corners."""
 
     def hull(shape: Shape) -> Shape:
         if not isinstance(shape, Box):

@@ -87,7 +87,7 @@ JOINT = [
     ({"upper": nan}, "joints[0].lower", "nan"),
 ]
 TRACKER = [
-    ({"root": "ball"}, "trackers[0].root", "not a driven body"),
+    ({"root": "ball"}, "trackers[0].root", "not a driven or prescribed body"),
     ({"root": "lower"}, "bodies[3]", "driven by trackers[0].root and trackers[0].joints[0]"),
     ({"joints": ("wrist",)}, "trackers[0].joints[0]", "unknown joint 'wrist'"),
     ({"root": "lower"}, "trackers[0].joints[0]", "before the joint that leads to its parent"),
