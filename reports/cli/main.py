@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from touchstone.reports.run.request import Request
-    from touchstone.scenarios.scenario import Scenario
+    from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 HELP = "Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes."
 app = typer.Typer(
@@ -325,7 +325,7 @@ def show(
             "body": body.name,
             "kind": body.kind,
             "material": body.material,
-            "mass [kg]": f"{body.mass:.4g}" if body.kind != "fixed" else "",
+            "mass [kg]": f"{body.mass:.4g}" if body.kind not in UNMOVED else "",
             "pieces": len(body.pieces),
         }
         for body in chosen.bodies
