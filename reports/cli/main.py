@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from touchstone.reports.run.request import Request
-    from touchstone.scenarios.scenario import UNMOVED, Scenario
+    from touchstone.scenarios.scenario import Scenario
 
 HELP = "Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes."
 app = typer.Typer(
@@ -300,6 +300,7 @@ def show(
 ) -> None:
     """Show what a scenario is made of."""
     from touchstone.reports.cli.listing import effect_rows, show_rows, truth_lines
+    from touchstone.scenarios.scenario import UNMOVED
 
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     if others:
