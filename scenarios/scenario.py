@@ -28,7 +28,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
-LAWS = ("arcs", "torque_free", "coupling")
+LAWS = ("arcs", "torque_free", "coupling", "carried", "turntable")
 INTERPOLATIONS = ("cubic", "held")
 GRAVITY = 9.81
 """Default magnitude of gravity [m/s^2]."""
@@ -285,11 +285,13 @@ class Truth(ShortRepr):
 
     arcs: piecewise motion by `arcs`, the first from 0 s. torque_free: motion from the initial state under
     gravity, with three different moments of inertia. coupling: Eq. 6 with a tracker that moves linearly
-    within a frame.
+    within a frame. carried: a body that sticks to or slides on the level top of the scene's prescribed body,
+    which moves in a vertical plane without turning. turntable: a ball that rolls on the scene's prescribed
+    body, which turns about the vertical at a constant rate.
     """
 
     body: str
-    law: Literal["arcs", "torque_free", "coupling"]
+    law: Literal["arcs", "torque_free", "coupling", "carried", "turntable"]
     arcs: tuple[Arc, ...] = ()
 
 

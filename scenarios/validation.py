@@ -21,6 +21,7 @@ from touchstone.scenarios.avatar.number_checks import (
     unit,
 )
 from touchstone.scenarios.avatar.tracker_checks import check_driving, check_tracker
+from touchstone.scenarios.effects import centred_ball
 from touchstone.scenarios.scenario import (
     CHECKS,
     EFFECTS,
@@ -278,9 +279,29 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
             report(f"{path}.body", f"{truth.body!r} is {body.kind}, expected a simulated body")
         elif truth.law == "torque_free":
             _check_top(body, f"{path}.body", report)
+        elif truth.law in ("carried", "turntable"):
+            _check_support(scenario, truth, body, f"{path}.body", report)
         if truth.body in [other.body for other in scenario.truths[:i]]:
             report(f"{path}.body", f"{truth.body!r} has two truths")
         _check_arcs(truth, path, report)
+
+
+def _check_support(scenario: Scenario, truth: Truth, body: Body, path: str, report: Report) -> None:
+    """Check for gravity, one prescribed body, and the motion of both that the closed form requires."""
+    trackers = list(filter(scenario.prescribes, scenario.trackers))
+    if len(trackers) != 1 or not any(scenario.acting_gravity):
+        report(path, f"found {len(trackers)} prescribed bodies, expected one, and gravity")
+    elif truth.law == "carried" and (
+        len(set(trackers[0].orientations)) > 1 or any((*body.linear_velocity, *body.angular_velocity))
+    ):
+        report(path, "expected a body at rest on a prescribed one that does not turn")
+    elif truth.law == "turntable" and (
+        len(set(trackers[0].positions)) > 1
+        or len(body.pieces) != 1
+        or not isinstance(body.pieces[0].shape, Sphere)
+        or not centred_ball(body)
+    ):
+        report(path, "expected a ball about its centre of mass on a prescribed body that only turns")
 
 
 def _check_top(body: Body, path: str, report: Report) -> None:

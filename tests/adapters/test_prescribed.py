@@ -105,7 +105,7 @@ def test_a_load_is_carried_by_friction(registry, lab, name, profile):
 @pytest.mark.parametrize("mass", [0.01, 100.0])
 @pytest.mark.parametrize("name", DYNAMIC)
 def test_no_load_moves_a_prescribed_body(registry, lab, name, mass):
-    """A load of any mass is carried alike."""
+    """Loads of 0.01 and 100 kg follow equally well."""
     seen = record(registry.engine(name), loaded(lab, accelerated(2.0, 1.0), mass), settings(name))
     away = seen.position[:, 1] - seen.position[:, 0] - (0.0, 0.0, TOP + 0.05)
     assert np.abs(away).max() < 1e-3
