@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from itertools import count, pairwise, takewhile
 
 import numpy as np
@@ -29,6 +28,8 @@ EVENT_GRID = 1e-3
 """Spacing of the times between which a body on a prescribed one starts or stops to slide at most once [s]."""
 EVENT_ERROR = 1e-15
 """Error of the times at which it starts or stops to slide [s]: rounding."""
+INTEGRATED = 1e-12
+"""Relative tolerance of an integrated orientation [1]."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 """Quadrature of the precession over one interval: exact to rounding if the body turns less than once."""
 
@@ -284,14 +285,17 @@ class _Ride:
         found = [_Phase(0.0, sign, 0.0, float(self.along(0.0, 1)))]
         while True:
             last = found[-1]
-            watched = partial(self._ended, last)
             times = np.linspace(last.start, self.end, 2 + int((self.end - last.start) / EVENT_GRID))
-            over = np.flatnonzero(watched(times[1:]) > 0)
+            over = np.flatnonzero(self._ended(last, times[1:]) > 0)
             if not len(over):
                 return found
-            time = float(brentq(watched, *times[over[0] : over[0] + 2], xtol=EVENT_ERROR))
+            time = self._event(last, *times[over[0] : over[0] + 2].tolist())
             sign = self._slip(time) if last.sign == 0 or self.excess(time) > 0 else 0.0
             found.append(_Phase(time, sign, float(self.place(last, time)), float(self.along(time, 1))))
+
+    def _event(self, phase: _Phase, low: float, high: float) -> float:
+        """Time at which a phase ends [s]."""
+        return float(brentq(lambda t: float(self._ended(phase, t)), low, high, xtol=EVENT_ERROR))
 
     def _ended(self, phase: _Phase, t: Array | float) -> Array:
         """Positive where a phase has ended: friction no longer holds, or the slip would reverse."""
@@ -354,8 +358,11 @@ def _on_turntable(scenario: Scenario, body: Body, times: Array) -> Motion:
         return np.array(rates) / 2
 
     end = float(times.max(initial=scenario.duration)) + 1 / scenario.frame_rate
-    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
-    turned = solve_ivp(turning, (0.0, end), body.orientation, t_eval=[*times, end], **exact).y.T[:-1]
+    asked = [*times.tolist(), end]
+    run = solve_ivp(
+        turning, (0.0, end), body.orientation, "DOP853", asked, rtol=INTEGRATED, atol=INTEGRATED / 100
+    )
+    turned = run.y.T[:-1]
     c, s = np.cos(k * times)[:, None], np.sin(k * times)[:, None]
     return Motion(
         middle + c * arm + s * ahead,

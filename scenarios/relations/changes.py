@@ -105,13 +105,7 @@ def rescaled(scenario: Scenario, times: float) -> Scenario:
     bodies = tuple(_rescaled_body(one, size, times) for one in scenario.bodies)
     joints = tuple(replace(one, position=_scaled(one.position, size)) for one in scenario.joints)
     trackers = tuple(
-        replace(
-            one,
-            times=tuple(times * t for t in one.times),
-            positions=tuple(_scaled(p, size) for p in one.positions),
-            **({} if scenario.prescribes(one) else _slower(one, times)),
-        )
-        for one in scenario.trackers
+        _rescaled_tracker(one, size, times, not scenario.prescribes(one)) for one in scenario.trackers
     )
     return bare(
         scenario,
@@ -123,13 +117,20 @@ def rescaled(scenario: Scenario, times: float) -> Scenario:
     )
 
 
-def _slower(tracker: Tracker, times: float) -> dict[str, float]:
-    """Coupling and servo of a tracker whose motion takes `times` as long."""
-    return {
-        "stiffness": tracker.stiffness / times**2,
-        "damping": tracker.damping / times,
-        "hinge_frequency": tracker.hinge_frequency / times,
-    }
+def _rescaled_tracker(one: Tracker, size: float, times: float, coupled: bool) -> Tracker:
+    moved = replace(
+        one,
+        times=tuple(times * t for t in one.times),
+        positions=tuple(_scaled(p, size) for p in one.positions),
+    )
+    if not coupled:
+        return moved
+    return replace(
+        moved,
+        stiffness=one.stiffness / times**2,
+        damping=one.damping / times,
+        hinge_frequency=one.hinge_frequency / times,
+    )
 
 
 def _rescaled_body(one: Body, size: float, times: float) -> Body:
