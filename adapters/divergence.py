@@ -9,7 +9,7 @@ from touchstone.adapters.motion_bounds import extent
 from touchstone.adapters.vector_products import turned, turned_back
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.plan import Plan
-from touchstone.scenarios.scenario import Scenario, Tracker
+from touchstone.scenarios.scenario import UNMOVED, Scenario, Tracker
 
 SPEED_MAX = 1e6
 """Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last
@@ -34,7 +34,7 @@ class Watch:
         self._plan = plan
         self._names = [body.name for body in scenario.bodies]
         kind = np.array([body.kind for body in scenario.bodies])
-        self._moving, self._simulated = kind != "fixed", kind == "simulated"
+        self._moving, self._simulated = ~np.isin(kind, UNMOVED), kind == "simulated"
         self._mass = np.where(self._moving, [body.mass for body in scenario.bodies], 0.0)
         self._inertia = np.array([body.inertia for body in scenario.bodies]) * self._moving[:, None, None]
         self._center = np.array([body.center_of_mass for body in scenario.bodies])

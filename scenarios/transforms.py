@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.scenarios.scenario import (
+    TRACKED,
     Arc,
     Body,
     Hull,
@@ -79,7 +80,7 @@ def translated(scenario: Scenario, offset: Vector) -> Scenario:
     return replace(
         scenario,
         bodies=tuple(
-            b if b.kind == "driven" else replace(b, position=there(b.position)) for b in scenario.bodies
+            b if b.kind in TRACKED else replace(b, position=there(b.position)) for b in scenario.bodies
         ),
         trackers=tuple(replace(t, positions=tuple(map(there, t.positions))) for t in scenario.trackers),
         truths=tuple(

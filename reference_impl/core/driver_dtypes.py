@@ -95,11 +95,16 @@ DRIVER = record(
     center=VECTOR,  # centre of mass of all links, world
     inertia=MATRIX,  # of all links about `center`, world axes
     inverse_inertia=MATRIX,
-    # tracker pose at the frame's start and end; contiguous, because one copy transfers them
+    prescribed="i8",  # 1: it follows its tracker exactly, and no contact moves it
+    # tracker's pose and velocities at the frame's start and end; contiguous, because one copy transfers them
     old_target_position=VECTOR,
     old_target_orientation=QUATERNION,
+    old_target_velocity=VECTOR,
+    old_target_omega=VECTOR,
     target_position=VECTOR,
     target_orientation=QUATERNION,
+    target_velocity=VECTOR,
+    target_omega=VECTOR,
     shown_position=VECTOR,  # at the start of a frame
     coupled_position=VECTOR,  # after the coupling, before overlap removal
     coupled_orientation=QUATERNION,

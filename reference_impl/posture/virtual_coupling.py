@@ -4,7 +4,7 @@ from math import sqrt
 
 from touchstone.reference_impl.continuous.coupling_response import decay
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import rotation_between, turn
+from touchstone.reference_impl.core.rotation import copy_vector, rotation_between, turn
 
 COUPLING_REACH = 0.5
 """Distance of a driver with chains from its tracker beyond which the coupling pulls no stronger [m]."""
@@ -16,8 +16,15 @@ def follow_tracker(driver, h):
 
     The tracker moves linearly within the frame, from its old target to its new one. The spring of a
     driver with chains pulls as at COUPLING_REACH where it is longer: it would pull the driver through an
-    obstacle to a tracker far behind it.
+    obstacle to a tracker far behind it. A prescribed driver takes its tracker's pose and velocities.
     """
+    if driver["prescribed"] == 1:
+        copy_vector(driver["target_position"], driver["position"])
+        for i in range(4):
+            driver["orientation"][i] = driver["target_orientation"][i]
+        copy_vector(driver["target_velocity"], driver["velocity"])
+        copy_vector(driver["target_omega"], driver["omega"])
+        return
     stiffness, damping = driver["stiffness"] / driver["mass"], driver["damping"] / driver["mass"]
     far = 0.0
     for i in range(3):

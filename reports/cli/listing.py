@@ -19,6 +19,8 @@ ARCS_SHOWN = 6
 LAWS = {
     "torque_free": "turns freely, by elliptic functions",
     "coupling": "follows its tracker by Eq. 6, solved in closed form",
+    "carried": "sticks to or slides on the prescribed body, by Coulomb's law",
+    "turntable": "rolls on the turning body, its centre on a circle",
 }
 
 

@@ -24,6 +24,7 @@ Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 COLORS = {
     "fixed": [0.75, 0.75, 0.72, 1.0],
     "driven": [0.93, 0.72, 0.55, 1.0],
+    "prescribed": [0.6, 0.5, 0.75, 1.0],
     "simulated": [0.0, 0.45, 0.7, 1.0],
 }
 """Colour of a body by its kind, linear RGBA."""

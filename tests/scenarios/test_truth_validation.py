@@ -8,16 +8,19 @@ from math import nan
 import pytest
 from sound_scenario import faults_of, sound
 
-from touchstone.scenarios.scenario import Arc, Scenario, Truth
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Arc, Scenario, ScenarioError, Truth
 from touchstone.scenarios.solids import box_inertia
 
 START = Arc(0.0, (0.0, 0.0, 1.0))
 TRUTH = [
-    ({"law": "magic"}, "truths[0].law", "unknown law 'magic'; valid: arcs, torque_free, coupling"),
+    ({"law": "magic"}, "truths[0].law", "unknown law 'magic'; valid: arcs, torque_free, coupling, carried"),
     ({"body": "moon"}, "truths[0].body", "unknown body 'moon'; valid: ground, ball"),
     ({"body": "ground"}, "truths[0].body", "'ground' is fixed, expected a simulated body"),
     ({"law": "coupling", "arcs": ()}, "truths[0].body", "'ball' follows no tracker"),
     ({"law": "coupling", "body": "upper", "arcs": ()}, "truths[0].body", "expected one link"),
+    ({"law": "carried", "arcs": ()}, "truths[0].body", "found 0 prescribed bodies, expected one"),
+    ({"law": "turntable"}, "truths[0].arcs", "found 1, which does not fit the law 'turntable'"),
     ({"law": "torque_free"}, "truths[0].arcs", "found 1, which does not fit the law 'torque_free'"),
     ({"law": "torque_free", "arcs": ()}, "truths[0].body", "expected three different"),
     ({"arcs": ()}, "truths[0].arcs", "found 0, which does not fit the law 'arcs'"),
@@ -66,3 +69,25 @@ def test_enormous_spins_are_compared_without_overflow() -> None:
     fine, wrong = (sound() | {"truths": (Truth("ball", "arcs", (arc,)),)} for arc in (fast, turning))
     assert Scenario(**fine).truths == fine["truths"]
     assert "expected along the angular velocity" in faults_of(wrong)[path]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("platform_lift", {"linear_velocity": (0.1, 0.0, 0.0)}, "at rest on a prescribed one"),
+        ("platform_lift", {"angular_velocity": (0.0, 0.0, 1.0)}, "at rest on a prescribed one"),
+        ("turntable", {"center_of_mass": (0.01, 0.0, 0.0)}, "a ball about its centre of mass"),
+    ],
+)
+def test_truths_on_a_prescribed_body(name: str, change: dict, message: str) -> None:
+    """Tell a start or a shape that the closed form does not cover, and a support that moves otherwise."""
+    scene = catalogue()[name]
+    bodies = (scene.bodies[0], replace(scene.bodies[1], **change))
+    with pytest.raises(ScenarioError, match=message):
+        replace(scene, bodies=bodies)
+    tracker, turned = scene.trackers[0], (0.0, 0.0, 0.0, 1.0)
+    positions = (*tracker.positions[:-1], (0.0, 0.0, 9.0))
+    orientations = (*tracker.orientations[:-1], turned)
+    moved = replace(tracker, positions=positions, orientations=orientations)
+    with pytest.raises(ScenarioError, match="prescribed"):
+        replace(scene, trackers=(moved,))

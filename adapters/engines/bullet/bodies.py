@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations, product
 
 import numpy as np
@@ -17,6 +17,7 @@ from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
+    TRACKED,
     Body,
     Box,
     Capsule,
@@ -43,7 +44,7 @@ class Bodies:
         arm: centres of mass in the body frames (n, 3) [m].
         colliders: per body its (id, link) pairs; `body_of` is the inverse.
         rigid: bodies in maximal coordinates.
-        free, driven: multibodies; kinematic: id per posed link.
+        free, driven: multibodies; kinematic: id per posed link and prescribed body.
     """
 
     def __init__(
@@ -51,12 +52,11 @@ class Bodies:
         scenario: Scenario,
         settings: Settings,
         factors: list[tuple[float, float]],
-        drives: Sequence[Drive],
+        drives: Mapping[int, Drive],
         on: dict[str, int],
     ) -> None:
-        """`factors`: restitution and friction of each body; `drives`: of trackers that are not posed."""
+        """`factors`: restitution and friction of each body; `drives`: by trackers that are coupled."""
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
-        self._posed = settings.drive == "posed"
         self.parameters = tables.parameters_of(settings.profile, settings.changes)
         self.sleep = tables.SLEEPING if settings.sleeping else {}
         self.moments, axes = zip(*(_principal_axes(body) for body in scenario.bodies))
@@ -68,12 +68,10 @@ class Bodies:
     def add(self) -> None:
         """Create all bodies in their initial state."""
         groups = self._scenario.groups()
+        self._weightless = [k for k, group in enumerate(groups) if group >= 0 and group not in self._drives]
         self.free = [self._add_free(k) for k, group in enumerate(groups) if group < 0]
-        self.driven = [self._add_driven(k) for k in range(len(self._drives))]
-        shown = [link for tracker in self._scenario.trackers for link in self._scenario.links(tracker)]
-        self.kinematic = {
-            link: self._create((link,), (), ORIGIN, IDENTITY) for link in (shown if self._posed else ())
-        }
+        self.driven = [self._add_driven(k) for k in self._drives]
+        self.kinematic = {link: self._create((link,), (), ORIGIN, IDENTITY) for link in self._weightless}
         self.body_of = {link: body for body, links in self.colliders.items() for link in links}
 
     def _add_free(self, body: int) -> Multibody:
@@ -162,7 +160,7 @@ class Bodies:
         root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         dynamics = self.parameters.base | (self.parameters.hull if has_hull else {})
-        dynamics |= {} if root.kind == "driven" else self.sleep
+        dynamics |= {} if root.kind in TRACKED else self.sleep
         pybullet.changeDynamics(number, BASE, **dynamics, **self._on)
         for link, body in enumerate(bodies, start=BASE):
             restitution, friction = self._factors[body]
@@ -175,8 +173,7 @@ class Bodies:
     def _part(self, body: int, shape: int) -> Part:
         """Mass and inertial frame of a body."""
         given = self._scenario.bodies[body]
-        weightless = given.kind == "fixed" or (given.kind == "driven" and self._posed)
-        mass = 0.0 if weightless else given.mass
+        mass = 0.0 if given.kind == "fixed" or body in self._weightless else given.mass
         return Part(mass, shape, given.center_of_mass, tuple(self.axes[body]))
 
     def _add_shapes(self, body: Body) -> list[int]:
@@ -238,7 +235,7 @@ def _is_plain(body: Body) -> bool:
     It must be a fixed body of one shape, or a simulated ball or box whose inertia is that of its shape:
     Bullet accepts no other (`changeDynamics` of a rigid body's inertia gives NaN).
     """
-    if body.kind == "driven" or not body.pieces:
+    if body.kind in TRACKED or not body.pieces:
         return False
     hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
     if body.kind == "fixed":

@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import dartpy
 import numpy as np
 
-from touchstone.adapters.contract import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
+from touchstone.adapters.contract import Array, Manifest, PairFacts, Scalar, Settings, State
 from touchstone.adapters.engines.dart.model import (
     DETECTORS,
     ROOT_DOFS,
@@ -28,6 +28,7 @@ from touchstone.adapters.engines.dart.model import (
     add_kinematic,
     add_piece,
     add_servos,
+    body_facts,
     detector_of,
     friction_solver,
     isometry,
@@ -44,10 +45,10 @@ from touchstone.adapters.material_combine import (
     product_factors,
     restitutions,
 )
-from touchstone.adapters.posed_drive import posed_of
+from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import ACCURATE, ENGINES, require_profile
 from touchstone.adapters.servo import Drive
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import TRACKED, UNMOVED, Scenario
 
 COEFFICIENT_MIN = 1e-3
 """Restitution and friction up to this value count as zero in DART (ContactSurface.hpp) [1]."""
@@ -143,19 +144,19 @@ class World:
             check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
         restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
         friction = minimum_factors("dart", "friction", scenario, asked["friction"])
-        posed = settings.drive == "posed"
-        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._posed = posed_of(scenario, settings)
         self._moment = 0
-        driven = () if posed else scenario.trackers
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
+        self._coupled = coupled(scenario, settings)
+        self._trackers = [scenario.trackers[k] for k in self._coupled]
+        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in self._trackers]
         by_name = {joint.name: joint for joint in scenario.joints}
         nodes: dict[int, Any] = {}
         for one, _ in self._posed:
             nodes |= {link: add_kinematic(self._world, scenario.bodies[link]) for link in one.links}
-        for drive, tracker in zip(self._drives, scenario.trackers):
+        for drive, tracker in zip(self._drives, self._trackers):
             nodes |= add_driven(self._world, scenario, drive, [by_name[name] for name in tracker.joints])
         for k, body in enumerate(scenario.bodies):
-            if body.kind != "driven":
+            if body.kind not in TRACKED:
                 nodes[k] = add_body(self._world, body)
         self._nodes = [nodes[k] for k in range(len(scenario.bodies))]
         self._moving = [(k, nodes[k]) for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
@@ -175,7 +176,7 @@ class World:
         self._hands = [root.getSkeleton() for root in self._roots]
         self._force = np.full((len(self._drives), 3), np.nan)
         self._torque = np.full((len(self._drives), 3), np.nan)
-        self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in scenario.trackers]
+        self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in self._trackers]
         self._native = settings.drive == "native"
         self._changed = [np.zeros(ROOT_DOFS + len(one)) for one in self._hinge_torque]
         self._set_point = [(np.full_like(one, np.nan),) * 2 for one in self._hinge_torque]
@@ -186,7 +187,7 @@ class World:
 
     def drive(self, step: int) -> None:
         """Apply force and torque at the root's origin in world axes, and command the hinges' servos or
-        torques; or set poses and velocities of kinematic links."""
+        torques; set poses and velocities of kinematic links and prescribed bodies."""
         self._moment = step + 1
         self._move_posed()
         for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
@@ -213,7 +214,7 @@ class World:
             hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), torques]))
 
     def _move_posed(self) -> None:
-        """Move kinematic links from their poses at the step's start to those at its end."""
+        """Move kinematic and prescribed bodies from their poses at the step's start to those at its end."""
         step = self._moment - 1
         for posed, _ in self._posed:
             for k, link in enumerate(posed.links):
@@ -241,7 +242,7 @@ class World:
             state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
             state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
-            state.force[:], state.torque[:] = self._force, self._torque
+            state.force[self._coupled], state.torque[self._coupled] = self._force, self._torque
         state.clear_contacts()
         if contacts := self._world.getLastCollisionResult().getContacts():
             self._add_contacts(contacts, state)
@@ -286,9 +287,9 @@ class World:
             dt=self._world.getTimeStep(),
             settings=self._facts(),
             bodies={
-                body.name: _body_facts(node)
+                body.name: body_facts(node)
                 for body, node in zip(self._scenario.bodies, self._nodes)
-                if body.kind != "fixed"
+                if body.kind not in UNMOVED
             },
             pairs=tuple(
                 PairFacts(
@@ -299,10 +300,11 @@ class World:
                 )
                 for a, b in self._scenario.touching_pairs()
             ),
-            drives={tracker.root: d.gains() for tracker, d in zip(self._scenario.trackers, self._drives)},
+            drives={tracker.root: d.gains() for tracker, d in zip(self._trackers, self._drives)},
             limits=self._limits(),
             pieces={name: node.getNumShapeNodes() for name, node in zip(names, self._nodes)},
-            freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons()),
+            freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons())
+            - 6 * sum(one.prescribed for one, _ in self._posed),
         )
 
     def _skeletons(self) -> list[Any]:
@@ -310,7 +312,7 @@ class World:
 
     def _limits(self) -> dict[str, tuple[float, float]]:
         found = {}
-        for hand, tracker in zip(self._hands, self._scenario.trackers):
+        for hand, tracker in zip(self._hands, self._trackers):
             for k, name in enumerate(tracker.joints, start=1):
                 joint = hand.getJoint(k)
                 found[name] = (joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0))
@@ -393,8 +395,3 @@ class World:
         """Drop every reference into DART, which releases its memory."""
         self._nodes, self._moving, self._roots, self._hands, self._body_of = [], [], [], [], {}
         self._world.removeAllSkeletons()
-
-
-def _body_facts(node: Any) -> BodyFacts:
-    rows: Array = node.getInertia().getMoment()
-    return BodyFacts(node.getMass(), tuple(node.getLocalCOM().tolist()), tuple(map(tuple, rows.tolist())))

@@ -25,10 +25,21 @@ import dartpy
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from touchstone.adapters.contract import Scalar, Unsupported
+from touchstone.adapters.contract import BodyFacts, Scalar, Unsupported
 from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
-from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+from touchstone.scenarios.scenario import (
+    UNMOVED,
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Joint,
+    Piece,
+    Scenario,
+    Sphere,
+)
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 DETECTORS = {
@@ -124,11 +135,17 @@ def isometry(position: Any, orientation: Any) -> Any:
 
 
 def set_mass(node: Any, body: Body) -> None:
-    """Set our mass properties instead of the shapes'. A fixed body has none and keeps DART's 1 kg, without
-    effect."""
-    if body.kind != "fixed":
+    """Set our mass properties instead of the shapes'. A fixed or prescribed body has none and keeps DART's
+    1 kg, without effect."""
+    if body.kind not in UNMOVED:
         center = np.array(body.center_of_mass)
         node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
+
+
+def body_facts(node: Any) -> BodyFacts:
+    """Mass properties of a node."""
+    rows: Any = node.getInertia().getMoment()
+    return BodyFacts(node.getMass(), tuple(node.getLocalCOM().tolist()), tuple(map(tuple, rows.tolist())))
 
 
 def add_body(world: Any, body: Body) -> Any:
@@ -150,7 +167,7 @@ def add_body(world: Any, body: Body) -> Any:
 
 
 def add_kinematic(world: Any, body: Body) -> Any:
-    """Add a driven link as its own skeleton with prescribed velocity."""
+    """Add a driven link or a prescribed body as its own skeleton with prescribed velocity."""
     skeleton = dartpy.dynamics.Skeleton(body.name)
     joint, node = skeleton.createFreeJointAndBodyNodePair()
     joint.setActuatorType(dartpy.dynamics.ActuatorType.VELOCITY)

@@ -8,6 +8,7 @@ from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.tracked import Mask, pressed
+from touchstone.scenarios.scenario import UNMOVED
 
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""
@@ -43,23 +44,24 @@ def overlap_time(context: Context) -> Values:
 def contact_gap(context: Context) -> Values:
     """Median signed distance of a body at rest, or pressed by its tracker, to its support [m]; truth 0.
 
-    Covers a simulated body that rests on a fixed one; and a driven body, by its nearest link, in the frames
-    in which its tracker has a link inside a fixed or driven body.
+    Covers a simulated body that rests on a fixed body, or moves with a prescribed one; and a driven body, by
+    its nearest link, in the frames in which its tracker has a link inside a fixed or driven body.
     """
     found = {**_resting_gaps(context), **_pressed_gaps(context)}
     if not found:
-        raise NotMeasured("no body rests on a fixed one, and none is pressed")
+        raise NotMeasured("no body rests on a fixed or prescribed one, and none is pressed")
     return found
 
 
 def _resting_gaps(context: Context) -> dict[str, float]:
     found = {}
     for body in context.simulated:
-        speed = np.linalg.norm(context.recording.linear_velocity[:, body], axis=1)
         for (a, b), distance in context.distances.distance.items():
             other = b if a == body else a
-            if body not in (a, b) or context.kind[other] != "fixed":
+            if body not in (a, b) or context.kind[other] not in UNMOVED:
                 continue
+            carried = context.surface_velocity(other, context.mass_centers[:, body])
+            speed = np.linalg.norm(context.recording.linear_velocity[:, body] - carried, axis=1)
             resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
             if resting.sum() >= FEWEST:
                 found[context.pair_name(a, b)] = float(np.median(distance[resting]))

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.posture import limit_excess
+from touchstone.scenarios.scenario import TRACKED, UNMOVED
 
 STORING = 1e-4
 """Overlap from which a soft contact may store elastic energy beyond rounding [m]."""
@@ -56,6 +57,7 @@ def energy_injected(context: Context) -> Values:
     Subject `simulated`: only simulated bodies; W is the work of the impulses that driven bodies exert on
     them, J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body; W is the
     work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
+    Prescribed bodies count as driven ones.
     """
     found: dict[str, float | Value] = {
         subject: float(np.max(rise)) for subject, rise in energy_rise(context).items()
@@ -70,7 +72,7 @@ def energy_rise(context: Context) -> dict[str, Array]:
     found: dict[str, Array] = {}
     work = context.recording.driver_work
     if context.scenario.trackers and not np.isnan(work).any():
-        moving = [k for k, kind in enumerate(context.kind) if kind != "fixed"]
+        moving = [k for k, kind in enumerate(context.kind) if kind not in UNMOVED]
         stores = _stores(context, moving) | (limit_excess(context).max(axis=1, initial=0.0) > STORING_ANGLE)
         found["all"] = _rise(mechanical_energy(context, moving) - work, stores)
     if context.simulated:
@@ -89,7 +91,7 @@ def energy_ledger(context: Context) -> Values:
     if context.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
     rows, kind = context.recording.contacts, np.array(context.kind)
-    free = (kind[rows["body_a"]] != "driven") & (kind[rows["body_b"]] != "driven")
+    free = ~np.isin(kind[rows["body_a"]], TRACKED) & ~np.isin(kind[rows["body_b"]], TRACKED)
     normal, tangential = context.impulses
     mean = rows["velocity_b_before"] - rows["velocity_a_before"]
     mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
@@ -146,7 +148,8 @@ def _work_of_driven_contacts(context: Context) -> Array:
     kind = np.array(context.kind)
     work = np.zeros(len(rows))
     for side, other, sign in (("a", "b", -1.0), ("b", "a", 1.0)):
-        chosen = (kind[rows[f"body_{side}"]] == "simulated") & (kind[rows[f"body_{other}"]] == "driven")
+        tracked = np.isin(kind[rows[f"body_{other}"]], TRACKED)
+        chosen = (kind[rows[f"body_{side}"]] == "simulated") & tracked
         mean = (rows[f"velocity_{side}_before"] + rows[f"velocity_{side}_after"]) / 2
         work += np.where(chosen, sign * np.einsum("ij,ij->i", rows["impulse"], mean), 0.0)
     by_frame = np.bincount(context.contact_frame + 1, weights=work, minlength=len(context.recording.time))
