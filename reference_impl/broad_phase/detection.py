@@ -95,7 +95,7 @@ def detect_for(world, d, later):
             world.drivers[max(one, two)]["chain_count"] == 0
         ):
             pairs[k]["depth"] = 0.0
-        if min(one, two) == d and max(one, two) > d:
+        if min(one, two) == d and max(one, two) > d and world.drivers[max(one, two)]["prescribed"] == 0:
             pairs[k]["depth"] *= later
     return end
 

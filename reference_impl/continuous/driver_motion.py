@@ -41,6 +41,7 @@ def note_start(joints, driver):
     copy_quaternion(driver["orientation"], driver["old_orientation"])
     copy_vector(driver["velocity"], driver["old_velocity"])
     copy_vector(driver["omega"], driver["old_omega"])
+    driver["push_count"] = 0
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["shown_angle"] = joints[k]["angle"]
 
@@ -147,6 +148,9 @@ def coast(bodies, joints, driver, h, lead, dt):
     _set_rates(joints, driver, 1 / dt)
     v[0], v[1], v[2], w[0], w[1], w[2] = x, y, z, p, q, r
     move_links(bodies, joints, driver)
+    driver["lasting"] = 1
+    if driver["prescribed"] == 1:
+        return
     mass, stiffness = driver["mass"], driver["stiffness"] / driver["mass"]
     moved, speed = unit_response(stiffness, driver["damping"] / mass, h)
     turned_by, spin = unit_response(stiffness, 2 * sqrt(stiffness), h)
@@ -156,7 +160,6 @@ def coast(bodies, joints, driver, h, lead, dt):
     for i in range(3):
         for j in range(3):
             driver["inverse_inertia"][i, j] *= driver["turn_share"]
-    driver["lasting"] = 1
 
 
 @kernel
@@ -168,7 +171,10 @@ def _set_rates(joints, driver, share):
 @kernel
 def weigh_for_impacts(driver):
     """Give a driver the mass and inertia that an impulse at one instant meets."""
-    driver["lasting"], driver["inverse_mass"] = 0, 1 / driver["mass"]
+    driver["lasting"] = 0
+    if driver["prescribed"] == 1:
+        return
+    driver["inverse_mass"] = 1 / driver["mass"]
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
 
 
@@ -240,6 +246,9 @@ def _pose_at(bodies, joints, driver, t, dt):
 def _advance(driver, t, h, dt, share):
     """Set a driver's pose and velocities a time t after the start of its substep of length h: free motion,
     and a share of the response to its forces, even over the substep."""
+    if driver["prescribed"] == 1:
+        _follow_path(driver, driver["clock"] + t, dt)
+        return
     mass = driver["mass"]
     stiffness, damping = driver["stiffness"] / mass, driver["damping"] / mass
     moved, speed = unit_response(stiffness, damping, t)
@@ -275,3 +284,43 @@ def _advance(driver, t, h, dt, share):
         driver["omega"][i] += spin / h * w[i]
     x, y, z = turned_by / h * p[0], turned_by / h * p[1], turned_by / h * p[2]
     turn(driver["orientation"], x, y, z, driver["orientation"])
+
+
+@kernel
+def _follow_path(driver, time, dt):
+    """Set a prescribed driver's pose and velocities at a time of its frame: the cubics through its poses and
+    velocities at both ends of the frame; of its rotation, a cubic rotation vector.
+
+    With r the rotation vector since the frame's start, omega = r' + r x r' / 2 + r x (r x r') / 6 to third order.
+    """
+    s = time / dt
+    start, rise = 1 - s * s * (3 - 2 * s), s * s * (3 - 2 * s)
+    first, last = dt * s * (1 - s) * (1 - s), -dt * s * s * (1 - s)
+    climb, early, late = 6 * s * (1 - s) / dt, (1 - s) * (1 - 3 * s), s * (3 * s - 2)
+    turned, rate = driver["scratch"][0], driver["scratch"][1]
+    rotation_between(driver["old_target_orientation"], driver["target_orientation"], turned)
+    w0, w1, w = driver["old_target_omega"], driver["target_omega"], driver["omega"]
+    # the rate of the rotation vector at the end, from omega there
+    x, y, z = _cross(turned, w1)
+    rate[0], rate[1], rate[2] = x, y, z
+    u, v, t = _cross(turned, rate)
+    rate[0], rate[1], rate[2] = w1[0] - x / 2 + u / 12, w1[1] - y / 2 + v / 12, w1[2] - z / 2 + t / 12
+    for i in range(3):
+        x0, x1 = driver["old_target_position"][i], driver["target_position"][i]
+        v0, v1 = driver["old_target_velocity"][i], driver["target_velocity"][i]
+        driver["position"][i] = start * x0 + rise * x1 + first * v0 + last * v1
+        driver["velocity"][i] = climb * (x1 - x0) + early * v0 + late * v1
+        arc, end = turned[i], rate[i]
+        turned[i] = rise * arc + first * w0[i] + last * end
+        rate[i] = climb * arc + early * w0[i] + late * end
+    x, y, z = turned[0], turned[1], turned[2]
+    turn(driver["old_target_orientation"], x, y, z, driver["orientation"])
+    x, y, z = _cross(turned, rate)
+    w[0], w[1], w[2] = x, y, z
+    u, v, t = _cross(turned, w)
+    w[0], w[1], w[2] = rate[0] + x / 2 + u / 6, rate[1] + y / 2 + v / 6, rate[2] + z / 2 + t / 6
+
+
+@kernel
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
