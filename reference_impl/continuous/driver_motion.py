@@ -55,6 +55,7 @@ def enter_loop(bodies, joints, driver, dt):
     to the pose found; across it the goal is the tracker.
     """
     driver["loops"], driver["clock"] = 1, 0.0
+    _set_moving(bodies, joints, driver, 1)
     shift, start, end = driver["stop_velocity"], driver["goal_start"], driver["goal_end"]
     square = 0.0
     for i in range(3):
@@ -97,12 +98,19 @@ def enter_loop(bodies, joints, driver, dt):
 def leave_loop(bodies, joints, driver):
     """End a driver's frame: along the shift of overlap removal it keeps the velocity that removal left."""
     driver["loops"] = 0
+    _set_moving(bodies, joints, driver, 0)
     for i in range(3):
         driver["velocity"][i] += driver["stop_velocity"][i]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["angle"] = joints[k]["goal_angle"]
     pose_links(bodies, joints, driver)
     move_links(bodies, joints, driver)
+
+
+@kernel
+def _set_moving(bodies, joints, driver, moves):
+    for k in range(driver["joint_count"] + 1):
+        bodies[link_of(joints, driver, k)]["moves"] = moves
 
 
 @kernel
@@ -215,7 +223,7 @@ def set_link_ways(bodies, joints, driver, h, dt):
                     middle, half_arc = link["travel"][i], link["turn"][i]
                     link["travel"][i], link["travel_bend"][i] = 4 * middle - way, 2 * way - 4 * middle
                     link["turn"][i], link["turn_bend"][i] = 4 * half_arc - arc, 2 * arc - 4 * half_arc
-            link["moves"], link["spin_steps"], link["spin_keeps"] = 1, 0, KEEPS_NOTHING
+            link["spin_steps"], link["spin_keeps"] = 0, KEEPS_NOTHING
 
 
 @kernel
@@ -228,8 +236,6 @@ def end_driver(bodies, joints, driver, s, h, dt):
     driver["clock"] += s * h
     _pose_at(bodies, joints, driver, 0.0, dt)
     move_links(bodies, joints, driver)
-    for k in range(driver["joint_count"] + 1):
-        bodies[link_of(joints, driver, k)]["moves"] = 0
 
 
 @kernel
