@@ -56,6 +56,18 @@ def detect(world, kind, first):
     found, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
+    if kind == SIMULATED:
+        found = find_stops(world, found)
+    end, deepest = _measure(world, first, found)
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+    return end, deepest
+
+
+@kernel
+def _measure(world, first, found):
+    """Compute the depths of `pairs[first:found]`, and move those that touch to the front; as `detect`."""
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     end, deepest = first, 0.0
     for k in range(first, found):
         pair = pairs[k]
@@ -73,8 +85,46 @@ def detect(world, kind, first):
             pairs[end] = pair
         end += 1
     state["counters"][COUNT_CONTACTS] += end - first
-    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
+
+
+@kernel
+def detect_stops(world, first):
+    """`detect` for the pairs of `find_stops`, where all pieces are placed."""
+    return _measure(world, first, find_stops(world, first))
+
+
+@kernel
+def find_stops(world, first):
+    """Find the pairs of pressed drivers with fixed and driven bodies whose boxes overlap, and write them from
+    `pairs[first]`: forces in the simulated loop may not push a driver into these.
+
+    Returns:
+        Index after the last pair.
+    """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
+    pressed = False
+    for d in range(len(drivers)):
+        pressed = pressed or drivers[d]["pressed"] == 1
+    if not pressed:
+        return first
+    found, lost = find_pairs(world.pieces, DRIVEN, first, pairs, state)
+    state["counters"][COUNT_LOST] += lost
+    end = first
+    for k in range(first, found):
+        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or a["driver"] == b["driver"]:
+            continue
+        if _is_pressed(drivers, a) or _is_pressed(drivers, b):
+            if k != end:
+                pairs[end] = pairs[k]
+            end += 1
+    return end
+
+
+@kernel
+def _is_pressed(drivers, body):
+    return body["driver"] >= 0 and drivers[body["driver"]]["pressed"] == 1
 
 
 @kernel
@@ -102,7 +152,11 @@ def detect_for(world, d, later):
 
 @kernel
 def set_coefficients(bodies, pair, state):
-    """Set a pair's coefficients of restitution and friction from its two materials."""
+    """Set a pair's coefficients of restitution and friction from its two materials; 0 if neither body is
+    simulated: as in the paper, geometry alone moves driven bodies along others."""
+    if bodies[pair["body_a"]]["kind"] != SIMULATED and bodies[pair["body_b"]]["kind"] != SIMULATED:
+        pair["restitution"] = pair["friction"] = 0.0
+        return
     a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
     pair["restitution"] = state["restitution"][a, b]
     pair["friction"] = state["friction_coefficient"][a, b]

@@ -11,7 +11,7 @@ overlap: the distance of convex pieces is at least their gap along any normal (A
 
 from math import ceil, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, set_coefficients
+from touchstone.reference_impl.broad_phase.detection import detect, detect_stops, set_coefficients
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.internal_edges import align_internal_edges, witness_approach
 from touchstone.reference_impl.continuous.swept_motion import lever_of
@@ -63,8 +63,6 @@ DENSE_SPEED = 0.01
 their contact points move."""
 DENSE_SINKING = 2e-7
 """Sinking of a rotating body that the length of a dense substep allows [m]: a fifth of OVERLAP_TOLERANCE."""
-STOP_GAP = 1e-3
-"""Gap up to which a fixed body that a driver touched after overlap removal may stop it in the loop [m]."""
 PUSH_SLACK = 5e-4
 """Gap beyond a link's way within a frame up to which its contact stays [m]: both turn, to second order."""
 
@@ -87,6 +85,8 @@ def gather_contacts(world, left):
     crowded = state["rows"] + expected > state["event_rows"]
     crowded = crowded or state["counters"][COUNT_EVENTS] >= DENSE_EVENTS
     end, h = 0, left
+    for d in range(len(drivers)):
+        drivers[d]["pressed"] = 0
     if not crowded:
         end, _ = detect(world, SIMULATED, 0)
         crowded = state["rows"] + end > state["event_rows"]
@@ -97,18 +97,17 @@ def gather_contacts(world, left):
     else:
         align_internal_edges(bodies, pieces, vertices, pairs, end, state)
         end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
+    pressed = state["driven_loop"] == 1 and _mark_pressed(bodies, drivers, pairs, end)
+    if pressed:
+        end, _ = detect_stops(world, end)
     for k in range(end):
         pairs[k]["is_kept"] = 0
         # a pair that touches does not pass by: its other points may close their gap at most
         if pairs[k]["distance"] <= TOUCH_DISTANCE:
             pairs[k]["key"] = 0.0
-    pressed, met = False, end
     for d in range(len(drivers)):
         if drivers[d]["pushes"] == 1:
             end = _keep_pushing(bodies, pieces, vertices, drivers[d], pairs, end, state)
-        elif drivers[d]["loops"] == 1 and _is_met(bodies, pairs, met, d):
-            pressed = True
-            end = _add_stops(bodies, pieces, vertices, drivers[d], pairs, end, state)
     # points that may land within a dense substep, or that a driver presses, are speculative contacts
     end = expand_manifolds(pieces, vertices, pairs, end, crowded or pressed, state)
     for k in range(end):
@@ -147,35 +146,15 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
 
 
 @kernel
-def _is_met(bodies, pairs, count, d):
-    """Whether a link of driver d is in a pair of `pairs[:count]`."""
+def _mark_pressed(bodies, drivers, pairs, count):
+    """Mark the drivers in the loop that touch a simulated body in `pairs[:count]`; returns whether any does."""
+    found = False
     for k in range(count):
-        if bodies[pairs[k]["body_a"]]["driver"] == d or bodies[pairs[k]["body_b"]]["driver"] == d:
-            return True
-    return False
-
-
-@kernel
-def _add_stops(bodies, pieces, vertices, driver, pairs, end, state):
-    """Append to `pairs[:end]` the pairs in which a driver touched fixed and driven bodies after overlap removal,
-    without friction: as in the paper, geometry alone moves it along them.
-
-    Returns:
-        Index after the last pair.
-    """
-    for r in range(driver["push_count"]):
-        if end == len(pairs):
-            break
-        pair = pairs[end]
-        pair["piece_a"], pair["piece_b"] = driver["push_pairs"][r, 0], driver["push_pairs"][r, 1]
-        pair["body_a"], pair["body_b"] = pieces[pair["piece_a"]]["body"], pieces[pair["piece_b"]]["body"]
-        if not pair_depth(pieces, vertices, state, pair):
-            state["counters"][COUNT_UNCONVERGED] += 1
-        if pair["distance"] <= STOP_GAP:
-            pair["friction"] = pair["restitution"] = pair["key"] = 0.0
-            pair["is_kept"] = 0
-            end += 1
-    return end
+        for side in range(2):
+            b = pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]
+            if loops(bodies, drivers, b):
+                found, drivers[bodies[b]["driver"]]["pressed"] = True, 1
+    return found
 
 
 @kernel

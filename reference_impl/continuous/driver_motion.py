@@ -41,7 +41,6 @@ def note_start(joints, driver):
     copy_quaternion(driver["orientation"], driver["old_orientation"])
     copy_vector(driver["velocity"], driver["old_velocity"])
     copy_vector(driver["omega"], driver["old_omega"])
-    driver["push_count"] = 0
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["shown_angle"] = joints[k]["angle"]
 
@@ -97,7 +96,7 @@ def enter_loop(bodies, joints, driver, dt):
 @kernel
 def leave_loop(bodies, joints, driver):
     """End a driver's frame: along the shift of overlap removal it keeps the velocity that removal left."""
-    driver["loops"] = 0
+    driver["loops"] = driver["pressed"] = 0
     _set_moving(bodies, joints, driver, 0)
     for i in range(3):
         driver["velocity"][i] += driver["stop_velocity"][i]

@@ -1,6 +1,6 @@
 """Broad phase of moving pieces: pairs whose boxes, swept over the motion of a substep, overlap."""
 
-from touchstone.reference_impl.broad_phase.detection import place_listed
+from touchstone.reference_impl.broad_phase.detection import find_stops, place_listed
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.continuous.swept_motion import swept_box
@@ -27,7 +27,7 @@ def find_swept_pairs(world, kind, first):
     end, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += end - first
-    return end
+    return find_stops(world, end) if kind == SIMULATED else end
 
 
 @kernel

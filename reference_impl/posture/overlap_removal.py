@@ -14,7 +14,6 @@ from touchstone.reference_impl.core.conventions import (
     MOVER_TRUNK,
     PART_ROOT,
     PART_WHOLE,
-    PUSH_PAIRS,
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
     SIMULATED,
@@ -170,24 +169,7 @@ def _free_driver(world, d, later):
     _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
     if drivers[d]["chain_count"] > 0:
         note_pushing_links(bodies, pairs, end, drivers[d], d)
-    else:
-        _note_stops(bodies, pairs, end, drivers[d], d)
     return True
-
-
-@kernel
-def _note_stops(bodies, pairs, end, driver, d):
-    """List the pairs of pieces in `pairs[:end]` in which driver d touches fixed and driven bodies: forces in the
-    simulated loop may not push it into these."""
-    for k in range(end):
-        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        count = driver["push_count"]
-        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or count == PUSH_PAIRS:
-            continue
-        if a["driver"] != b["driver"] and (a["driver"] == d or b["driver"] == d):
-            driver["push_pairs"][count, 0] = pairs[k]["piece_a"]
-            driver["push_pairs"][count, 1] = pairs[k]["piece_b"]
-            driver["push_count"] = count + 1
 
 
 @kernel
