@@ -2,7 +2,14 @@
 
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
-from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, SIMULATED, TOUCH_DISTANCE
+from touchstone.reference_impl.core.conventions import (
+    DRIVEN,
+    NEWLY_PRESSED,
+    OVERLAP_TOLERANCE,
+    PRESSED,
+    SIMULATED,
+    TOUCH_DISTANCE,
+)
 from touchstone.reference_impl.core.counters import (
     COUNT_CONTACTING,
     COUNT_CONTACTS,
@@ -57,7 +64,7 @@ def detect(world, kind, first):
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
     if kind == SIMULATED:
-        found = find_stops(world, found)
+        found = find_stops(world, found, PRESSED)
     end, deepest = _measure(world, first, found)
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
@@ -89,23 +96,33 @@ def _measure(world, first, found):
 
 
 @kernel
-def detect_stops(world, first):
-    """`detect` for the pairs of `find_stops`, where all pieces are placed."""
-    return _measure(world, first, find_stops(world, first))
+def detect_new_stops(world, first):
+    """`detect` for the pairs of newly pressed drivers, where all pieces are placed; they count as pressed then.
+
+    Returns:
+        Index after the last pair.
+    """
+    end, _ = _measure(world, first, find_stops(world, first, NEWLY_PRESSED))
+    for d in range(len(world.drivers)):
+        if world.drivers[d]["pressed"] == NEWLY_PRESSED:
+            world.drivers[d]["pressed"] = PRESSED
+    return end
 
 
 @kernel
-def find_stops(world, first):
+def find_stops(world, first, kind):
     """Find the pairs of pressed drivers with fixed and driven bodies whose boxes overlap, and write them from
     `pairs[first]`: forces in the simulated loop may not push a driver into these.
 
+    Args:
+        kind: PRESSED, or NEWLY_PRESSED for the pairs in which no driver was pressed before.
     Returns:
         Index after the last pair.
     """
     bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     pressed = False
     for d in range(len(drivers)):
-        pressed = pressed or drivers[d]["pressed"] == 1
+        pressed = pressed or drivers[d]["pressed"] == kind
     if not pressed:
         return first
     found, lost = find_pairs(world.pieces, DRIVEN, first, pairs, state)
@@ -115,7 +132,8 @@ def find_stops(world, first):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
         if a["kind"] == SIMULATED or b["kind"] == SIMULATED or a["driver"] == b["driver"]:
             continue
-        if _is_pressed(drivers, a) or _is_pressed(drivers, b):
+        one, two = _pressed(drivers, a), _pressed(drivers, b)
+        if (one == kind or two == kind) and (kind == PRESSED or (one != PRESSED and two != PRESSED)):
             if k != end:
                 pairs[end] = pairs[k]
             end += 1
@@ -123,8 +141,8 @@ def find_stops(world, first):
 
 
 @kernel
-def _is_pressed(drivers, body):
-    return body["driver"] >= 0 and drivers[body["driver"]]["pressed"] == 1
+def _pressed(drivers, body):
+    return drivers[body["driver"]]["pressed"] if body["driver"] >= 0 else 0
 
 
 @kernel

@@ -11,7 +11,7 @@ overlap: the distance of convex pieces is at least their gap along any normal (A
 
 from math import ceil, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, detect_stops, set_coefficients
+from touchstone.reference_impl.broad_phase.detection import detect, detect_new_stops, set_coefficients
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.internal_edges import align_internal_edges, witness_approach
 from touchstone.reference_impl.continuous.swept_motion import lever_of
@@ -28,6 +28,7 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_SLACK,
     IMPACT_TARGET,
     KEEPS_NOTHING,
+    NEWLY_PRESSED,
     SIMULATED,
     TOUCH_DISTANCE,
 )
@@ -85,8 +86,6 @@ def gather_contacts(world, left):
     crowded = state["rows"] + expected > state["event_rows"]
     crowded = crowded or state["counters"][COUNT_EVENTS] >= DENSE_EVENTS
     end, h = 0, left
-    for d in range(len(drivers)):
-        drivers[d]["pressed"] = 0
     if not crowded:
         end, _ = detect(world, SIMULATED, 0)
         crowded = state["rows"] + end > state["event_rows"]
@@ -99,7 +98,7 @@ def gather_contacts(world, left):
         end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
     pressed = state["driven_loop"] == 1 and _mark_pressed(bodies, drivers, pairs, end)
     if pressed:
-        end, _ = detect_stops(world, end)
+        end = detect_new_stops(world, end)
     for k in range(end):
         pairs[k]["is_kept"] = 0
         # a pair that touches does not pass by: its other points may close their gap at most
@@ -147,14 +146,17 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
 
 @kernel
 def _mark_pressed(bodies, drivers, pairs, count):
-    """Mark the drivers in the loop that touch a simulated body in `pairs[:count]`; returns whether any does."""
-    found = False
+    """Mark the drivers in the loop that touch a simulated body in `pairs[:count]` or did so before in this frame
+    as pressed, as NEWLY_PRESSED for the first time; returns whether there are any."""
     for k in range(count):
         for side in range(2):
             b = pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]
-            if loops(bodies, drivers, b):
-                found, drivers[bodies[b]["driver"]]["pressed"] = True, 1
-    return found
+            if loops(bodies, drivers, b) and drivers[bodies[b]["driver"]]["pressed"] == 0:
+                drivers[bodies[b]["driver"]]["pressed"] = NEWLY_PRESSED
+    for d in range(len(drivers)):
+        if drivers[d]["pressed"] > 0:
+            return True
+    return False
 
 
 @kernel

@@ -4,7 +4,7 @@ from touchstone.reference_impl.broad_phase.detection import find_stops, place_li
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.continuous.swept_motion import swept_box
-from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED, TOUCH_DISTANCE
+from touchstone.reference_impl.core.conventions import DRIVEN, PRESSED, SIMULATED, TOUCH_DISTANCE
 from touchstone.reference_impl.core.counters import COUNT_LOST, COUNT_PAIRS
 from touchstone.reference_impl.core.kernel import kernel
 
@@ -27,7 +27,7 @@ def find_swept_pairs(world, kind, first):
     end, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += end - first
-    return find_stops(world, end) if kind == SIMULATED else end
+    return find_stops(world, end, PRESSED) if kind == SIMULATED else end
 
 
 @kernel
