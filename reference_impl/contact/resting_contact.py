@@ -146,13 +146,13 @@ def _solve_positions(world, count, h):
     velocities."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    for d in range(len(drivers)):
-        if drivers[d]["loops"] == 1:
-            exchange_pushes(drivers[d])
     led = False
     for b in range(len(bodies)):
         led = led or bodies[b]["led"] == 1
     if led:
+        for d in range(len(drivers)):
+            if drivers[d]["loops"] == 1:
+                exchange_pushes(drivers[d])
         for b in range(len(bodies)):
             copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
             copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
@@ -171,9 +171,11 @@ def _solve_positions(world, count, h):
                 v, w = bodies[b]["path_velocity"], bodies[b]["path_omega"]
                 bodies[b]["velocity"][i], v[i] = v[i], bodies[b]["velocity"][i]
                 bodies[b]["omega"][i], w[i] = w[i], bodies[b]["omega"][i]
+        for d in range(len(drivers)):
+            if drivers[d]["loops"] == 1:
+                exchange_pushes(drivers[d])
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
-            exchange_pushes(drivers[d])
             weigh_for_impacts(drivers[d])
     _accept_pushes(world, h)
 

@@ -136,6 +136,8 @@ def begin_driver(driver):
 def coast(bodies, joints, driver, h, lead, dt):
     """Set a driver's velocities after a time h without contact forces, its mobility over h, and its links'
     leads q - u(h); its pose stays at the start of the substep."""
+    if lead < 1:
+        driver["shift_push"][:] = driver["shift_twist"][:] = 0.0
     driver["push"][:] = driver["twist"][:] = 0.0
     _advance(driver, h, h, dt, 0.0)
     v, w, turned = driver["velocity"], driver["omega"], driver["scratch"][0]
