@@ -14,7 +14,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
     exchange_pushes,
     weigh_for_impacts,
 )
-from touchstone.reference_impl.core.conventions import APPROACH_MIN, NEVER, NO_FLOOR, OVERLAP_TOLERANCE
+from touchstone.reference_impl.core.conventions import APPROACH_MIN, NEVER, NO_FLOOR, SINKING_DEPTH
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
@@ -206,5 +206,5 @@ def _ask_positions(bodies, pair, h):
     if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
         pair["floor"] = NO_FLOOR
     if pair["floor"] != NO_FLOOR:
-        gap = max(pair["distance"], -OVERLAP_TOLERANCE)
+        gap = max(pair["distance"], -SINKING_DEPTH)
         pair["floor"] = -2 * (gap - GAP_LEFT) / h

@@ -229,11 +229,8 @@ def set_link_ways(bodies, joints, driver, h, dt):
 
 @kernel
 def end_driver(bodies, joints, driver, s, h, dt):
-    """End a driver's substep of length h at its fraction s, where its root's pose along its way is known."""
-    root = bodies[driver["root"]]
+    """End a driver's substep of length h at its fraction s, at its exact pose there."""
     _advance(driver, s * h, h, dt, 1.0)
-    copy_vector(root["position"], driver["position"])
-    copy_quaternion(root["orientation"], driver["orientation"])
     driver["clock"] += s * h
     _pose_at(bodies, joints, driver, 0.0, dt)
     move_links(bodies, joints, driver)
