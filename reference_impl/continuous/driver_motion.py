@@ -53,7 +53,7 @@ def enter_loop(bodies, joints, driver, dt):
     Removal moved it by a shift from the pose of Eq. 6. Along the shift the goal moves evenly from the start
     to the pose found; across it the goal is the tracker.
     """
-    driver["loops"], driver["clock"] = 1, 0.0
+    driver["loops"], driver["clock"], driver["old_clock"] = 1, 0.0, 0.0
     _set_moving(bodies, joints, driver, 1)
     shift, start, end = driver["stop_velocity"], driver["goal_start"], driver["goal_end"]
     square = 0.0
@@ -119,6 +119,7 @@ def return_to_start(bodies, joints, driver, dt):
     copy_quaternion(driver["old_orientation"], driver["orientation"])
     copy_vector(driver["old_velocity"], driver["velocity"])
     copy_vector(driver["old_omega"], driver["omega"])
+    driver["clock"] = driver["old_clock"]
     _pose_at(bodies, joints, driver, 0.0, dt)
     move_links(bodies, joints, driver)
 
@@ -130,6 +131,7 @@ def begin_driver(driver):
     copy_quaternion(driver["orientation"], driver["old_orientation"])
     copy_vector(driver["velocity"], driver["old_velocity"])
     copy_vector(driver["omega"], driver["old_omega"])
+    driver["old_clock"] = driver["clock"]
 
 
 @kernel
