@@ -151,8 +151,10 @@ def _mark_pressed(bodies, drivers, pairs, count):
     for k in range(count):
         for side in range(2):
             b = pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]
-            if loops(bodies, drivers, b) and drivers[bodies[b]["driver"]]["pressed"] == 0:
-                drivers[bodies[b]["driver"]]["pressed"] = NEWLY_PRESSED
+            if loops(bodies, drivers, b):
+                driver = drivers[bodies[b]["driver"]]
+                if driver["prescribed"] == 0 and driver["pressed"] == 0:
+                    driver["pressed"] = NEWLY_PRESSED
     for d in range(len(drivers)):
         if drivers[d]["pressed"] > 0:
             return True

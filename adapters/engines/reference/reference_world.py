@@ -120,13 +120,13 @@ def translate(scenario: Scenario) -> World:
 def pair_capacity(scenario: Scenario) -> int:
     """Number of rows for pairs.
 
-    Small scenes get room for all pairs that can touch, with manifolds at the start of a substep and again at
-    its end; large scenes get `PAIRS_PER_PIECE` per piece.
+    Small scenes get room for all pairs that can touch, with manifolds at the start of a substep, and twice again
+    at its end: also in a search for the stops of drivers; large scenes get `PAIRS_PER_PIECE` per piece.
     """
     fixed = sum(len(body.pieces) for body in scenario.bodies if body.kind == "fixed")
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     meeting = (pieces * (pieces - 1) - fixed * (fixed - 1)) // 2
-    return min((PATCH_POINTS + 1) * meeting, max(PAIRS_AT_LEAST, PAIRS_PER_PIECE * pieces))
+    return min((PATCH_POINTS + 2) * meeting, max(PAIRS_AT_LEAST, PAIRS_PER_PIECE * pieces))
 
 
 def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
