@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -21,6 +22,7 @@ from touchstone.scenarios.scenario import (
     vector,
 )
 from touchstone.scenarios.solids import block
+from touchstone.scenarios.truths.force_truth import ForceTruth
 
 Array = NDArray[np.float64]
 TAGS = ("prescribed",)
@@ -28,7 +30,8 @@ DECK = (1.0, 0.5, 0.05)
 """Half extents of the platform [m]."""
 LOAD = (0.1, 0.1, 0.05)
 """Half extents of the load [m]: too flat to tip over at these accelerations."""
-MU = 0.3
+MASS, MU = 1.0, 0.3
+"""Mass of the load [kg], friction between load and platform [1]."""
 ACROSS, UP = np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0))
 RAMP = 0.1
 """Time in which an acceleration changes [s]."""
@@ -45,7 +48,13 @@ Phases = tuple[tuple[float, float, float], ...]
 def platform_lift() -> Scenario:
     """The load follows; the platform bears 12.81, 9.81 and 6.81 N per kg while it starts, moves and stops."""
     phases = _there(3.0, speeding=0.45, steady=0.4)
-    return _platform("platform_lift", "a platform lifts a load and stops", UP, *_path(phases), duration=2.0)
+    scene = _platform("platform_lift", "a platform lifts a load and stops", UP, *_path(phases), duration=2.0)
+    windows = ((0.1, 0.4, 3.0), (0.65, 0.9, 0.0), (1.1, 1.4, -3.0), (1.7, 2.0, 0.0))
+    forces = (
+        ForceTruth("platform", "load", start, end, MASS * (GRAVITY + acceleration))
+        for start, end, acceleration in windows
+    )
+    return replace(scene, forces=tuple(forces))
 
 
 @scene
@@ -100,7 +109,7 @@ def _platform(
         tags=TAGS,
         bodies=(
             Body("platform", "prescribed", "wood", (Piece("platform", Box(DECK)),)),
-            block("load", "wood", LOAD, 1.0, (0.0, 0.0, LOAD[2])),
+            block("load", "wood", LOAD, MASS, (0.0, 0.0, LOAD[2])),
         ),
         trackers=(path,),
         coefficients=(PairCoefficients("wood", "wood", 0.0, MU),),
