@@ -17,6 +17,8 @@ from math import isfinite
 from numbers import Real
 from typing import Any, Literal
 
+from touchstone.scenarios.truths.force_truth import ForceTruth
+
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -85,8 +87,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """All points within `radius` [m] of a segment along the piece's z axis from -`half_length` to
-    `half_length` [m]."""
+    """Points within `radius` [m] of the segment from -`half_length` to `half_length` [m] on the z axis."""
 
     radius: float
     half_length: float
@@ -175,8 +176,7 @@ class ReachCone(ShortRepr):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Chain(ShortRepr):
-    """Hinges from root to tip that inverse kinematics turns together; they are consecutive in their
-    tracker."""
+    """Hinges, consecutive in their tracker, that inverse kinematics turns together, from root to tip."""
 
     name: str
     joints: tuple[str, ...]
@@ -318,6 +318,7 @@ class Scenario(ShortRepr):
     effects: tuple[str, ...] = ("gravity", "restitution", "friction")
     expectations: tuple[Expectation, ...] = ()
     truths: tuple[Truth, ...] = ()
+    forces: tuple[ForceTruth, ...] = ()
     limits: tuple[MetricLimit, ...] = ()
     seed: int = 0
 

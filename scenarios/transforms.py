@@ -48,7 +48,7 @@ def shifted(scenario: Scenario, shift: Array) -> Scenario:
             replace(tracker, positions=tuple(map(vector, np.array(tracker.positions) + next(moves))))
             for tracker in scenario.trackers
         )
-    return replace(scenario, truths=(), expectations=(), **fields)  # type: ignore[arg-type]
+    return replace(scenario, truths=(), forces=(), expectations=(), **fields)  # type: ignore[arg-type]
 
 
 def perturbed(scenario: Scenario, size: float, seed: int) -> Scenario:

@@ -44,6 +44,7 @@ from touchstone.scenarios.scenario import (
     Sphere,
     Truth,
 )
+from touchstone.scenarios.truths.force_checks import check_forces
 
 SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
 
@@ -77,6 +78,7 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     _check_coefficients(scenario, report)
     _check_expectations(scenario, report)
     _check_truths(scenario, report)
+    check_forces(scenario, report, sound=not found)
     return found
 
 

@@ -185,7 +185,8 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default accurate maximal": {
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
-                    "table_slide:table-palm two_arms:east_wall-torso volley:north_wall-torso"
+                    "push_box:torso-box table_slide:table-palm two_arms:east_wall-torso "
+                    "volley:north_wall-torso"
                 ),
             },
             "recommended equal-step default maximal": {

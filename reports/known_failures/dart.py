@@ -270,7 +270,7 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "wall_push",
             },
             "equal-step": {
-                "contact.gap": "corner_slide:north_wall-torso volley:north_wall-torso",
+                "contact.gap": ("corner_slide:north_wall-torso push_box:torso-box volley:north_wall-torso"),
             },
         },
     ),

@@ -155,6 +155,7 @@ CAUSES: tuple[Cause, ...] = (
         LETS_GO,
         {
             "recommended equal-step default": {
+                "force.error": "bounce_e03 bounce_e05",
                 "restitution.error": "ball_snip bounce_e05 shot_6 volley",
             },
             "recommended equal-step": {
@@ -167,6 +168,7 @@ CAUSES: tuple[Cause, ...] = (
                 "restitution.error": "collide_central",
             },
             "default": {
+                "force.error": "bounce_e08",
                 "restitution.error": "bounce_e08",
             },
             "accurate": {
@@ -291,7 +293,8 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default": {
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
-                    "table_slide:table-palm two_arms:east_wall-torso wall_push:east_wall-torso"
+                    "push_box:torso-box table_slide:table-palm two_arms:east_wall-torso "
+                    "wall_push:east_wall-torso"
                 ),
                 "overlap.max": (
                     "arch_slides arch_thin arms_cross ball_snip balls_box bounce_e0 corner_slide dominoes "

@@ -130,7 +130,7 @@ def _whole(scenario: Scenario, tracker: Tracker, recording: Recording) -> tuple[
 
 def _held(scenario: Scenario) -> tuple[Mapping[str, Recording], Mapping[str, str]]:
     """A recording of one frame per engine, and the reasons why others failed."""
-    short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=())
+    short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=(), forces=())
     held, reasons = {}, {e: missing_reason(e) for e in ENGINES if not installed(e)}
     with scratch_folder() as folder, Children(together=True) as children:
         jobs = []

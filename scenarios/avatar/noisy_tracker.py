@@ -42,7 +42,7 @@ def noisy(scenario: Scenario) -> Scenario:
         else noisy_tracker(tracker, scenario.duration, np.random.default_rng((scenario.seed, k)))
         for k, tracker in enumerate(scenario.trackers)
     )
-    return replace(scenario, trackers=trackers, truths=())
+    return replace(scenario, trackers=trackers, truths=(), forces=())
 
 
 def noisy_tracker(tracker: Tracker, duration: float, rng: np.random.Generator) -> Tracker:

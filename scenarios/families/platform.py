@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
+from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import (
     GRAVITY,
@@ -21,6 +23,7 @@ from touchstone.scenarios.scenario import (
     vector,
 )
 from touchstone.scenarios.solids import block
+from touchstone.scenarios.truths.force_truth import ForceTruth
 
 Array = NDArray[np.float64]
 TAGS = ("prescribed",)
@@ -28,7 +31,8 @@ DECK = (1.0, 0.5, 0.05)
 """Half extents of the platform [m]."""
 LOAD = (0.1, 0.1, 0.05)
 """Half extents of the load [m]: too flat to tip over at these accelerations."""
-MU = 0.3
+MASS, MU = 1.0, 0.3
+"""Mass of the load [kg], friction between load and platform [1]."""
 ACROSS, UP = np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0))
 RAMP = 0.1
 """Time in which an acceleration changes [s]."""
@@ -45,7 +49,8 @@ Phases = tuple[tuple[float, float, float], ...]
 def platform_lift() -> Scenario:
     """The load follows; the platform bears 12.81, 9.81 and 6.81 N per kg while it starts, moves and stops."""
     phases = _there(3.0, speeding=0.45, steady=0.4)
-    return _platform("platform_lift", "a platform lifts a load and stops", UP, *_path(phases), duration=2.0)
+    scene = _platform("platform_lift", "a platform lifts a load and stops", UP, *_path(phases), duration=2.0)
+    return _with_forces(scene, (0.1, 0.4), (0.65, 0.9), (1.1, 1.4), (1.7, 2.0))
 
 
 @scene
@@ -53,7 +58,9 @@ def platform_stick() -> Scenario:
     """The platform accelerates at less than mu g = 2.943 m/s^2: the load moves with it."""
     phases = _there(2.9, speeding=0.35, steady=0.2)
     summary = "a load sticks to a platform that starts and stops at 2.9 m/s2, below mu g"
-    return _platform("platform_stick", summary, ACROSS, *_path(phases), duration=1.5)
+    return _with_forces(
+        _platform("platform_stick", summary, ACROSS, *_path(phases), duration=1.5), (0.1, 1.5)
+    )
 
 
 @scene
@@ -61,21 +68,23 @@ def platform_slip() -> Scenario:
     """The platform accelerates at more than mu g: the load slides back, catches up, slides on and stops."""
     phases = _there(4.5, speeding=0.4, steady=0.4)
     summary = "a load slides on a platform that starts and stops at 4.5 m/s2, above mu g"
-    return _platform("platform_slip", summary, ACROSS, *_path(phases), duration=2.0)
+    return _with_forces(_platform("platform_slip", summary, ACROSS, *_path(phases), duration=2.0), (0.1, 2.0))
 
 
 @scene
 def shaker_across() -> Scenario:
     """A sine of twice mu g across gravity: the load slides to and fro, and sticks between."""
     summary = "a load slides on a platform shaken sideways at 2 mu g"
-    return _platform("shaker_across", summary, ACROSS, *_sine(2 * MU * GRAVITY), duration=PERIODS / FREQUENCY)
+    path, duration = _sine(2 * MU * GRAVITY), PERIODS / FREQUENCY
+    return _with_forces(_platform("shaker_across", summary, ACROSS, *path, duration), (0.1, duration))
 
 
 @scene
 def shaker_along() -> Scenario:
     """A sine of 0.8 g along gravity: the load never leaves the platform."""
     summary = "a load stays on a platform shaken up and down at 0.8 g"
-    return _platform("shaker_along", summary, UP, *_sine(0.8 * GRAVITY), duration=PERIODS / FREQUENCY)
+    path, duration = _sine(0.8 * GRAVITY), PERIODS / FREQUENCY
+    return _with_forces(_platform("shaker_along", summary, UP, *path, duration), (0.9, 1.1), (1.15, 1.35))
 
 
 def _platform(
@@ -100,13 +109,24 @@ def _platform(
         tags=TAGS,
         bodies=(
             Body("platform", "prescribed", "wood", (Piece("platform", Box(DECK)),)),
-            block("load", "wood", LOAD, 1.0, (0.0, 0.0, LOAD[2])),
+            block("load", "wood", LOAD, MASS, (0.0, 0.0, LOAD[2])),
         ),
         trackers=(path,),
         coefficients=(PairCoefficients("wood", "wood", 0.0, MU),),
         duration=duration,
         truths=(Truth("load", "carried"),),
     )
+
+
+def _with_forces(scene: Scenario, *windows: tuple[float, float]) -> Scenario:
+    """Scene that states the mean normal force on its load in time windows [s], which the load spends on the
+    platform: m (g + change of the platform's upward velocity over the window)."""
+    forces = []
+    for start, end in windows:
+        first, last = sample(scene.trackers[0], np.array((start, end))).linear_velocity[:, 2]
+        mean = MASS * (GRAVITY + (last - first) / (end - start))
+        forces.append(ForceTruth("platform", "load", start, end, float(mean)))
+    return replace(scene, forces=tuple(forces))
 
 
 def _there(acceleration: float, speeding: float, steady: float) -> Phases:

@@ -164,3 +164,13 @@ def test_truths_move_with_their_scene(name):
     if scene.truths[0].law == "carried":
         free = motion(without, without.truths[0], times)
         np.testing.assert_allclose(free.position[:, :2], 0.0, atol=1e-12)
+
+
+def test_platforms_bear_what_their_paths_ask():
+    """12.81, 9.81 and 6.81 N per kg where a platform starts, moves and stops; the weight across gravity; and
+    m g (1 +- 0.8 sin x / x), x = 4 pi 0.1, within 0.1 s of the extremes of a shaken one."""
+    forces = {s.name: [truth.value for truth in s.forces] for s in tagged("prescribed") if s.forces}
+    assert forces.pop("platform_lift") == pytest.approx([12.81, 9.81, 6.81, 9.81], rel=1e-12)
+    swing = 0.8 * np.sin(0.4 * np.pi) / (0.4 * np.pi)
+    assert forces.pop("shaker_along") == pytest.approx([9.81 * (1 + swing), 9.81 * (1 - swing)], rel=2e-5)
+    assert forces == {name: [9.81] for name in ("platform_slip", "platform_stick", "shaker_across")}
