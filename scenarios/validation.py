@@ -47,6 +47,8 @@ DISTINCT = 1e-9
 """Minimum difference of a free top's moments, and minimum rates, relative to the largest [1]: rounding."""
 WHOLE = 1e-9
 """Tolerance of duration times frame rate as a whole number [frames]."""
+MOST_FRAMES = 10**9
+"""Number of frames that no scene reaches [1]: more than any memory holds."""
 
 
 def faults(scenario: Scenario) -> list[tuple[str, str]]:
@@ -110,8 +112,10 @@ def _check_numbers(scenario: Scenario, report: Report) -> None:
         if not isinstance(value, int) or value < least:
             report(field, f"found {value!r}, expected a whole number from {least} on")
     _positive([scenario.duration], "duration", report)
-    frames = scenario.duration * scenario.frame_rate
-    if isfinite(frames) and frames > 0 and abs(frames - round(frames)) > WHOLE:
+    frames = scenario.duration * min(scenario.frame_rate, MOST_FRAMES)
+    if isfinite(scenario.duration) and frames >= MOST_FRAMES:
+        report("duration", f"found {frames:g} frames or more, expected fewer")
+    elif isfinite(frames) and frames > 0 and abs(frames - round(frames)) > WHOLE:
         report("duration", f"found {frames:g} frames, expected a whole number of frames")
     for i, effect in enumerate(scenario.effects):
         if effect not in EFFECTS:

@@ -27,6 +27,8 @@ TOP = [
     ({"frame_rate": 59.94}, "frame_rate", "59.94"),
     ({"frame_rate": 0}, "frame_rate", "whole number from 1 on"),
     ({"seed": -1}, "seed", "-1"),
+    ({"frame_rate": 10**400}, "duration", "1e+09 frames or more, expected fewer"),
+    ({"duration": 1e308}, "duration", "frames or more, expected fewer"),
     ({"seed": 0.5}, "seed", "whole number"),
     ({"duration": 0.0}, "duration", "positive"),
     ({"duration": inf}, "duration", "inf"),
