@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from touchstone.adapters.recording import ARRAYS, CONTACTS
-from touchstone.reports.compare.stored import NEEDED
+from touchstone.reports.compare.stored import NEEDED, NUMBERS
 from touchstone.reports.results import save
 
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced", "--quiet", "--out", "old")
@@ -191,6 +191,17 @@ def test_what_is_no_regular_file_is_refused(hurried, special, tmp_path, kind, na
     assert (code, out) == (2, "")
     assert err.count("\n") == 1
     assert err.startswith("touchstone: ")
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_text_in_place_of_a_number_is_refused(touchstone, tmp_path, name):
+    """A table whose column of numbers holds a text ends in one line that names the column, and exit 2."""
+    row = {**dict.fromkeys(NEEDED, "a"), **dict.fromkeys(NUMBERS, 1.0)}
+    for folder, changed in (("old", {}), ("new", {name: "one"})):
+        (tmp_path / folder).mkdir()
+        pd.DataFrame([row, row | changed]).to_csv(tmp_path / folder / "results.csv", index=False)
+    line = f"touchstone: new/results.csv: {name}: expected numbers\n"
+    assert touchstone("compare", "old", "new") == (2, "", line)
 
 
 WRONG = (
