@@ -42,6 +42,8 @@ TOP = [
     ({"frame_rate": 59.94}, "frame_rate", "59.94"),
     ({"frame_rate": 0}, "frame_rate", "whole number from 1 on"),
     ({"seed": -1}, "seed", "-1"),
+    ({"frame_rate": 10**400}, "duration", "whole number of frames below 1000000000"),
+    ({"duration": 1e308}, "duration", "whole number of frames below 1000000000"),
     ({"seed": 0.5}, "seed", "whole number"),
     ({"duration": 0.0}, "duration", "positive"),
     ({"duration": inf}, "duration", "inf"),
