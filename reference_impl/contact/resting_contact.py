@@ -141,9 +141,9 @@ def _accept_pushes(world, h):
 
 @kernel
 def _solve_positions(world, count, h):
-    """Solve the law of positions for the islands of drivers in the loop: what touches stays in touch until the
-    end of the substep, and closes its gap to GAP_LEFT. The result sets the paths of their bodies, not their
-    velocities."""
+    """Solve the law of positions for the islands of drivers in the loop: what touches stays in touch until
+    the end of the substep, and closes its gap to GAP_LEFT. The result sets the paths of their bodies, not
+    their velocities."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     led = False

@@ -273,7 +273,9 @@ def _advance(driver, t, h, dt, share):
         x, v = decay(x, v, stiffness, damping, t)
         driver["position"][i] = goal + pace * t + x
         driver["velocity"][i] = pace + v
-        error[i], v = decay(error[i], driver["old_omega"][i] - turned[i] / dt, stiffness, 2 * sqrt(stiffness), t)
+        error[i], v = decay(
+            error[i], driver["old_omega"][i] - turned[i] / dt, stiffness, 2 * sqrt(stiffness), t
+        )
         driver["omega"][i] = turned[i] / dt + v
     part = (driver["clock"] + t) / dt
     x, y, z = part * turned[0], part * turned[1], part * turned[2]
@@ -282,7 +284,10 @@ def _advance(driver, t, h, dt, share):
     p, w = driver["shift_twist"], driver["twist"]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        arm_j, arm_k = driver["old_position"][j] - driver["center"][j], driver["old_position"][k] - driver["center"][k]
+        arm_j, arm_k = (
+            driver["old_position"][j] - driver["center"][j],
+            driver["old_position"][k] - driver["center"][k],
+        )
         driver["position"][i] += moved / (mass * h) * driver["shift_push"][i]
         driver["position"][i] += turned_by / h * (p[j] * arm_k - p[k] * arm_j)
         driver["velocity"][i] += speed / (mass * h) * driver["push"][i]
@@ -297,7 +302,8 @@ def _follow_path(driver, time, dt):
     """Set a prescribed driver's pose and velocities at a time of its frame: the cubics through its poses and
     velocities at both ends of the frame; of its rotation, a cubic rotation vector.
 
-    With r the rotation vector since the frame's start, omega = r' + r x r' / 2 + r x (r x r') / 6 to third order.
+    With r the rotation vector since the frame's start, omega = r' + r x r' / 2 + r x (r x r') / 6 to third
+    order.
     """
     s = time / dt
     start, rise = 1 - s * s * (3 - 2 * s), s * s * (3 - 2 * s)
