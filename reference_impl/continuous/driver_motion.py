@@ -200,6 +200,27 @@ def accept_pushes(bodies, joints, driver, h, dt):
 
 
 @kernel
+def note_paths(bodies, joints, driver, h, dt):
+    """Store in its links' `path_*` the velocities whose mean with those at the substep's start covers their
+    way; the pose stays at the start, and `accept_pushes` restores the velocities."""
+    _advance(driver, h, h, dt, 1.0)
+    turned = driver["scratch"][0]
+    rotation_between(driver["old_orientation"], driver["orientation"], turned)
+    for i in range(3):
+        way = driver["position"][i] - driver["old_position"][i]
+        driver["velocity"][i] = 2 * way / h - driver["old_velocity"][i]
+        driver["omega"][i] = 2 * turned[i] / h - driver["old_omega"][i]
+    copy_vector(driver["old_position"], driver["position"])
+    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    move_links(bodies, joints, driver)
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        copy_vector(link["velocity"], link["path_velocity"])
+        copy_vector(link["omega"], link["path_omega"])
+        link["led"] = 1
+
+
+@kernel
 def exchange_pushes(driver):
     """Exchange the impulses of the law of velocities with those of the law of positions."""
     for i in range(3):
@@ -234,6 +255,8 @@ def end_driver(bodies, joints, driver, s, h, dt):
     """End a driver's substep of length h at its fraction s, at its exact pose there."""
     _advance(driver, s * h, h, dt, 1.0)
     driver["clock"] += s * h
+    for k in range(driver["joint_count"] + 1):
+        bodies[link_of(joints, driver, k)]["led"] = 0
     _pose_at(bodies, joints, driver, 0.0, dt)
     move_links(bodies, joints, driver)
 

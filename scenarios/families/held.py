@@ -118,7 +118,7 @@ def _lifted(name: str, summary: str, force: float, rise: float, duration: float)
 
 
 def _keyframes(duration: float, begin: float, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] at the frame rate, and a share that goes smoothly from 0 to 1 within `length` from `begin`."""
+    """Times [s] at the frame rate, and a share that goes smoothly from 0 to 1 in `length` from `begin` on."""
     times = np.arange(round(duration * FRAME_RATE) + 1) / FRAME_RATE
     return times, ease(times, begin, length)
 
