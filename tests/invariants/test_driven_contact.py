@@ -148,7 +148,7 @@ def test_two_plates_hold_and_lift_a_cube(profile: str, rate: int) -> None:
     settled = round(0.75 * rate)
     assert np.ptp(slip[settled:]) < 1e-9
     np.testing.assert_allclose(found.position[-1, 2:, 2], half + 0.012 + 0.2 - sag, atol=1e-6)
-    # both plates bear alike
+    # both plates bear the same
     assert mean_force(found, 1, 2, 0, 2.9) == pytest.approx(mean_force(found, 1, 3, 0, 2.9), rel=1e-9)
 
 
