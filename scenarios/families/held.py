@@ -47,7 +47,7 @@ def press() -> Scenario:
     return _scene(
         "press",
         "a driven plate presses a box with 20 N",
-        (slab("ground", "wood"), _plate("plate", half), block("box", "wood", box, 1.0, (0.0, 0.0, box[2]))),
+        (slab("ground", "wood"), _plate("plate", half), block("box", "pad", box, 1.0, (0.0, 0.0, box[2]))),
         (_tracker("plate", times, path),),
         truths=(Truth("box", "arcs", (Arc(0.0, (0.0, 0.0, box[2])),)),),
     )
@@ -84,7 +84,7 @@ def drag() -> Scenario:
             slab("ground", "wood"),
             post,
             _plate("plate", half),
-            block("box", "wood", box, 1.0, (0.0, 0.0, box[2])),
+            block("box", "pad", box, 1.0, (0.0, 0.0, box[2])),
         ),
         (_tracker("plate", times, path),),
         expectations=(Expectation("leave", "box", "post", 0.6, 1.6),),
@@ -109,7 +109,7 @@ def _lifted(name: str, summary: str, force: float, rise: float, duration: float)
         summary,
         (
             slab("ground", "wood"),
-            block("cube", "wood", (CUBE,) * 3, WEIGHT, (0.0, 0.0, CUBE)),
+            block("cube", "pad", (CUBE,) * 3, WEIGHT, (0.0, 0.0, CUBE)),
             *(_plate(plate, PLATE) for plate in plates),
         ),
         tuple(_tracker(plate, times, path) for plate, path in zip(plates, paths)),
@@ -156,7 +156,7 @@ def _scene(
         trackers=trackers,
         coefficients=(
             PairCoefficients("wood", "wood", 0.0, SLIPPERY),
-            PairCoefficients("wood", "pad", 0.0, MU),
+            PairCoefficients("wood", "pad", 0.0, SLIPPERY),
             PairCoefficients("pad", "pad", 0.0, MU),
         ),
         duration=trackers[0].times[-1],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
@@ -12,6 +12,7 @@ from touchstone.reference_impl.continuous.coupling_response import decay, unit_r
 LOGARITHM = st.floats(-1, 1)
 
 
+@settings(deadline=None)
 @given(LOGARITHM, LOGARITHM, LOGARITHM)
 def test_the_response_to_a_force_is_the_matrix_exponential(h: float, k: float, r: float) -> None:
     """Over 1e-4 to 0.03 s, for stiffness from 1e-1 to 1e7 /s^2 and damping from 1e-2 to 1e4 /s."""
@@ -22,6 +23,7 @@ def test_the_response_to_a_force_is_the_matrix_exponential(h: float, k: float, r
     np.testing.assert_allclose(speed, exact[1, 2], rtol=1e-8, atol=1e-9 * h)
 
 
+@settings(deadline=None)
 @given(LOGARITHM, LOGARITHM, LOGARITHM)
 def test_a_force_that_balances_the_spring_moves_nothing(h: float, k: float, r: float) -> None:
     """A deviation x and the force K x leave x where it is, at any step: static forces are exact."""
