@@ -25,7 +25,7 @@ import dartpy
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from touchstone.adapters.contract import Scalar, Unsupported
+from touchstone.adapters.contract import BodyFacts, Scalar, Unsupported
 from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
@@ -123,12 +123,10 @@ def isometry(position: Any, orientation: Any) -> Any:
     return dartpy.math.Isometry3(dartpy.math.Quaternion(*orientation), np.array(position, dtype=float))
 
 
-def set_mass(node: Any, body: Body) -> None:
-    """Set our mass properties instead of the shapes'. A fixed body has none and keeps DART's 1 kg, without
-    effect."""
-    if body.kind != "fixed":
-        center = np.array(body.center_of_mass)
-        node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
+def set_mass(node: Any, body: Body | BodyFacts) -> None:
+    """Set our mass properties instead of the shapes'."""
+    center = np.array(body.center_of_mass)
+    node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
 
 
 def add_body(world: Any, body: Body) -> Any:
