@@ -184,3 +184,13 @@ def test_the_added_inertia_feels_no_gravity(lab, registry, name: str) -> None:
     for state in played(registry.engine(name), scenario, 1 / 60):
         assert state.position[0] == pytest.approx(np.ones(3), abs=1e-9)
         assert np.abs(state.force).max() < 1e-6
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize("level", [1e3, 1e6])
+@pytest.mark.parametrize("name", NAMES)
+def test_heavy_links_do_not_explode(registry, name: str, level: float) -> None:
+    """Swing links of any mass on a root of 20 kg at no more than the speed that the tracker explains."""
+    scenario, checks = families()["mass_links"].scene(level)
+    for state in played(registry.engine(name), scenario, 1 / 240):
+        assert np.abs(state.linear_velocity).max() < checks.speed
