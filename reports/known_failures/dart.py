@@ -66,8 +66,8 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default": {
                 "friction.cone": (
                     "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall coin_falls "
-                    "coin_rolls coin_spins corner_slide dominoes push_box pyramid slap_2.5 slap_3 slide "
-                    "table_slide two_arms volley wall_push"
+                    "coin_rolls coin_spins corner_slide dominoes push_box pyramid slap_2.5 slap_3 slap_6 "
+                    "slide table_slide two_arms volley wall_push"
                 ),
             },
             "recommended equal-step": {
@@ -79,9 +79,6 @@ CAUSES: tuple[Cause, ...] = (
             },
             "default": {
                 "friction.cone": "stack tower_10",
-            },
-            "recommended default": {
-                "friction.cone": "slap_6",
             },
         },
     ),
@@ -270,7 +267,9 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "wall_push",
             },
             "equal-step": {
-                "contact.gap": "corner_slide:north_wall-torso volley:north_wall-torso",
+                "contact.gap": (
+                    "corner_slide:east_wall-torso corner_slide:north_wall-torso volley:north_wall-torso"
+                ),
             },
         },
     ),
@@ -297,13 +296,7 @@ CAUSES: tuple[Cause, ...] = (
         SLAP,
         {
             "recommended equal-step default accurate": {
-                "overlap.max": "slap_2.5 slap_3",
-            },
-            "recommended default accurate": {
-                "overlap.max": "slap_6",
-            },
-            "equal-step": {
-                "run": "slap_6",
+                "overlap.max": "slap_2.5 slap_3 slap_6",
             },
         },
     ),

@@ -84,7 +84,7 @@ CAUSES: tuple[Cause, ...] = (
         COARSE_SERVO,
         {
             "equal-step": {
-                "energy.injected": "corner_slide wall_push",
+                "energy.injected": "corner_slide",
             },
         },
         harness=True,
@@ -157,7 +157,7 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default": {
                 "restitution.error": "ball_snip bounce_e05 shot_6 volley",
             },
-            "recommended equal-step": {
+            "recommended": {
                 "restitution.error": "table_slide",
             },
             "recommended default": {
@@ -298,6 +298,9 @@ CAUSES: tuple[Cause, ...] = (
                     "push_box slap_2.5 slap_3 slap_6 table_slide two_arms volley wall_push"
                 ),
             },
+            "recommended": {
+                "contact.gap": "volley:north_wall-torso",
+            },
             "equal-step": {
                 "overlap.max": (
                     "bounce_e08 bounce_e1 break_15 collide_central collide_oblique collide_ratio_1e3 "
@@ -320,7 +323,7 @@ CAUSES: tuple[Cause, ...] = (
         STIFFEST,
         {
             "accurate": {
-                "overlap.max": "ball_snip slap_2.5 slap_3 slap_6 volley",
+                "overlap.max": "slap_2.5 slap_3 slap_6 volley wall_push",
             },
         },
     ),
