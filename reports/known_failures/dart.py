@@ -166,7 +166,7 @@ CAUSES: tuple[Cause, ...] = (
             "recommended+noisy": {
                 "friction.deficit": "ball_snip:table-ball",
                 "friction.direction": "ball_snip:table-ball table_slide:table-ball",
-                "overlap.max": "ball_snip",
+                "overlap.max": "ball_snip volley",
             },
             "equal-step+noisy": {
                 "friction.direction": "table_slide:table-ball",
