@@ -170,6 +170,7 @@ CAUSES: tuple[Cause, ...] = (
             },
             "equal-step+noisy": {
                 "friction.direction": "table_slide:table-ball",
+                "joint.limit": "two_arms",
                 "restitution.error": "ball_snip",
             },
         },
