@@ -157,7 +157,7 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default": {
                 "restitution.error": "ball_snip bounce_e05 shot_6 volley",
             },
-            "recommended": {
+            "recommended equal-step+noisy": {
                 "restitution.error": "table_slide",
             },
             "recommended default": {
