@@ -56,6 +56,9 @@ CONTACT_FIELDS = np.dtype(
 BODIES, POSITION, NORMAL, DISTANCE, IMPULSE = slice(1, 3), slice(3, 6), slice(6, 9), 9, slice(10, 13)
 """Places of fields of CONTACT_FIELDS, counted in words of 8 bytes."""
 
+LARGEST_STATE = 1e30
+"""Magnitude that no number of a state reaches [SI units]: it fits single precision, its powers fit double."""
+
 MISSING, UNIMPORTABLE = "missing", "unimportable"
 """Status of a run whose engine is not installed, or is installed but cannot be imported."""
 

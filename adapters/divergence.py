@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from touchstone.adapters.contract import STATE_FIELDS, Array, State
+from touchstone.adapters.contract import LARGEST_STATE, STATE_FIELDS, Array, State
 from touchstone.adapters.motion_bounds import extent
 from touchstone.adapters.vector_products import turned, turned_back
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.plan import Plan
-from touchstone.scenarios.scenario import Scenario, Tracker
+from touchstone.scenarios.scenario import UNMOVED, Scenario, Tracker
 
 SPEED_MAX = 1e6
 """Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last
@@ -34,7 +34,7 @@ class Watch:
         self._plan = plan
         self._names = [body.name for body in scenario.bodies]
         kind = np.array([body.kind for body in scenario.bodies])
-        self._moving, self._simulated = kind != "fixed", kind == "simulated"
+        self._moving, self._simulated = ~np.isin(kind, UNMOVED), kind == "simulated"
         self._mass = np.where(self._moving, [body.mass for body in scenario.bodies], 0.0)
         self._inertia = np.array([body.inertia for body in scenario.bodies]) * self._moving[:, None, None]
         self._center = np.array([body.center_of_mass for body in scenario.bodies])
@@ -71,10 +71,13 @@ class Watch:
     def _explained(self, name: str, rows: Array) -> str | None:
         """Message for a faulty field of the state; None if it is sound."""
         quantity = name.replace("_", " ")
-        if not np.isfinite(rows).all():
-            row = int(np.argmin(np.isfinite(rows.reshape(len(rows), -1)).all(axis=1)))
+        most = np.inf if name.endswith("velocity") else LARGEST_STATE  # SPEED_MAX is lower
+        sound = (np.abs(rows) < most).reshape(len(rows), -1).all(axis=1)
+        if not sound.all():
+            row = int(np.argmin(sound))
             of = f"joint {row}" if name.startswith("joint") else repr(self._names[row])
-            return f"diverged: the {quantity} of {of} is not finite"
+            what = f"beyond {LARGEST_STATE:g}" if np.isfinite(rows[row]).all() else "not finite"
+            return f"diverged: the {quantity} of {of} is {what}"
         if not name.endswith("velocity"):
             return None
         angular = name.startswith("angular")

@@ -4,9 +4,9 @@ Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION o
 another person comes near, or they start deep in fixed pieces; links of a chain stay in a ball about the
 chain's root. A simulated body without contacts flies in closed form. A body with contacts is bounded by
 energy: impacts and friction remove energy, and gravity adds speed at most at rate g to each group of bodies
-that can exchange it. Two kinds of bodies are unbounded: those that a driven body can touch, and those that
-are not balls and touch others with both restitution and friction, because Eqs. 8 and 10 as printed add energy
-at every impact. A run checks the bounds: `Plan.broken`.
+that can exchange it. Two kinds of bodies are unbounded: those that a driven or prescribed body can touch, and
+those that are not balls and touch others with both restitution and friction, because Eqs. 8 and 10 as printed
+add energy at every impact. A run checks the bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,17 @@ from touchstone.scenarios.avatar.kinematics import hinges, link_poses, matrix, p
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.effects import centred_ball
 from touchstone.scenarios.plan import Bounds, Plan, box_gap, least_gap, plan
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Tracker
+from touchstone.scenarios.scenario import (
+    TRACKED,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Piece,
+    Scenario,
+    Sphere,
+    Tracker,
+)
 
 Indices = NDArray[np.intp]
 
@@ -251,7 +261,7 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
         for k in np.flatnonzero(kind == "simulated"):
             others = np.flatnonzero(meets[k])
             if len(others):
-                endless = (kind[others] == "driven").any() or _gains(scenario, int(k), others)
+                endless = np.isin(kind[others], TRACKED).any() or _gains(scenario, int(k), others)
                 state[group[k]] = max(state[group[k]], 2 if endless else 1)
             for other in others[kind[others] == "simulated"]:
                 one, two = group[k], group[other]

@@ -11,17 +11,17 @@ import os
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from touchstone.adapters.contract import CONTACT_FIELDS, AdapterError, Array
+from touchstone.adapters.contract import CONTACT_FIELDS, LARGEST_STATE, AdapterError, Array
 from touchstone.scenarios.files.safe_paths import regular
 from touchstone.scenarios.scenario import Scenario, ScenarioError, ShortRepr
 
@@ -46,34 +46,55 @@ FORGED = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, R
 """Exceptions of the decoder on a text that is no scenario."""
 MAPPINGS = ("settings", "bodies", "drives", "effects", "limits", "pieces")
 """Fields of a manifest that are tables."""
-FARTHEST = 1e30
-"""Coordinates that no scene has at its start [m], with room for single precision."""
+ROUNDING = 1e-9
+"""Share by which rounding may move a time [1]."""
 RESIDUAL_BODY = "residual.body"
 """Start of the counters that are indices of bodies."""
 LARGEST = 2**33
 """Largest size of all arrays [bytes], 100 times that of our longest runs: an archive of zeros is small."""
 TEXTS = ("scenario", "manifest", "ended")
-SHAPES = {
-    "time": "f",
-    "position": "fn3",
-    "orientation": "fn4",
-    "linear_velocity": "fn3",
-    "angular_velocity": "fn3",
-    "joint_angle": "fj",
-    "joint_rate": "fj",
-    "driver_work": "f",
-    "driver_impulse": "ft3",
-    "contacts": "c",
-    "time_frame": "s",
-    "time_drive": "s",
-    "time_read": "s",
-    "time_crossing": "k",
-    "stage_names": "m",
-    "stage_seconds": "sm",
-    "work_names": "w",
-    "work": "sw",
+
+
+class Numbers(NamedTuple):
+    """Numbers that a field may hold: which of an array they are, and what a message calls them."""
+
+    valid: Callable[[Array], NDArray[np.bool_]]
+    expected: str
+
+
+STATE = Numbers(
+    lambda values: np.abs(values) < LARGEST_STATE, f"numbers of a magnitude below {LARGEST_STATE:g}"
+)
+FINITE = Numbers(np.isfinite, "finite numbers")
+SECONDS = Numbers(lambda values: (values >= 0) & (values < inf), "finite numbers from 0 on")
+FORCES = Numbers(lambda values: ~np.isinf(values), "finite numbers, or NaN")
+ARRAYS = {
+    "time": ("f", FINITE),
+    "position": ("fn3", STATE),
+    "orientation": ("fn4", STATE),
+    "linear_velocity": ("fn3", STATE),
+    "angular_velocity": ("fn3", STATE),
+    "joint_angle": ("fj", STATE),
+    "joint_rate": ("fj", STATE),
+    "driver_work": ("f", FORCES),
+    "driver_impulse": ("ft3", FORCES),
+    "contacts": ("c", None),
+    "time_frame": ("s", SECONDS),
+    "time_drive": ("s", SECONDS),
+    "time_read": ("s", SECONDS),
+    "time_crossing": ("k", SECONDS),
+    "stage_names": ("m", None),
+    "stage_seconds": ("sm", FINITE),
+    "work_names": ("w", None),
+    "work": ("sw", FINITE),
 }
-"""Shape of each array, in letters as in the comments of `Recording`."""
+"""Shape of each array, in letters as in the comments of `Recording`, and its numbers."""
+CONTACTS = {
+    **dict.fromkeys(("position", "normal", "distance"), STATE),
+    **{f"velocity_{side}_{moment}": STATE for side in "ab" for moment in ("before", "after")},
+    "impulse": FORCES,
+}
+"""Numbers of the fields of contacts."""
 
 
 class RecordingError(AdapterError):
@@ -120,13 +141,17 @@ class Recording(ShortRepr):
         return json.loads(self.manifest)
 
     def save(self, path: Path) -> None:
-        """Write to `path` atomically (to a file beside it, then rename)."""
+        """Write to `path` atomically (to a file beside it, then rename); raises RecordingError for numbers
+        that `load` would refuse."""
         part = path.with_name(path.name + ".part")
+        columns = {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
         try:
+            _check_numbers(columns)
             with open(part, "wb") as file:
-                columns = {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
                 np.savez_compressed(file, format_version=np.array(FORMAT_VERSION), **columns)  # type: ignore[arg-type]
             os.replace(part, path)
+        except ValueError as error:
+            raise RecordingError(f"{path.name}: {error}") from error
         finally:
             part.unlink(missing_ok=True)
 
@@ -138,7 +163,7 @@ def scene_of_text(text: str) -> Scenario:
     from touchstone.scenarios.files.schema import checked, model_of
 
     try:
-        data, faults = checked(json.loads(text), model_of(Scenario))
+        data, faults = checked(_decoded(text), model_of(Scenario))
         if faults:
             place, reason = faults[0]
             raise ValueError(f"{named(place)}: {reason}")
@@ -193,6 +218,7 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     for name in TEXTS:
         if columns[name].shape or columns[name].dtype.kind != "U":
             raise ValueError(f"{name}: found {_kind(columns[name])}, expected a text")
+    _writable("ended", str(columns["ended"]))
     try:
         scenario = scene_of_text(str(columns["scenario"]))
     except ValueError as error:
@@ -201,8 +227,10 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     time, shown = columns["time"], columns["time_frame"]
     if time.ndim != 1 or time.dtype != float or not len(time):
         raise ValueError(f"time: found {_kind(time)}, expected one frame or more")
-    if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
-        raise ValueError("time: expected finite, increasing times")
+    if len(time) > scenario.frame_count + 1:
+        raise ValueError(f"time: found {len(time)} frames, expected at most {scenario.frame_count + 1}")
+    if not (np.abs(time * scenario.frame_rate - np.arange(len(time))) < ROUNDING).all():
+        raise ValueError(f"time: expected {scenario.frame_rate} frames a second, the first at 0 s")
     sizes = {
         "f": len(time),
         "s": len(time) - 1 if shown.size else 0,  # without times where no engine played
@@ -210,7 +238,7 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
         "t": len(scenario.trackers),
         "j": sum(len(tracker.joints) for tracker in scenario.trackers),
     } | {digit: int(digit) for digit in "34"}
-    for name, letters in SHAPES.items():
+    for name, (letters, _) in ARRAYS.items():
         found, text = columns[name], name.endswith("_names")
         kind = CONTACT_FIELDS if name == "contacts" else np.dtype(float)
         if found.dtype.kind != "U" if text else found.dtype != kind:
@@ -220,22 +248,35 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
         expected = tuple(sizes.get(letter, letter) for letter in letters)
         if found.shape != expected:
             raise ValueError(f"{name}: found the shape {found.shape}, expected {expected}")
-    for name in ("position", "orientation"):
-        if not (np.abs(columns[name][0]) < FARTHEST).all():
-            raise ValueError(f"{name}: expected finite numbers in the initial frame")
+        if text:
+            _writable(name, *found.tolist())
+    _check_numbers(columns)
+
+
+def _check_numbers(columns: Mapping[str, NDArray[Any]]) -> None:
+    """Raise ValueError where arrays, whose shapes are those of a recording, hold numbers that no run has."""
+    for name, (_, numbers) in ARRAYS.items():
+        if numbers and not numbers.valid(columns[name]).all():
+            raise ValueError(f"{name}: expected {numbers.expected}")
+    count = columns["position"].shape[1]
     bodies = np.char.startswith(columns["work_names"], RESIDUAL_BODY)
-    if not np.isin(columns["work"][:, bodies], np.arange(-1, sizes["n"])).all():
+    if not np.isin(columns["work"][:, bodies], np.arange(-1, count)).all():
         raise ValueError(f"work: {RESIDUAL_BODY}: expected indices of bodies, or -1")
+    rows, end = columns["contacts"], columns["time"][-1] * (1 + ROUNDING)
     for name in ("body_a", "body_b"):
-        ends = columns["contacts"][name]
-        if ((ends < 0) | (ends >= sizes["n"])).any():
-            raise ValueError(f"contacts: {name}: expected indices of the {sizes['n']} bodies")
+        if not ((rows[name] >= 0) & (rows[name] < count)).all():
+            raise ValueError(f"contacts: {name}: expected indices of the {count} bodies")
+    if not ((rows["time"] >= 0) & (rows["time"] <= end)).all():
+        raise ValueError("contacts: time: expected times of the run")
+    for name, numbers in CONTACTS.items():
+        if not numbers.valid(rows[name]).all():
+            raise ValueError(f"contacts: {name}: expected {numbers.expected}")
 
 
 def _check_manifest(text: str, scenario: Scenario) -> None:
     """Raise ValueError where the manifest lacks what every run has, or is that of other bodies."""
     try:
-        facts = json.loads(text)
+        facts = _decoded(text)
         engine, profile, dt = facts["engine"], facts["profile"], facts["dt"]
     except FORGED as error:
         raise ValueError(
@@ -243,14 +284,32 @@ def _check_manifest(text: str, scenario: Scenario) -> None:
         ) from error
     if not isinstance(engine, str) or not isinstance(profile, str):
         raise ValueError("manifest: engine, profile: expected texts")
-    if not isinstance(dt, int | float) or not 0 < dt < inf:
-        raise ValueError(f"manifest: dt: found {dt!r}, expected seconds")
+    frame = 1 / scenario.frame_rate
+    if not isinstance(dt, int | float) or not 0 < dt <= frame * (1 + ROUNDING):
+        raise ValueError(f"manifest: dt: found {str(dt)[:100]}, expected seconds, at most a frame")
     for name in MAPPINGS:
         if not isinstance(facts.get(name, {}), dict):
             raise ValueError(f"manifest: {name}: expected a table")
+    if not all(isinstance(state, str) for state in facts.get("effects", {}).values()):
+        raise ValueError("manifest: effects: expected texts")
     names = {body.name for body in scenario.bodies}
     if unknown := sorted(facts.get("bodies", {}).keys() - names):
         raise ValueError(f"manifest: bodies: {unknown[0]!r} is not in the scene")
+
+
+def _decoded(text: str) -> Any:
+    """Value of a JSON text; raises ValueError or RecursionError if it is none."""
+    data = json.loads(text)
+    _writable("JSON", json.dumps(data, ensure_ascii=False))
+    return data
+
+
+def _writable(name: str, *texts: str) -> None:
+    """Raise ValueError where texts hold half of a surrogate pair, which no file in UTF-8 can."""
+    try:
+        "".join(texts).encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f"{name}: expected characters of UTF-8 ({error.reason})") from error
 
 
 def _kind(array: NDArray[Any]) -> str:

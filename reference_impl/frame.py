@@ -27,6 +27,7 @@ from touchstone.reference_impl.contact.resting_contact import solve_resting_cont
 from touchstone.reference_impl.contact.separation import separate_simulated
 from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
 from touchstone.reference_impl.continuous.contact_motion import restore_normals
+from touchstone.reference_impl.continuous.driver_motion import enter_loop, leave_loop, note_start
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
@@ -50,7 +51,7 @@ from touchstone.reference_impl.core.counters import (
     STAGE_REMOVAL,
 )
 from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
+from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, invert_symmetric
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.kinematics.driver_poses import store_free_pose
 from touchstone.reference_impl.kinematics.skeleton import (
@@ -147,8 +148,10 @@ def _drive(world):
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
             store_shown(bodies, joints, drivers[d])
+        note_start(joints, drivers[d])
         follow_tracker(drivers[d], state["dt"])
         copy_vector(drivers[d]["position"], drivers[d]["coupled_position"])
+        copy_quaternion(drivers[d]["orientation"], drivers[d]["coupled_orientation"])
         set_goals(joints, drivers[d], state["dt"])
     coupled = clock(state["clock"])
     collision = state["stage_seconds"][STAGE_COLLISION]
@@ -191,10 +194,10 @@ def _fly(world):
         fly_straight(bodies, state["gravity"], h)
     else:
         begin_substep(bodies, drivers)
-        apply_forces(bodies, state["gravity"], h)
-        set_ways(bodies, pairs, 0, h)
+        apply_forces(bodies, joints, drivers, 0.0, h, state)
+        set_ways(bodies, joints, drivers, pairs, 0, h, h)
         pose_at(bodies, 1.0)
-        end_substep(bodies, joints, drivers, 1.0)
+        end_substep(bodies, joints, drivers, 1.0, h, h)
     state["stage_seconds"][STAGE_INTEGRATION] += clock(state["clock"]) - start
 
 
@@ -203,18 +206,21 @@ def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
     vertices, pairs, state = world.vertices, world.pairs, world.state
-    left, weighed, yielded = state["dt"], False, False
+    left, yielded = state["dt"], False
+    if state["skip_drive"] == 0 and state["driven_isolated"] == 0:
+        for d in range(len(drivers)):
+            if drivers[d]["chain_count"] == 0:
+                enter_loop(bodies, joints, drivers[d], state["dt"])
+                state["driven_loop"] = 1
     # a crowded frame mostly follows another: do not try event by event again
     state["rows"] = state["event_rows"] if state["dense_frame"] == 1 else 0
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, h = gather_contacts(world, left)
-        # the inertia of a driver without chains affects only its contacts: skip it if drivers are isolated
-        if not weighed and state["driven_isolated"] == 0:
-            for d in range(len(drivers)):
-                if drivers[d]["chain_count"] == 0:
-                    _weigh(bodies, joints, drivers[d])
-            weighed = True
+        # the inertia of a driver without chains affects only its contacts
+        for d in range(len(drivers)):
+            if touching > 0 and drivers[d]["chain_count"] == 0:
+                _weigh(bodies, joints, drivers[d])
         weigh_links(bodies, joints, drivers, pairs, touching, state["dt"])
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])
@@ -231,7 +237,7 @@ def _simulate(world):
         for attempt in range(UNPAID_ATTEMPTS):
             if state["unpaid_energy"] <= 0:
                 break
-            begin_again(bodies, joints, drivers)
+            begin_again(bodies, joints, drivers, state["dt"])
             state["contact_count"] = first_held
             shorter = fraction if fraction < 1 and attempt == 0 else UNPAID_SHARE * fraction
             h, fraction = _substep(world, touching, time, shorter * h)
@@ -251,6 +257,10 @@ def _simulate(world):
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1:
+            leave_loop(bodies, joints, drivers[d])
+    state["driven_loop"] = 0
     for d in range(len(drivers)):
         if drivers[d]["in_contact"] == 0:
             continue
@@ -273,9 +283,9 @@ def _substep(world, touching, time, h):
     returned = first_return(bodies, pairs, touching, state)
     restore_normals(pairs, touching)
     state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
-    set_ways(bodies, pairs, touching, h)
+    set_ways(bodies, world.joints, drivers, pairs, touching, h, state["dt"])
     fraction, drifted = _advance(world, touching, returned)
-    end_substep(bodies, world.joints, drivers, fraction)
+    end_substep(bodies, world.joints, drivers, fraction, h, state["dt"])
     shorten_resting_contacts(world.contacts, first_held, state["contact_count"], fraction)
     # detection for separation writes to `pairs` behind the contact rows
     moved = touching

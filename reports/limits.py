@@ -211,6 +211,8 @@ PROBES: tuple[Limit, ...] = (
         scenario="probe",
         profile="paper",
     ),
+    Limit("force.error", 0.01, "a hundredth of the closed form"),
+    Limit("force.error", 0.05, FIRST_ORDER, scenario="impact"),
     Limit("truth.position", 0.05, FIRST_ORDER, scenario="fall"),
     Limit("truth.position", 0.05, FIRST_ORDER, scenario="spring"),
     Limit("truth.velocity", 0.05, "5 % of the outcome, as of the coefficients", scenario="isolated"),
@@ -222,8 +224,7 @@ PROBES: tuple[Limit, ...] = (
     Limit("friction.creep", 1e-3, "a millimetre a second is not seen", scenario="probe"),
     Limit("momentum.linear", 1e-9, "impulses act on both sides, to a solver's rounding", scenario="probe"),
     Limit("momentum.angular", 1e-9, "impulses act on both sides, to a solver's rounding", scenario="probe"),
-    Limit("momentum.angular", 0.05, FIRST_ORDER, scenario="tumble_stable"),
-    Limit("momentum.angular", 0.05, FIRST_ORDER, scenario="tumble_unstable"),
+    *(Limit("momentum.angular", 0.05, FIRST_ORDER, scenario=f"tumble_{s}") for s in ("stable", "unstable")),
     Limit("momentum.withheld", 0.05, "the last ball takes all but 5 %", scenario="probe"),
     Limit("energy.gain", 0.05, FIRST_ORDER, scenario="probe"),
     Limit("energy.loss", 0.05, FIRST_ORDER, scenario="probe"),
@@ -273,6 +274,7 @@ EXACTING: tuple[Limit, ...] = (
         Limit("truth.orientation", 1e-2, "contacts are held: off by 5/2 mu g h^2 / 8 r", scenario=scene)
         for scene in ("slip", "slip_seed0", "slip_seed1", "slip_seed2")
     ),
+    *(Limit("force.error", 1e-6, FOUND, scenario=tag) for tag in ("probe", "prescribed")),
     Limit("bounce.height", 1e-6, "an impact is found where it happens", scenario="probe"),
     Limit("restitution.error", 1e-6, "an impact is found where it happens", scenario="probe"),
     Limit("restitution.error", 1e-12, ROUNDING, scenario="isolated"),

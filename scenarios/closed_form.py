@@ -1,6 +1,8 @@
 """Closed-form motion of bodies at any times, from a scenario's truths.
 
-Sources: Landau and Lifshitz, *Mechanics*, section 37, for the free asymmetric top; Eq. 6 for the coupling.
+Sources: Landau and Lifshitz, *Mechanics*, section 37, for the free asymmetric top; Eq. 6 for the coupling;
+Coulomb's law on a prescribed body; Weltner (1979), *Stable circular orbits of freely moving balls on rotating
+discs*, for the turntable.
 """
 
 from __future__ import annotations
@@ -11,15 +13,23 @@ from itertools import count, pairwise, takewhile
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk, ellipkinc
 
-from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.scenario import Arc, Body, Scenario, Tracker, Truth
+from touchstone.scenarios.avatar.tracking import path, sample
+from touchstone.scenarios.scenario import Arc, Body, Scenario, Sphere, Tracker, Truth
 
 Array = NDArray[np.float64]
 
+EVENT_GRID = 1e-3
+"""Spacing of the times between which a body on a prescribed one starts or stops to slide at most once [s]."""
+EVENT_ERROR = 1e-15
+"""Error of the times at which it starts or stops to slide [s]: rounding."""
+INTEGRATED = 1e-12
+"""Relative tolerance of an integrated orientation [1]."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 """Quadrature of the precession over one interval: exact to rounding if the body turns less than once."""
 
@@ -46,6 +56,16 @@ def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
         case "coupling":
             tracker = next(t for t in scenario.trackers if t.root == truth.body)
             return _coupled(body, tracker, scenario.frame_rate, times)
+        case "carried":
+            return _carried(scenario, body, times)
+        case "turntable":
+            return _on_turntable(scenario, body, times)
+
+
+def support(scenario: Scenario) -> tuple[int, Tracker]:
+    """Index and tracker of the first prescribed body of a scene."""
+    tracker = next(filter(scenario.prescribes, scenario.trackers))
+    return scenario.body_index(tracker.root), tracker
 
 
 def _along_arcs(body: Body, arcs: tuple[Arc, ...], times: Array) -> Motion:
@@ -202,3 +222,158 @@ def _coupled(body: Body, tracker: Tracker, frame_rate: int, times: Array) -> Mot
         np.tile(tracker.orientations[0], (n, 1)),
         np.zeros((n, 3)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Phase:
+    """Part of a motion on a moving support: from `start` [s] the body slides relative to it in the direction
+    `sign` along the line (0: sticks), from `place` [m] and at `speed` [m/s] along the line, world."""
+
+    start: float
+    sign: float
+    place: float
+    speed: float
+
+
+class _Ride:
+    """Body on the level top of a support that translates in a vertical plane, with friction mu: while it
+    slides, v' = -sign mu (g + z''); it sticks where |x''| <= mu (g + z'') for the support's x and z."""
+
+    def __init__(self, scenario: Scenario, body: Body) -> None:
+        index, tracker = support(scenario)
+        pair = sorted((index, scenario.body_index(body.name)))
+        self.mu, self.path = scenario.pair_coefficients(*pair)[1], path(tracker)
+        gravity = np.array(scenario.acting_gravity)
+        self.g = float(np.linalg.norm(gravity))
+        self.up, self.end = -gravity / self.g, scenario.duration
+        moves = np.diff(tracker.positions, axis=0)
+        level = moves - np.outer(moves @ self.up, self.up)
+        longest = level[np.argmax(np.linalg.norm(level, axis=1))]
+        self.line = longest / (np.linalg.norm(longest) or 1.0)
+
+    def along(self, t: Array | float, order: int = 0) -> Array:
+        """The support's place along the line, or a derivative of it."""
+        return np.asarray(self.path(t, order) @ self.line)
+
+    def height(self, t: Array | float, order: int = 0) -> Array:
+        """The support's height, or a derivative of it."""
+        return np.asarray(self.path(t, order) @ self.up)
+
+    def speed(self, phase: _Phase, t: Array | float) -> Array:
+        """Speed along the line [m/s] in a phase."""
+        if phase.sign == 0:
+            return self.along(t, 1)
+        felt = self.g * (t - phase.start) + self.height(t, 1) - self.height(phase.start, 1)
+        return np.asarray(phase.speed - phase.sign * self.mu * felt)
+
+    def place(self, phase: _Phase, t: Array | float) -> Array:
+        """Place along the line [m] in a phase."""
+        since = t - phase.start
+        if phase.sign == 0:
+            return np.asarray(phase.place + self.along(t) - self.along(phase.start))
+        start = self.height(phase.start) + self.height(phase.start, 1) * since
+        felt = self.g * since**2 / 2 + self.height(t) - start
+        return np.asarray(phase.place + phase.speed * since - phase.sign * self.mu * felt)
+
+    def excess(self, t: Array | float) -> Array:
+        """Acceleration that the support needs of the body beyond what friction gives [m/s^2]."""
+        return np.asarray(np.abs(self.along(t, 2)) - self.mu * (self.g + self.height(t, 2)))
+
+    def phases(self) -> list[_Phase]:
+        """All phases from the start, at rest on the support, to the end of the scene."""
+        sign = self._slip(0.0) if self.excess(0.0) > 0 else 0.0
+        found = [_Phase(0.0, sign, 0.0, float(self.along(0.0, 1)))]
+        while True:
+            last = found[-1]
+            times = np.linspace(last.start, self.end, 2 + int((self.end - last.start) / EVENT_GRID))
+            over = np.flatnonzero(self._ended(last, times[1:]) > 0)
+            if not len(over):
+                return found
+            time = self._event(last, *times[over[0] : over[0] + 2].tolist())
+            sign = self._slip(time) if last.sign == 0 or self.excess(time) > 0 else 0.0
+            found.append(_Phase(time, sign, float(self.place(last, time)), float(self.along(time, 1))))
+
+    def _event(self, phase: _Phase, low: float, high: float) -> float:
+        """Time at which a phase ends [s]."""
+        return float(brentq(lambda t: float(self._ended(phase, t)), low, high, xtol=EVENT_ERROR))
+
+    def _ended(self, phase: _Phase, t: Array | float) -> Array:
+        """Positive where a phase has ended: friction no longer holds, or the slip would reverse."""
+        if phase.sign == 0:
+            return self.excess(t)
+        return np.asarray((self.along(t, 1) - self.speed(phase, t)) * phase.sign)
+
+    def _slip(self, t: float) -> float:
+        """Sign of a slip that begins at t: against the support's acceleration."""
+        return -float(np.sign(self.along(t, 2)))
+
+
+def _carried(scenario: Scenario, body: Body, times: Array) -> Motion:
+    """Motion of a body on a prescribed support, at rest on it at the start."""
+    ride = _Ride(scenario, body)
+    phases = ride.phases()
+    index = np.searchsorted([phase.start for phase in phases], times, side="right") - 1
+    along, speed = np.zeros(len(times)), np.zeros(len(times))
+    for k, phase in enumerate(phases):
+        mine = index == k
+        along[mine], speed[mine] = ride.place(phase, times[mine]), ride.speed(phase, times[mine])
+    turned = Rotation.from_quat(body.orientation, scalar_first=True)
+    center = np.array(body.position) + turned.apply(body.center_of_mass)
+    rise = ride.height(times) - ride.height(0.0)
+    return Motion(
+        center + np.outer(along, ride.line) + np.outer(rise, ride.up),
+        np.outer(speed, ride.line) + np.outer(ride.height(times, 1), ride.up),
+        np.tile(body.orientation, (len(times), 1)),
+        np.zeros((len(times), 3)),
+    )
+
+
+def _on_turntable(scenario: Scenario, body: Body, times: Array) -> Motion:
+    """Motion of a ball that rolls on a plate of constant angular velocity W n: its centre circles at the rate
+    k = W b / (1 + b), b = I / (m r^2), 2/7 W for a solid ball.
+
+    v' = k n x v follows from m r n x v' = I w' and from v - r w x n = W n x (p - c), with c on the axis. The
+    orientation is integrated.
+    """
+    _, tracker = support(scenario)
+    start = sample(tracker, np.zeros(1))
+    gravity, size = np.array(scenario.acting_gravity), _radius(body)
+    n = -gravity / np.linalg.norm(gravity)
+    rate = float(start.angular_velocity[0] @ n)
+    share = body.inertia[0][0] / (body.mass * size**2)
+    k = rate * share / (1 + share)
+    p, v = np.array(body.position), np.array(body.linear_velocity)
+    middle = p - np.cross(v, n) / k
+    arm, ahead = p - middle, np.cross(n, p - middle)
+    off = middle - start.position[0]
+    constant = rate / size * (off - n * (n @ off)) + float(np.array(body.angular_velocity) @ n) * n
+
+    def spin(t: Array | float) -> Array:
+        now = np.multiply.outer(np.cos(k * t), arm) + np.multiply.outer(np.sin(k * t), ahead)
+        return np.asarray((rate - k) / size * now + constant)
+
+    def turning(t: float, q: Array) -> Array:
+        (a, x, y, z), (u, v, w) = q, spin(t)
+        rates = (-u * x - v * y - w * z, a * u + v * z - w * y, a * v + w * x - u * z, a * w + u * y - v * x)
+        return np.array(rates) / 2
+
+    end = float(times.max(initial=scenario.duration)) + 1 / scenario.frame_rate
+    asked = [*times.tolist(), end]
+    run = solve_ivp(
+        turning, (0.0, end), body.orientation, "DOP853", asked, rtol=INTEGRATED, atol=INTEGRATED / 100
+    )
+    turned = run.y.T[:-1]
+    c, s = np.cos(k * times)[:, None], np.sin(k * times)[:, None]
+    return Motion(
+        middle + c * arm + s * ahead,
+        k * (c * ahead - s * arm),
+        turned / np.linalg.norm(turned, axis=1)[:, None],
+        spin(times),
+    )
+
+
+def _radius(ball: Body) -> float:
+    """Radius of a body of one ball [m]."""
+    shape = ball.pieces[0].shape
+    assert isinstance(shape, Sphere)
+    return shape.radius

@@ -44,7 +44,7 @@ class Meetings:
 
     @property
     def driven(self) -> list[Pair]:
-        """Pairs with a driven body that can meet."""
+        """Pairs with a driven or prescribed body that can meet."""
         group = self.scenario.groups()
         return [(a, b) for a, b in self.meeting if max(group[a], group[b]) >= 0]
 
@@ -129,7 +129,7 @@ def _attraction(known: Meetings) -> Need:
 
 def _virtual_coupling(known: Meetings) -> Need:
     trackers = len(known.scenario.trackers)
-    return bool(trackers), f"{trackers} driven bodies" if trackers else "no driven body"
+    return bool(trackers), f"{trackers} bodies follow trackers" if trackers else "no body follows a tracker"
 
 
 def _sweep(known: Meetings) -> Need:

@@ -8,7 +8,17 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from touchstone.scenarios.scenario import ORIGIN, Body, Hull, Piece, Scenario, Vector, vector
+from touchstone.scenarios.scenario import (
+    ORIGIN,
+    TRACKED,
+    UNMOVED,
+    Body,
+    Hull,
+    Piece,
+    Scenario,
+    Vector,
+    vector,
+)
 
 COINCIDENT = 1e-9
 """Distance of the centres of two solids up to which they coincide [m]: the direction of separation is then
@@ -18,13 +28,13 @@ undefined."""
 def coinciding(scenario: Scenario) -> str | None:
     """One-line message on two bodies that start at the same place; None if there are none.
 
-    Contact separates all other overlaps. Driven bodies are ignored: trackers place them.
+    Contact separates all other overlaps. Driven and prescribed bodies are ignored: trackers place them.
     """
     bodies = scenario.bodies
-    owner = [i for i, body in enumerate(bodies) if body.kind != "driven" for _ in body.pieces]
+    owner = [i for i, body in enumerate(bodies) if body.kind not in TRACKED for _ in body.pieces]
     if len(owner) < 2:
         return None
-    pieces = [piece for body in bodies if body.kind != "driven" for piece in body.pieces]
+    pieces = [piece for body in bodies if body.kind not in TRACKED for piece in body.pieces]
     centers = np.array([_center(piece) for piece in pieces])
     frames: tuple[Sequence[Piece | Body], ...] = (pieces, [bodies[k] for k in owner])
     for poses in frames:
@@ -32,7 +42,7 @@ def coinciding(scenario: Scenario) -> str | None:
         centers = turn.apply(centers) + [pose.position for pose in poses]
     for one, two in sorted(KDTree(centers).query_pairs(COINCIDENT)):
         a, b = sorted((owner[one], owner[two]))
-        if a == b or bodies[a].kind == bodies[b].kind == "fixed":
+        if a == b or {bodies[a].kind, bodies[b].kind} <= {*UNMOVED}:
             continue
         place = ", ".join(f"{x:g}" for x in centers[one])
         return (

@@ -17,16 +17,20 @@ from math import isfinite
 from numbers import Real
 from typing import Any, Literal
 
+from touchstone.scenarios.truths.force_truth import ForceTruth
+
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
-Kind = Literal["fixed", "simulated", "driven"]
+Kind = Literal["fixed", "simulated", "driven", "prescribed"]
 
+TRACKED, UNMOVED = ("driven", "prescribed"), ("fixed", "prescribed")
+"""Kinds of bodies that follow a tracker, and of those that no contact moves."""
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
-LAWS = ("arcs", "torque_free", "coupling")
+LAWS = ("arcs", "torque_free", "coupling", "carried", "turntable")
 INTERPOLATIONS = ("cubic", "held")
 GRAVITY = 9.81
 """Default magnitude of gravity [m/s^2]."""
@@ -83,8 +87,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """All points within `radius` [m] of a segment along the piece's z axis from -`half_length` to
-    `half_length` [m]."""
+    """Points within `radius` [m] of the segment from -`half_length` to `half_length` [m] on the z axis."""
 
     radius: float
     half_length: float
@@ -122,7 +125,8 @@ class Body(ShortRepr):
     """Rigid body, or one link of a driven body.
 
     `position` to `angular_velocity` [m, wxyz, m/s of the centre of mass, rad/s; world] are the initial state;
-    a driven link takes its state from its tracker and keeps their defaults. A fixed body needs no mass.
+    a driven link or a prescribed body takes its state from its tracker and keeps their defaults. Fixed and
+    prescribed bodies need no mass.
     """
 
     name: str
@@ -172,8 +176,7 @@ class ReachCone(ShortRepr):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Chain(ShortRepr):
-    """Hinges from root to tip that inverse kinematics turns together; they are consecutive in their
-    tracker."""
+    """Hinges, consecutive in their tracker, that inverse kinematics turns together, from root to tip."""
 
     name: str
     joints: tuple[str, ...]
@@ -188,7 +191,7 @@ class Tracker(ShortRepr):
     coupling is critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped
     servo of `hinge_frequency` [rad/s]; the reference sets them exactly. `held` counts keyframes that repeat
     the last good sample. `interpolation`: cubic splines through the keyframes, or held: each time takes the
-    next keyframe.
+    next keyframe. A prescribed body follows the splines exactly: no coupling, no joints, not held.
     """
 
     root: str
@@ -282,11 +285,13 @@ class Truth(ShortRepr):
 
     arcs: piecewise motion by `arcs`, the first from 0 s. torque_free: motion from the initial state under
     gravity, with three different moments of inertia. coupling: Eq. 6 with a tracker that moves linearly
-    within a frame.
+    within a frame. carried: a body that sticks to or slides on the level top of the scene's prescribed body,
+    which moves in a vertical plane without turning. turntable: a ball that rolls on the scene's prescribed
+    body, which turns about the vertical at a constant rate.
     """
 
     body: str
-    law: Literal["arcs", "torque_free", "coupling"]
+    law: Literal["arcs", "torque_free", "coupling", "carried", "turntable"]
     arcs: tuple[Arc, ...] = ()
 
 
@@ -313,6 +318,7 @@ class Scenario(ShortRepr):
     effects: tuple[str, ...] = ("gravity", "restitution", "friction")
     expectations: tuple[Expectation, ...] = ()
     truths: tuple[Truth, ...] = ()
+    forces: tuple[ForceTruth, ...] = ()
     limits: tuple[MetricLimit, ...] = ()
     seed: int = 0
 
@@ -350,6 +356,10 @@ class Scenario(ShortRepr):
         children = {joint.name: joint.child for joint in self.joints}
         return tuple(self.body_index(name) for name in (tracker.root, *(children[j] for j in tracker.joints)))
 
+    def prescribes(self, tracker: Tracker) -> bool:
+        """Whether a tracker is the path of a prescribed body."""
+        return any(body.kind == "prescribed" for body in self.bodies if body.name == tracker.root)
+
     def groups(self) -> tuple[int, ...]:
         """Per body the index of the tracker that drives it, or -1."""
         group = [-1] * len(self.bodies)
@@ -359,9 +369,9 @@ class Scenario(ShortRepr):
         return tuple(group)
 
     def touching_pairs(self) -> Iterator[tuple[int, int]]:
-        """Body pairs (a < b) that may touch: both have pieces and not both are fixed. Links of one driven
-        body may touch only with `self_collision` and if they are not adjacent, where links without pieces are
-        skipped."""
+        """Body pairs (a < b) that may touch: both have pieces and contact moves at least one. Links of one
+        driven body may touch only with `self_collision` and if they are not adjacent, where links without
+        pieces are skipped."""
         group = self.groups()
         above = {joint.child: joint.parent for joint in self.joints}
         bare = {body.name for body in self.bodies if not body.pieces}
@@ -372,7 +382,7 @@ class Scenario(ShortRepr):
             adjacent.add(frozenset((child, parent)))
         for a, b in combinations(range(len(self.bodies)), 2):
             first, second = self.bodies[a], self.bodies[b]
-            if not (first.pieces and second.pieces) or first.kind == second.kind == "fixed":
+            if not (first.pieces and second.pieces) or {first.kind, second.kind} <= {*UNMOVED}:
                 continue
             if group[a] == group[b] >= 0 and (
                 "self_collision" not in self.effects or frozenset((first.name, second.name)) in adjacent

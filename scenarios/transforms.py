@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.scenarios.scenario import (
+    TRACKED,
     Arc,
     Body,
     Hull,
@@ -47,7 +48,7 @@ def shifted(scenario: Scenario, shift: Array) -> Scenario:
             replace(tracker, positions=tuple(map(vector, np.array(tracker.positions) + next(moves))))
             for tracker in scenario.trackers
         )
-    return replace(scenario, truths=(), expectations=(), **fields)  # type: ignore[arg-type]
+    return replace(scenario, truths=(), forces=(), expectations=(), **fields)  # type: ignore[arg-type]
 
 
 def perturbed(scenario: Scenario, size: float, seed: int) -> Scenario:
@@ -79,7 +80,7 @@ def translated(scenario: Scenario, offset: Vector) -> Scenario:
     return replace(
         scenario,
         bodies=tuple(
-            b if b.kind == "driven" else replace(b, position=there(b.position)) for b in scenario.bodies
+            b if b.kind in TRACKED else replace(b, position=there(b.position)) for b in scenario.bodies
         ),
         trackers=tuple(replace(t, positions=tuple(map(there, t.positions))) for t in scenario.trackers),
         truths=tuple(

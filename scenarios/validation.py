@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import isfinite
 from typing import get_args
@@ -12,33 +12,42 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.chains import check_chains
+from touchstone.scenarios.avatar.number_checks import (
+    UNIT_TOLERANCE,
+    Report,
+    finite,
+    finite_rows,
+    positive,
+    unit,
+)
+from touchstone.scenarios.avatar.tracker_checks import check_driving, check_tracker
+from touchstone.scenarios.effects import centred_ball
 from touchstone.scenarios.scenario import (
     CHECKS,
     EFFECTS,
     EVENTS,
     IDENTITY,
-    INTERPOLATIONS,
     LAWS,
     ORIGIN,
+    TRACKED,
+    UNMOVED,
     Body,
     Box,
     Capsule,
     Ellipsoid,
     Hull,
     Joint,
+    Kind,
     Piece,
     Scenario,
     Shape,
     Sphere,
-    Tracker,
     Truth,
 )
+from touchstone.scenarios.truths.force_checks import check_forces
 
-Report = Callable[[str, str], None]
 SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
 
-UNIT_TOLERANCE = 1e-9
-"""Tolerance of the length of a unit quaternion or axis [1]: rounding."""
 FLATNESS = 1e-6
 """Volume of a hull, relative to the cube of its size, below which it counts as flat [1]."""
 SYMMETRY = 1e-12
@@ -47,6 +56,8 @@ DISTINCT = 1e-9
 """Minimum difference of a free top's moments, and minimum rates, relative to the largest [1]: rounding."""
 WHOLE = 1e-9
 """Tolerance of duration times frame rate as a whole number [frames]."""
+MOST_FRAMES = 10**9
+"""Number of frames that no memory holds [1]."""
 
 
 def faults(scenario: Scenario) -> list[tuple[str, str]]:
@@ -62,57 +73,30 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
         _check_body(body, f"bodies[{i}]", report)
     _check_joints(scenario, report)
     for i, tracker in enumerate(scenario.trackers):
-        _check_tracker(scenario, tracker, f"trackers[{i}]", report)
-    _check_driving(scenario, report)
+        check_tracker(scenario, tracker, f"trackers[{i}]", report)
+    check_driving(scenario, report)
     if not found:  # the checks of chains require valid joints and trackers
         check_chains(scenario, report)
     _check_coefficients(scenario, report)
     _check_expectations(scenario, report)
     _check_truths(scenario, report)
+    check_forces(scenario, report, sound=not found)
     return found
 
 
 CHECKS.append(faults)
 
 
-def _finite(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:
-    numbers = list(values)
-    if width is not None and len(numbers) != width:
-        report(path, f"found {len(numbers)} numbers, expected {width}")
-        return False
-    for value in numbers:
-        if not isinstance(value, (int, float, np.number)) or not isfinite(value):
-            report(path, f"found {value!r}, expected finite numbers")
-            return False
-    return True
-
-
-def _finite_rows(rows: Iterable[Iterable[float]], path: str, report: Report, width: int) -> bool:
-    bad = [k for k, row in enumerate(rows) if not _finite(row, f"{path}[{k}]", report, width)]
-    return not bad
-
-
-def _positive(values: Iterable[float], path: str, report: Report, width: int | None = None) -> None:
-    numbers = list(values)
-    if _finite(numbers, path, report, width) and min(numbers) <= 0:
-        report(path, f"found {min(numbers)}, expected positive numbers")
-
-
-def _unit(values: tuple[float, ...], path: str, report: Report, width: int) -> None:
-    if _finite(values, path, report, width) and abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
-        report(path, f"found length {sum(v * v for v in values) ** 0.5:.6g}, expected 1")
-
-
 def _check_numbers(scenario: Scenario, report: Report) -> None:
-    _finite(scenario.gravity, "gravity", report, 3)
+    finite(scenario.gravity, "gravity", report, 3)
     for field, least in (("frame_rate", 1), ("seed", 0)):
         value = getattr(scenario, field)
         if not isinstance(value, int) or value < least:
             report(field, f"found {value!r}, expected a whole number from {least} on")
-    _positive([scenario.duration], "duration", report)
-    frames = scenario.duration * scenario.frame_rate
-    if isfinite(frames) and frames > 0 and abs(frames - round(frames)) > WHOLE:
-        report("duration", f"found {frames:g} frames, expected a whole number of frames")
+    positive([scenario.duration], "duration", report)
+    frames = scenario.duration * min(scenario.frame_rate, MOST_FRAMES)
+    if frames > 0 and not (frames < MOST_FRAMES and abs(frames - round(frames)) <= WHOLE):
+        report("duration", f"found {frames:g} frames, expected a whole number of frames below {MOST_FRAMES}")
     for i, effect in enumerate(scenario.effects):
         if effect not in EFFECTS:
             report(f"effects[{i}]", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
@@ -140,25 +124,26 @@ def _check_names(scenario: Scenario, report: Report) -> None:
 
 
 def _check_body(body: Body, path: str, report: Report) -> None:
-    if body.kind not in ("fixed", "simulated", "driven"):
-        report(f"{path}.kind", f"unknown kind {body.kind!r}; valid: fixed, simulated, driven")
-    _unit(body.orientation, f"{path}.orientation", report, 4)
+    if body.kind not in get_args(Kind):
+        report(f"{path}.kind", f"unknown kind {body.kind!r}; valid: {', '.join(get_args(Kind))}")
+    unit(body.orientation, f"{path}.orientation", report, 4)
     for field in ("position", "linear_velocity", "angular_velocity", "center_of_mass"):
-        _finite(getattr(body, field), f"{path}.{field}", report, 3)
-    if body.kind != "fixed":
-        _positive([body.mass], f"{path}.mass", report)
-        if _finite_rows(body.inertia, f"{path}.inertia", report, 3):
+        finite(getattr(body, field), f"{path}.{field}", report, 3)
+    if body.kind not in UNMOVED:
+        positive([body.mass], f"{path}.mass", report)
+        if finite_rows(body.inertia, f"{path}.inertia", report, 3):
             _check_inertia(np.array(body.inertia), f"{path}.inertia", report)
     still = ("linear_velocity", "angular_velocity")
-    for field in {"fixed": still, "driven": ("position", "orientation", *still)}.get(body.kind, ()):
+    tracked = dict.fromkeys(TRACKED, ("position", "orientation", *still))
+    for field in ({"fixed": still} | tracked).get(body.kind, ()):
         if tuple(getattr(body, field)) != (IDENTITY if field == "orientation" else ORIGIN):
-            given = "by its tracker" if body.kind == "driven" else "by standing still"
+            given = "by its tracker" if body.kind in TRACKED else "by standing still"
             report(f"{path}.{field}", f"found {getattr(body, field)}, but a {body.kind} body has it {given}")
     if body.kind != "driven" and not body.pieces:
         report(f"{path}.pieces", "found none, expected at least one")
     for k, piece in enumerate(body.pieces):
-        _finite(piece.position, f"{path}.pieces[{k}].position", report, 3)
-        _unit(piece.orientation, f"{path}.pieces[{k}].orientation", report, 4)
+        finite(piece.position, f"{path}.pieces[{k}].position", report, 3)
+        unit(piece.orientation, f"{path}.pieces[{k}].orientation", report, 4)
         _check_shape(piece.shape, f"{path}.pieces[{k}].shape", report)
 
 
@@ -173,26 +158,24 @@ def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
     if moments[0] <= 0:
         report(path, f"found the principal moment {moments[0]:.6g} kg m^2, expected positive ones")
     elif moments[2] > (moments[0] + moments[1]) * (1 + SYMMETRY):
-        report(
-            path,
-            f"principal moments {moments[0]:.6g}, {moments[1]:.6g}, {moments[2]:.6g} kg m^2 break the "
-            "triangle inequality: the largest must not exceed the sum of the others",
-        )
+        found = ", ".join(f"{moment:.6g}" for moment in moments)
+        reason = "break the triangle inequality: the largest must not exceed the sum of the others"
+        report(path, f"principal moments {found} kg m^2 {reason}")
 
 
 def _check_shape(shape: Shape, path: str, report: Report) -> None:
     match shape:
         case Sphere(radius):
-            _positive([radius], f"{path}.radius", report)
+            positive([radius], f"{path}.radius", report)
         case Box(half_extents):
-            _positive(half_extents, f"{path}.half_extents", report, 3)
+            positive(half_extents, f"{path}.half_extents", report, 3)
         case Capsule(radius, half_length):
-            _positive([radius], f"{path}.radius", report)
-            _positive([half_length], f"{path}.half_length", report)
+            positive([radius], f"{path}.radius", report)
+            positive([half_length], f"{path}.half_length", report)
         case Ellipsoid(half_axes):
-            _positive(half_axes, f"{path}.half_axes", report, 3)
+            positive(half_axes, f"{path}.half_axes", report, 3)
         case Hull(vertices):
-            if _finite_rows(vertices, f"{path}.vertices", report, 3):
+            if finite_rows(vertices, f"{path}.vertices", report, 3):
                 _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
         case _:
             report(path, f"unknown shape {type(shape).__name__}; valid: {', '.join(SHAPES)}")
@@ -227,70 +210,12 @@ def _check_joints(scenario: Scenario, report: Report) -> None:
                 report(f"{path}.{field}", f"{name!r} is {names[name].kind}, expected a driven body")
         if joint.parent == joint.child:
             report(f"{path}.child", f"{joint.child!r} is its own parent")
-        _finite(joint.position, f"{path}.position", report, 3)
-        _unit(joint.axis, f"{path}.axis", report, 3)
-        _unit(joint.orientation, f"{path}.orientation", report, 4)
-        limits_are_numbers = _finite((joint.lower, joint.upper), f"{path}.lower", report)
+        finite(joint.position, f"{path}.position", report, 3)
+        unit(joint.axis, f"{path}.axis", report, 3)
+        unit(joint.orientation, f"{path}.orientation", report, 4)
+        limits_are_numbers = finite((joint.lower, joint.upper), f"{path}.lower", report)
         if limits_are_numbers and not joint.lower < joint.upper:
             report(f"{path}.lower", f"found {joint.lower}, expected less than upper = {joint.upper}")
-
-
-def _check_driving(scenario: Scenario, report: Report) -> None:
-    """Check that every driven body and every joint belongs to exactly one tracker, once."""
-    joints = {joint.name: joint for joint in scenario.joints}
-    posed: dict[str, list[str]] = {}
-    driven: dict[str, list[str]] = {}
-    for i, tracker in enumerate(scenario.trackers):
-        driven.setdefault(tracker.root, []).append(f"trackers[{i}].root")
-        for k, name in enumerate(tracker.joints):
-            posed.setdefault(name, []).append(f"trackers[{i}].joints[{k}]")
-            if name in joints:
-                driven.setdefault(joints[name].child, []).append(f"trackers[{i}].joints[{k}]")
-    for i, body in enumerate(scenario.bodies):
-        ways = driven.get(body.name, [])
-        if body.kind == "driven" and len(ways) != 1:
-            found = f"by {' and '.join(ways)}" if ways else "by no tracker"
-            report(f"bodies[{i}]", f"{body.name!r} is driven {found}, expected one")
-    for i, joint in enumerate(scenario.joints):
-        if joint.name not in posed:
-            report(f"joints[{i}]", f"{joint.name!r} is posed by no tracker")
-
-
-def _check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Report) -> None:
-    joints = {joint.name: joint for joint in scenario.joints}
-    reached = {tracker.root}
-    if tracker.root not in {b.name for b in scenario.bodies if b.kind == "driven"}:
-        report(f"{path}.root", f"{tracker.root!r} is not a driven body")
-    for k, name in enumerate(tracker.joints):
-        if name not in joints:
-            report(f"{path}.joints[{k}]", f"unknown joint {name!r}; valid: {', '.join(joints)}")
-        elif joints[name].parent not in reached:
-            report(f"{path}.joints[{k}]", f"{name!r} comes before the joint that leads to its parent")
-        else:
-            reached.add(joints[name].child)
-    count = len(tracker.times)
-    if not _finite(tracker.times, f"{path}.times", report):
-        return
-    if count < 2 or any(a >= b for a, b in zip(tracker.times, tracker.times[1:])):
-        report(f"{path}.times", "expected at least two increasing times")
-    elif tracker.times[0] > 0 or tracker.times[-1] < scenario.duration - WHOLE:
-        report(f"{path}.times", f"must cover 0 to {scenario.duration} s")
-    for field, width in (("positions", 3), ("orientations", 4), ("angles", len(tracker.joints))):
-        rows = getattr(tracker, field)
-        if len(rows) != count or any(len(row) != width for row in rows):
-            report(f"{path}.{field}", f"expected {count} rows of {width}")
-            continue
-        for k, row in enumerate(rows):
-            if field == "orientations":
-                _unit(row, f"{path}.{field}[{k}]", report, 4)
-            else:
-                _finite(row, f"{path}.{field}[{k}]", report)
-    if tracker.interpolation not in INTERPOLATIONS:
-        valid = ", ".join(INTERPOLATIONS)
-        report(f"{path}.interpolation", f"unknown {tracker.interpolation!r}; valid: {valid}")
-    _positive([tracker.stiffness], f"{path}.stiffness", report)
-    _positive([tracker.damping], f"{path}.damping", report)
-    _positive([tracker.hinge_frequency], f"{path}.hinge_frequency", report)
 
 
 def _check_coefficients(scenario: Scenario, report: Report) -> None:
@@ -311,7 +236,7 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
             report(f"bodies[{i}].material", f"unknown {body.material!r}; valid: {', '.join(materials)}")
         for other in scenario.bodies[:i]:
             pair_names = frozenset((body.material, other.material))
-            unmovable = body.kind == other.kind == "fixed"
+            unmovable = {body.kind, other.kind} <= {*UNMOVED}
             if not unmovable and pair_names not in seen and pair_names <= set(materials):
                 missing.add(tuple(sorted((body.material, other.material))))
     for names in sorted(missing):
@@ -356,9 +281,29 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
             report(f"{path}.body", f"{truth.body!r} is {body.kind}, expected a simulated body")
         elif truth.law == "torque_free":
             _check_top(body, f"{path}.body", report)
+        elif truth.law in ("carried", "turntable"):
+            _check_support(scenario, truth, body, f"{path}.body", report)
         if truth.body in [other.body for other in scenario.truths[:i]]:
             report(f"{path}.body", f"{truth.body!r} has two truths")
         _check_arcs(truth, path, report)
+
+
+def _check_support(scenario: Scenario, truth: Truth, body: Body, path: str, report: Report) -> None:
+    """Check for gravity, one prescribed body, and the motion of both that the closed form requires."""
+    trackers = list(filter(scenario.prescribes, scenario.trackers))
+    if len(trackers) != 1 or not any(scenario.acting_gravity):
+        report(path, f"found {len(trackers)} prescribed bodies, expected one, and gravity")
+    elif truth.law == "carried" and (
+        len(set(trackers[0].orientations)) > 1 or any((*body.linear_velocity, *body.angular_velocity))
+    ):
+        report(path, "expected a body at rest on a prescribed one that does not turn")
+    elif truth.law == "turntable" and (
+        len(set(trackers[0].positions)) > 1
+        or len(body.pieces) != 1
+        or not isinstance(body.pieces[0].shape, Sphere)
+        or not centred_ball(body)
+    ):
+        report(path, "expected a ball about its centre of mass on a prescribed body that only turns")
 
 
 def _check_top(body: Body, path: str, report: Report) -> None:
@@ -392,7 +337,7 @@ def _check_arcs(truth: Truth, path: str, report: Report) -> None:
     fields = ("position", "velocity", "acceleration", "angular_velocity", "angular_acceleration")
     for k, arc in enumerate(truth.arcs):
         for field in fields:
-            _finite(getattr(arc, field), f"{path}.arcs[{k}].{field}", report, 3)
+            finite(getattr(arc, field), f"{path}.arcs[{k}].{field}", report, 3)
         spin, change = map(_direction, (arc.angular_velocity, arc.angular_acceleration))
         if spin.shape == change.shape == (3,) and np.linalg.norm(np.cross(spin, change)) > (
             UNIT_TOLERANCE * np.linalg.norm(spin) * np.linalg.norm(change)

@@ -65,6 +65,7 @@ _HOME = {
     **dict.fromkeys(_ADAPTER, "touchstone.adapters.contract"),
     "SimpleWorld": "touchstone.adapters.engines.simple_world",
     **dict.fromkeys(_PARTS, "touchstone.scenarios.scenario"),
+    "ForceTruth": "touchstone.scenarios.truths.force_truth",
 }
 
 __all__ = [*_HOME]

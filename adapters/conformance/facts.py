@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.conformance import scenes
 from touchstone.adapters.conformance.bench import Bench
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 EQUAL = 1e-6
 """Relative error of a fact [1]: single precision."""
@@ -28,7 +28,7 @@ def _facts(bench: Bench, scenario: Scenario) -> Iterator[str]:
     if stated.profile != bench.settings.profile:
         yield f"the manifest states the profile {stated.profile!r}, asked {bench.settings.profile!r}"
     for body in scenario.bodies:
-        if body.kind == "fixed":
+        if body.kind in UNMOVED:
             continue
         found = stated.bodies.get(body.name)
         if found is None:

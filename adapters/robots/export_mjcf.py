@@ -12,6 +12,7 @@ import numpy as np
 
 from touchstone.adapters.robots.export_parts import children_of, numbers, pretty
 from touchstone.scenarios.scenario import (
+    UNMOVED,
     Body,
     Box,
     Capsule,
@@ -71,11 +72,13 @@ class _Writer:
             ET.SubElement(
                 own, "joint", {"name": joint.name, "type": "hinge", "axis": numbers(axis), **limits}
             )
-        elif body.kind != "fixed":
+        elif body.kind not in UNMOVED:
             ET.SubElement(own, "freejoint", name=f"{body.name}_free")
+        if body.kind == "prescribed":
+            own.set("mocap", "true")
         if body.kind == "driven":
             own.set("gravcomp", "1")
-        if body.kind != "fixed":
+        if body.kind not in UNMOVED:
             (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
             inertia = numbers((xx, yy, zz, xy, xz, yz))
             center = numbers(body.center_of_mass)

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.robots.export_parts import children_of, numbers, obj_text, pretty
 from touchstone.scenarios.scenario import (
+    UNMOVED,
     Body,
     Box,
     Capsule,
@@ -72,7 +73,7 @@ def _add_origin(own: ET.Element, place: Vector, turn: Quaternion) -> None:
 
 def _add_link(robot: ET.Element, body: Body, files: dict[str, str]) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
-    if body.kind != "fixed":
+    if body.kind not in UNMOVED:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=numbers(body.center_of_mass), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=numbers([body.mass]))

@@ -17,6 +17,7 @@ from typing import Any
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings
 from touchstone.adapters.recorder import ready, warm_up
+from touchstone.adapters.recording import RecordingError
 from touchstone.adapters.registry import ENGINES, load, waiting_note
 from touchstone.adapters.workers.process import (
     COMPILE_PATIENCE,
@@ -247,5 +248,8 @@ class _Run:
             raise
         try:
             recording.save(self._job.recording)
+        except RecordingError:
+            if not ended:
+                raise
         except OSError as error:
             raise _NotSaved(error.strerror or str(error)) from error

@@ -2,7 +2,14 @@
 
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
-from touchstone.reference_impl.core.conventions import DRIVEN, OVERLAP_TOLERANCE, SIMULATED, TOUCH_DISTANCE
+from touchstone.reference_impl.core.conventions import (
+    DRIVEN,
+    NEWLY_PRESSED,
+    OVERLAP_TOLERANCE,
+    PRESSED,
+    SIMULATED,
+    TOUCH_DISTANCE,
+)
 from touchstone.reference_impl.core.counters import (
     COUNT_CONTACTING,
     COUNT_CONTACTS,
@@ -39,7 +46,7 @@ def place_listed(bodies, pieces, vertices, kind, state):
 def detect(world, kind, first):
     """Find the pairs that touch or overlap and contain a body of `kind`, and write them from `pairs[first]`.
 
-    Updates the poses and boxes of the pieces of `kind` first.
+    Updates the poses and boxes of the pieces of `kind` first, and of drivers that move in the simulated loop.
 
     Returns:
         (end, deepest): index after the last pair, and the largest depth [m].
@@ -48,12 +55,26 @@ def detect(world, kind, first):
     pairs, state = world.pairs, world.state
     since = clock(state["clock"])
     place_listed(bodies, pieces, vertices, kind, state)
+    if kind == SIMULATED and state["driven_loop"] == 1:
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
         drop_fat_bounds(bodies, pieces, state)
         place_listed(bodies, pieces, vertices, DRIVEN, state)
     found, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
+    if kind == SIMULATED:
+        found = find_stops(world, found, PRESSED)
+    end, deepest = _measure(world, first, found)
+    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
+    return end, deepest
+
+
+@kernel
+def _measure(world, first, found):
+    """Compute the depths of `pairs[first:found]`, and move those that touch to the front; as `detect`."""
+    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    pairs, state = world.pairs, world.state
     end, deepest = first, 0.0
     for k in range(first, found):
         pair = pairs[k]
@@ -71,13 +92,63 @@ def detect(world, kind, first):
             pairs[end] = pair
         end += 1
     state["counters"][COUNT_CONTACTS] += end - first
-    state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
+
+
+@kernel
+def detect_new_stops(world, first):
+    """`detect` for the pairs of newly pressed drivers, where all pieces are placed; they count as pressed then.
+
+    Returns:
+        Index after the last pair.
+    """
+    end, _ = _measure(world, first, find_stops(world, first, NEWLY_PRESSED))
+    for d in range(len(world.drivers)):
+        if world.drivers[d]["pressed"] == NEWLY_PRESSED:
+            world.drivers[d]["pressed"] = PRESSED
+    return end
+
+
+@kernel
+def find_stops(world, first, kind):
+    """Find the pairs of pressed drivers with fixed and driven bodies whose boxes overlap, and write them from
+    `pairs[first]`: forces in the simulated loop may not push a driver into these.
+
+    Args:
+        kind: PRESSED, or NEWLY_PRESSED for the pairs in which no driver was pressed before.
+    Returns:
+        Index after the last pair.
+    """
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
+    pressed = False
+    for d in range(len(drivers)):
+        pressed = pressed or drivers[d]["pressed"] == kind
+    if not pressed:
+        return first
+    found, lost = find_pairs(world.pieces, DRIVEN, first, pairs, state)
+    state["counters"][COUNT_LOST] += lost
+    end = first
+    for k in range(first, found):
+        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or a["driver"] == b["driver"]:
+            continue
+        one, two = _pressed(drivers, a), _pressed(drivers, b)
+        if (one == kind or two == kind) and (kind == PRESSED or (one != PRESSED and two != PRESSED)):
+            if k != end:
+                pairs[end] = pairs[k]
+            end += 1
+    return end
+
+
+@kernel
+def _pressed(drivers, body):
+    return drivers[body["driver"]]["pressed"] if body["driver"] >= 0 else 0
 
 
 @kernel
 def detect_for(world, d, later):
     """Detect pairs of driven bodies; driver d resolves a share `later` of its overlap with later drivers.
+    Without chains it resolves no overlap with simulated bodies: they meet in the simulated loop.
 
     Returns:
         Index after the last pair.
@@ -86,15 +157,24 @@ def detect_for(world, d, later):
     end, _ = detect(world, DRIVEN, 0)
     state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
     for k in range(end):
-        one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
-        if min(one, two) == d and max(one, two) > d:
+        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+        one, two = a["driver"], b["driver"]
+        if (a["kind"] == SIMULATED or b["kind"] == SIMULATED) and (
+            world.drivers[max(one, two)]["chain_count"] == 0
+        ):
+            pairs[k]["depth"] = 0.0
+        if min(one, two) == d and max(one, two) > d and world.drivers[max(one, two)]["prescribed"] == 0:
             pairs[k]["depth"] *= later
     return end
 
 
 @kernel
 def set_coefficients(bodies, pair, state):
-    """Set a pair's coefficients of restitution and friction from its two materials."""
+    """Set a pair's coefficients of restitution and friction from its two materials; 0 if neither body is
+    simulated: as in the paper, geometry alone moves driven bodies along others."""
+    if bodies[pair["body_a"]]["kind"] != SIMULATED and bodies[pair["body_b"]]["kind"] != SIMULATED:
+        pair["restitution"] = pair["friction"] = 0.0
+        return
     a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
     pair["restitution"] = state["restitution"][a, b]
     pair["friction"] = state["friction_coefficient"][a, b]

@@ -1,5 +1,12 @@
 """Integration of the velocities and poses of simulated bodies over a substep."""
 
+from touchstone.reference_impl.continuous.driver_motion import (
+    begin_driver,
+    coast,
+    end_driver,
+    return_to_start,
+    set_link_ways,
+)
 from touchstone.reference_impl.continuous.free_rotation import (
     free_omega,
     is_isotropic,
@@ -23,28 +30,33 @@ from touchstone.reference_impl.core.rotation import (
     rotate,
 )
 from touchstone.reference_impl.kinematics.skeleton import move_links
+from touchstone.reference_impl.solver.islands import loops
 
 
 @kernel
 def begin_substep(bodies, drivers):
-    """Store the pose and velocities of each simulated body and of links in contact, and the drivers'
-    velocities."""
+    """Store the pose and velocities of each simulated body, of links in contact or in the loop, and of
+    drivers."""
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] == SIMULATED or body["link_inverse_mass"] > 0:
+        if body["kind"] == SIMULATED or body["link_inverse_mass"] > 0 or loops(bodies, drivers, b):
             copy_vector(body["center"], body["old_center"])
             copy_quaternion(body["orientation"], body["old_orientation"])
             copy_vector(body["velocity"], body["old_velocity"])
             copy_vector(body["omega"], body["old_omega"])
     for d in range(len(drivers)):
-        copy_vector(drivers[d]["velocity"], drivers[d]["old_velocity"])
-        copy_vector(drivers[d]["omega"], drivers[d]["old_omega"])
+        begin_driver(drivers[d])
 
 
 @kernel
-def apply_forces(bodies, gravity, h):
+def apply_forces(bodies, joints, drivers, lead, h, state):
     """Compute velocities and world inertias after a time h of gravity and free rotation, and velocities of
-    links in contact after a time h of their servo's force."""
+    drivers and of links in contact after a time h of their coupling's or servo's force.
+
+    Args:
+        lead: of the law that rows with a driver will ask (`driver_motion`).
+    """
+    gravity = state["gravity"]
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] == SIMULATED:
@@ -55,6 +67,9 @@ def apply_forces(bodies, gravity, h):
             for i in range(3):
                 body["velocity"][i] += body["drive_acceleration"][i] * h
                 body["omega"][i] += body["drive_turning"][i] * h
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1:
+            coast(bodies, joints, drivers[d], h, lead, state["dt"])
 
 
 @kernel
@@ -75,7 +90,7 @@ def fly_straight(bodies, gravity, h):
 
 
 @kernel
-def begin_again(bodies, joints, drivers):
+def begin_again(bodies, joints, drivers, dt):
     """Undo the effects of forces, contact impulses and motion since `begin_substep`."""
     for b in range(len(bodies)):
         body = bodies[b]
@@ -90,6 +105,9 @@ def begin_again(bodies, joints, drivers):
                 body["center"][i] = body["old_center"][i]
                 body["position"][i] = body["center"][i] - body["position"][i]
     for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1:
+            return_to_start(bodies, joints, drivers[d], dt)
+            continue
         copy_vector(drivers[d]["old_velocity"], drivers[d]["velocity"])
         copy_vector(drivers[d]["old_omega"], drivers[d]["omega"])
         move_links(bodies, joints, drivers[d])
@@ -100,8 +118,9 @@ def begin_again(bodies, joints, drivers):
 
 
 @inlined_kernel
-def set_ways(bodies, pairs, held, h):
-    """Compute the motion of simulated bodies over a substep of length h from their old and new velocities.
+def set_ways(bodies, joints, drivers, pairs, held, h, dt):
+    """Compute the motion of simulated bodies over a substep of length h from their old and new velocities, and
+    that of drivers from their coupling and the impulses on them.
 
     Bodies on which a contact of `pairs[:held]` exerts an impulse do not rotate freely.
     """
@@ -114,16 +133,19 @@ def set_ways(bodies, pairs, held, h):
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             flight_motion(bodies[b], h)
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1:
+            set_link_ways(bodies, joints, drivers[d], h, dt)
 
 
 @kernel
 def set_paths(bodies):
-    """Bound the path length of each simulated body; returns whether a path exceeds its body's width."""
+    """Bound the path length of each moving body; returns whether a path exceeds its body's width."""
     fast = False
     for b in range(len(bodies)):
         body = bodies[b]
         body["path"] = 0.0
-        if body["kind"] == SIMULATED:
+        if body["moves"] == 1:
             set_path(body, largest_angle(body))
             fast = fast or body["path"] > body["width"]
     return fast
@@ -131,14 +153,13 @@ def set_paths(bodies):
 
 @kernel
 def pose_at(bodies, s):
-    """Set the poses of simulated bodies at fraction s of the substep."""
+    """Set the poses of moving bodies at fraction s of the substep."""
     for b in range(len(bodies)):
-        if bodies[b]["kind"] == SIMULATED:
-            pose_along(bodies[b], s)
+        pose_along(bodies[b], s)
 
 
 @kernel
-def end_substep(bodies, joints, drivers, s):
+def end_substep(bodies, joints, drivers, s, h, dt):
     """End a substep at fraction s: keep the poses, and update velocities and world inertias to that fraction.
 
     Contact impulses change the drivers' velocities by that fraction too.
@@ -150,6 +171,7 @@ def end_substep(bodies, joints, drivers, s):
                 _blend(body["old_velocity"], s, body["velocity"])
                 _blend(body["old_omega"], s, body["omega"])
             continue
+        body["led"] = 0
         _blend(body["old_velocity"], s, body["velocity"])
         if body["spin_keeps"] == KEEPS_MOMENTUM:
             free_omega(body, body["omega"])
@@ -158,7 +180,9 @@ def end_substep(bodies, joints, drivers, s):
         else:
             _turn_on(body, s)
     for d in range(len(drivers)):
-        if s < 1 and drivers[d]["inverse_mass"] > 0:
+        if drivers[d]["loops"] == 1:
+            end_driver(bodies, joints, drivers[d], s, h, dt)
+        elif s < 1 and drivers[d]["inverse_mass"] > 0:
             _blend(drivers[d]["old_velocity"], s, drivers[d]["velocity"])
             _blend(drivers[d]["old_omega"], s, drivers[d]["omega"])
             move_links(bodies, joints, drivers[d])

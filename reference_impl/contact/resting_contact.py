@@ -9,14 +9,25 @@ from touchstone.reference_impl.continuous.contact_motion import (
     move_to_middle,
     restore_normals,
 )
-from touchstone.reference_impl.core.conventions import APPROACH_MIN, NEVER, NO_FLOOR
+from touchstone.reference_impl.continuous.driver_motion import (
+    accept_pushes,
+    exchange_pushes,
+    weigh_for_impacts,
+)
+from touchstone.reference_impl.core.conventions import APPROACH_MIN, NEVER, NO_FLOOR, SINKING_DEPTH
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
+from touchstone.reference_impl.solver.islands import join_islands, loops, mover_of
 from touchstone.reference_impl.solver.mobility import approach_speed
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
+VELOCITY_LEAD = 1 / 16
+"""Lead of the law of velocities in rows with a driver [1]: enough for a mobility where its spring has no
+velocity left at the end of a substep. Relative speed falls to that share in a substep."""
+GAP_LEFT = 1e-9
+"""Gap to which a driver's contacts close [m]: the depth of coinciding faces has no unique normal."""
 SEPARATION_MIN = 1e-8
 """Speed of a touching pair that is no separation [m/s]: a weight of 10 N does 1e-9 J of work per frame."""
 STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
@@ -43,7 +54,7 @@ def solve_resting_contacts(world, count, time, h):
     most, extended = h, False
     for k in range(RESTING_CONTACT_ROUNDS):
         _prepare_resting_contacts(world, count, h)
-        apply_forces(bodies, state["gravity"], h)
+        apply_forces(bodies, world.joints, world.drivers, VELOCITY_LEAD, h, state)
         converged = _solve_together(world, count, h)
         # a stop time is meaningful only if the impulses converged
         share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
@@ -58,9 +69,11 @@ def solve_resting_contacts(world, count, time, h):
         if k == RESTING_CONTACT_ROUNDS - 1:
             state["counters"][CAP_HOLD_ROUNDS] += 1
             break
-        begin_again(bodies, world.joints, world.drivers)
+        begin_again(bodies, world.joints, world.drivers, state["dt"])
         restore_normals(pairs, count)
         h = later
+    if len(world.drivers) > 0:
+        _solve_positions(world, count, h)
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
     store_impulses(bodies, pairs, count, state, h)
@@ -72,29 +85,36 @@ def solve_resting_contacts(world, count, time, h):
 def _prepare_resting_contacts(world, count, h):
     """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
+    if state["driven_loop"] == 1:
+        _mark_led(bodies, world.drivers, pairs, count)
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
-        begin_row(bodies, pair, _floor(pair, state, APPROACH_MIN if pair["manifold"] < 0 else patch_flight))
+        led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
+        flight = APPROACH_MIN if pair["manifold"] < 0 else patch_flight
+        begin_row(bodies, pair, _floor(pair, state, flight, led))
         move_to_middle(bodies, world.pieces, pair, h)
 
 
 @kernel
-def _floor(pair, state, flight):
+def _floor(pair, state, flight, led):
     """Lower bound of a row's normal velocity after the contact solve [m/s].
 
     A pair that separates faster than `flight` gets NO_FLOOR (`first_return` finds its return). A slower pair
     may return as fast as it left: its mean velocity over the substep is then 0, and so is the work of its
-    impulse. A near pair may close its gap at most.
+    impulse; in an island with a driver, the law of positions sees to that. A near pair may close its gap at
+    most.
     """
     if pair["speculative_speed"] > 0:
         return pair["key"] - pair["speculative_speed"]
     separation = -pair["key"]
     if separation <= SEPARATION_MIN:
         return 0.0
-    return NO_FLOOR if separation > flight and state["dense_substep"] == 0 else -separation
+    if separation > flight and state["dense_substep"] == 0:
+        return NO_FLOOR
+    return 0.0 if led else -separation
 
 
 @inlined_kernel
@@ -104,4 +124,87 @@ def _solve_together(world, count, h):
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
-    return solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
+    state["lead"] = VELOCITY_LEAD
+    converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
+    state["lead"] = 0.0
+    _accept_pushes(world, h)
+    return converged
+
+
+@kernel
+def _accept_pushes(world, h):
+    """Set the velocities of the drivers in the loop at the end of a substep of length h from their pushes."""
+    for d in range(len(world.drivers)):
+        if world.drivers[d]["loops"] == 1:
+            accept_pushes(world.bodies, world.joints, world.drivers[d], h, world.state["dt"])
+
+
+@kernel
+def _solve_positions(world, count, h):
+    """Solve the law of positions for the islands of drivers in the loop: what touches stays in touch until the
+    end of the substep, and closes its gap to GAP_LEFT. The result sets the paths of their bodies, not their
+    velocities."""
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
+    led = False
+    for b in range(len(bodies)):
+        led = led or bodies[b]["led"] == 1
+    if led:
+        for d in range(len(drivers)):
+            if drivers[d]["loops"] == 1:
+                exchange_pushes(drivers[d])
+        for b in range(len(bodies)):
+            copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
+            copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
+        begin_again(bodies, joints, drivers, state["dt"])
+        apply_forces(bodies, joints, drivers, 1.0, h, state)
+        for k in range(count):
+            _ask_positions(bodies, pairs[k], h)
+        state["lead"] = 1.0
+        solve_contacts(bodies, joints, drivers, pairs, count, True, state)
+        state["lead"] = 0.0
+        for k in range(count):
+            copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
+            pairs[k]["floor"] = pairs[k]["held_floor"]
+        for b in range(len(bodies)):
+            for i in range(3):
+                v, w = bodies[b]["path_velocity"], bodies[b]["path_omega"]
+                bodies[b]["velocity"][i], v[i] = v[i], bodies[b]["velocity"][i]
+                bodies[b]["omega"][i], w[i] = w[i], bodies[b]["omega"][i]
+        for d in range(len(drivers)):
+            if drivers[d]["loops"] == 1:
+                exchange_pushes(drivers[d])
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1:
+            weigh_for_impacts(drivers[d])
+    _accept_pushes(world, h)
+
+
+@kernel
+def _mark_led(bodies, drivers, pairs, count):
+    """Mark the movers of the islands of drivers in the loop as `led`."""
+    join_islands(bodies, drivers, pairs, count, True)
+    for b in range(len(bodies)):
+        bodies[b]["led"] = 0
+    for k in range(count):
+        a, b = pairs[k]["body_a"], pairs[k]["body_b"]
+        if pairs[k]["island"] >= 0 and (loops(bodies, drivers, a) or loops(bodies, drivers, b)):
+            bodies[pairs[k]["island"]]["led"] = 1
+    for k in range(count):
+        if pairs[k]["island"] >= 0 and bodies[pairs[k]["island"]]["led"] == 1:
+            for side in range(2):
+                m = mover_of(bodies, drivers, pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"])
+                if m >= 0:
+                    bodies[m]["led"] = 1
+
+
+@kernel
+def _ask_positions(bodies, pair, h):
+    """Set the floor of a row in the law of positions: twice the speed at which its gap may close."""
+    copy_vector(pair["resting_impulse"], pair["spare"])
+    pair["held_floor"] = pair["floor"]
+    if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
+        pair["floor"] = NO_FLOOR
+    if pair["floor"] != NO_FLOOR:
+        gap = max(pair["distance"], -SINKING_DEPTH)
+        pair["floor"] = -2 * (gap - GAP_LEFT) / h

@@ -21,7 +21,7 @@ from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of, turn
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
-from touchstone.reference_impl.kinematics.skeleton import place
+from touchstone.reference_impl.kinematics.skeleton import place, pose_links
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.mobility import place_contact
 
@@ -57,17 +57,16 @@ def separate_simulated(world, first):
         this motion connect their bodies; `first` if no body moved. Overlap that remains is counted.
     """
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
-    pairs, state = world.pairs, world.state
+    drivers, pairs, state = world.drivers, world.pairs, world.state
     left = UNPAID_DEPTH if state["unpaid_energy"] > 0 else SEPARATION_DEPTH
     converged, together, end = True, False, first
     for rounds in range(REMOVAL_ROUNDS):
         end, deepest = detect(world, SIMULATED, first)
         if rounds == RETURN_ROUNDS:
-            _return_squeezed(bodies, pairs, first, end)
+            _return_squeezed(bodies, drivers, pairs, first, end)
             end, deepest = detect(world, SIMULATED, first)
         if rounds >= YIELD_ROUNDS:
-            deepest = _leave_to_drivers(bodies, pairs, first, end)
-            state["squeezed"] = 1
+            deepest = _leave_to_drivers(bodies, drivers, pairs, first, end, state)
         if is_free(deepest):
             return end if rounds > 0 else first
         state["counters"][COUNT_ROUNDS] += 1
@@ -76,7 +75,7 @@ def separate_simulated(world, first):
         if together:
             _move_together(world, first, end, left, LEVERAGE * deepest)
         else:
-            converged = _push_apart(bodies, pairs, first, end, left, not converged)
+            converged = _push_apart(world, first, end, left, not converged)
             if not converged:
                 state["counters"][CAP_SEPARATION_SWEEPS] += 1
         first = _keep(bodies, pieces, pairs, first, end)
@@ -99,11 +98,17 @@ def _keep(bodies, pieces, pairs, first, end):
 
 
 @kernel
-def _return_squeezed(bodies, pairs, first, end):
-    """Return simulated bodies that overlap a driven body to their poses at the start of the substep."""
+def _has_chains(drivers, body):
+    """Whether a body is a link of a driver with chains: it does not move in the simulated loop."""
+    return body["driver"] >= 0 and drivers[body["driver"]]["chain_count"] > 0
+
+
+@kernel
+def _return_squeezed(bodies, drivers, pairs, first, end):
+    """Return simulated bodies that overlap a driver with chains to their poses at the start of the substep."""
     for k in range(first, end):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        if is_free(pairs[k]["depth"]) or (a["driver"] < 0 and b["driver"] < 0):
+        if is_free(pairs[k]["depth"]) or not (_has_chains(drivers, a) or _has_chains(drivers, b)):
             continue
         body = b if b["kind"] == SIMULATED else a
         pose_along(body, 0.0)
@@ -111,22 +116,25 @@ def _return_squeezed(bodies, pairs, first, end):
 
 
 @kernel
-def _leave_to_drivers(bodies, pairs, first, end):
-    """Leave overlap with driven bodies to the driven loop; returns the largest depth of the others [m]."""
+def _leave_to_drivers(bodies, drivers, pairs, first, end, state):
+    """Leave overlap with drivers that have chains to the driven loop, by `squeezed`; returns the largest depth
+    of the others [m]."""
     deepest = 0.0
     for k in range(first, end):
-        if bodies[pairs[k]["body_a"]]["driver"] >= 0 or bodies[pairs[k]["body_b"]]["driver"] >= 0:
+        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+        if _has_chains(drivers, a) or _has_chains(drivers, b):
             pairs[k]["depth"] = -inf
+            state["squeezed"] = 1
         deepest = max(deepest, pairs[k]["depth"])
     return deepest
 
 
 @kernel
-def _push_apart(bodies, pairs, first, end, left, evenly):
-    """Translate simulated bodies by Gauss-Seidel until no depth along the detected normals exceeds `left`.
+def _push_apart(world, first, end, left, evenly):
+    """Translate simulated bodies and drivers in the loop by Gauss-Seidel until no depth along the detected normals exceeds `left`.
 
-    Against a fixed or driven body, the simulated one moves the whole depth; two simulated bodies divide it by
-    inverse mass.
+    Against a body that does not move, the other moves the whole depth; two that move divide it by inverse
+    mass.
 
     After PLAIN_SWEEPS, two simulated bodies move further than their depth (successive over-relaxation, Young
     1954): in a heap, plain sweeps converge by 0.1 % each.
@@ -137,6 +145,7 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
     Returns:
         Whether SEPARATION_SWEEPS sufficed.
     """
+    bodies, joints, drivers, pairs = world.bodies, world.joints, world.drivers, world.pairs
     for b in range(len(bodies)):
         bodies[b]["scratch"][0, :] = 0.0
     converged = False
@@ -144,13 +153,14 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
         deepest = 0.0
         for k in range(first, end):
             a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
-            p, q = a["scratch"][0], b["scratch"][0]
+            p, u = _motion_of(bodies, drivers, a)
+            q, v = _motion_of(bodies, drivers, b)
             depth = pairs[k]["depth"] - left
             depth -= n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])
             if depth <= 0:
                 continue
             deepest = max(deepest, depth)
-            share = b["inverse_mass"] / (a["inverse_mass"] + b["inverse_mass"])
+            share = v / (u + v)
             if 0 < share < 1:
                 if evenly:
                     share = 0.5
@@ -167,7 +177,21 @@ def _push_apart(bodies, pairs, first, end, left, evenly):
             for i in range(3):
                 bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
             place(bodies[b])
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1:
+            for i in range(3):
+                drivers[d]["position"][i] += bodies[drivers[d]["root"]]["scratch"][0, i]
+            pose_links(bodies, joints, drivers[d])
     return converged
+
+
+@kernel
+def _motion_of(bodies, drivers, body):
+    """Translation of a body by separation, and its inverse mass: those of its driver if that moves too."""
+    if body["driver"] >= 0 and drivers[body["driver"]]["loops"] == 1:
+        driver = drivers[body["driver"]]
+        return bodies[driver["root"]]["scratch"][0], driver["inverse_mass"]
+    return body["scratch"][0], body["inverse_mass"]
 
 
 @kernel

@@ -11,7 +11,7 @@ overlap: the distance of convex pieces is at least their gap along any normal (A
 
 from math import ceil, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, set_coefficients
+from touchstone.reference_impl.broad_phase.detection import detect, detect_new_stops, set_coefficients
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.internal_edges import align_internal_edges, witness_approach
 from touchstone.reference_impl.continuous.swept_motion import lever_of
@@ -28,6 +28,7 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_SLACK,
     IMPACT_TARGET,
     KEEPS_NOTHING,
+    NEWLY_PRESSED,
     SIMULATED,
     TOUCH_DISTANCE,
 )
@@ -42,6 +43,7 @@ from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
+from touchstone.reference_impl.solver.islands import loops
 
 DENSE_SUBSTEPS = 8
 """Most dense substeps for the rest of a frame, unless rotation or sliding requires more."""
@@ -94,6 +96,9 @@ def gather_contacts(world, left):
     else:
         align_internal_edges(bodies, pieces, vertices, pairs, end, state)
         end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
+    pressed = state["driven_loop"] == 1 and _mark_pressed(bodies, drivers, pairs, end)
+    if pressed:
+        end = detect_new_stops(world, end)
     for k in range(end):
         pairs[k]["is_kept"] = 0
         # a pair that touches does not pass by: its other points may close their gap at most
@@ -102,8 +107,8 @@ def gather_contacts(world, left):
     for d in range(len(drivers)):
         if drivers[d]["pushes"] == 1:
             end = _keep_pushing(bodies, pieces, vertices, drivers[d], pairs, end, state)
-    # points that may land within a dense substep are speculative contacts
-    end = expand_manifolds(pieces, vertices, pairs, end, crowded, state)
+    # points that may land within a dense substep, or that a driver presses, are speculative contacts
+    end = expand_manifolds(pieces, vertices, pairs, end, crowded or pressed, state)
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["speculative_speed"] = 0.0
@@ -137,6 +142,23 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
             pairs[kept] = pairs[k]
         kept += 1
     return kept
+
+
+@kernel
+def _mark_pressed(bodies, drivers, pairs, count):
+    """Mark the drivers in the loop that touch a simulated body in `pairs[:count]` or did so before in this frame
+    as pressed, as NEWLY_PRESSED for the first time; returns whether there are any."""
+    for k in range(count):
+        for side in range(2):
+            b = pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]
+            if loops(bodies, drivers, b):
+                driver = drivers[bodies[b]["driver"]]
+                if driver["prescribed"] == 0 and driver["pressed"] == 0:
+                    driver["pressed"] = NEWLY_PRESSED
+    for d in range(len(drivers)):
+        if drivers[d]["pressed"] > 0:
+            return True
+    return False
 
 
 @kernel
@@ -185,7 +207,9 @@ def _gather_speculative(world, left):
     g, v_rest = state["gravity"], rest_speed(state)
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
-            _coast(bodies[b], g, left)
+            _coast(bodies[b], g, 1.0, left)
+        elif loops(bodies, world.drivers, b):
+            _coast(bodies[b], g, 0.0, left)
     found = find_swept_pairs(world, SIMULATED, 0)
     # limit the substep so that no impact with restitution happens much too early
     fastest, reach, rate, least = v_rest, v_rest * state["dt"], 0.0, 0.0
@@ -274,13 +298,13 @@ def _meets(world, pair, until):
 
 
 @kernel
-def _coast(body, gravity, h):
-    """Set the motion of a body over a time h without contacts."""
+def _coast(body, gravity, falls, h):
+    """Set the motion of a body over a time h without contacts, under a share `falls` of gravity."""
     copy_vector(body["center"], body["old_center"])
     copy_quaternion(body["orientation"], body["old_orientation"])
     body["moves"], body["spin_steps"], body["spin_keeps"] = 1, 0, KEEPS_NOTHING
     for i in range(3):
-        body["travel"][i], body["travel_bend"][i] = h * body["velocity"][i], h * h * gravity[i] / 2
+        body["travel"][i], body["travel_bend"][i] = h * body["velocity"][i], falls * h * h * gravity[i] / 2
         body["turn"][i], body["turn_bend"][i] = h * body["omega"][i], 0.0
 
 

@@ -14,6 +14,7 @@ from math import sqrt
 
 from touchstone.reference_impl.continuous.normal_rates import (
     has_turning_normal,
+    is_moving,
     rate_between_edges,
     rate_on_face,
     rate_on_sphere,
@@ -21,7 +22,7 @@ from touchstone.reference_impl.continuous.normal_rates import (
     squared_sine,
     velocity_at,
 )
-from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SIMULATED, SPHERE
+from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SPHERE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
@@ -145,6 +146,6 @@ def _core(pair, piece, of_a, out_core):
 def _set_lever(body, p, half, x, y, z, out_lever):
     """Set the point on which impulses act, p + (x, y, z) less the way of the body's centre of mass."""
     out_lever[0], out_lever[1], out_lever[2] = p[0] + x, p[1] + y, p[2] + z
-    if body["kind"] == SIMULATED:
+    if is_moving(body):
         for i in range(3):
             out_lever[i] -= half * body["velocity"][i]

@@ -54,8 +54,10 @@ def earliest_impact(world, touching, end, fast):
     first, drifted = 1.0, False
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
-    # a body that a driver squeezes sinks until the driver yields
-    limited = len(world.drivers) == 0
+    # a body that a driver with chains squeezes sinks until the driver yields
+    limited = True
+    for d in range(len(world.drivers)):
+        limited = limited and world.drivers[d]["chain_count"] == 0
     for k in range(touching, end):
         pair = pairs[k]
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]

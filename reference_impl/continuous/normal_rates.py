@@ -80,7 +80,7 @@ def has_turning_normal(body, piece, n):
     The normal on a face of a body that does not move is constant. Two spheres are excluded: large islands of
     spheres, whose solves do not converge, would reach more caps.
     """
-    if piece["kind"] != BOX or body["kind"] == SIMULATED:
+    if piece["kind"] != BOX or is_moving(body):
         return piece["kind"] == BOX or piece["kind"] == CAPSULE
     free = 0
     for i in range(3):
@@ -90,9 +90,15 @@ def has_turning_normal(body, piece, n):
 
 
 @kernel
+def is_moving(body):
+    """Whether a body moves within a substep: links of drivers with chains do not."""
+    return body["kind"] == SIMULATED or body["moves"] == 1
+
+
+@kernel
 def velocity_at(body, point):
-    """Velocity (3 floats) [m/s] of a body at a point (3,) [m]; driven bodies do not move within a frame."""
-    if body["kind"] != SIMULATED:
+    """Velocity (3 floats) [m/s] of a body at a point (3,) [m]; 0 if it does not move within a substep."""
+    if not is_moving(body):
         return 0.0, 0.0, 0.0
     c, w, v = body["center"], body["omega"], body["velocity"]
     x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
@@ -120,8 +126,8 @@ def _cosine(pair):
 
 @kernel
 def _omega(body):
-    """Angular velocity of a body; driven bodies do not move within a frame."""
-    if body["kind"] != SIMULATED:
+    """Angular velocity of a body; 0 if it does not move within a substep."""
+    if not is_moving(body):
         return 0.0, 0.0, 0.0
     return body["omega"][0], body["omega"][1], body["omega"][2]
 

@@ -26,7 +26,7 @@ def flight_motion(body, h):
     velocities to its new ones; free rotation overrides the rotation."""
     body["moves"] = 1
     flight_way(body, h)
-    w0, w1 = body["old_omega"], body["omega"]
+    w0, w1 = body["old_omega"], body["path_omega"] if body["led"] == 1 else body["omega"]
     for i in range(3):
         body["turn"][i] = h * w0[i]
         body["turn_bend"][i] = h / 2 * (w1[i] - w0[i])
@@ -35,7 +35,7 @@ def flight_motion(body, h):
 @kernel
 def flight_way(body, h):
     """Set the motion of the centre of mass at constant acceleration."""
-    v0, v1 = body["old_velocity"], body["velocity"]
+    v0, v1 = body["old_velocity"], body["path_velocity"] if body["led"] == 1 else body["velocity"]
     for i in range(3):
         body["travel"][i] = h * v0[i]
         body["travel_bend"][i] = h / 2 * (v1[i] - v0[i])

@@ -1,10 +1,10 @@
 """Broad phase of moving pieces: pairs whose boxes, swept over the motion of a substep, overlap."""
 
-from touchstone.reference_impl.broad_phase.detection import place_listed
+from touchstone.reference_impl.broad_phase.detection import find_stops, place_listed
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.continuous.swept_motion import swept_box
-from touchstone.reference_impl.core.conventions import DRIVEN, TOUCH_DISTANCE
+from touchstone.reference_impl.core.conventions import DRIVEN, PRESSED, SIMULATED, TOUCH_DISTANCE
 from touchstone.reference_impl.core.counters import COUNT_LOST, COUNT_PAIRS
 from touchstone.reference_impl.core.kernel import kernel
 
@@ -18,6 +18,8 @@ def find_swept_pairs(world, kind, first):
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
     pairs, state = world.pairs, world.state
     _enclose_ways(bodies, pieces, vertices, kind, state)
+    if kind == SIMULATED and state["driven_loop"] == 1:
+        _enclose_ways(bodies, pieces, vertices, DRIVEN, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
         drop_fat_bounds(bodies, pieces, state)
         place_listed(bodies, pieces, vertices, DRIVEN, state)
@@ -25,7 +27,7 @@ def find_swept_pairs(world, kind, first):
     end, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += end - first
-    return end
+    return find_stops(world, end, PRESSED) if kind == SIMULATED else end
 
 
 @kernel

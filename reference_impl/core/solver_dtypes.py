@@ -74,6 +74,7 @@ MOVER = record(
 SOLVER = record(
     row_count="i8",
     mover_count="i8",
+    led="i8",  # 1: a driver in the loop is among the movers, and the rows ask the law of `driver_motion`
     best_residual="f8",  # [m/s]
     target="f8",  # residual at which a solve ends [m/s]
     work="f8",  # multiplications of a factorisation; 0 before `lay_out`, -1 if the island is too large for it

@@ -50,6 +50,8 @@ STATE = record(
     dense_frame="i8",  # 1: the last frame had dense substeps, and events
     dense_substep="i8",  # 1: the substep is dense
     settling="f8",  # residual left to the substep by a solve before it [m/s]; 0 in other solves
+    driven_loop="i8",  # 1: drivers move in the simulated loop now
+    lead="f8",  # of the law that the rows of drivers ask (`driver_motion`) [1]; 0 in impacts
     separates="i8",  # 1 while separation solves for the least motion
     squeezed="i8",  # 1: a simulated body has no room beside a driver
     # errors of a frame: each is 0 if the frame was resolved exactly

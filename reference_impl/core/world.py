@@ -57,6 +57,12 @@ BODY = record(
     old_velocity=VECTOR,
     old_omega=VECTOR,
     moved="i8",  # of a link: whether its pose was updated
+    # of rows with a driver that moves in the loop (`driver_motion`)
+    lead_velocity=VECTOR,  # of a link: the solver's velocity less that at the end of the substep
+    lead_omega=VECTOR,
+    led="i8",  # 1: its island contains such a driver, and its path ends at these velocities
+    path_velocity=VECTOR,
+    path_omega=VECTOR,
     shown_center=VECTOR,  # of a link, at the start of a frame
     shown_orientation=QUATERNION,
     # of a link of a driver with chains, in contact with simulated bodies (`link_mobility`, `chain_servo`)
@@ -196,6 +202,7 @@ PAIR = record(
     before_b=VECTOR,
     point=VECTOR,  # contact point at the start of a substep
     start_normal=VECTOR,  # `normal` then, while the row is moved to the middle
+    held_floor="f8",  # `floor` while the law of positions is solved
 )
 CONTACT = record(
     time="f8",  # since the start of the frame

@@ -18,6 +18,7 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_TARGET,
     MOVER_DRIVER,
     PART_WHOLE,
+    SIMULATED,
 )
 from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED, STAGE_COLLISION
 from touchstone.reference_impl.core.kernel import clock, kernel
@@ -147,11 +148,19 @@ def _free_fraction(world, mover):
     for k in range(end):
         pair = pairs[k]
         both = bodies[pair["body_a"]]["kind"] == DRIVEN and bodies[pair["body_b"]]["kind"] == DRIVEN
-        if side_of(bodies, pair, mover) == 0.0 or both:
+        if side_of(bodies, pair, mover) == 0.0 or both or _meets_in_loop(world, pair, mover):
             continue
         if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
             first = _deep(world, pair, first)
     return first
+
+
+@kernel
+def _meets_in_loop(world, pair, mover):
+    """Whether a pair of a driver without chains has a simulated body: they meet in the simulated loop."""
+    a, b = world.bodies[pair["body_a"]], world.bodies[pair["body_b"]]
+    met = a["kind"] == SIMULATED or b["kind"] == SIMULATED
+    return met and world.drivers[mover.index]["chain_count"] == 0
 
 
 @kernel

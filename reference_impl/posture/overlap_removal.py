@@ -84,7 +84,8 @@ def remove_overlap(world):
             store_free_pose(bodies, joints, drivers[d])
         else:
             state["counters"][COUNT_GAVE_UP] += 1
-            _yield_simulated(world, Mover(MOVER_DRIVER, d))
+            if drivers[d]["chain_count"] > 0:
+                _yield_simulated(world, Mover(MOVER_DRIVER, d))
 
 
 @kernel
@@ -142,6 +143,9 @@ def _free_driver(world, d, later):
     """
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
+    if drivers[d]["prescribed"] == 1:
+        pose_moved(bodies, joints, drivers[d])
+        return True
     mover = Mover(MOVER_TRUNK, d)
     end, free = _translate(world, d, mover, later)
     if free and drivers[d]["chain_count"] > 0:

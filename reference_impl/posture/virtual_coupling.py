@@ -1,45 +1,13 @@
 """Virtual coupling of a driven body to its tracker (Eq. 6), solved in closed form."""
 
-from math import cos, cosh, exp, sin, sinh, sqrt
+from math import sqrt
 
+from touchstone.reference_impl.continuous.coupling_response import decay
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import rotation_between, turn
+from touchstone.reference_impl.core.rotation import copy_vector, rotation_between, turn
 
 COUPLING_REACH = 0.5
 """Distance of a driver with chains from its tracker beyond which the coupling pulls no stronger [m]."""
-NEAR_CRITICAL = 1e-5
-"""(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
-
-
-@kernel
-def decay(x, v, stiffness, damping, h):
-    """Solve the damped spring x'' = -stiffness x - damping x' over a time h, for any stiffness and step.
-
-    Args:
-        x, v: deviation [m or rad] and its rate at the start.
-        stiffness, damping: per unit mass [1/s^2], [1/s].
-        h: time [s].
-    Returns:
-        (x, v) at the end.
-    """
-    half = damping / 2
-    square = half * half - stiffness
-    if abs(square) * h * h < NEAR_CRITICAL:
-        # use the common series: both formulas divide 0 by 0 at critical damping
-        q = square * h * h
-        c, s = 1 + q / 2 + q * q / 24, h * (1 + q / 6 + q * q / 120)
-    elif square < 0:
-        w = sqrt(-square)
-        c, s = cos(w * h), sin(w * h) / w
-    else:
-        w = sqrt(square)
-        # far above critical damping, cosh overflows although its product with exp does not
-        if w * h > 30:
-            slow = exp((w - half) * h)
-            return (x + (v + half * x) / w) * slow / 2, (v - (half * v + stiffness * x) / w) * slow / 2
-        c, s = cosh(w * h), sinh(w * h) / w
-    e = exp(-half * h)
-    return e * (x * c + (v + half * x) * s), e * (v * c - (half * v + stiffness * x) * s)
 
 
 @kernel
@@ -48,8 +16,15 @@ def follow_tracker(driver, h):
 
     The tracker moves linearly within the frame, from its old target to its new one. The spring of a
     driver with chains pulls as at COUPLING_REACH where it is longer: it would pull the driver through an
-    obstacle to a tracker far behind it.
+    obstacle to a tracker far behind it. A prescribed driver takes its tracker's pose and velocities.
     """
+    if driver["prescribed"] == 1:
+        copy_vector(driver["target_position"], driver["position"])
+        for i in range(4):
+            driver["orientation"][i] = driver["target_orientation"][i]
+        copy_vector(driver["target_velocity"], driver["velocity"])
+        copy_vector(driver["target_omega"], driver["omega"])
+        return
     stiffness, damping = driver["stiffness"] / driver["mass"], driver["damping"] / driver["mass"]
     far = 0.0
     for i in range(3):

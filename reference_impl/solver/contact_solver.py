@@ -124,7 +124,8 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
         solve_loaded(solver, state)
     if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
         solve_loaded(solver, state)
-    if lasting and pushes_along(solver):
+    # where a driver moves, another solve sets the motion, and so the work
+    if lasting and solver["led"] == 0 and pushes_along(solver):
         reverse_slip(solver)
         solve_loaded(solver, state)
     residual, accepted = solver["best_residual"], _accepted(solver)

@@ -4,14 +4,14 @@ A mover is the unit that an impulse on a body moves: a simulated body, all links
 driver with chains.
 """
 
-from touchstone.reference_impl.core.conventions import NO_FLOOR
+from touchstone.reference_impl.core.conventions import NO_FLOOR, SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY
 from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.contact_rows import prepare_row
-from touchstone.reference_impl.solver.mobility import contact_mobility, meeting_velocity
+from touchstone.reference_impl.solver.mobility import contact_mobility, meeting_velocity, point_velocity
 
 
 @kernel
@@ -86,7 +86,7 @@ def load_island(bodies, drivers, pairs, head, state):
             if m >= 0:
                 bodies[m]["mover"] = -1
         k = pairs[k]["next_row"]
-    solver["row_count"] = solver["mover_count"] = 0
+    solver["row_count"] = solver["mover_count"] = solver["led"] = 0
     k = head
     while k >= 0:
         pair, own = pairs[k], k
@@ -108,6 +108,12 @@ def load_island(bodies, drivers, pairs, head, state):
         for i in range(3):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
             u[i] += pair["bias"][i]
+        led = state["lead"] > 0 and (
+            loops(bodies, drivers, pair["body_a"]) or loops(bodies, drivers, pair["body_b"])
+        )
+        if led:
+            solver["led"] = 1
+            _add_lead(bodies, drivers, pair, state["lead"], u)
         contact_mobility(bodies, drivers, pair, row["mobility"])
         prepare_row(row)
 
@@ -150,6 +156,34 @@ def _copy_mass(inverse_inertia, center, mover):
             mover["inverse_inertia"][i, j] = inverse_inertia[i, j]
 
 
+@kernel
+def loops(bodies, drivers, b):
+    """Whether body b is a link of a driver that moves in the simulated loop."""
+    return bodies[b]["driver"] >= 0 and drivers[bodies[b]["driver"]]["loops"] == 1
+
+
+@kernel
+def _add_lead(bodies, drivers, pair, lead, out_velocity):
+    """Add to the velocity u of a row with a driver what turns it into q of `driver_motion`."""
+    a, b = pair["body_a"], pair["body_b"]
+    # `bias` is the change of u from the middle of the substep, at whose geometry all velocities are taken
+    for i in range(3):
+        out_velocity[i] -= lead * pair["bias"][i]
+    for side in range(2):
+        body, sign = bodies[b if side else a], 1.0 if side else -1.0
+        p = pair["lever_b"] if side else pair["lever_a"]
+        if body["kind"] == SIMULATED:
+            x, y, z = point_velocity(body["old_velocity"], body["old_omega"], body["center"], p)
+            sign *= lead
+        elif loops(bodies, drivers, b if side else a):
+            x, y, z = point_velocity(body["lead_velocity"], body["lead_omega"], body["center"], p)
+        else:
+            continue
+        out_velocity[0] += sign * x
+        out_velocity[1] += sign * y
+        out_velocity[2] += sign * z
+
+
 @inlined_kernel
 def store_island(bodies, joints, drivers, pairs, state):
     """Apply the solver's result: copy the rows' impulses to `pairs`, and change the movers' velocities."""
@@ -165,8 +199,13 @@ def store_island(bodies, joints, drivers, pairs, state):
                 body["velocity"][i] += dv[i]
                 body["omega"][i] += dw[i]
             continue
-        # a driver's velocity is that of its root's origin
         driver = drivers[body["driver"]]
+        if driver["lasting"] == 1:
+            for i in range(3):
+                driver["push"][i] += dv[i] / driver["inverse_mass"]
+                driver["twist"][i] += dw[i] / driver["turn_share"]
+            continue
+        # a driver's velocity is that of its root's origin
         v, w, c, o = driver["velocity"], driver["omega"], driver["center"], driver["position"]
         x, y, z = o[0] - c[0], o[1] - c[1], o[2] - c[2]
         v[0] += dv[0] + dw[1] * z - dw[2] * y

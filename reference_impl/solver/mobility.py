@@ -24,7 +24,12 @@ def surface_velocity(body, point, out_velocity):
 
 @kernel
 def _velocity_at(body, point):
-    v, w, c = body["velocity"], body["omega"], body["center"]
+    return point_velocity(body["velocity"], body["omega"], body["center"], point)
+
+
+@kernel
+def point_velocity(v, w, c, point):
+    """Velocity at a world point of a rigid motion: v at the point c, and omega w."""
     x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
     return v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x
 

@@ -38,7 +38,7 @@ from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured_of
 from touchstone.reports.run.request import step_text
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 ENERGY_SHARE = 0.05
 """Energy that may appear, over the largest kinetic energy of the run [1], where no limit is stated: an
@@ -222,7 +222,7 @@ def _limit(context: Context, row: Row) -> tuple[float, str]:
     """The limit of a row and its reason: of its scene, tags and engine, or else that of the probes."""
     found = limit_of(row, context.scenario.tags)
     if found is None and row.metric == "energy.injected":
-        r, bodies = context.recording, [k for k, kind in enumerate(context.kind) if kind != "fixed"]
+        r, bodies = context.recording, [k for k, kind in enumerate(context.kind) if kind not in UNMOVED]
         moving = np.einsum(
             "fni,fni,n->f", r.linear_velocity[:, bodies], r.linear_velocity[:, bodies], context.mass[bodies]
         )

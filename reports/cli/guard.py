@@ -10,6 +10,7 @@ import io
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NoReturn
@@ -27,6 +28,8 @@ ENDING = (signal.SIGTERM, signal.SIGHUP)
 def guarded(program: Callable[[], int | None]) -> NoReturn:
     """Run the program and exit: every expected failure ends in one line on standard error."""
     open_streams()
+    if not sys.warnoptions:  # those of libraries are for programmers; a verdict says what is wrong
+        warnings.simplefilter("ignore")
     received = handle_signals()
     code: int | None = INTERNAL_ERROR
     try:

@@ -19,6 +19,8 @@ ARCS_SHOWN = 6
 LAWS = {
     "torque_free": "turns freely, by elliptic functions",
     "coupling": "follows its tracker by Eq. 6, solved in closed form",
+    "carried": "sticks to or slides on the prescribed body, by Coulomb's law",
+    "turntable": "rolls on the turning body, its centre on a circle",
 }
 
 
@@ -198,7 +200,7 @@ def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
 
 
 def truth_lines(scenario: Scenario) -> Iterator[str]:
-    """The closed-form motion of each body, in words and numbers."""
+    """The closed-form motion of each body, and the stated forces, in words and numbers."""
     for truth in scenario.truths:
         if truth.law != "arcs":
             yield f"truth {truth.body}: {LAWS[truth.law]}"
@@ -214,6 +216,10 @@ def truth_lines(scenario: Scenario) -> Iterator[str]:
             yield ", ".join([at, *(shown or ["at rest"])])
         if len(truth.arcs) > ARCS_SHOWN:
             yield f"truth {truth.body}: {len(truth.arcs) - ARCS_SHOWN} arcs more"
+    for force in scenario.forces:
+        unit = "N" if force.quantity == "force" else "N s"
+        window = f"from {force.start:g} to {force.end:g} s"
+        yield f"truth {force.body}-{force.other}: {force.quantity} {force.value:.6g} {unit} {window}"
 
 
 def _numbers(vector: Vector) -> str:

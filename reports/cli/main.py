@@ -300,6 +300,7 @@ def show(
 ) -> None:
     """Show what a scenario is made of."""
     from touchstone.reports.cli.listing import effect_rows, show_rows, truth_lines
+    from touchstone.scenarios.scenario import UNMOVED
 
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     if others:
@@ -325,7 +326,7 @@ def show(
             "body": body.name,
             "kind": body.kind,
             "material": body.material,
-            "mass [kg]": f"{body.mass:.4g}" if body.kind != "fixed" else "",
+            "mass [kg]": f"{body.mass:.4g}" if body.kind not in UNMOVED else "",
             "pieces": len(body.pieces),
         }
         for body in chosen.bodies

@@ -47,6 +47,11 @@ def table_of(folder: Path) -> pd.DataFrame:
         raise RunError(f"{path}: cannot be read: {f'{error}'.partition(chr(10))[0][:100]}") from error
     if missing := [name for name in NEEDED if name not in frame]:
         raise RunError(f"{path}: no columns {', '.join(missing)}")
+    for name in NUMBERS:
+        try:
+            frame[name] = pd.to_numeric(frame[name])
+        except (ValueError, TypeError) as error:
+            raise RunError(f"{path}: {name}: expected numbers") from error
     texts = [name for name in COLUMNS if name not in NUMBERS]
     frame = frame.reindex(columns=list(COLUMNS))  # an older table lacks newer columns
     frame[texts] = frame[texts].astype(object).fillna("").astype(str)

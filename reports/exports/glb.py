@@ -24,6 +24,7 @@ Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 COLORS = {
     "fixed": [0.75, 0.75, 0.72, 1.0],
     "driven": [0.93, 0.72, 0.55, 1.0],
+    "prescribed": [0.6, 0.5, 0.75, 1.0],
     "simulated": [0.0, 0.45, 0.7, 1.0],
 }
 """Colour of a body by its kind, linear RGBA."""
@@ -63,9 +64,8 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
     poses = np.concatenate([recording.position, recording.orientation], axis=2)
     with np.errstate(over="ignore"):
         finite: np.ndarray = np.isfinite(poses.astype("<f4")).all(axis=(1, 2))
-    finite &= (np.abs(recording.orientation).max(axis=2) > 0).all(
-        axis=1
-    )  # a quaternion of zeros is no orientation
+    # a quaternion of zeros is no orientation
+    finite &= (np.linalg.norm(recording.orientation, axis=2) > 0).all(axis=1)
     frames = len(poses) if finite.all() else int(np.argmin(finite))
     times = buffer.add(recording.time[:frames], "SCALAR")
     kinds = list(COLORS)

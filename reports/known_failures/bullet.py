@@ -197,7 +197,8 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default accurate maximal": {
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
-                    "table_slide:table-palm two_arms:east_wall-torso volley:north_wall-torso"
+                    "push_box:torso-box table_slide:table-palm two_arms:east_wall-torso "
+                    "volley:north_wall-torso"
                 ),
             },
             "recommended equal-step default maximal": {
@@ -302,7 +303,7 @@ CAUSES: tuple[Cause, ...] = (
         UNLOADED,
         {
             "maximal": {
-                "friction.cone": "balls_box brick_wall dominoes load_1e4 slip_seed0 tip_falls volley",
+                "friction.cone": "balls_box brick_wall dominoes drag load_1e4 slip_seed0 tip_falls volley",
             },
         },
     ),

@@ -269,7 +269,8 @@ CAUSES: tuple[Cause, ...] = (
             },
             "equal-step": {
                 "contact.gap": (
-                    "corner_slide:east_wall-torso corner_slide:north_wall-torso volley:north_wall-torso"
+                    "corner_slide:east_wall-torso corner_slide:north_wall-torso push_box:torso-box "
+                    "volley:north_wall-torso"
                 ),
             },
         },

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from touchstone.reports.metrics import posture, posture_optimum, solver, state, timing
-from touchstone.reports.metrics.contacts import contact, friction, overlap, rest, sliding
+from touchstone.reports.metrics.contacts import contact, forces, friction, overlap, rest, sliding
 from touchstone.reports.metrics.context import Metric
 from touchstone.reports.metrics.motion import energy, events, flight, momentum, symmetry, truth
 
@@ -38,6 +38,10 @@ _ALL = (
     Metric("contact.impulse_balance.driven", "1", "lower", contact.impulse_balance_driven),
     Metric("contact.complementarity", "1", "lower", contact.complementarity),
     Metric("contact.at_distance", "m", "lower", contact.at_distance, _MM),
+    Metric("force.error", "1", "lower", forces.force_error),
+    Metric("force.contact.mean", "N", "none", forces.force_mean),
+    Metric("force.contact.peak", "N", "none", forces.force_peak),
+    Metric("force.contact.impulse", "N s", "none", forces.force_impulse),
     Metric("restitution.achieved", "1", "none", contact.restitution_achieved),
     Metric("restitution.error", "1", "lower", contact.restitution_error),
     Metric("friction.cone", "1", "lower", friction.friction_cone),
@@ -56,6 +60,7 @@ _ALL = (
     Metric("energy.gain", "1", "lower", energy.energy_gain),
     Metric("energy.loss", "1", "lower", energy.energy_loss),
     Metric("energy.injected", "J", "lower", energy.energy_injected, ("mJ", 1e3)),
+    Metric("energy.drive", "J", "none", energy.energy_drive, ("mJ", 1e3)),
     Metric("energy.ledger", "J", "none", energy.energy_ledger, ("mJ", 1e3)),
     Metric("solver.residual", "m/s", "lower", solver.solver_residual),
     Metric("solver.dropped_time", "s", "lower", solver.solver_dropped_time, _MS),
@@ -80,6 +85,7 @@ _ALL = (
 
 PAIR_METRICS = (
     *("contact.gap", "restitution.achieved", "restitution.error"),
+    *("force.contact.mean", "force.contact.peak", "force.contact.impulse"),
     *("friction.deficit", "friction.direction"),
 )
 """Metrics of single pairs. They mean nothing in a heap, where other contacts act at the same time."""
@@ -89,7 +95,8 @@ SOLVER_METRICS = ("solver.residual", "solver.dropped_time", "solver.parted_energ
 
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
 IMPULSE_METRICS = (
-    *("contact.complementarity", "contact.at_distance"),
+    *("contact.complementarity", "contact.at_distance", "force.error", "energy.drive"),
+    *("force.contact.mean", "force.contact.peak", "force.contact.impulse"),
     *("friction.cone", "friction.cone.point", "friction.deficit", "friction.direction", "energy.injected"),
 )
 """Metrics that use the engine's impulses; rejected where `contact.impulse_balance` fails its audit."""

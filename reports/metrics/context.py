@@ -17,6 +17,7 @@ from touchstone.adapters.recording import Recording
 from touchstone.reports.judge import fault_text
 from touchstone.scenarios.closed_form import Motion, motion
 from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.truths.named_pairs import named_pairs
 
 if TYPE_CHECKING:
     from touchstone.adapters.oracles.overlap import Distances
@@ -93,16 +94,8 @@ class Context:
     def expected_pairs(self) -> dict[tuple[str, str], list[tuple[int, int]]]:
         """Body pairs (a < b) of each pair of names in the expectations; a root stands for all of its
         links."""
-        scenario = self.scenario
-        links = {tracker.root: scenario.links(tracker) for tracker in scenario.trackers}
-        found = {}
-        may_touch = set(scenario.touching_pairs())
-        for expectation in scenario.expectations:
-            names = (expectation.body, expectation.other)
-            sides = [links.get(name, (scenario.body_index(name),)) for name in names]
-            pairs = {(min(a, b), max(a, b)) for a in sides[0] for b in sides[1]}
-            found[names] = sorted(pairs & may_touch)
-        return found
+        names = dict.fromkeys((e.body, e.other) for e in self.scenario.expectations)
+        return {pair: named_pairs(self.scenario, *pair) for pair in names}
 
     @cached_property
     def distances(self) -> Distances:

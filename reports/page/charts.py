@@ -77,7 +77,8 @@ def colors() -> dict[str, str]:
     return {name: entry.color for name, entry in ENGINES.items()}
 
 
-def _scales(altair: Any, engines: Sequence[str]) -> tuple[Any, Any]:
+def engine_scales(altair: Any, engines: Sequence[str]) -> tuple[Any, Any]:
+    """Colour and shape of marks by their engine."""
     known = {name: ENGINES[name] for name in engines if name in ENGINES}
     names = list(known)
     color = altair.Scale(domain=names, range=[entry.color for entry in known.values()])
@@ -117,7 +118,7 @@ def dots(
         return ""
     found["shown"] = found.value.clip(lower=floor)
     engines = [engine for engine, _ in columns]
-    color, shape = _scales(altair, engines)
+    color, shape = engine_scales(altair, engines)
     scenes = list(dict.fromkeys(found.scenario))
     axis = _decades(altair, found.shown)
     base = altair.Chart(found)
@@ -143,7 +144,7 @@ def work_precision(frame: pd.DataFrame, columns: Sequence[Column]) -> str:
     if found.engine.nunique() < 2 or found.scenario.nunique() < LEAST_SCENES:
         return ""
     found["shown"] = found.overlap.clip(lower=1e-7)
-    color, shape = _scales(altair, [engine for engine, _ in columns])
+    color, shape = engine_scales(altair, [engine for engine, _ in columns])
     log = altair.Scale(type="log")
     across, up = _decades(altair, found.time), _decades(altair, found.shown)
     chart = altair.Chart(found).mark_point(filled=True, size=80, opacity=0.85)
@@ -171,7 +172,7 @@ def nights(
         steps: label -> night at which a confirmed step begins.
     """
     altair, _ = library()
-    color, shape = _scales(altair, list(dict.fromkeys(history.engine)))
+    color, shape = engine_scales(altair, list(dict.fromkeys(history.engine)))
     base = altair.Chart(history).encode(
         x=altair.X("night:T", title=None),
         y=altair.Y("value:Q", title=unit, scale=altair.Scale(zero=False)),

@@ -48,6 +48,7 @@ class Content:
         changes: what changed since the last accepted run, the gravest first.
         identity: (name, value) of the machine, the program and the libraries.
         playback: scene -> packed recordings (`pack_text`).
+        forces: scene -> chart of its contact forces, as SVG.
         settings: "scene/engine/profile" -> manifest of the engine.
         summaries: scene -> its sentence.
         history: heading -> chart of nights, as SVG.
@@ -63,6 +64,7 @@ class Content:
     changes: Sequence[Change] = ()
     identity: Sequence[tuple[str, str]] = ()
     playback: Mapping[str, str] = field(default_factory=dict)
+    forces: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     summaries: Mapping[str, str] = field(default_factory=dict)
     history: Mapping[str, str] = field(default_factory=dict)

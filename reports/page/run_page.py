@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from touchstone.reports.machine import machine, origin
 from touchstone.reports.metrics.context import Context
+from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.page.content import Content, verdict_of
+from touchstone.reports.page.forces import force_charts
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import write_beside
@@ -42,8 +44,24 @@ def write_page(request: Request, results: Results, manifest: Mapping[str, Any], 
             *((name, value) for name, value in origin().items() if name != "command"),
         ],
         playback=results.playback,
+        forces=force_charts(_courses(request, results)),
         settings=manifest["engines"],
         summaries={scenario.name: scenario.summary for scenario in request.scenarios},
     )
     text = page(content)
     write_beside(folder / "report.html", lambda part: part.write_text(text, "utf-8"))
+
+
+def _courses(
+    request: Request, results: Results
+) -> dict[str, tuple[Scenario, Mapping[tuple[str, str], Course]]]:
+    """Time series of each scene, each engine in its first profile that played."""
+    found: dict[str, tuple[Scenario, Mapping[tuple[str, str], Course]]] = {}
+    for scenario in request.scenarios:
+        own: dict[str, tuple[str, str]] = {}
+        for scene, engine, profile in results.courses:
+            if scene == scenario.name:
+                own.setdefault(engine, (engine, profile))
+        courses = {column: results.courses[scenario.name, *column] for column in own.values()}
+        found[scenario.name] = scenario, courses
+    return found

@@ -17,7 +17,9 @@ from touchstone.adapters.engines.entry import ENGINES, Entry
 from touchstone.adapters.recording import RecordingError, load, scene_of_text
 from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
 from touchstone.reports.metrics.context import Context
+from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.page.content import Column, Content, verdict_of
+from touchstone.reports.page.forces import force_charts
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.scenarios.files.safe_paths import regular
@@ -122,4 +124,5 @@ def scene_page(run: Path, scene: str, columns: Mapping[Column, Path]) -> str:
         summaries={scene: scenario.summary},
     )
     with _with_colors([engine for engine, _ in columns]):
-        return page(content)
+        courses = {column: course(context) for column, context in played.items()}
+        return page(replace(content, forces=force_charts({scene: (scenario, courses)})))

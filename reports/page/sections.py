@@ -22,6 +22,7 @@ CHARTS: tuple[tuple[str, str, float, float], ...] = (
     ("time.frame.median", "median time of a frame [µs]", 1e6, 1e-3),
 )
 """Metric, title, factor to the unit of the chart, and least value drawn [that unit]."""
+FORCES = "Contact force over time, mean of each frame; dashed: closed form"
 LARGER = 1.0 + 0.02
 """Ratio from which the reference counts as worse than another engine: the repeatability of a median."""
 MOST_TABLES = 1_000_000
@@ -80,9 +81,10 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
     if scene in content.playback:
         play = f'<p><button type="button" data-play="{escape(scene)}">Play this scene</button></p>'
     summary = f"<p>{escape(content.summaries.get(scene, ''))}</p>"
+    drawn = figure(FORCES, content.forces[scene]) if scene in content.forces else ""
     rest = "" if full else "<p>Figures that miss a limit; the command prints all.</p>"
     again = f"<p class=again><code>touchstone run {escape(scene)}</code></p>"
-    body = summary + play + text + rest + (plain_table(heads, lines, 2) if lines else "") + again
+    body = summary + play + text + drawn + rest + (plain_table(heads, lines, 2) if lines else "") + again
     return fold(scene, body, f"scene-{scene}", level=3)
 
 

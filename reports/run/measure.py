@@ -104,10 +104,11 @@ def _audited(rows: list[Row], context: Context) -> list[Row]:
             doubtful.add(pair)
     if not doubtful:
         return rows
+    marked = {"", *doubtful, *(name for pair in doubtful for name in pair.split("-"))}
     remark = f"rests on impulses that nothing balances: {', '.join(sorted(doubtful))}"
     return [
         replace(row, basis=UNAUDITED, reason=f"{row.reason}; {remark}".removeprefix("; "))
-        if row.metric in DRIVEN_METRICS and row.subject in ("", *doubtful) and isfinite(row.value)
+        if row.metric in DRIVEN_METRICS and row.subject in marked and isfinite(row.value)
         else row
         for row in rows
     ]

@@ -60,8 +60,7 @@ class Request(ShortRepr):
 @dataclass
 class Results:
     """Results of a run: the long table; per (scenario, engine, profile) the recording (of a failed run, up to
-    the failure) and, where several engines play, the time series; a warning per run that left contacts
-    unresolved."""
+    the failure) and the time series; a warning per run that left contacts unresolved."""
 
     frame: pd.DataFrame
     recordings: dict[tuple[str, str, str], Recording] = field(default_factory=dict)

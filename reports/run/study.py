@@ -22,7 +22,7 @@ from touchstone.reports.results import Row, save, save_manifest, table, write_be
 from touchstone.reports.run.comparisons import ratios_of, spreads_of
 from touchstone.reports.run.measure import excused, measured_of
 from touchstone.reports.run.request import STUDY, Request, Results
-from touchstone.reports.views.comparison_pictures import draw
+from touchstone.reports.views.comparison_pictures import draw, draw_forces
 from touchstone.reports.views.frame_budget_picture import write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.scenario import Scenario
@@ -65,6 +65,7 @@ def run(request: Request, progress: Progress, judged_scene: Listener = lambda fr
         results.write("report.html", lambda: write_page(request, results, manifest, folder))
         results.write("pictures", lambda: write_picture(results.recordings, folder))
         results.write("pictures", lambda: draw(request, results, folder))
+        results.write("pictures", lambda: draw_forces(request, results, folder))
         page = folder / "report.md"
         results.write(
             page.name,
@@ -112,7 +113,6 @@ def judge_outcomes(
     """Rows of all metrics of one scene, with the comparisons of several engines; stores recordings in
     `results`."""
     rows: list[Row] = []
-    several = len({outcome.job.engine for outcome in outcomes}) > 1
     played: dict[tuple[str, str], Recording] = {}
     seen: dict[tuple[str, str], Context] = {}
     for outcome in outcomes:
@@ -132,8 +132,7 @@ def judge_outcomes(
         results.recordings[scenario.name, job.engine, label] = recording
         context = seen[job.engine, label] = Context(recording, scenario)
         found = measured_of(base, context, request.metrics)
-        if several:
-            results.courses[scenario.name, job.engine, label] = course(context)
+        results.courses[scenario.name, job.engine, label] = course(context)
         rows += [excused(row, recording, scenario, request.limits) for row in found]
         results.warn(base, context)
     results.write("playback", lambda: results.playback.update(packed_scene(scenario, seen)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from touchstone.scenarios.scenario import PairCoefficients, Scenario, ScenarioError
+from touchstone.scenarios.scenario import TRACKED, PairCoefficients, Scenario, ScenarioError
 
 Fails = Callable[[Scenario], bool]
 MOST_TRIES = 200
@@ -34,7 +34,7 @@ def shrunk(scenario: Scenario, fails: Fails, most: int = MOST_TRIES) -> Scenario
 
 
 def _bare(scenario: Scenario) -> Scenario:
-    return replace(scenario, truths=(), expectations=())
+    return replace(scenario, truths=(), forces=(), expectations=())
 
 
 def _smaller(scenario: Scenario) -> Iterator[Scenario]:
@@ -49,9 +49,9 @@ def _smaller(scenario: Scenario) -> Iterator[Scenario]:
 def _without_bodies(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
     """Scenes without a driver, without half of the loose bodies, or without one body."""
     if scenario.trackers:
-        loose = tuple(body for body in scenario.bodies if body.kind != "driven")
+        loose = tuple(body for body in scenario.bodies if body.kind not in TRACKED)
         yield lambda: replace(scenario, bodies=loose, joints=(), trackers=(), chains=())
-    names = [body.name for body in scenario.bodies if body.kind != "driven"]
+    names = [body.name for body in scenario.bodies if body.kind not in TRACKED]
     half = len(names) // 2
     groups = [names[:half], names[half:]] if half > 1 else []
     for group in (*groups, *([name] for name in names)):

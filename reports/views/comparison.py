@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.motion.time_series import Course, heaviest_pairs
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import step_text
@@ -17,6 +18,7 @@ from touchstone.reports.views.tables import number, unit_of
 
 if TYPE_CHECKING:
     from touchstone.reports.run.request import Request, Results
+    from touchstone.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,11 @@ class Topic:
     same: Mapping[str, float]
 
 
+LARGEST_SCENE_COUNT = 6
+"""Largest number of scenes that are all drawn over time; of more, only the gallery's."""
+PAIRS_DRAWN = 3
+"""Largest number of pairs of a scene whose forces are drawn."""
+FORCE_PICTURE = "forces.png"
 SAME_SHARE = 0.02
 """Relative difference within which two values are equal [1]: about the repeatability of medians in one
 run."""
@@ -227,3 +234,27 @@ def worst_lines(section: Section) -> dict[str, Line]:
         if line.share > best.share:
             found[line.scenario] = line
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class ForcePanel:
+    """A pair of a scene and the time series of each engine that played it."""
+
+    scenario: Scenario
+    pair: str
+    courses: Mapping[str, Course]
+
+
+def force_panels(request: Request, results: Results) -> list[ForcePanel]:
+    """The pairs with the largest impulses of each scene that is no heap. Of more than LARGEST_SCENE_COUNT
+    scenes, those of the gallery and those that state a force."""
+    own, many = columns(results), len(request.scenarios) > LARGEST_SCENE_COUNT
+    panels = []
+    for scenario in request.scenarios:
+        if "heap" in scenario.tags or (many and "gallery" not in scenario.tags and not scenario.forces):
+            continue
+        keys = {engine: (scenario.name, engine, row.profile) for engine, row in own.items()}
+        courses = {engine: results.courses[key] for engine, key in keys.items() if key in results.courses}
+        pairs = heaviest_pairs(courses.values(), PAIRS_DRAWN)
+        panels += [ForcePanel(scenario, pair, courses) for pair in pairs]
+    return panels

@@ -19,15 +19,25 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from touchstone.adapters.contract import Array
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.motion.time_series import FORCE
 from touchstone.reports.results import Row, rows_of, write_beside
 from touchstone.reports.run.request import REFERENCE, Request, Results
-from touchstone.reports.views.comparison import Columns, Line, Section, columns, head, sections
+from touchstone.reports.views.comparison import (
+    FORCE_PICTURE,
+    LARGEST_SCENE_COUNT,
+    Columns,
+    ForcePanel,
+    Line,
+    Section,
+    columns,
+    force_panels,
+    head,
+    sections,
+)
 from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import number, unit_of
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
-LARGEST_SCENE_COUNT = 6
-"""Largest number of scenes that are all drawn over time; of more, only the gallery's."""
 ACROSS = 3
 """Largest number of panels side by side."""
 WIDTH, PANEL, DOT, MILLI = 11.0, 2.3, 0.28, 1e3
@@ -55,12 +65,14 @@ TITLES = {
     "energy": "Energy from nowhere: how far S = K + U - W rises above its least so far",
     "friction": "Friction, beside Coulomb's law",
     "timing": "The time a displayed frame takes",
+    "forces": "Contact force: the normal impulses of a pair in a displayed frame, over its duration",
 }
 NOTES = {
     "overlap": "measured by one oracle for all engines",
     "energy": "passive contact only lowers S; W: work of the drive, or of driven bodies on simulated ones",
     "friction": "contact by contact: impulses are the engine's word, audited against the motion",
     "timing": "native step calls, one thread, all engines interleaved in one run; each its own step",
+    "forces": "pairs with the largest impulses, which are the engine's word; dashed: closed form",
 }
 DASHES = ";   dashed: limit of the engines, dotted: of the reference"
 
@@ -84,6 +96,47 @@ def _write(request: Request, results: Results, section: Section, path: Path) -> 
         figure.text(0.008, 1 - 0.36 / figure.get_figheight(), note, color=PALE, fontsize=9, va="top")
         _legend(figure, columns(results))
         figure.savefig(path, format="png", facecolor="white")
+
+
+def draw_forces(request: Request, results: Results, folder: Path) -> None:
+    """Write FORCE_PICTURE, with the panels of `force_panels`, if there is one."""
+    panels = force_panels(request, results)
+    if panels:
+        write_beside(folder / FORCE_PICTURE, partial(_write_forces, panels, columns(results)))
+
+
+def _write_forces(panels: Sequence[ForcePanel], own: Columns, path: Path) -> None:
+    rows = ceil(len(panels) / ACROSS)
+    with rc_context(STYLE):  # type: ignore[arg-type]
+        figure = Figure(dpi=150, layout="constrained", figsize=(WIDTH, 1.1 + PANEL * rows))
+        FigureCanvasAgg(figure)
+        for k, panel in enumerate(panels):
+            _force_panel(figure.add_subplot(rows, min(ACROSS, len(panels)), k + 1), panel)
+        figure.suptitle(
+            f"{TITLES['forces']}\n", x=0.008, ha="left", color=INK, fontsize=13, fontweight="bold"
+        )
+        figure.text(
+            0.008, 1 - 0.36 / figure.get_figheight(), NOTES["forces"], color=PALE, fontsize=9, va="top"
+        )
+        _legend(figure, own)
+        figure.savefig(path, format="png", facecolor="white")
+
+
+def _force_panel(axes: Axes, panel: ForcePanel) -> None:
+    scenario, pair = panel.scenario, panel.pair
+    for engine, course in panel.courses.items():
+        if (FORCE, pair) in course.values:
+            axes.plot(course.time, course.values[FORCE, pair], color=color_of(engine), linewidth=1, alpha=0.9)
+    for truth in scenario.forces:
+        if truth.quantity == "force" and truth.is_of(pair):
+            axes.plot(
+                [truth.start, truth.end], [truth.value] * 2, color=INK, linewidth=1, linestyle=(0, (4, 3))
+            )
+    axes.set_ylim(bottom=0.0)
+    axes.set_title(f"{scenario.name} {pair}", loc="left", color=INK, fontsize=9.5)
+    axes.set_xlabel("time [s]", color=INK, fontsize=8.5)
+    axes.set_ylabel("[N]", color=INK)
+    _bare(axes)
 
 
 def _legend(figure: Figure, own: Columns) -> None:

@@ -9,11 +9,13 @@ import pandas as pd
 
 from touchstone.reports.results import rows_of
 from touchstone.reports.views.comparison import (
+    FORCE_PICTURE,
     Columns,
     Line,
     Section,
     columns,
     command,
+    force_panels,
     head,
     not_played,
     sections,
@@ -37,6 +39,7 @@ def report(request: Request, results: Results) -> str:
     """The whole page."""
     parts = ["# touchstone run", "", f"`{request.command}`" if request.command else ""]
     parts += _differences(request, results)
+    parts += _forces(request, results)
     parts += _losses(results.frame)
     for scenario in request.scenarios:
         scene = results.frame[results.frame.scenario == scenario.name]
@@ -56,6 +59,34 @@ def report(request: Request, results: Results) -> str:
         parts += ["", "## Frame budget of the scenes", "", *_markdown(heads, budget_rows(found), 1)]
         parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
     return "\n".join(parts).rstrip() + "\n"
+
+
+FORCE_NOTE = (
+    "Normal force of the pairs with the largest impulses, from the impulses that each engine reports: mean "
+    "over the frames in which the pair presses [N], largest mean of a frame [N], integral over the run. "
+    "Dashed in the picture: the closed form, in scenes that state a force."
+)
+FORCE_FIGURES = ("force.contact.mean", "force.contact.peak", "force.contact.impulse")
+
+
+def _forces(request: Request, results: Results) -> list[str]:
+    """The section on contact forces: a table and a picture."""
+    own, frame = columns(results), results.frame
+    figures = {
+        (row.scenario, row.subject, row.engine, row.metric): number(row.value)
+        for row in rows_of(frame[frame.metric.isin(FORCE_FIGURES)])
+        if row.engine in own and row.profile == own[row.engine].profile and np.isfinite(row.value)
+    }
+    rows = []
+    for panel in force_panels(request, results):
+        places = [(panel.scenario.name, panel.pair, engine) for engine in own]
+        found = [[figures.get((*place, name), "") for name in FORCE_FIGURES] for place in places]
+        rows.append([*places[0][:2], *(", ".join(cells) if all(cells) else "-" for cells in found)])
+    if not rows:
+        return []
+    table = _markdown(["scene", "pair", *map(head, own.values())], rows, 2)
+    picture = f"![Contact force over time]({FORCE_PICTURE})"
+    return ["", "## Contact forces", "", FORCE_NOTE, "", *table, "", picture]
 
 
 def _losses(frame: pd.DataFrame) -> list[str]:

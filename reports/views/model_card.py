@@ -34,12 +34,13 @@ class NotDriven(ValueError):
 
 def card_rows(scenario: Scenario) -> list[dict[str, object]]:
     """A row per driven body and engine, the referee's first."""
-    if not scenario.trackers:
-        valid = ", ".join(s.name for s in catalogue().values() if s.trackers)
+    driven = _driven(scenario)
+    if not driven:
+        valid = ", ".join(s.name for s in catalogue().values() if _driven(s))
         raise NotDriven(f"{scenario.name}: no driven bodies, so no model card (valid: {valid})")
     held, reasons = _held(scenario)
     rows: list[dict[str, object]] = []
-    for tracker in scenario.trackers:
+    for tracker in driven:
         rows.append(_row(REFEREE, tracker, scenario, _referee(scenario, tracker), 0.0, ""))
         for engine, recording in held.items():
             whole = _whole(scenario, tracker, recording)
@@ -53,6 +54,11 @@ def card_rows(scenario: Scenario) -> list[dict[str, object]]:
         blank: dict[str, object] = dict.fromkeys(rows[0], "")
         rows += [blank | {"body": tracker.root, "model": e, "remark": r} for e, r in reasons.items()]
     return rows
+
+
+def _driven(scenario: Scenario) -> list[Tracker]:
+    """Trackers of driven bodies."""
+    return [tracker for tracker in scenario.trackers if not scenario.prescribes(tracker)]
 
 
 def _row(
@@ -71,7 +77,7 @@ def _row(
         "mass [kg]": f"{mass:.6g}",
         "centre [m]": " ".join(f"{value:.4f}" for value in center),
         "inertia [kg m^2]": " ".join(f"{value:.4g}" for value in np.linalg.eigvalsh(inertia)),
-        "freedom": free + sum(6 + len(t.joints) for t in scenario.trackers),
+        "freedom": free + sum(6 + len(t.joints) for t in _driven(scenario)),
         "hinges": len(tracker.joints),
         "pieces": sum(len(scenario.bodies[k].pieces) for k in scenario.links(tracker)),
         "deviation": f"{off:.1e}" if model != REFEREE else "",
@@ -97,7 +103,7 @@ def deviation(scenario: Scenario, tracker: Tracker, recording: Recording) -> flo
     links = [scenario.bodies[k] for k in scenario.links(tracker)]
     counts = [facts["pieces"][link.name] == len(link.pieces) for link in links]
     moving = sum(body.kind == "simulated" for body in scenario.bodies)
-    freedom = 6 * moving + sum(6 + len(t.joints) for t in scenario.trackers)
+    freedom = 6 * moving + sum(6 + len(t.joints) for t in _driven(scenario))
     return float(max(off)) if all(counts) and facts["freedom"] == freedom else float("inf")
 
 
@@ -124,7 +130,7 @@ def _whole(scenario: Scenario, tracker: Tracker, recording: Recording) -> tuple[
 
 def _held(scenario: Scenario) -> tuple[Mapping[str, Recording], Mapping[str, str]]:
     """A recording of one frame per engine, and the reasons why others failed."""
-    short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=())
+    short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=(), forces=())
     held, reasons = {}, {e: missing_reason(e) for e in ENGINES if not installed(e)}
     with scratch_folder() as folder, Children(together=True) as children:
         jobs = []

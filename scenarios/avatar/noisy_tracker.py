@@ -30,17 +30,19 @@ nothing for up to 83 ms."""
 
 
 def noisy(scenario: Scenario) -> Scenario:
-    """Scene with noisy trackers; a scene without trackers is returned as it is.
+    """Scene with noisy trackers; one without driven bodies is returned as it is. Prescribed paths are exact.
 
     Removes the truths, which hold for the ideal tracker. Keeps the expectations, as times to measure.
     """
-    if not scenario.trackers:
+    if all(map(scenario.prescribes, scenario.trackers)):
         return scenario
     trackers = tuple(
-        noisy_tracker(tracker, scenario.duration, np.random.default_rng((scenario.seed, k)))
+        tracker
+        if scenario.prescribes(tracker)
+        else noisy_tracker(tracker, scenario.duration, np.random.default_rng((scenario.seed, k)))
         for k, tracker in enumerate(scenario.trackers)
     )
-    return replace(scenario, trackers=trackers, truths=())
+    return replace(scenario, trackers=trackers, truths=(), forces=())
 
 
 def noisy_tracker(tracker: Tracker, duration: float, rng: np.random.Generator) -> Tracker:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from touchstone.scenarios.scenario import Tracker
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 ROUNDING = 1e-9
 """Time after a keyframe that still counts as the keyframe's own [s]: rounding of steps."""
@@ -32,6 +36,14 @@ def ease(times: NDArray[np.float64], start: float, duration: float) -> NDArray[n
     return s * s * (3 - 2 * s)
 
 
+def path(tracker: Tracker) -> CubicSpline:
+    """Cubic spline through a tracker's positions [m], at rest at both ends; its second argument is the order
+    of a derivative."""
+    from scipy.interpolate import CubicSpline  # import on demand: a quarter of the importers' import time
+
+    return CubicSpline(tracker.times, tracker.positions, bc_type="clamped")
+
+
 def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
     """Motion of a tracker at `times` [s], by its `interpolation`.
 
@@ -44,7 +56,7 @@ def sample(tracker: Tracker, times: NDArray[np.float64]) -> TrackerMotion:
         return _held(tracker, times)
     from scipy.interpolate import CubicSpline  # import on demand: a quarter of the importers' import time
 
-    positions = CubicSpline(tracker.times, tracker.positions, bc_type="clamped")
+    positions = path(tracker)
     count = len(tracker.joints)
     angles = CubicSpline(
         tracker.times, np.reshape(tracker.angles, (len(tracker.times), count)), bc_type="clamped"

@@ -19,7 +19,7 @@ from touchstone.scenarios.files.schema import KEYFRAMES, SHAPE_TYPES, Fault, che
 from touchstone.scenarios.files.text_lines import Path as Place
 from touchstone.scenarios.files.text_lines import json_lines, line_of, toml_lines
 from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
-from touchstone.scenarios.scenario import Piece, Scenario, ScenarioError, Shape
+from touchstone.scenarios.scenario import UNMOVED, Piece, Scenario, ScenarioError, Shape
 
 NAME = re.compile(r"\w[\w .,+=-]{0,99}")
 """Names of scenes in files: they name files of results."""
@@ -130,7 +130,7 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
 
 def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:
     """Add the inertia of a body that states a mass only; returns the faults."""
-    if body["kind"] == "fixed" or "mass" not in body or "inertia" in body or not body["pieces"]:
+    if body["kind"] in UNMOVED or "mass" not in body or "inertia" in body or not body["pieces"]:
         return []
     faults: list[Fault] = []
     if "center_of_mass" in body:

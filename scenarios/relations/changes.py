@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.scenario import (
+    TRACKED,
     Body,
     Box,
     Capsule,
@@ -37,7 +38,7 @@ FAR: Vector = (50.0, 50.0, 50.0)
 
 def bare(scenario: Scenario, **fields: object) -> Scenario:
     """Scene without truths and expectations, and with other `fields`."""
-    return replace(scenario, truths=(), expectations=(), **fields)  # type: ignore[arg-type]
+    return replace(scenario, truths=(), forces=(), expectations=(), **fields)  # type: ignore[arg-type]
 
 
 def rotated(scenario: Scenario, turn: Rotation) -> Scenario:
@@ -51,7 +52,7 @@ def rotated(scenario: Scenario, turn: Rotation) -> Scenario:
         return (w, x, y, z)
 
     def body(one: Body) -> Body:
-        if one.kind == "driven":
+        if one.kind in TRACKED:
             return one
         return replace(
             one,
@@ -82,7 +83,9 @@ def heavier(scenario: Scenario, factor: float) -> Scenario:
         replace(one, mass=one.mass * factor, inertia=_times(one.inertia, factor)) for one in scenario.bodies
     )
     trackers = tuple(
-        replace(one, stiffness=one.stiffness * factor, damping=one.damping * factor)
+        one
+        if scenario.prescribes(one)
+        else replace(one, stiffness=one.stiffness * factor, damping=one.damping * factor)
         for one in scenario.trackers
     )
     return bare(scenario, bodies=bodies, trackers=trackers)
@@ -102,15 +105,7 @@ def rescaled(scenario: Scenario, times: float) -> Scenario:
     bodies = tuple(_rescaled_body(one, size, times) for one in scenario.bodies)
     joints = tuple(replace(one, position=_scaled(one.position, size)) for one in scenario.joints)
     trackers = tuple(
-        replace(
-            one,
-            times=tuple(times * t for t in one.times),
-            positions=tuple(_scaled(p, size) for p in one.positions),
-            stiffness=one.stiffness / times**2,
-            damping=one.damping / times,
-            hinge_frequency=one.hinge_frequency / times,
-        )
-        for one in scenario.trackers
+        _rescaled_tracker(one, size, times, not scenario.prescribes(one)) for one in scenario.trackers
     )
     return bare(
         scenario,
@@ -119,6 +114,22 @@ def rescaled(scenario: Scenario, times: float) -> Scenario:
         trackers=trackers,
         duration=scenario.duration * times,
         frame_rate=round(rate),
+    )
+
+
+def _rescaled_tracker(one: Tracker, size: float, times: float, coupled: bool) -> Tracker:
+    moved = replace(
+        one,
+        times=tuple(times * t for t in one.times),
+        positions=tuple(_scaled(p, size) for p in one.positions),
+    )
+    if not coupled:
+        return moved
+    return replace(
+        moved,
+        stiffness=one.stiffness / times**2,
+        damping=one.damping / times,
+        hinge_frequency=one.hinge_frequency / times,
     )
 
 
@@ -154,7 +165,7 @@ def _rescaled_shape(shape: Shape, size: float) -> Shape:
 
 
 def with_hulls(scenario: Scenario) -> Scenario:
-    """Scene with every box of simulated and driven bodies as the hull of its eight corners."""
+    """Scene with every box of bodies that are not fixed as the hull of its eight corners."""
 
     def hull(shape: Shape) -> Shape:
         if not isinstance(shape, Box):

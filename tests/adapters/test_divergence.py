@@ -106,6 +106,12 @@ def test_absurd_speeds_are_told(scenario, state, name, unit):
         )
 
 
+def test_a_body_beyond_any_scene_has_diverged(scenario, state):
+    """Tell a position that no recording may hold, with its body."""
+    state.position[1, 0] = 1e30
+    assert Watch(scenario).step_fault(state) == "diverged: the position of 'ground' is beyond 1e+30"
+
+
 def test_a_small_body_may_spin_fast(lab):
     """Judge a rotation by the speed of the surface: 1e7 rad/s of a ball of 1 mm are 10 km/s."""
     scenario = lab.scene(lab.ball(radius=1e-3), lab.ground())

@@ -13,7 +13,7 @@ from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Body, Box, Capsule, Hull, Piece, Sphere
+from touchstone.scenarios.scenario import UNMOVED, Body, Box, Capsule, Hull, Piece, Sphere
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 DEPTH = 5e-4
@@ -148,7 +148,7 @@ def test_the_manifest_is_the_scenario(registry, name, scene):
     facts = asdict(world.describe())
     world.close()
     assert (facts["engine"], facts["profile"], facts["dt"]) == (name, settings.profile, settings.dt)
-    moving = [body for body in scenario.bodies if body.kind != "fixed"]
+    moving = [body for body in scenario.bodies if body.kind not in UNMOVED]
     assert set(facts["bodies"]) >= {body.name for body in moving}
     for body in moving:
         read, slack = facts["bodies"][body.name], MASSES[name]

@@ -28,11 +28,11 @@ def kept(lab, recordings):
     for field in fields(Recording):
         value = getattr(blank, field.name)
         if isinstance(value, np.ndarray) and value.dtype == float and field.name != "time":
-            columns[field.name] = rng.normal(size=value.shape)
+            columns[field.name] = rng.random(size=value.shape)
     columns["stage_seconds"] = rng.normal(size=(6, 2))
-    columns["driver_work"] = np.array([np.nan, np.inf, -0.0, 5e-324, 1 / 3, 1e308, 0.1])
+    columns["driver_work"] = np.array([np.nan, -1e308, -0.0, 5e-324, 1 / 3, 1e308, 0.1])
     rows = recordings.contacts(
-        {"body_a": 0, "body_b": 1, "impulse": rng.normal(size=3), "time": np.nan}, {"distance": -1e-9}
+        {"body_a": 0, "body_b": 1, "impulse": rng.normal(size=3), "time": 5e-324}, {"distance": -1e-9}
     )
     names = np.array(["collision", "\u00fc"])
     return replace(blank, contacts=rows, stage_names=names, **columns)

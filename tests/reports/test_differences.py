@@ -11,7 +11,7 @@ import pytest
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.metrics.motion.time_series import Course, course
+from touchstone.reports.metrics.motion.time_series import FORCE, Course, course
 from touchstone.reports.results import Row, table
 from touchstone.reports.run.request import Request, Results, columns_of
 from touchstone.reports.views.comparison import TOPICS, command, not_played, sections, worst_lines
@@ -172,7 +172,12 @@ def test_courses_end_in_their_metric(registry):
     context = Context(recording, scenario)
     found = course(context)
     assert found.time is recording.time
-    assert set(found.values) == {("overlap.max", ""), ("energy.injected", "simulated")}
+    pairs = {(FORCE, f"{pair}-ball") for pair in ("floor", "table", "palm")}
+    energies = {("energy.injected", subject) for subject in ("simulated", "driven")}
+    assert set(found.values) == {("overlap.max", ""), *energies, *pairs}
     for (metric, subject), values in found.values.items():
         assert len(values) == len(recording.time)
+        if metric == FORCE:
+            assert np.nanmax(values) == METRICS["force.contact.peak"].measure(context)[subject]
+            continue
         assert values.max() == METRICS[metric].measure(context)[subject]

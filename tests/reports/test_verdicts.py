@@ -210,4 +210,6 @@ def test_rows_on_unaudited_impulses_are_marked(pressed, judged):
     row = found["mujoco", "friction.cone", ""]
     assert row.basis == "unaudited"
     assert "rests on impulses that nothing balances: ground-box" in row.reason
+    for metric, subject in (("energy.drive", "box"), ("force.contact.mean", "ground-box")):
+        assert found["mujoco", metric, subject].basis == "unaudited"
     assert found["reference", "friction.cone", ""].basis == ""

@@ -17,7 +17,7 @@ from touchstone.scenarios.scenario import Arc, Scenario, Truth
 
 ALL = [
     (scenario.name, truth.body)
-    for scenario in (*tagged("probe"), *tagged("seeded"))
+    for scenario in (*tagged("probe"), *tagged("seeded"), *tagged("prescribed"))
     for truth in scenario.truths
 ]
 

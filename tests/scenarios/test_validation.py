@@ -8,10 +8,25 @@ from math import inf, nan
 from types import SimpleNamespace
 
 import pytest
+from scipy.spatial.transform import Rotation
 from sound_scenario import CUBE, QUIET, faults_of, sound
 
+from touchstone.scenarios.avatar.noisy_tracker import noisy
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import HOLD_LAST, Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
+from touchstone.scenarios.places import coinciding
+from touchstone.scenarios.relations.changes import heavier, rescaled, rotated
+from touchstone.scenarios.scenario import (
+    HOLD_LAST,
+    Body,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Piece,
+    Scenario,
+    Sphere,
+    Tracker,
+)
 
 
 def test_a_sound_scenario_is_accepted() -> None:
@@ -27,6 +42,8 @@ TOP = [
     ({"frame_rate": 59.94}, "frame_rate", "59.94"),
     ({"frame_rate": 0}, "frame_rate", "whole number from 1 on"),
     ({"seed": -1}, "seed", "-1"),
+    ({"frame_rate": 10**400}, "duration", "whole number of frames below 1000000000"),
+    ({"duration": 1e308}, "duration", "whole number of frames below 1000000000"),
     ({"seed": 0.5}, "seed", "whole number"),
     ({"duration": 0.0}, "duration", "positive"),
     ({"duration": inf}, "duration", "inf"),
@@ -87,7 +104,7 @@ JOINT = [
     ({"upper": nan}, "joints[0].lower", "nan"),
 ]
 TRACKER = [
-    ({"root": "ball"}, "trackers[0].root", "not a driven body"),
+    ({"root": "ball"}, "trackers[0].root", "not a driven or prescribed body"),
     ({"root": "lower"}, "bodies[3]", "driven by trackers[0].root and trackers[0].joints[0]"),
     ({"joints": ("wrist",)}, "trackers[0].joints[0]", "unknown joint 'wrist'"),
     ({"root": "lower"}, "trackers[0].joints[0]", "before the joint that leads to its parent"),
@@ -103,6 +120,18 @@ TRACKER = [
     ({"stiffness": 0.0}, "trackers[0].stiffness", "positive"),
     ({"damping": -1.0}, "trackers[0].damping", "positive"),
     ({"hinge_frequency": nan}, "trackers[0].hinge_frequency", "nan"),
+]
+PRESCRIBED = [
+    ({"stiffness": 500.0}, "trackers[1].stiffness", "'deck' is prescribed"),
+    ({"damping": 4.0}, "trackers[1].damping", "found 4.0"),
+    ({"hinge_frequency": 7.0}, "trackers[1].hinge_frequency", "'deck' is prescribed"),
+    ({"interpolation": "held"}, "trackers[1].interpolation", "splines"),
+    ({"joints": ("elbow",)}, "trackers[1].joints", "without joints"),
+    ({"times": (0.0, 0.5, 0.5)}, "trackers[1].times[2]", "'deck' has two poses at 0.5 s"),
+    ({"times": (0.0, 0.0, 1.0)}, "trackers[1].times[1]", "'deck' has two poses at 0 s"),
+    ({"times": (0.1, 0.5, 1.0)}, "trackers[1].times", "must cover 0 to 1.0 s"),
+    ({"root": "upper"}, "bodies[4]", "'deck' is prescribed by no tracker, expected one"),
+    ({"positions": ((0.0, 0.0, 5.0), (0.0, 0.0, nan), (0.0, 0.0, 5.0))}, "trackers[1].positions[1]", "nan"),
 ]
 PAIR = [
     ({"restitution": 1.1}, "coefficients[0].restitution", "0 to 1"),
@@ -223,3 +252,51 @@ def test_a_tracker_holds_its_last_good_sample() -> None:
         assert "nan" in faults_of(fields | {"trackers": (first,)})["trackers[0].angles[0]"]
     finally:
         HOLD_LAST.reset(token)
+
+
+def prescribed() -> dict:
+    """The sound scenario with a prescribed deck far away, without mass."""
+    deck = Body("deck", "prescribed", "wood", (Piece("deck", Box((1.0, 1.0, 0.1))),))
+    path = Tracker("deck", (), (0.0, 0.5, 1.0), ((0.0, 0.0, 5.0),) * 3, (QUIET,) * 3, ((),) * 3)
+    fields = sound()
+    return fields | {"bodies": (*fields["bodies"], deck), "trackers": (*fields["trackers"], path)}
+
+
+@pytest.mark.parametrize(("change", "path", "message"), PRESCRIBED)
+def test_faults_of_a_prescribed_body(change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with the path of a prescribed body."""
+    fields = prescribed()
+    first, deck = fields["trackers"]
+    assert message in faults_of(fields | {"trackers": (first, replace(deck, **change))})[path]
+
+
+def test_a_prescribed_body_needs_neither_mass_nor_partners() -> None:
+    """Accept it without mass; let it touch bodies that move, but no fixed and no other prescribed ones."""
+    fields = prescribed()
+    scene = Scenario(**fields)
+    index = {body.name: k for k, body in enumerate(scene.bodies)}
+    met = {frozenset((scene.bodies[a].name, scene.bodies[b].name)) for a, b in scene.touching_pairs()}
+    assert frozenset(("deck", "ball")) in met
+    assert frozenset(("deck", "upper")) in met
+    assert frozenset(("deck", "ground")) not in met
+    assert [scene.prescribes(tracker) for tracker in scene.trackers] == [False, True]
+    assert scene.groups()[index["deck"]] == 1
+    *others, deck = fields["bodies"]
+    placed = replace(deck, position=(1.0, 0.0, 0.0), linear_velocity=(0.0, 1.0, 0.0))
+    found = faults_of(fields | {"bodies": (*others, placed)})
+    assert {"bodies[4].position", "bodies[4].linear_velocity"} <= found.keys()
+    hung = replace(fields["joints"][0], child="deck")
+    assert "expected a driven body" in faults_of(fields | {"joints": (hung,)})["joints[0].child"]
+
+
+def test_changed_scenes_keep_prescribed_paths() -> None:
+    """Scale masses and times, add noise to other trackers, and leave prescribed paths exact."""
+    scene = Scenario(**prescribed())
+    arm, deck = noisy(scene).trackers
+    assert (arm.interpolation, deck) == ("held", scene.trackers[1])
+    assert heavier(scene, 3.0).trackers[1] == deck
+    slow = rescaled(scene, 2.0).trackers[1]
+    assert (slow.times, slow.positions[0]) == ((0.0, 1.0, 2.0), (0.0, 0.0, 20.0))
+    turned = rotated(scene, Rotation.from_rotvec((0.0, 0.0, 1.0)))
+    assert turned.bodies[4] == scene.bodies[4]
+    assert "'deck'" not in str(coinciding(scene))

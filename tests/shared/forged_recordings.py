@@ -94,6 +94,23 @@ CHANGES: Mapping[str, tuple[str, Change]] = {
     "position: not finite": ("position", lambda columns: columns["position"].fill(np.nan)),
     "orientation: not finite": ("orientation", lambda columns: columns["orientation"].fill(np.inf)),
     "work: not finite": ("work", lambda columns: columns["work"].fill(np.nan)),
+    "position: too far": ("position", lambda columns: columns["position"].__setitem__(-1, 1e308)),
+    "angular_velocity: too fast": (
+        "angular_velocity",
+        lambda columns: columns["angular_velocity"].__setitem__(-1, 1e39),
+    ),
+    "driver_work: infinite": ("driver_work", lambda columns: columns["driver_work"].fill(np.inf)),
+    "time_frame: negative": ("time_frame", lambda columns: columns["time_frame"].fill(-1)),
+    "time: far apart": ("time", lambda columns: columns["time"].__imul__(1e300)),
+    "time: at once": ("time", lambda columns: columns["time"].__imul__(1e-300)),
+    "time: later": ("time", lambda columns: columns["time"].__iadd__(1e9)),
+    "time: longer than the scene": ("time", lambda c: c.update(time=np.arange(9999) / 60)),
+    "contacts: before the run": ("contacts", _contact(time=-1)),
+    "contacts: at no time": ("contacts", _contact(time=np.nan)),
+    "contacts: after the run": ("contacts", _contact(time=1e308)),
+    "contacts: nowhere": ("contacts", _contact(position=np.nan)),
+    "contacts: far away": ("contacts", _contact(distance=-1e308)),
+    "contacts: an infinite impulse": ("contacts", _contact(impulse=np.inf)),
     "contacts: a body too many": ("contacts", _contact(body_b=10**6)),
     "contacts: a body below 0": ("contacts", _contact(body_a=-1)),
     "format_version: a text": ("format version", _set(format_version="three")),
@@ -133,8 +150,21 @@ CHANGES: Mapping[str, tuple[str, Change]] = {
     "manifest: a step of 0": ("manifest", _json("manifest", lambda data: data.update(dt=0))),
     "manifest: a step is a text": ("manifest", _json("manifest", lambda data: data.update(dt="1/60"))),
     "manifest: a step is NaN": ("manifest", _json("manifest", lambda data: data.update(dt=float("nan")))),
+    "manifest: a step beyond numbers": ("manifest", _json("manifest", lambda data: data.update(dt=10**400))),
+    "manifest: half a character": ("manifest", _json("manifest", lambda data: data.update(engine="\ud800"))),
+    "manifest: an effect is a number": (
+        "manifest",
+        _json("manifest", lambda data: data["effects"].update(contact=1)),
+    ),
     "manifest: another body": ("manifest", _json("manifest", lambda data: data["bodies"].update(other={}))),
     "manifest: effects are a list": ("manifest", _json("manifest", lambda data: data.update(effects=[1]))),
+    "scenario: half a character": ("scenario", _json("scenario", lambda data: data.update(summary="\ud800"))),
+    "scenario: endless": ("scenario", _json("scenario", lambda data: data.update(duration=1e308))),
+    "stage_names: half a character": (
+        "stage_names",
+        lambda columns: columns.update(stage_names=np.full_like(columns["stage_names"], "\ud800")),
+    ),
+    "ended: half a character": ("ended", _set(ended="\ud800")),
     "ended: several": ("ended", _set(ended=["a", "b"])),
 }
 """Way to forge -> what the message names, and the change of the arrays."""
@@ -185,8 +215,13 @@ def forge(path: Path, way: str) -> str:
         change_file(path)
         return named
     named, change = CHANGES[way]
+    rewrite(path, change)
+    return named
+
+
+def rewrite(path: Path, change: Change) -> None:
+    """Change the arrays of a file."""
     with np.load(path) as archive:
         columns = {name: archive[name].copy() for name in archive.files}
     change(columns)
     np.savez_compressed(path, **columns)  # type: ignore[arg-type]
-    return named

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations, product
 
 import numpy as np
@@ -17,6 +17,7 @@ from touchstone.adapters.servo import Drive, simulated_masses
 from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
+    TRACKED,
     Body,
     Box,
     Capsule,
@@ -44,7 +45,7 @@ class Bodies:
         arm: centres of mass in the body frames (n, 3) [m].
         colliders: per body its (id, link) pairs; `body_of` is the inverse.
         rigid: bodies in maximal coordinates.
-        free, driven: multibodies; kinematic: id per posed link.
+        free, driven: multibodies; kinematic: id per posed link and prescribed body.
     """
 
     def __init__(
@@ -52,15 +53,14 @@ class Bodies:
         scenario: Scenario,
         settings: Settings,
         factors: list[tuple[float, float]],
-        drives: Sequence[Drive],
+        drives: Mapping[int, Drive],
         on: dict[str, int],
     ) -> None:
-        """`factors`: restitution and friction of each body; `drives`: of trackers that are not posed."""
+        """`factors`: restitution and friction of each body; `drives`: by trackers that are coupled."""
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
-        self._posed = settings.drive == "posed"
         self.parameters = tables.parameters_of(settings.profile, settings.changes)
         self.sleep = tables.SLEEPING if settings.sleeping else {}
-        self.masses = simulated_masses(scenario, drives)
+        self.masses = simulated_masses(scenario, list(drives.values()))
         self.moments, axes = zip(*(_principal_axes(body) for body in self.masses))
         self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in self.masses])
         self.colliders: dict[int, list[tuple[int, int]]] = {}
@@ -70,12 +70,10 @@ class Bodies:
     def add(self) -> None:
         """Create all bodies in their initial state."""
         groups = self._scenario.groups()
+        self._weightless = [k for k, group in enumerate(groups) if group >= 0 and group not in self._drives]
         self.free = [self._add_free(k) for k, group in enumerate(groups) if group < 0]
-        self.driven = [self._add_driven(k) for k in range(len(self._drives))]
-        shown = [link for tracker in self._scenario.trackers for link in self._scenario.links(tracker)]
-        self.kinematic = {
-            link: self._create((link,), (), ORIGIN, IDENTITY) for link in (shown if self._posed else ())
-        }
+        self.driven = [self._add_driven(k) for k in self._drives]
+        self.kinematic = {link: self._create((link,), (), ORIGIN, IDENTITY) for link in self._weightless}
         self.body_of = {link: body for body, links in self.colliders.items() for link in links}
 
     def _add_free(self, body: int) -> Multibody:
@@ -164,7 +162,7 @@ class Bodies:
         root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         dynamics = self.parameters.base | (self.parameters.hull if has_hull else {})
-        dynamics |= {} if root.kind == "driven" else self.sleep
+        dynamics |= {} if root.kind in TRACKED else self.sleep
         pybullet.changeDynamics(number, BASE, **dynamics, **self._on)
         for link, body in enumerate(bodies, start=BASE):
             restitution, friction = self._factors[body]
@@ -177,7 +175,7 @@ class Bodies:
     def _part(self, body: int, shape: int) -> Part:
         """Mass and inertial frame of a body."""
         given = self._scenario.bodies[body]
-        weightless = given.kind == "fixed" or (given.kind == "driven" and self._posed)
+        weightless = given.kind == "fixed" or body in self._weightless
         own = self.masses[body]
         return Part(0.0 if weightless else own.mass, shape, own.center_of_mass, tuple(self.axes[body]))
 
@@ -240,7 +238,7 @@ def _is_plain(body: Body) -> bool:
     It must be a fixed body of one shape, or a simulated ball or box whose inertia is that of its shape:
     Bullet accepts no other (`changeDynamics` of a rigid body's inertia gives NaN).
     """
-    if body.kind == "driven" or not body.pieces:
+    if body.kind in TRACKED or not body.pieces:
         return False
     hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
     if body.kind == "fixed":

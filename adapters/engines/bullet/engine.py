@@ -9,8 +9,9 @@ linear velocity is that of the centre of mass. A contact's normal points from B 
 negative in overlap, both at the start of the step. It has a witness on each body (we take the midpoint) and
 three forces on A, along the normal and two tangents. Impulse = force * step; ours acts on B, so it is
 negated. Coefficients multiply. Spheres, boxes and capsules of a body share a compound; hulls cannot, so
-further hulls of a body are massless links fixed to it. pybullet prints its build time on import: the child's
-stdout is redirected.
+further hulls of a body are massless links fixed to it. A prescribed body is a multibody without mass: its
+contacts use the velocity that is set for it, those of a rigid body without mass do not. pybullet prints its
+build time on import: the child's stdout is redirected.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from touchstone.adapters.engines.bullet.tables import (
     Multibody,
 )
 from touchstone.adapters.material_combine import check_range, frictions, product_factors, restitutions
-from touchstone.adapters.posed_drive import posed_of
+from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive, without_ballast
 from touchstone.adapters.vector_products import cross
@@ -77,14 +78,14 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings, factors: list[tuple[float, float]]) -> None:
         self._scenario, self._settings = scenario, settings
-        posed = settings.drive == "posed"
-        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._posed = posed_of(scenario, settings)
         self._moment = 0
-        driven = () if posed else scenario.trackers
+        self._coupled = coupled(scenario, settings)
+        driven = [scenario.trackers[k] for k in self._coupled]
         self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._native = settings.drive == "native"
-        self._bodies = Bodies(scenario, settings, factors, self._drives, self._on)
+        self._bodies = Bodies(scenario, settings, factors, dict(zip(self._coupled, self._drives)), self._on)
         self._parameters, self._axes, self._arm = self._bodies.parameters, self._bodies.axes, self._bodies.arm
         pybullet.setPhysicsEngineParameter(fixedTimeStep=settings.dt, **self._parameters.solver, **self._on)
         pybullet.setGravity(*scenario.acting_gravity, **self._on)
@@ -153,13 +154,19 @@ class World:
                 self._turn_hinges(step, multibody, drive)
 
     def _place_posed(self) -> None:
-        """Set the poses of kinematic links for the current step."""
+        """Set the poses of kinematic links at the current step's end, and of prescribed bodies at its start,
+        with their velocities."""
         for posed, _ in self._posed:
-            turned = Rotation.from_quat(posed.orientation[:, self._moment], scalar_first=True)
+            step = max(self._moment - 1, 0)
+            moment = step if posed.prescribed else self._moment
+            turned = Rotation.from_quat(posed.orientation[:, moment], scalar_first=True)
             frames = (turned * Rotation.from_quat(self._axes[list(posed.links)])).as_quat()
-            for link, center, frame in zip(posed.links, posed.center[:, self._moment], frames):
+            for k, (link, center, frame) in enumerate(zip(posed.links, posed.center[:, moment], frames)):
                 number = self._bodies.kinematic[link]
                 pybullet.resetBasePositionAndOrientation(number, center.tolist(), frame.tolist(), **self._on)
+                if posed.prescribed:
+                    rates = posed.velocity[k, step].tolist(), posed.omega[k, step].tolist()
+                    pybullet.resetBaseVelocity(number, *rates, **self._on)
 
     def _turn_hinges(self, step: int, multibody: Multibody, drive: Drive) -> None:
         """Command hinges by motors or torques.
@@ -209,8 +216,8 @@ class World:
         state.position[:], state.orientation[:] = self._place, self._orientation
         state.linear_velocity[:], state.angular_velocity[:] = self._velocity, self._omega
         state.joint_angle[:], state.joint_rate[:] = self._angle, self._rate
-        if not self._posed:
-            for k, drive in enumerate(self._drives):
+        if self._drives:
+            for k, drive in zip(self._coupled, self._drives):
                 root = drive.links[0]
                 velocity = self._velocity[root] - cross(self._omega[root], self._lever[root])
                 drive.read(state, k, velocity, self._omega[root])
@@ -253,7 +260,10 @@ class World:
             settings=found.settings(solver),
             bodies=without_ballast(found.bodies(), self._scenario, self._drives),
             pairs=found.pairs(),
-            drives={t.root: drive.gains() for t, drive in zip(self._scenario.trackers, self._drives)},
+            drives={
+                self._scenario.trackers[k].root: drive.gains()
+                for k, drive in zip(self._coupled, self._drives)
+            },
             limits=found.limits(),
             pieces=found.pieces(),
             freedom=found.freedom(),

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import BodyFacts, PairFacts, Scalar, Settings
 from touchstone.adapters.engines.bullet.bodies import Bodies
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, RIGID_BODY
+from touchstone.adapters.posed_drive import coupled
 from touchstone.adapters.servo import ROOT_DRIVES
 from touchstone.scenarios.scenario import Hull, Scenario
 
@@ -45,7 +46,8 @@ class ReadBack:
         """Limits by hinge [rad]."""
         pybullet.syncBodyInfo(**self._on)  # getJointInfo reads a copy made before the limits were set
         found = {}
-        for multibody, tracker in zip(self._bodies.driven, self._scenario.trackers):
+        trackers = [self._scenario.trackers[k] for k in coupled(self._scenario, self._settings)]
+        for multibody, tracker in zip(self._bodies.driven, trackers):
             for k, name in enumerate(tracker.joints):
                 found[name] = pybullet.getJointInfo(multibody.id, k, **self._on)[8:10]
         return found

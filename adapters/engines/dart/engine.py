@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import dartpy
 import numpy as np
 
-from touchstone.adapters.contract import Array, BodyFacts, Manifest, PairFacts, Scalar, Settings, State
+from touchstone.adapters.contract import Array, Manifest, PairFacts, Scalar, Settings, State
 from touchstone.adapters.engines.dart.model import (
     DETECTORS,
     ROOT_DOFS,
@@ -28,6 +28,7 @@ from touchstone.adapters.engines.dart.model import (
     add_kinematic,
     add_piece,
     add_servos,
+    body_facts,
     detector_of,
     friction_solver,
     isometry,
@@ -44,10 +45,10 @@ from touchstone.adapters.material_combine import (
     product_factors,
     restitutions,
 )
-from touchstone.adapters.posed_drive import posed_of
+from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import ACCURATE, ENGINES, require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import TRACKED, UNMOVED, Scenario
 
 COEFFICIENT_MIN = 1e-3
 """Restitution and friction up to this value count as zero in DART (ContactSurface.hpp) [1]."""
@@ -143,19 +144,19 @@ class World:
             check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
         restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
         friction = minimum_factors("dart", "friction", scenario, asked["friction"])
-        posed = settings.drive == "posed"
-        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._posed = posed_of(scenario, settings)
         self._moment = 0
-        driven = () if posed else scenario.trackers
-        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
+        self._coupled = coupled(scenario, settings)
+        self._trackers = [scenario.trackers[k] for k in self._coupled]
+        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in self._trackers]
         by_name = {joint.name: joint for joint in scenario.joints}
         nodes: dict[int, Any] = {}
         for one, _ in self._posed:
             nodes |= {link: add_kinematic(self._world, scenario.bodies[link]) for link in one.links}
-        for drive, tracker in zip(self._drives, scenario.trackers):
+        for drive, tracker in zip(self._drives, self._trackers):
             nodes |= add_driven(self._world, scenario, drive, [by_name[name] for name in tracker.joints])
         for k, body in enumerate(scenario.bodies):
-            if body.kind != "driven":
+            if body.kind not in TRACKED:
                 nodes[k] = add_body(self._world, body)
         self._nodes = [nodes[k] for k in range(len(scenario.bodies))]
         self._moving = [(k, nodes[k]) for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
@@ -166,7 +167,7 @@ class World:
         masses = simulated_masses(scenario, self._drives)
         self._body_of: dict[Any, int] = {node: k for k, node in enumerate(self._nodes)}
         for k, (node, body) in enumerate(zip(self._nodes, scenario.bodies)):
-            if body.kind != "fixed":  # a fixed one keeps DART's 1 kg, without effect
+            if body.kind not in UNMOVED:  # others keep DART's 1 kg, without effect
                 set_mass(node, masses[k])
             for i, piece in enumerate(body.pieces):
                 add_piece(node, piece, f"{k}.{i}", restitution[k], friction[k])
@@ -175,7 +176,7 @@ class World:
         self._to_midpoint = 0.5 if detector == "bullet" else 0.0
         self._roots = [self._nodes[drive.links[0]] for drive in self._drives]
         self._hands = [root.getSkeleton() for root in self._roots]
-        self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in scenario.trackers]
+        self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in self._trackers]
         self._native = settings.drive == "native"
         self._changed = [np.zeros(ROOT_DOFS + len(one)) for one in self._hinge_torque]
         self._set_point = [(np.full_like(one, np.nan),) * 2 for one in self._hinge_torque]
@@ -186,7 +187,7 @@ class World:
 
     def drive(self, step: int) -> None:
         """Apply force and torque at the root's origin in world axes, and command the hinges' servos or
-        torques; or set poses and velocities of kinematic links."""
+        torques; set poses and velocities of kinematic links and prescribed bodies."""
         self._moment = step + 1
         self._move_posed()
         for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
@@ -213,7 +214,7 @@ class World:
             hand.setForces(np.concatenate([np.zeros(ROOT_DOFS), torques]))
 
     def _move_posed(self) -> None:
-        """Move kinematic links from their poses at the step's start to those at its end."""
+        """Move kinematic and prescribed bodies from their poses at the step's start to those at its end."""
         step = self._moment - 1
         for posed, _ in self._posed:
             for k, link in enumerate(posed.links):
@@ -241,7 +242,7 @@ class World:
             state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
             state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
-            for k, (drive, root) in enumerate(zip(self._drives, self._roots)):
+            for k, drive, root in zip(self._coupled, self._drives, self._roots):
                 drive.read(state, k, root.getLinearVelocity(), root.getAngularVelocity())
         state.clear_contacts()
         if contacts := self._world.getLastCollisionResult().getContacts():
@@ -287,7 +288,11 @@ class World:
             dt=self._world.getTimeStep(),
             settings=self._facts(),
             bodies=without_ballast(
-                {self._scenario.bodies[k].name: _body_facts(node) for k, node in self._moving},
+                {
+                    body.name: body_facts(node)
+                    for body, node in zip(self._scenario.bodies, self._nodes)
+                    if body.kind not in UNMOVED
+                },
                 self._scenario,
                 self._drives,
             ),
@@ -300,17 +305,18 @@ class World:
                 )
                 for a, b in self._scenario.touching_pairs()
             ),
-            drives={tracker.root: d.gains() for tracker, d in zip(self._scenario.trackers, self._drives)},
+            drives={tracker.root: d.gains() for tracker, d in zip(self._trackers, self._drives)},
             limits=self._limits(),
             pieces={name: node.getNumShapeNodes() for name, node in zip(names, self._nodes)},
-            freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons()),
+            freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons())
+            - 6 * sum(one.prescribed for one, _ in self._posed),
         )
 
     def _skeletons(self) -> list[Any]:
         return [self._world.getSkeleton(k) for k in range(self._world.getNumSkeletons())]
 
     def _limits(self) -> dict[str, tuple[float, float]]:
-        names = [name for tracker in self._scenario.trackers for name in tracker.joints]
+        names = [name for tracker in self._trackers for name in tracker.joints]
         hinges = [hinge for hand in self._hands for hinge in _hinges(hand)]
         return {name: (low, high) for name, (_, low, high) in zip(names, hinges)}
 
@@ -392,8 +398,3 @@ class World:
         """Drop every reference into DART, which releases its memory."""
         self._nodes, self._moving, self._roots, self._hands, self._body_of = [], [], [], [], {}
         self._world.removeAllSkeletons()
-
-
-def _body_facts(node: Any) -> BodyFacts:
-    rows: Array = node.getInertia().getMoment()
-    return BodyFacts(node.getMass(), tuple(node.getLocalCOM().tolist()), tuple(map(tuple, rows.tolist())))

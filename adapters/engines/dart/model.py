@@ -129,6 +129,12 @@ def set_mass(node: Any, body: Body | BodyFacts) -> None:
     node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
 
 
+def body_facts(node: Any) -> BodyFacts:
+    """Mass properties of a node."""
+    rows: Any = node.getInertia().getMoment()
+    return BodyFacts(node.getMass(), tuple(node.getLocalCOM().tolist()), tuple(map(tuple, rows.tolist())))
+
+
 def add_body(world: Any, body: Body) -> Any:
     """Add a fixed or free body as its own skeleton."""
     skeleton = dartpy.dynamics.Skeleton(body.name)
@@ -148,7 +154,7 @@ def add_body(world: Any, body: Body) -> Any:
 
 
 def add_kinematic(world: Any, body: Body) -> Any:
-    """Add a driven link as its own skeleton with prescribed velocity."""
+    """Add a driven link or a prescribed body as its own skeleton with prescribed velocity."""
     skeleton = dartpy.dynamics.Skeleton(body.name)
     joint, node = skeleton.createFreeJointAndBodyNodePair()
     joint.setActuatorType(dartpy.dynamics.ActuatorType.VELOCITY)

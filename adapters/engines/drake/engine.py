@@ -75,6 +75,8 @@ class DrakeEngine:
         require_profile(self.name, settings)
         if settings.drive == "posed" and scenario.trackers:
             raise Unsupported("drake: no kinematic links in a discrete plant; choose --drive native")
+        if any(map(scenario.prescribes, scenario.trackers)):
+            raise Unsupported("drake: no prescribed bodies in a discrete plant")
         if approximation_of(settings) == TAMSI and scenario.trackers and settings.drive == "native":
             raise Unsupported("drake: TAMSI has no position servos; choose the profile point")
         check_restitution(scenario)

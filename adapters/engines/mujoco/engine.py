@@ -8,6 +8,10 @@ forces are those of the start of the step: force times dt is the impulse. A free
 velocity of the body's *origin* and the angular velocity along the *body's* axes; `cvel` is taken at the
 subtree's centre of mass. A hinge's axis is in the child's frame. `xpos` lags behind `qpos` after a step:
 `read` runs the kinematics again, which does not change the state. `contacts.py` sets e and mu.
+
+Contacts do not use the velocity of a mocap body: a box on an accelerating one feels no friction from its
+motion. A prescribed body is therefore a heavy free body. Each step sets its pose, its velocity, and the force
+that moves it to its next pose.
 """
 
 from __future__ import annotations
@@ -34,11 +38,12 @@ from touchstone.adapters.engines.mujoco.model import (
     add_bodies,
     add_servos,
     inverse,
+    prescribed_mass,
     set_options,
     turned,
     write_no_log_file,
 )
-from touchstone.adapters.posed_drive import posed_of
+from touchstone.adapters.posed_drive import Posed, coupled, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.adapters.vector_products import cross
@@ -88,12 +93,12 @@ class MujocoEngine:
         spec = mujoco.MjSpec()
         set_options(spec, scenario, settings)
         posed = settings.drive == "posed"
-        driven = () if posed else scenario.trackers
+        driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
         drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
         bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), posed)
         add_contacts(spec, bodies, scenario, settings)
         if settings.drive == "native":
-            for drive, tracker in zip(drives, scenario.trackers):
+            for drive, tracker in zip(drives, driven):
                 add_servos(spec, tracker.joints, drive)
         try:
             model = spec.compile()
@@ -120,14 +125,14 @@ class World:
         self._index[self._body] = np.arange(len(body))
         self._drives = drives
         self._native = settings.drive == "native"
-        posed = settings.drive == "posed"
-        self._posed = posed_of(scenario, settings.dt) if posed else ()
+        self._posed = posed_of(scenario, settings)
         self._moment = 0
-        driven = () if posed else scenario.trackers
+        self._coupled = coupled(scenario, settings)
+        self._trackers = driven = [scenario.trackers[k] for k in self._coupled]
         hinges = [[model.joint(name).id for name in tracker.joints] for tracker in driven]
         self._hinge_qpos = [model.jnt_qposadr[ids].astype(int) for ids in hinges]
         self._hinge_dof = [model.jnt_dofadr[ids].astype(int) for ids in hinges]
-        counts = [len(tracker.joints) for tracker in scenario.trackers]
+        counts = [len(tracker.joints) for tracker in driven]
         self._servos = [slice(sum(counts[:k]), sum(counts[: k + 1])) for k in range(len(counts))]
         self._root = [int(self._body[drive.links[0]]) for drive in self._drives]
         self._timers = np.zeros(int(TIMER.mjNTIMER))
@@ -180,11 +185,29 @@ class World:
                 data.qfrc_applied[dofs] = drive.hinge_torques(step, angle, rate)
 
     def _place_posed(self) -> None:
-        """Set the poses of kinematic links for the current step."""
+        """Set the poses of kinematic links for the current step, and the state of prescribed bodies."""
         for posed, _ in self._posed:
+            if posed.prescribed:
+                self._move_prescribed(posed)
+                continue
             mocap = self._model.body_mocapid[self._body[list(posed.links)]]
             self._data.mocap_pos[mocap] = posed.place[:, self._moment]
             self._data.mocap_quat[mocap] = posed.orientation[:, self._moment]
+
+    def _move_prescribed(self, posed: Posed) -> None:
+        """Set a prescribed body's pose and velocity at the step's start, and its force and torque in it.
+
+        Semi-implicit Euler turns the velocity at the start, the mean of the step before, into the mean of
+        this step, which leads to the pose at its end. All moments of inertia are equal.
+        """
+        k, mass = max(self._moment - 1, 0), prescribed_mass(self._scenario)
+        qpos, qvel, dofs = self._free_joint(int(self._body[posed.links[0]]))
+        qpos[:3], qpos[3:] = posed.place[0, k], posed.orientation[0, k]
+        velocity, omega = posed.pace(k)
+        qvel[:3], qvel[3:] = velocity, turned(omega, inverse(qpos[3:]))
+        after, turning = posed.pace(k + 1)
+        rate = turned(turning, inverse(qpos[3:])) - qvel[3:]
+        self._data.qfrc_applied[dofs] = mass / self._settings.dt * np.array([*(after - velocity), *rate])
 
     def step(self) -> None:
         """Advance by one mj_step."""
@@ -208,8 +231,8 @@ class World:
             angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
             state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._drives))])
-            for k, drive in enumerate(self._drives):
-                qpos, qvel, _ = self._free_joint(self._root[k])
+            for k, drive, root in zip(self._coupled, self._drives, self._root):
+                qpos, qvel, _ = self._free_joint(root)
                 drive.read(state, k, qvel[:3], turned(qvel[3:], qpos[3:]))
 
     def _hinge_torques(self, tracker: int) -> Array:
@@ -249,13 +272,13 @@ class World:
                 self._drives,
             ),
             pairs=self._pair_facts(),
-            drives={tracker.root: d.gains() for tracker, d in zip(scenario.trackers, self._drives)},
+            drives={tracker.root: d.gains() for tracker, d in zip(self._trackers, self._drives)},
             limits={
                 j.name: tuple(self._model.joint(j.name).range.tolist())
-                for j in (scenario.joints if not self._posed else ())
+                for j in (scenario.joints if self._settings.drive != "posed" else ())
             },
             pieces={b.name: int(self._model.body_geomnum[k]) for k, b in zip(self._body, scenario.bodies)},
-            freedom=int(self._model.nv),
+            freedom=int(self._model.nv) - 6 * sum(one.prescribed for one, _ in self._posed),
         )
 
     def _facts(self) -> dict[str, Scalar]:

@@ -14,6 +14,7 @@ from touchstone.adapters.engines.mujoco.settings import OF_CONTACTS, SETTINGS
 from touchstone.adapters.registry import ACCURATE, DEFAULT
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import (
+    UNMOVED,
     Body,
     Box,
     Capsule,
@@ -31,6 +32,10 @@ SOLVER_TOLERANCE = 1e-10
 IMPEDANCE_RATIO = 10.0
 """Ratio of friction's impedance to that of the normal force, accurate [1]: a sticking body creeps a tenth as
 fast (MuJoCo's modeling guide, on preventing slip)."""
+
+HEAVY = 1e4
+"""Mass of a prescribed body over that of all others together [1]. In a step a contact changes its velocity by
+1e-4 of what it changes theirs; rounding of its forces disturbs bodies that are 1e7 times lighter."""
 
 
 def write_no_log_file() -> None:
@@ -81,18 +86,21 @@ def add_bodies(
 ) -> dict[int, Any]:
     """Add all bodies with these mass properties; returns the spec's body per scenario index.
 
-    Fixed and free bodies come first, then each tracker's tree, or its links as mocap bodies.
+    Fixed, free and prescribed bodies come first, then each tracker's tree, or its links as mocap bodies.
     """
     bodies: dict[int, Any] = {}
     for index, body in enumerate(scenario.bodies):
         if body.kind != "driven":
             bodies[index] = spec.worldbody.add_body(name=f"{index}", pos=body.position, quat=body.orientation)
-            if body.kind == "simulated":
+            if body.kind in ("simulated", "prescribed"):
                 _add_free_joint(bodies[index])
+            if body.kind == "prescribed":
+                _make_heavy(bodies[index], scenario)
     hinges = {joint.name: joint for joint in scenario.joints}
-    for link in (k for tracker in scenario.trackers if posed for k in scenario.links(tracker)):
+    driven = [tracker for tracker in scenario.trackers if not scenario.prescribes(tracker)]
+    for link in (k for tracker in driven if posed for k in scenario.links(tracker)):
         bodies[link] = spec.worldbody.add_body(name=f"{link}", mocap=True)
-    for tracker in scenario.trackers if not posed else ():
+    for tracker in driven if not posed else ():
         root, *children = scenario.links(tracker)
         bodies[root] = spec.worldbody.add_body(name=f"{root}", gravcomp=1.0)
         _add_free_joint(bodies[root])
@@ -109,7 +117,7 @@ def add_bodies(
                 range=(joint.lower, joint.upper),
             )
     for index, body in enumerate(scenario.bodies):
-        if body.kind != "fixed":
+        if body.kind not in UNMOVED:
             _set_mass(bodies[index], masses[index])
         for k, piece in enumerate(body.pieces):
             add_piece(spec, bodies[index], piece, f"{index}.{k}")
@@ -132,6 +140,18 @@ def add_servos(spec: Any, joints: Sequence[str], drive: Drive) -> None:
 
 def _add_free_joint(body: Any) -> None:
     body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE, align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+
+
+def prescribed_mass(scenario: Scenario) -> float:
+    """Mass [kg] of a prescribed body, and its moments of inertia [kg m^2]: MuJoCo has no infinite ones."""
+    return HEAVY * (sum(body.mass for body in scenario.bodies if body.kind not in UNMOVED) or 1.0)
+
+
+def _make_heavy(target: Any, scenario: Scenario) -> None:
+    """Give a prescribed body its mass at its origin, equal moments of inertia, and no gravity."""
+    target.gravcomp, target.explicitinertial = 1.0, True
+    target.mass = prescribed_mass(scenario)
+    target.inertia = (target.mass,) * 3
 
 
 def _set_mass(target: Any, body: Body | BodyFacts) -> None:

@@ -27,6 +27,7 @@ COLORS = {
     "floor": (0.82, 0.81, 0.78, 1.0),
     "fixed": (0.70, 0.72, 0.74, 1.0),
     "driven": (0.84, 0.55, 0.40, 1.0),
+    "prescribed": (0.60, 0.52, 0.72, 1.0),
     "simulated": (0.16, 0.42, 0.66, 1.0),
 }
 """Colours by the kind of body [red, green, blue, alpha]."""

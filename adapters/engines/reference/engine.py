@@ -24,6 +24,7 @@ from touchstone.adapters.contract import (
     Scalar,
     Settings,
     State,
+    Unsupported,
     contact_overflow,
     contact_words,
 )
@@ -40,12 +41,16 @@ from touchstone.reference_impl.paper import attraction, ccd_ik, impulses, overla
 from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.relations.changes import heavier
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that settings can disable in the compiled step."""
-TARGETS = ("old_target_position", "old_target_orientation", "target_position", "target_orientation")
-"""Fields of a driver that hold its tracker's poses, in memory order."""
+TARGETS = tuple(
+    f"{moment}target_{name}"
+    for moment in ("old_", "")
+    for name in ("position", "orientation", "velocity", "omega")
+)
+"""Fields of a driver that hold its tracker's poses and velocities, in memory order."""
 INEXACT = {
     "residual": "residual",
     "residual.body_a": "residual_body_a",
@@ -90,6 +95,8 @@ class ReferenceEngine:
 
     def build(self, scenario: Scenario, settings: Settings) -> _World:
         """Translate a scenario to a world of the reference."""
+        if settings.profile == PAPER and any(map(scenario.prescribes, scenario.trackers)):
+            raise Unsupported("reference: the method of profile paper has no prescribed bodies")
         compile_seconds()
         return _World(scenario, settings, self.version())
 
@@ -121,7 +128,8 @@ def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.nd
     """
     if not motions:
         return []
-    poses = np.stack([np.hstack([m.position, m.orientation]) for m in motions], axis=1)
+    names = ("position", "orientation", "linear_velocity", "angular_velocity")
+    poses = np.stack([np.hstack([getattr(m, name) for name in names]) for m in motions], axis=1)
     shown = np.concatenate([poses[:-1], poses[1:]], axis=2)
     found = [(structured_to_unstructured(world.drivers[list(TARGETS)], copy=False), list(shown))]
     if len(world.joints):
@@ -200,7 +208,7 @@ class _World:
         self._step(*self._world)
 
     def _aim_at(self, frame: int) -> None:
-        """Copy the tracker's poses at the frame's start and end into the world."""
+        """Copy the tracker's poses and velocities at the frame's start and end into the world."""
         for target, shown in self._targets:
             target[...] = shown[frame]
 
@@ -259,11 +267,12 @@ class _World:
                 tuple(map(tuple, (row["inertia"] * unit).tolist())),
             )
             for body, row in rows
-            if body.kind != "fixed"
+            if body.kind not in UNMOVED
         }
         drives = {
             tracker.root: {name: float(row[name]) * unit for name in ("mass", "stiffness", "damping")}
             for tracker, row in zip(scenario.trackers, world.drivers)
+            if not row["prescribed"]
         }
         names = [name for tracker in scenario.trackers for name in tracker.joints]
         pairs = tuple(self._pair(a, b) for a, b in scenario.touching_pairs())
@@ -280,7 +289,7 @@ class _World:
             pieces={
                 b.name: int((world.pieces["body"] == k).sum()) for k, b in zip(self._rows, scenario.bodies)
             },
-            freedom=6 * (int((world.bodies["kind"] == conventions.SIMULATED).sum()) + len(world.drivers))
+            freedom=6 * (int((world.bodies["kind"] == conventions.SIMULATED).sum()) + len(drives))
             + len(names),
         )
 

@@ -18,9 +18,27 @@ from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
 from touchstone.reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
 from touchstone.scenarios.avatar.chains import hinge_axes
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere, Vector
+from touchstone.scenarios.scenario import (
+    UNMOVED,
+    Box,
+    Capsule,
+    Ellipsoid,
+    Hull,
+    Piece,
+    Scenario,
+    Sphere,
+    Vector,
+)
 
-KINDS = {"fixed": conventions.FIXED, "simulated": conventions.SIMULATED, "driven": conventions.DRIVEN}
+KINDS = {
+    "fixed": conventions.FIXED,
+    "simulated": conventions.SIMULATED,
+    "driven": conventions.DRIVEN,
+    "prescribed": conventions.DRIVEN,
+}
+PRESCRIBED_MASS, PRESCRIBED_INERTIA = 1.0, np.eye(3)
+"""Mass [kg] and inertia [kg m^2] in the row of a prescribed body, which keep composite inertias finite; its
+inverse mass is 0, so that no contact uses them."""
 PAIRS_PER_PIECE = 32
 """Pair capacity per piece in large scenes: a sphere among equal spheres has 12 neighbours, which count at the
 start and again at the end of a substep."""
@@ -42,7 +60,7 @@ LARGEST_UNIT = 1022
 def mass_unit(scenario: Scenario) -> float:
     """Unit in which a scene's masses, inertias and couplings are computed [kg]: 1, or a power of two between
     the least and the largest mass if one of them is beyond MASS_RANGE. Powers of two scale exactly."""
-    masses = [body.mass for body in scenario.bodies if body.kind != "fixed"]
+    masses = [body.mass for body in scenario.bodies if body.kind not in UNMOVED]
     if not masses or (MASS_RANGE[0] <= min(masses) and max(masses) <= MASS_RANGE[1]):
         return 1.0
     middle = (frexp(min(masses))[1] + frexp(max(masses))[1]) // 2
@@ -102,13 +120,13 @@ def translate(scenario: Scenario) -> World:
 def pair_capacity(scenario: Scenario) -> int:
     """Number of rows for pairs.
 
-    Small scenes get room for all pairs that can touch, with manifolds at the start of a substep and again at
-    its end; large scenes get `PAIRS_PER_PIECE` per piece.
+    Small scenes get room for all pairs that can touch, with manifolds at the start of a substep, and twice again
+    at its end: also in a search for the stops of drivers; large scenes get `PAIRS_PER_PIECE` per piece.
     """
     fixed = sum(len(body.pieces) for body in scenario.bodies if body.kind == "fixed")
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     meeting = (pieces * (pieces - 1) - fixed * (fixed - 1)) // 2
-    return min((PATCH_POINTS + 1) * meeting, max(PAIRS_AT_LEAST, PAIRS_PER_PIECE * pieces))
+    return min((PATCH_POINTS + 2) * meeting, max(PAIRS_AT_LEAST, PAIRS_PER_PIECE * pieces))
 
 
 def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
@@ -122,6 +140,8 @@ def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
         row["mass"] = body.mass
         row["inverse_mass"] = 1 / body.mass if body.kind == "simulated" else 0.0
         row["center_of_mass"], row["inertia"] = body.center_of_mass, body.inertia
+        if body.kind == "prescribed":
+            row["mass"], row["inertia"] = PRESCRIBED_MASS, PRESCRIBED_INERTIA
         moments, axes = np.linalg.eigh(row["inertia"])
         if body.kind == "simulated" and min(body.mass, moments[0]) < np.finfo(float).tiny:
             raise Unsupported(
@@ -210,15 +230,20 @@ def _drivers(scenario: Scenario) -> np.ndarray:
     for row, tracker, first in zip(drivers, scenario.trackers, _first_joints(scenario)):
         links = scenario.links(tracker)
         row["root"], row["first_joint"], row["joint_count"] = links[0], first, len(tracker.joints)
-        row["mass"] = sum(scenario.bodies[link].mass for link in links)
-        row["inverse_mass"] = 1 / row["mass"]
+        row["prescribed"] = scenario.prescribes(tracker)
+        if row["prescribed"]:
+            row["mass"], row["inverse_mass"] = PRESCRIBED_MASS, 0.0
+        else:
+            row["mass"] = sum(scenario.bodies[link].mass for link in links)
+            row["inverse_mass"] = 1 / row["mass"]
         row["stiffness"], row["damping"] = tracker.stiffness, tracker.damping
         row["hinge_frequency"] = tracker.hinge_frequency
         motion = sample(tracker, np.zeros(1))
         for prefix in ("", "target_", "old_target_"):
             row[f"{prefix}position"] = motion.position[0]
             row[f"{prefix}orientation"] = motion.orientation[0]
-        row["velocity"], row["omega"] = motion.linear_velocity[0], motion.angular_velocity[0]
+            row[f"{prefix}velocity"] = motion.linear_velocity[0]
+            row[f"{prefix}omega"] = motion.angular_velocity[0]
     return drivers
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
 from touchstone.reports.metrics.motion.ballistic_arcs import OPEN_GAP, Bounce, Gap, bounces, gap_of
-from touchstone.scenarios.scenario import ORIGIN, Body, Sphere
+from touchstone.scenarios.scenario import ORIGIN, TRACKED, Body, Sphere
 
 Mask = NDArray[np.bool_]
 
@@ -60,6 +60,8 @@ def impulse_balance_driven(context: Context) -> Values:
     rows, r = context.recording.contacts, context.recording
     found = {}
     for k, tracker in enumerate(context.scenario.trackers):
+        if context.scenario.prescribes(tracker):
+            continue
         links = np.array(context.scenario.links(tracker))
         in_a, in_b = np.isin(rows["body_a"], links), np.isin(rows["body_b"], links)
         if not (in_a ^ in_b).any():
@@ -159,12 +161,12 @@ def at_distance(context: Context) -> Values:
 
     The position of a body that is hit at a distance follows from its free arc, forward to the first contact
     of its frame or backward to the last; a first-order path differs from that arc by g dt h / 2, 0.34 mm for
-    steps of 1/240 s. Contacts of driven bodies are excluded: each engine moves those in its own way within a
-    frame.
+    steps of 1/240 s. Contacts of driven and prescribed bodies are excluded: each engine moves those in its
+    own way within a frame.
     """
     rows = context.recording.contacts
     normal, _ = context.impulses
-    driven = np.array(context.kind) == "driven"
+    driven = np.isin(context.kind, TRACKED)
     pressing = np.where(driven[rows["body_a"]] | driven[rows["body_b"]], 0.0, np.maximum(normal, 0.0))
     if not pressing.any():
         raise NotMeasured("no contact presses")

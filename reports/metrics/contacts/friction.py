@@ -24,7 +24,7 @@ def friction_cone(context: Context) -> Values:
     """
     rows = context.recording.contacts
     if not len(rows):
-        raise NotMeasured("no contact")
+        raise NotMeasured("the engine reports no contact")
     limit, tangential = _bounds(context)
     normal = np.maximum(context.impulses[0], 0.0)
     step = np.floor(rows["time"] / float(context.recording.facts["dt"]) + STARTS).astype(np.int64)
@@ -43,7 +43,7 @@ def friction_cone(context: Context) -> Values:
 def friction_cone_point(context: Context) -> Values:
     """Largest max(0, |j_t| - mu j_n) / (mu j_n + j_0) of any contact point [relative]; truth 0."""
     if not len(context.recording.contacts):
-        raise NotMeasured("no contact")
+        raise NotMeasured("the engine reports no contact")
     limit, tangential = _bounds(context)
     excess = np.maximum(0.0, tangential - limit)
     return {"": float(np.max(excess / (limit + context.least_impulse)))}

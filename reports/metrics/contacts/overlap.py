@@ -8,6 +8,7 @@ from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.tracked import Mask, pressed
+from touchstone.scenarios.scenario import UNMOVED
 
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""
@@ -41,25 +42,53 @@ def overlap_time(context: Context) -> Values:
 
 
 def contact_gap(context: Context) -> Values:
-    """Median signed distance of a body at rest, or pressed by its tracker, to its support [m]; truth 0.
+    """Median signed distance of a body at rest, carried, pushed or pressed, to its support [m]; truth 0.
 
-    Covers a simulated body that rests on a fixed one; and a driven body, by its nearest link, in the frames
-    in which its tracker has a link inside a fixed or driven body.
+    Covers a simulated body that rests on a fixed body, or moves with a prescribed one; a simulated body that
+    a driven one carries or pushes, by the nearest link that presses, in the frames before and after which the
+    engine reports normal impulses of the pair, however far apart they are; and a driven body, by its nearest
+    link, in the frames in which its tracker has a link inside a fixed or driven body.
     """
-    found = {**_resting_gaps(context), **_pressed_gaps(context)}
+    found: dict[str, float | Value] = {
+        **_resting_gaps(context),
+        **_carried_gaps(context),
+        **_pressed_gaps(context),
+    }
     if not found:
-        raise NotMeasured("no body rests on a fixed one, and none is pressed")
+        raise NotMeasured("no body rests on a fixed or prescribed one, none is pressed, carried or pushed")
     return found
+
+
+def _carried_gaps(context: Context) -> dict[str, Value]:
+    """Gaps between driven bodies and the simulated ones that they carry or push, by the name of the root."""
+    met, which = context.met
+    frames, pressing = len(context.recording.time), context.impulses[0] > context.least_impulse
+    nearest: dict[str, Array] = {}
+    for k, pair in enumerate(met):
+        if {context.kind[body] for body in pair} == {"driven", "simulated"}:
+            steps = np.zeros(frames + 1, dtype=bool)
+            steps[1 + context.contact_frame[pressing & (which == k)]] = True
+            loaded = steps[:-1] & steps[1:]
+            gap = np.where(loaded, context.distances.distance[pair], np.inf)
+            name = context.owner_pair(*pair)
+            nearest[name] = np.minimum(nearest.get(name, np.inf), gap)
+    kept = {name: gap[np.isfinite(gap)] for name, gap in nearest.items()}
+    return {
+        name: Value(float(np.median(gap)), f"{np.percentile(np.abs(gap), 95):.2g} m in one of 20 frames")
+        for name, gap in kept.items()
+        if len(gap) >= FEWEST
+    }
 
 
 def _resting_gaps(context: Context) -> dict[str, float]:
     found = {}
     for body in context.simulated:
-        speed = np.linalg.norm(context.recording.linear_velocity[:, body], axis=1)
         for (a, b), distance in context.distances.distance.items():
             other = b if a == body else a
-            if body not in (a, b) or context.kind[other] != "fixed":
+            if body not in (a, b) or context.kind[other] not in UNMOVED:
                 continue
+            carried = context.surface_velocity(other, context.mass_centers[:, body])
+            speed = np.linalg.norm(context.recording.linear_velocity[:, body] - carried, axis=1)
             resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
             if resting.sum() >= FEWEST:
                 found[context.pair_name(a, b)] = float(np.median(distance[resting]))

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 STEPS_PER_THICKNESS = 16
 """Number of samples of a motion through two pieces, per sum of their inner radii [1]."""
+MOST_SAMPLES = 100_000
+"""Number of samples of a recording after which pairs are sampled at its frames only [1]. The hardest scenes
+need 1,100; bodies that spin by thousands of rad/s more, and their path between frames is unknown anyway."""
 UNBOUNDED = 1e3
 """Depth from which the oracle's answer is invalid [m]: it returns 1.8e308 for some nested pieces."""
 
@@ -69,6 +72,7 @@ class Motions:
         turns = Rotation.from_quat(self._recording.orientation.reshape(-1, 4), scalar_first=True)
         frames, count = self._recording.orientation.shape[:2]
         self.rotation = turns.as_matrix().reshape(frames, count, 3, 3)
+        self.samples = 0
 
     @cached_property
     def turn(self) -> Array:
@@ -190,6 +194,9 @@ class Pair:
         while share < 1.0:
             found, _ = self.sample(steps, share, start + share)
             yield found
+            self.motions.samples += 1
+            if self.motions.samples > MOST_SAMPLES:
+                return
             least = max(abs(found.distance - level), self.thickness / STEPS_PER_THICKNESS)
             share += least / way if way > 0 else inf
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context
+from touchstone.scenarios.scenario import TRACKED
 
 TOUCH_GAP = 1e-4
 """Gap below which bodies touch [m]."""
@@ -43,7 +44,7 @@ class Bounce:
 @dataclass(frozen=True, slots=True)
 class Gap:
     """Signed distance of a pair over the frames, its rate, and its acceleration without contact: gravity for
-    simulated bodies, the motion of the previous frame for driven ones."""
+    simulated bodies, the motion of the previous frame for driven and prescribed ones."""
 
     gap: Array
     rate: Array
@@ -73,7 +74,7 @@ def _free_acceleration(context: Context, body: int, velocity: Array) -> Array:
     if context.kind[body] == "simulated":
         return np.tile(context.gravity, (len(velocity), 1))
     change = np.zeros_like(velocity)
-    if context.kind[body] == "driven":
+    if context.kind[body] in TRACKED:
         change[1:] = np.diff(velocity, axis=0) / context.frame
     return change
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.posture import limit_excess
+from touchstone.scenarios.scenario import TRACKED, UNMOVED
+
+Mask = NDArray[np.bool_]
 
 STORING = 1e-4
 """Overlap from which a soft contact may store elastic energy beyond rounding [m]."""
@@ -54,8 +60,11 @@ def energy_injected(context: Context) -> Values:
     nor in one in which any body does or a hinge exceeds its limit by more than STORING_ANGLE.
 
     Subject `simulated`: only simulated bodies; W is the work of the impulses that driven bodies exert on
-    them, J . (v- + v+) / 2 at the contact. Subject `all`, in scenes with driven bodies: every body; W is the
-    work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
+    them, J . (v- + v+) / 2 with the velocity of the simulated body at the contact. Subject `driven`, where
+    driven bodies exert some: the same with the velocity of the driven body, as in `energy.drive`, so that a
+    contact must not give more than its driver. Subject `all`, in scenes with driven bodies: every body; W is
+    the work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
+    Prescribed bodies count as driven ones.
     """
     found: dict[str, float | Value] = {
         subject: float(np.max(rise)) for subject, rise in energy_rise(context).items()
@@ -70,12 +79,15 @@ def energy_rise(context: Context) -> dict[str, Array]:
     found: dict[str, Array] = {}
     work = context.recording.driver_work
     if context.scenario.trackers and not np.isnan(work).any():
-        moving = [k for k, kind in enumerate(context.kind) if kind != "fixed"]
+        moving = [k for k, kind in enumerate(context.kind) if kind not in UNMOVED]
         stores = _stores(context, moving) | (limit_excess(context).max(axis=1, initial=0.0) > STORING_ANGLE)
         found["all"] = _rise(mechanical_energy(context, moving) - work, stores)
     if context.simulated:
-        simulated = mechanical_energy(context, context.simulated) - _work_of_driven_contacts(context)
-        found["simulated"] = _rise(simulated, _stores(context, context.simulated))
+        energy, stores = mechanical_energy(context, context.simulated), _stores(context, context.simulated)
+        found["simulated"] = _rise(energy - _work_of_driven_contacts(context), stores)
+        given = _work_of_driven_contacts(context, "driven")
+        if given.any():
+            found["driven"] = _rise(energy - given, stores)
     return found
 
 
@@ -89,7 +101,7 @@ def energy_ledger(context: Context) -> Values:
     if context.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
     rows, kind = context.recording.contacts, np.array(context.kind)
-    free = (kind[rows["body_a"]] != "driven") & (kind[rows["body_b"]] != "driven")
+    free = ~np.isin(kind[rows["body_a"]], TRACKED) & ~np.isin(kind[rows["body_b"]], TRACKED)
     normal, tangential = context.impulses
     mean = rows["velocity_b_before"] - rows["velocity_a_before"]
     mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
@@ -140,14 +152,45 @@ def spin(context: Context, body: int, orientation: Array, omega: Array) -> Array
     return np.asarray(turned.apply(turned.inv().apply(omega) @ inertia))
 
 
-def _work_of_driven_contacts(context: Context) -> Array:
-    """Work that driven bodies have done on simulated ones by the end of each frame (f,) [J]."""
+def energy_drive(context: Context) -> Values:
+    """Work of each driven or prescribed body on what it touches, the sum of J . (v- + v+) / 2 [J].
+
+    J is the impulse on the other body, v the velocity of the driven link's surface at the contact before and
+    after it. Contacts between links of one body are excluded: they do no work on others.
+    """
+    found = {name: float(work[-1]) for name, work in drive_work(context).items()}
+    if not found:
+        raise NotMeasured("the engine reports no impulse of a driven or prescribed body")
+    return found
+
+
+def drive_work(context: Context) -> dict[str, Array]:
+    """Work of each driver's contacts by the end of each frame (f,) [J], by the name of its root."""
+    rows, groups = context.recording.contacts, np.array(context.scenario.groups())
+    outside = groups[rows["body_a"]] != groups[rows["body_b"]]
+    found = {}
+    for k, tracker in enumerate(context.scenario.trackers):
+        of_a, of_b = (outside & (groups[rows[f"body_{side}"]] == k) for side in "ab")
+        if (of_a | of_b).any():
+            found[tracker.root] = _contact_work(context, "a", of_a) + _contact_work(context, "b", of_b)
+    return found
+
+
+def _work_of_driven_contacts(context: Context, at: Literal["simulated", "driven"] = "simulated") -> Array:
+    """Work of driven bodies on simulated ones by the end of each frame (f,) [J], at the surface of one."""
+    rows, kind = context.recording.contacts, np.array(context.kind)
+    work = np.zeros(len(context.recording.time))
+    for free, driven in ("ab", "ba"):
+        chosen = (kind[rows[f"body_{free}"]] == "simulated") & np.isin(kind[rows[f"body_{driven}"]], TRACKED)
+        side, sign = (driven, 1.0) if at == "driven" else (free, -1.0)
+        work += sign * _contact_work(context, side, chosen)
+    return work
+
+
+def _contact_work(context: Context, side: str, chosen: Mask) -> Array:
+    """Work (f,) [J] that the surfaces of A or B do on the other body in the chosen contact rows."""
     rows = context.recording.contacts
-    kind = np.array(context.kind)
-    work = np.zeros(len(rows))
-    for side, other, sign in (("a", "b", -1.0), ("b", "a", 1.0)):
-        chosen = (kind[rows[f"body_{side}"]] == "simulated") & (kind[rows[f"body_{other}"]] == "driven")
-        mean = (rows[f"velocity_{side}_before"] + rows[f"velocity_{side}_after"]) / 2
-        work += np.where(chosen, sign * np.einsum("ij,ij->i", rows["impulse"], mean), 0.0)
-    by_frame = np.bincount(context.contact_frame + 1, weights=work, minlength=len(context.recording.time))
+    mean = (rows[f"velocity_{side}_before"] + rows[f"velocity_{side}_after"]) / 2
+    done = np.einsum("ij,ij->i", rows["impulse"], mean) * np.where(chosen, 1.0 if side == "a" else -1.0, 0.0)
+    by_frame = np.bincount(context.contact_frame + 1, weights=done, minlength=len(context.recording.time))
     return np.cumsum(by_frame)

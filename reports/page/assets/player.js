@@ -192,7 +192,8 @@ function programOf(gl, vertex, fragment) {
   return { program, at };
 }
 
-const CONTACT = [0.86, 0.08, 0.24], KIND = { driven: [0.27, 0.47, 0.67], simulated: [0.93, 0.68, 0.25] };
+const CONTACT = [0.86, 0.08, 0.24];
+const KIND = { driven: [0.27, 0.47, 0.67], prescribed: [0.55, 0.48, 0.67], simulated: [0.93, 0.68, 0.25] };
 const OVERLAP = [0.8, 0.1, 0.35];
 
 class Player {

@@ -11,10 +11,10 @@ from touchstone.adapters.robots.export_urdf import urdf_files
 from touchstone.adapters.robots.robot_scene import imported
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Capsule, Ellipsoid, Hull
+from touchstone.scenarios.scenario import TRACKED, UNMOVED, Capsule, Ellipsoid, Hull
 from touchstone.scenarios.solids import capsule, ellipsoid
 
-SCENES = ("ball_snip", "wall_push", "dominoes", "arch_stands", "fall")
+SCENES = ("ball_snip", "wall_push", "dominoes", "arch_stands", "fall", "platform_lift", "turntable")
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -29,9 +29,10 @@ def test_mujoco_reads_the_mjcf(name):
     mujoco.mj_kinematics(model, data)
     for body in scenario.bodies:
         own = model.body(body.name)
-        if body.kind != "driven":
+        if body.kind not in TRACKED:
             assert np.allclose(data.xpos[own.id], body.position, atol=1e-15)
-        if body.kind != "fixed":
+        assert (model.body_mocapid[own.id] >= 0) == (body.kind == "prescribed")
+        if body.kind not in UNMOVED:
             moments = np.linalg.eigvalsh(body.inertia)
             assert own.mass[0] == body.mass
             assert np.allclose(np.sort(own.inertia), moments, rtol=1e-9)

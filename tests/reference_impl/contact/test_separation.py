@@ -61,17 +61,3 @@ def test_a_jammed_bar_turns(lab: SimpleNamespace, kind: str) -> None:
     height = half[0] * np.sin(tilt) - half[2] * np.cos(tilt)
     turned = 2 * np.arctan2(-found["orientation"][2], found["orientation"][0]) - tilt
     assert 1.0 - 1e-3 <= turned * height / (sunk - SEPARATION_DEPTH) <= 1.1
-
-
-def test_a_ball_squeezed_by_drivers_returns(lab: SimpleNamespace) -> None:
-    """Return a ball that has no room between two driven blocks to where its substep began."""
-    starts = {f"wall {x}": (x * (1 + RADIUS - 1e-3), 0.0, 0.0) for x in (-1, 1)}
-    walls = [lab.block(name, (1, 1, 1), (0, 0, 0), "driven") for name in starts]
-    trackers = tuple(lab.still(*row) for row in starts.items())
-    world = lab.build(lab.scene(*walls, lab.ball("ball", (0.0, 0.0, 1.5)), trackers=trackers))
-    ball = world.bodies[2]
-    ball["old_center"], ball["old_orientation"], ball["moves"] = (0, 0, 1.5), (1, 0, 0, 0), 1
-    ball["position"] = (0, 0, 0.5)
-    separate_simulated(world.of_stages(), 0)
-    assert world.state["squeezed"] == 0
-    np.testing.assert_allclose(ball["position"], (0, 0, 1.5), rtol=0, atol=0)

@@ -27,7 +27,7 @@ def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path, left):
     assert left(tmp_path) == ["here"]
     assert left("here") == ["results"]
     tables = ("report.html", "report.md", "results.csv", "results.parquet")
-    wanted = ["frame_budget.png", "manifest.json", "output", "recordings", *tables]
+    wanted = ["forces.png", "frame_budget.png", "manifest.json", "output", "recordings", *tables]
     assert left("here/results") == wanted
     assert left("here/results/recordings") == ["ball_snip-reference-balanced.npz"]
     assert "results: here/results" in out

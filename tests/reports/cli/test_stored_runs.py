@@ -7,15 +7,25 @@ import os
 import re
 import signal
 from pathlib import Path
+from uuid import uuid4
 
+import numpy as np
 import pandas as pd
 import pytest
-from forged_recordings import WAYS, forge
+from forged_recordings import WAYS, forge, rewrite
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from touchstone.reports.compare.stored import NEEDED
+from touchstone.adapters.recording import ARRAYS, CONTACTS
+from touchstone.reports.compare.stored import NEEDED, NUMBERS
 from touchstone.reports.results import save
 
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced", "--quiet", "--out", "old")
+
+EXTREMES = (np.nan, np.inf, -np.inf, 1e308, -1e155, 1e39, 9e29, 1e15, 1e4, -1.0, 0.0, 5e-324, 1e-310)
+"""Numbers at which arithmetic overflows, loses all digits, or takes long."""
+LONGEST = 60
+"""Time of a command [s]: ten times the longest that is known."""
 
 
 @pytest.fixture
@@ -82,8 +92,60 @@ def test_a_forged_recording_exits_with_one_line(touchstone, registry, tmp_path, 
 
 
 @pytest.fixture
+def hurried(touchstone):
+    """The program, which fails where it waits or computes for long."""
+
+    def end(*_):
+        raise AssertionError("the program takes too long")  # no OSError, which the program expects
+
+    def call(*arguments):
+        signal.alarm(LONGEST)
+        try:
+            return touchstone(*arguments)
+        finally:
+            signal.alarm(0)
+
+    before = signal.signal(signal.SIGALRM, end)
+    yield call
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    field=st.sampled_from([(name,) for name, (_, numbers) in ARRAYS.items() if numbers])
+    | st.sampled_from([("contacts", name) for name in ("time", *CONTACTS)]),
+    rows=st.sampled_from([slice(None), slice(1, None), slice(-1, None)]),
+    value=st.sampled_from(EXTREMES),
+)
+def test_an_extreme_number_ends_in_a_verdict_or_one_line(hurried, registry, tmp_path, field, rows, value):
+    """Whatever number a recording holds, commands end soon, and with one line where they refuse it."""
+    path = tmp_path / "forged" / "recordings" / "ball_snip-reference-balanced.npz"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "forged" / "results.csv").write_text(",".join(NEEDED) + "\n")
+    registry.played("ball_snip", "reference").save(path)
+
+    def change(columns):
+        array = columns[field[0]]
+        for name in field[1:]:
+            array = array[name]
+        array[rows] = value
+
+    rewrite(path, change)
+    for arguments in (
+        ("view", "forged", "--no-open"),
+        ("judge", "forged", "--quiet", "--out", uuid4().hex),
+        ("export", path, "--format", "glb", "--out", f"{uuid4().hex}.glb"),
+    ):
+        code, _, err = hurried(*arguments)
+        assert code in (0, 1, 2, 5), err
+        assert code != 2 or err.count("\n") == 1
+        assert "Warning" not in err
+
+
+@pytest.fixture
 def special(tmp_path):
-    """Make a FIFO, a folder or a link to a device in the working folder; a program that waits fails."""
+    """Make a FIFO, a folder or a link to a device in the working folder."""
 
     def make(kind, name):
         path = tmp_path / name
@@ -93,14 +155,7 @@ def special(tmp_path):
             path
         )
 
-    def end(*_):
-        raise AssertionError("the program waits")  # no OSError, which the program expects
-
-    before = signal.signal(signal.SIGALRM, end)
-    signal.alarm(10)
-    yield make
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
+    return make
 
 
 READERS = (
@@ -124,7 +179,7 @@ READERS = (
 
 @pytest.mark.parametrize("kind", ["FIFO", "folder", "device"])
 @pytest.mark.parametrize(("name", "arguments"), READERS)
-def test_what_is_no_regular_file_is_refused(touchstone, special, tmp_path, kind, name, arguments):
+def test_what_is_no_regular_file_is_refused(hurried, special, tmp_path, kind, name, arguments):
     """A FIFO, a folder or a device in place of a file ends in one line and exit 2, at once."""
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "index.md").touch()
@@ -132,10 +187,21 @@ def test_what_is_no_regular_file_is_refused(touchstone, special, tmp_path, kind,
         (tmp_path / "old").mkdir()
         (tmp_path / "old" / "results.csv").write_text(",".join(NEEDED) + "\n")
     special(kind, name)
-    code, out, err = touchstone(*arguments)
+    code, out, err = hurried(*arguments)
     assert (code, out) == (2, "")
     assert err.count("\n") == 1
     assert err.startswith("touchstone: ")
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_text_in_place_of_a_number_is_refused(touchstone, tmp_path, name):
+    """A table whose column of numbers holds a text ends in one line that names the column, and exit 2."""
+    row = {**dict.fromkeys(NEEDED, "a"), **dict.fromkeys(NUMBERS, 1.0)}
+    for folder, changed in (("old", {}), ("new", {name: "one"})):
+        (tmp_path / folder).mkdir()
+        pd.DataFrame([row, row | changed]).to_csv(tmp_path / folder / "results.csv", index=False)
+    line = f"touchstone: new/results.csv: {name}: expected numbers\n"
+    assert touchstone("compare", "old", "new") == (2, "", line)
 
 
 WRONG = (

@@ -13,10 +13,10 @@ from touchstone.reports.metrics import IMPULSE_METRICS, METRICS, SOLVER_METRICS,
 from touchstone.reports.metrics.context import Context, JudgeMissing, NotMeasured, Value
 from touchstone.scenarios.catalogue import catalogue, tagged
 
-UNITS = {"s", "m", "m s", "m/s", "1", "J", "rad", "rad/s"}
+UNITS = {"s", "m", "m s", "m/s", "1", "J", "N", "N s", "rad", "rad/s"}
 OF_PROBES = (
     *("truth.", "bounce.", "rotation.", "rolling.", "rest.", "symmetry.", "momentum."),
-    *("energy.gain", "energy.loss"),
+    *("energy.gain", "energy.loss", "force.error"),
 )
 """Metrics that need a closed form or a tag that scenes of the gallery do not have."""
 ELSEWHERE = (

@@ -238,3 +238,32 @@ def test_the_schema_names_every_field():
     assert all(part["additionalProperties"] is False for part in schema["$defs"].values())
     assert "kg" not in schema["$defs"]["Sphere"]["description"]
     assert "file" in schema["$defs"]["Tracker"]["properties"]
+
+
+def test_a_prescribed_body_in_a_file(tmp_path):
+    """It needs no mass; a coupling and two poses at one time are refused with their lines."""
+    text = """duration = 1.0
+coefficients = [{ material_a = "m", material_b = "m", restitution = 0.0, friction = 0.5 }]
+
+[[bodies]]
+name = "deck"
+kind = "prescribed"
+material = "m"
+pieces = [{ name = "deck", shape = { radius = 1.0 } }]
+
+[[trackers]]
+root = "deck"
+times = [0.0, 0.5, 1.0]
+positions = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]
+orientations = [[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
+"""
+    path = tmp_path / "deck.toml"
+    path.write_text(text)
+    (scene,) = scenes_of_file(path)
+    assert (scene.bodies[0].mass, scene.prescribes(scene.trackers[0])) == (0.0, True)
+    path.write_text(text.replace("0.5, 1.0]", "1.0, 1.0]") + "stiffness = 500.0\n")
+    with pytest.raises(SceneFileError) as caught:
+        scenes_of_file(path)
+    twice, coupled = str(caught.value).splitlines()
+    assert "deck.toml:12: trackers[0].times[2]: 'deck' has two poses at 1 s" in twice
+    assert "deck.toml:15: trackers[0].stiffness: found 500.0, but 'deck' is prescribed" in coupled

@@ -1,0 +1,332 @@
+"""Drivers without chains as bodies of the simulated loop: Eq. 6 with contact forces in it.
+
+    m x'' = -K (x - x_goal) - R (x' - x_goal') + f
+
+The goal is the tracker, which moves linearly within a frame; along what overlap removal withheld it is the
+pose that removal found. The equation is linear: over a substep of length h with a constant force its solution
+is the free motion plus f times the response of `coupling_response`, at any h. The rotation obeys the same
+equation, critically damped at sqrt(K / m), about the centre of mass.
+
+The contact solver asks a law of velocities at the end of a substep. A coupling that is much faster than h
+moves by f / K within it, but has no velocity at its end. Rows with a driver therefore ask the law of
+
+    q = (1 - lead) u(h) + 2 lead (mean of u)          (lead in [0, 1])
+
+For a simulated body q is its velocity after the impulse plus lead times that before it: it keeps its mass. A
+driver's inverse mass is (1 - lead) H / h + 2 lead G / h^2, with G and H its displacement and velocity per
+force. At rest u = 0 and q = 0 say the same, so static forces are exact. A second solve with lead = 1, the law
+of positions, gives the displacements: what touches stays in touch, while its impulses change no velocity
+(stabilisation by a second multiplier: Gear, Leimkuhler & Gupta 1985).
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.continuous.coupling_response import decay, unit_response
+from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import (
+    copy_quaternion,
+    copy_vector,
+    invert_symmetric,
+    rotation_between,
+    turn,
+)
+from touchstone.reference_impl.kinematics.skeleton import link_of, move_links, pose_links
+
+
+@kernel
+def note_start(joints, driver):
+    """Store the pose and velocities of a driver at the start of a frame."""
+    copy_vector(driver["position"], driver["old_position"])
+    copy_quaternion(driver["orientation"], driver["old_orientation"])
+    copy_vector(driver["velocity"], driver["old_velocity"])
+    copy_vector(driver["omega"], driver["old_omega"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["shown_angle"] = joints[k]["angle"]
+
+
+@kernel
+def enter_loop(bodies, joints, driver, dt):
+    """Return a driver to where the frame of length dt began; the pose that it leaves becomes its goal where
+    overlap removal moved it.
+
+    Removal moved it by a shift from the pose of Eq. 6. Along the shift the goal moves evenly from the start
+    to the pose found; across it the goal is the tracker.
+    """
+    driver["loops"], driver["clock"], driver["old_clock"] = 1, 0.0, 0.0
+    _set_moving(bodies, joints, driver, 1)
+    shift, start, end = driver["stop_velocity"], driver["goal_start"], driver["goal_end"]
+    square = 0.0
+    for i in range(3):
+        shift[i] = driver["position"][i] - driver["coupled_position"][i]
+        square += shift[i] * shift[i]
+        start[i], end[i] = driver["old_target_position"][i], driver["target_position"][i]
+    v = driver["old_velocity"]
+    if square > 0:
+        back = ahead = speed = last = 0.0
+        for i in range(3):
+            back += shift[i] * (driver["old_position"][i] - start[i]) / square
+            ahead += shift[i] * (driver["position"][i] - end[i]) / square
+            speed += shift[i] * ((driver["position"][i] - driver["old_position"][i]) / dt - v[i]) / square
+            pace = (driver["position"][i] - driver["old_position"][i]) / dt
+            last += shift[i] * (driver["velocity"][i] - pace) / square
+        for i in range(3):
+            start[i] += back * shift[i]
+            end[i] += ahead * shift[i]
+            v[i] += speed * shift[i]
+            shift[i] *= last
+    turned = 0.0
+    for i in range(4):
+        turned += abs(driver["orientation"][i] - driver["coupled_orientation"][i])
+    if turned > 0:
+        copy_quaternion(driver["old_orientation"], driver["goal_start_orientation"])
+        copy_quaternion(driver["orientation"], driver["goal_end_orientation"])
+        rotation_between(driver["old_orientation"], driver["orientation"], driver["old_omega"])
+        for i in range(3):
+            driver["old_omega"][i] /= dt
+    else:
+        copy_quaternion(driver["old_target_orientation"], driver["goal_start_orientation"])
+        copy_quaternion(driver["target_orientation"], driver["goal_end_orientation"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["goal_angle"] = joints[k]["angle"]
+    _set_rates(joints, driver, 1 / dt)
+    return_to_start(bodies, joints, driver, dt)
+
+
+@kernel
+def leave_loop(bodies, joints, driver):
+    """End a driver's frame: along the shift of overlap removal it keeps the velocity that removal left."""
+    driver["loops"] = driver["pressed"] = 0
+    _set_moving(bodies, joints, driver, 0)
+    for i in range(3):
+        driver["velocity"][i] += driver["stop_velocity"][i]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["angle"] = joints[k]["goal_angle"]
+    pose_links(bodies, joints, driver)
+    move_links(bodies, joints, driver)
+
+
+@kernel
+def _set_moving(bodies, joints, driver, moves):
+    for k in range(driver["joint_count"] + 1):
+        bodies[link_of(joints, driver, k)]["moves"] = moves
+
+
+@kernel
+def return_to_start(bodies, joints, driver, dt):
+    """Return a driver to the pose and velocities at the start of its substep."""
+    copy_vector(driver["old_position"], driver["position"])
+    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    copy_vector(driver["old_velocity"], driver["velocity"])
+    copy_vector(driver["old_omega"], driver["omega"])
+    driver["clock"] = driver["old_clock"]
+    _pose_at(bodies, joints, driver, 0.0, dt)
+    move_links(bodies, joints, driver)
+
+
+@kernel
+def begin_driver(driver):
+    """Store the pose and velocities of a driver at the start of a substep."""
+    copy_vector(driver["position"], driver["old_position"])
+    copy_quaternion(driver["orientation"], driver["old_orientation"])
+    copy_vector(driver["velocity"], driver["old_velocity"])
+    copy_vector(driver["omega"], driver["old_omega"])
+    driver["old_clock"] = driver["clock"]
+
+
+@kernel
+def coast(bodies, joints, driver, h, lead, dt):
+    """Set a driver's velocities after a time h without contact forces, its mobility over h, and its links'
+    leads q - u(h); its pose stays at the start of the substep."""
+    if lead < 1:
+        driver["shift_push"][:] = driver["shift_twist"][:] = 0.0
+    driver["push"][:] = driver["twist"][:] = 0.0
+    _advance(driver, h, h, dt, 0.0)
+    v, w, turned = driver["velocity"], driver["omega"], driver["scratch"][0]
+    rotation_between(driver["old_orientation"], driver["orientation"], turned)
+    x, y, z, p, q, r = v[0], v[1], v[2], w[0], w[1], w[2]
+    for i in range(3):
+        v[i] = lead * (2 * (driver["position"][i] - driver["old_position"][i]) / h - v[i])
+        w[i] = lead * (2 * turned[i] / h - w[i])
+    copy_vector(driver["old_position"], driver["position"])
+    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    _set_rates(joints, driver, lead / dt)
+    move_links(bodies, joints, driver)
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        copy_vector(link["velocity"], link["lead_velocity"])
+        copy_vector(link["omega"], link["lead_omega"])
+    _set_rates(joints, driver, 1 / dt)
+    v[0], v[1], v[2], w[0], w[1], w[2] = x, y, z, p, q, r
+    move_links(bodies, joints, driver)
+    driver["lasting"] = 1
+    if driver["prescribed"] == 1:
+        return
+    mass, stiffness = driver["mass"], driver["stiffness"] / driver["mass"]
+    moved, speed = unit_response(stiffness, driver["damping"] / mass, h)
+    turned_by, spin = unit_response(stiffness, 2 * sqrt(stiffness), h)
+    driver["inverse_mass"] = ((1 - lead) * speed / h + 2 * lead * moved / (h * h)) / mass
+    driver["turn_share"] = (1 - lead) * spin / h + 2 * lead * turned_by / (h * h)
+    invert_symmetric(driver["inertia"], driver["inverse_inertia"])
+    for i in range(3):
+        for j in range(3):
+            driver["inverse_inertia"][i, j] *= driver["turn_share"]
+
+
+@kernel
+def _set_rates(joints, driver, share):
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["rate"] = share * (joints[k]["goal_angle"] - joints[k]["shown_angle"])
+
+
+@kernel
+def weigh_for_impacts(driver):
+    """Give a driver the mass and inertia that an impulse at one instant meets."""
+    driver["lasting"] = 0
+    if driver["prescribed"] == 1:
+        return
+    driver["inverse_mass"] = 1 / driver["mass"]
+    invert_symmetric(driver["inertia"], driver["inverse_inertia"])
+
+
+@kernel
+def accept_pushes(bodies, joints, driver, h, dt):
+    """Set a driver's velocities at the end of a substep from the impulses that the solver gave it; its pose
+    stays at the start."""
+    _advance(driver, h, h, dt, 1.0)
+    copy_vector(driver["old_position"], driver["position"])
+    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    move_links(bodies, joints, driver)
+
+
+@kernel
+def exchange_pushes(driver):
+    """Exchange the impulses of the law of velocities with those of the law of positions."""
+    for i in range(3):
+        driver["push"][i], driver["shift_push"][i] = driver["shift_push"][i], driver["push"][i]
+        driver["twist"][i], driver["shift_twist"][i] = driver["shift_twist"][i], driver["twist"][i]
+
+
+@kernel
+def set_link_ways(bodies, joints, driver, h, dt):
+    """Set the motion of a driver's links over a substep: through their poses at its start, middle and end."""
+    for half in range(2):
+        t = h if half else h / 2
+        _advance(driver, t, h, dt, 1.0)
+        _pose_at(bodies, joints, driver, t, dt)
+        for k in range(driver["joint_count"] + 1):
+            link = bodies[link_of(joints, driver, k)]
+            turned = driver["scratch"][0]
+            rotation_between(link["old_orientation"], link["orientation"], turned)
+            for i in range(3):
+                way, arc = link["center"][i] - link["old_center"][i], turned[i]
+                if half == 0:
+                    link["travel"][i], link["turn"][i] = way, arc
+                else:
+                    middle, half_arc = link["travel"][i], link["turn"][i]
+                    link["travel"][i], link["travel_bend"][i] = 4 * middle - way, 2 * way - 4 * middle
+                    link["turn"][i], link["turn_bend"][i] = 4 * half_arc - arc, 2 * arc - 4 * half_arc
+            link["spin_steps"], link["spin_keeps"] = 0, KEEPS_NOTHING
+
+
+@kernel
+def end_driver(bodies, joints, driver, s, h, dt):
+    """End a driver's substep of length h at its fraction s, at its exact pose there."""
+    _advance(driver, s * h, h, dt, 1.0)
+    driver["clock"] += s * h
+    _pose_at(bodies, joints, driver, 0.0, dt)
+    move_links(bodies, joints, driver)
+
+
+@kernel
+def _pose_at(bodies, joints, driver, t, dt):
+    """Pose the links at the driver's pose, and at the hinges' angles a time t after the substep's start."""
+    share = min(1.0, (driver["clock"] + t) / dt)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        joint["angle"] = joint["shown_angle"] + share * (joint["goal_angle"] - joint["shown_angle"])
+    pose_links(bodies, joints, driver)
+
+
+@kernel
+def _advance(driver, t, h, dt, share):
+    """Set a driver's pose and velocities a time t after the start of its substep of length h: free motion,
+    and a share of the response to its forces, even over the substep."""
+    if driver["prescribed"] == 1:
+        _follow_path(driver, driver["clock"] + t, dt)
+        return
+    mass = driver["mass"]
+    stiffness, damping = driver["stiffness"] / mass, driver["damping"] / mass
+    moved, speed = unit_response(stiffness, damping, t)
+    turned_by, spin = unit_response(stiffness, 2 * sqrt(stiffness), t)
+    moved, speed, turned_by, spin = share * moved, share * speed, share * turned_by, share * spin
+    turned, error = driver["scratch"][0], driver["scratch"][1]
+    rotation_between(driver["goal_start_orientation"], driver["goal_end_orientation"], turned)
+    part = driver["clock"] / dt
+    x, y, z = part * turned[0], part * turned[1], part * turned[2]
+    turn(driver["goal_start_orientation"], x, y, z, driver["orientation"])
+    rotation_between(driver["orientation"], driver["old_orientation"], error)
+    for i in range(3):
+        start, pace = driver["goal_start"][i], (driver["goal_end"][i] - driver["goal_start"][i]) / dt
+        goal = start + pace * driver["clock"]
+        x, v = driver["old_position"][i] - goal, driver["old_velocity"][i] - pace
+        x, v = decay(x, v, stiffness, damping, t)
+        driver["position"][i] = goal + pace * t + x
+        driver["velocity"][i] = pace + v
+        error[i], v = decay(error[i], driver["old_omega"][i] - turned[i] / dt, stiffness, 2 * sqrt(stiffness), t)
+        driver["omega"][i] = turned[i] / dt + v
+    part = (driver["clock"] + t) / dt
+    x, y, z = part * turned[0], part * turned[1], part * turned[2]
+    turn(driver["goal_start_orientation"], x, y, z, driver["orientation"])
+    turn(driver["orientation"], error[0], error[1], error[2], driver["orientation"])
+    p, w = driver["shift_twist"], driver["twist"]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        arm_j, arm_k = driver["old_position"][j] - driver["center"][j], driver["old_position"][k] - driver["center"][k]
+        driver["position"][i] += moved / (mass * h) * driver["shift_push"][i]
+        driver["position"][i] += turned_by / h * (p[j] * arm_k - p[k] * arm_j)
+        driver["velocity"][i] += speed / (mass * h) * driver["push"][i]
+        driver["velocity"][i] += spin / h * (w[j] * arm_k - w[k] * arm_j)
+        driver["omega"][i] += spin / h * w[i]
+    x, y, z = turned_by / h * p[0], turned_by / h * p[1], turned_by / h * p[2]
+    turn(driver["orientation"], x, y, z, driver["orientation"])
+
+
+@kernel
+def _follow_path(driver, time, dt):
+    """Set a prescribed driver's pose and velocities at a time of its frame: the cubics through its poses and
+    velocities at both ends of the frame; of its rotation, a cubic rotation vector.
+
+    With r the rotation vector since the frame's start, omega = r' + r x r' / 2 + r x (r x r') / 6 to third order.
+    """
+    s = time / dt
+    start, rise = 1 - s * s * (3 - 2 * s), s * s * (3 - 2 * s)
+    first, last = dt * s * (1 - s) * (1 - s), -dt * s * s * (1 - s)
+    climb, early, late = 6 * s * (1 - s) / dt, (1 - s) * (1 - 3 * s), s * (3 * s - 2)
+    turned, rate = driver["scratch"][0], driver["scratch"][1]
+    rotation_between(driver["old_target_orientation"], driver["target_orientation"], turned)
+    w0, w1, w = driver["old_target_omega"], driver["target_omega"], driver["omega"]
+    # the rate of the rotation vector at the end, from omega there
+    x, y, z = _cross(turned, w1)
+    rate[0], rate[1], rate[2] = x, y, z
+    u, v, t = _cross(turned, rate)
+    rate[0], rate[1], rate[2] = w1[0] - x / 2 + u / 12, w1[1] - y / 2 + v / 12, w1[2] - z / 2 + t / 12
+    for i in range(3):
+        x0, x1 = driver["old_target_position"][i], driver["target_position"][i]
+        v0, v1 = driver["old_target_velocity"][i], driver["target_velocity"][i]
+        driver["position"][i] = start * x0 + rise * x1 + first * v0 + last * v1
+        driver["velocity"][i] = climb * (x1 - x0) + early * v0 + late * v1
+        arc, end = turned[i], rate[i]
+        turned[i] = rise * arc + first * w0[i] + last * end
+        rate[i] = climb * arc + early * w0[i] + late * end
+    x, y, z = turned[0], turned[1], turned[2]
+    turn(driver["old_target_orientation"], x, y, z, driver["orientation"])
+    x, y, z = _cross(turned, rate)
+    w[0], w[1], w[2] = x, y, z
+    u, v, t = _cross(turned, w)
+    w[0], w[1], w[2] = rate[0] + x / 2 + u / 6, rate[1] + y / 2 + v / 6, rate[2] + z / 2 + t / 6
+
+
+@kernel
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,0 +1,45 @@
+"""Checks of a scenario's numbers: finite, positive, of unit length."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from math import isfinite
+
+import numpy as np
+
+Report = Callable[[str, str], None]
+"""Takes the path of a field and what is wrong with it."""
+UNIT_TOLERANCE = 1e-9
+"""Tolerance of the length of a unit quaternion or axis [1]: rounding."""
+
+
+def finite(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:
+    """Report numbers that are not finite, or not `width` many; whether there are none."""
+    numbers = list(values)
+    if width is not None and len(numbers) != width:
+        report(path, f"found {len(numbers)} numbers, expected {width}")
+        return False
+    for value in numbers:
+        if not isinstance(value, (int, float, np.number)) or not isfinite(value):
+            report(path, f"found {value!r}, expected finite numbers")
+            return False
+    return True
+
+
+def finite_rows(rows: Iterable[Iterable[float]], path: str, report: Report, width: int) -> bool:
+    """Report rows of numbers that are not finite, or not `width` long; whether there are none."""
+    bad = [k for k, row in enumerate(rows) if not finite(row, f"{path}[{k}]", report, width)]
+    return not bad
+
+
+def positive(values: Iterable[float], path: str, report: Report, width: int | None = None) -> None:
+    """Report numbers that are not positive."""
+    numbers = list(values)
+    if finite(numbers, path, report, width) and min(numbers) <= 0:
+        report(path, f"found {min(numbers)}, expected positive numbers")
+
+
+def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> None:
+    """Report a vector that is not of unit length."""
+    if finite(values, path, report, width) and abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
+        report(path, f"found length {sum(v * v for v in values) ** 0.5:.6g}, expected 1")

@@ -1,0 +1,155 @@
+"""Bodies that driven plates press, hold, lift and drag: the coupling's force and friction carry them."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import (
+    GRAVITY,
+    IDENTITY,
+    Arc,
+    Body,
+    Box,
+    Expectation,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Tracker,
+    Truth,
+    Vector,
+    vector,
+)
+from touchstone.scenarios.solids import block, box_inertia, slab
+
+TAGS = ("driven",)
+STIFFNESS, MASS = 2000.0, 0.5
+"""Coupling [N/m] and mass [kg] of a plate; critically damped."""
+PLATE = (0.01, 0.03, 0.03)
+"""Half extents of a plate that holds a cube from the side [m]."""
+CUBE, WEIGHT = 0.02, 0.1
+"""Half extent [m] and mass [kg] of the cube."""
+MU, SLIPPERY = 0.7, 0.3
+"""Friction of a plate on what it holds, and of a body on the ground [1]."""
+FRAME_RATE = 60
+
+
+@scene
+def press() -> Scenario:
+    """A plate whose tracker is 10 mm inside a box presses with 20 N; the box stays."""
+    half, box = (0.03, 0.03, 0.02), (0.1, 0.1, 0.05)
+    above = 2 * box[2] + half[2]
+    times, close = _keyframes(1.5, 0.1, 0.3)
+    path = [(0.0, 0.0, above + 0.005 - 0.015 * s) for s in close]
+    return _scene(
+        "press",
+        "a driven plate presses a box with 20 N",
+        (slab("ground", "wood"), _plate("plate", half), block("box", "wood", box, 1.0, (0.0, 0.0, box[2]))),
+        (_tracker("plate", times, path),),
+        truths=(Truth("box", "arcs", (Arc(0.0, (0.0, 0.0, box[2])),)),),
+    )
+
+
+@scene
+def grip() -> Scenario:
+    """Two plates squeeze a cube with 1.5 times the force that just holds it, lift it by 2 cm and hold it."""
+    force = 1.5 * WEIGHT * GRAVITY / (2 * MU)
+    return _lifted("grip", "two plates hold a cube with 1.5 times its weight", force, rise=0.02, duration=4.0)
+
+
+@scene
+def lift() -> Scenario:
+    """Two plates squeeze a cube with 20 N each and lift it by 0.2 m."""
+    return _lifted("lift", "two plates lift a cube by 0.2 m", 20.0, rise=0.2, duration=3.0)
+
+
+@scene
+def drag() -> Scenario:
+    """A plate presses a box with 40 N and drags it over the ground, away from a post that it touches."""
+    half, box = (0.03, 0.03, 0.02), (0.1, 0.1, 0.05)
+    above = 2 * box[2] + half[2]
+    times, close = _keyframes(3.0, 0.1, 0.3)
+    _, away = _keyframes(3.0, 0.6, 1.5)
+    path = [(0.3 * x, 0.0, above + 0.005 - 0.025 * s) for s, x in zip(close, away)]
+    post = Body("post", "fixed", "wood", (Piece("post", Box((0.05, 0.1, 0.05))),), position=(-0.15, 0.0, 0.05))
+    return _scene(
+        "drag",
+        "a driven plate presses a box with 40 N and drags it by 0.3 m",
+        (slab("ground", "wood"), post, _plate("plate", half), block("box", "wood", box, 1.0, (0.0, 0.0, box[2]))),
+        (_tracker("plate", times, path),),
+        expectations=(Expectation("leave", "box", "post", 0.6, 1.6),),
+    )
+
+
+def _lifted(name: str, summary: str, force: float, rise: float, duration: float) -> Scenario:
+    """A cube on the ground that two plates squeeze with a force [N] each and lift by `rise` [m]."""
+    times, close = _keyframes(duration, 0.1, 0.4)
+    _, up = _keyframes(duration, 0.8, 1.0)
+    reach, gap = CUBE + PLATE[0], 0.005
+    paths = [
+        [(side * (reach + gap - (gap + force / STIFFNESS) * s), 0.0, CUBE + 0.012 + rise * z) for s, z in zip(close, up)]
+        for side in (-1, 1)
+    ]
+    plates = ("left", "right")
+    return _scene(
+        name,
+        summary,
+        (
+            slab("ground", "wood"),
+            block("cube", "wood", (CUBE,) * 3, WEIGHT, (0.0, 0.0, CUBE)),
+            *(_plate(plate, PLATE) for plate in plates),
+        ),
+        tuple(_tracker(plate, times, path) for plate, path in zip(plates, paths)),
+        expectations=(Expectation("leave", "cube", "ground", 0.8, 1.6),),
+    )
+
+
+def _keyframes(duration: float, begin: float, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] at the frame rate, and a share that goes smoothly from 0 to 1 within `length` from `begin` on."""
+    times = np.arange(round(duration * FRAME_RATE) + 1) / FRAME_RATE
+    return times, ease(times, begin, length)
+
+
+def _plate(name: str, half: Vector) -> Body:
+    return Body(name, "driven", "pad", (Piece(name, Box(half)),), mass=MASS, inertia=box_inertia(MASS, half))
+
+
+def _tracker(root: str, times: np.ndarray, path: list[Vector]) -> Tracker:
+    return Tracker(
+        root=root,
+        joints=(),
+        times=tuple(times.tolist()),
+        positions=tuple(map(vector, path)),
+        orientations=(IDENTITY,) * len(times),
+        angles=((),) * len(times),
+        stiffness=STIFFNESS,
+        damping=2 * sqrt(STIFFNESS * MASS),
+    )
+
+
+def _scene(
+    name: str,
+    summary: str,
+    bodies: tuple[Body, ...],
+    trackers: tuple[Tracker, ...],
+    truths: tuple[Truth, ...] = (),
+    expectations: tuple[Expectation, ...] = (),
+) -> Scenario:
+    return Scenario(
+        name=name,
+        summary=summary,
+        tags=TAGS,
+        bodies=bodies,
+        trackers=trackers,
+        coefficients=(
+            PairCoefficients("wood", "wood", 0.0, SLIPPERY),
+            PairCoefficients("wood", "pad", 0.0, MU),
+            PairCoefficients("pad", "pad", 0.0, MU),
+        ),
+        duration=trackers[0].times[-1],
+        truths=truths,
+        expectations=expectations,
+    )

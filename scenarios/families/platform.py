@@ -1,0 +1,161 @@
+"""Loads on prescribed platforms: lifted, carried along, left behind, and shaken across and along gravity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import (
+    GRAVITY,
+    IDENTITY,
+    Body,
+    Box,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Tracker,
+    Truth,
+    vector,
+)
+from touchstone.scenarios.solids import block
+from touchstone.scenarios.truths.force_truth import ForceTruth
+
+Array = NDArray[np.float64]
+TAGS = ("prescribed",)
+DECK = (1.0, 0.5, 0.05)
+"""Half extents of the platform [m]."""
+LOAD = (0.1, 0.1, 0.05)
+"""Half extents of the load [m]: too flat to tip over at these accelerations."""
+MASS, MU = 1.0, 0.3
+"""Mass of the load [kg], friction between load and platform [1]."""
+ACROSS, UP = np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0))
+RAMP = 0.1
+"""Time in which an acceleration changes [s]."""
+FREQUENCY, PERIODS = 2.0, 4
+"""Frequency of the shakers [1/s], and how many periods they shake."""
+KEYFRAMES_PER_PERIOD = 30
+"""Keyframes of a shaker: its spline deviates from a sine by 1e-5 of the amplitude."""
+
+Phases = tuple[tuple[float, float, float], ...]
+"""Durations [s], and accelerations at the start and at the end of each, linear between them [m/s^2]."""
+
+
+@scene
+def platform_lift() -> Scenario:
+    """The load follows; the platform bears 12.81, 9.81 and 6.81 N per kg while it starts, moves and stops."""
+    phases = _there(3.0, speeding=0.45, steady=0.4)
+    scene = _platform("platform_lift", "a platform lifts a load and stops", UP, *_path(phases), duration=2.0)
+    return _with_forces(scene, (0.1, 0.4), (0.65, 0.9), (1.1, 1.4), (1.7, 2.0))
+
+
+@scene
+def platform_stick() -> Scenario:
+    """The platform accelerates at less than mu g = 2.943 m/s^2: the load moves with it."""
+    phases = _there(2.9, speeding=0.35, steady=0.2)
+    summary = "a load sticks to a platform that starts and stops at 2.9 m/s2, below mu g"
+    return _with_forces(
+        _platform("platform_stick", summary, ACROSS, *_path(phases), duration=1.5), (0.1, 1.5)
+    )
+
+
+@scene
+def platform_slip() -> Scenario:
+    """The platform accelerates at more than mu g: the load slides back, catches up, slides on and stops."""
+    phases = _there(4.5, speeding=0.4, steady=0.4)
+    summary = "a load slides on a platform that starts and stops at 4.5 m/s2, above mu g"
+    return _with_forces(_platform("platform_slip", summary, ACROSS, *_path(phases), duration=2.0), (0.1, 2.0))
+
+
+@scene
+def shaker_across() -> Scenario:
+    """A sine of twice mu g across gravity: the load slides to and fro, and sticks between."""
+    summary = "a load slides on a platform shaken sideways at 2 mu g"
+    path, duration = _sine(2 * MU * GRAVITY), PERIODS / FREQUENCY
+    return _with_forces(_platform("shaker_across", summary, ACROSS, *path, duration), (0.1, duration))
+
+
+@scene
+def shaker_along() -> Scenario:
+    """A sine of 0.8 g along gravity: the load never leaves the platform."""
+    summary = "a load stays on a platform shaken up and down at 0.8 g"
+    path, duration = _sine(0.8 * GRAVITY), PERIODS / FREQUENCY
+    return _with_forces(_platform("shaker_along", summary, UP, *path, duration), (0.9, 1.1), (1.15, 1.35))
+
+
+def _platform(
+    name: str, summary: str, direction: Array, times: Array, places: Array, duration: float
+) -> Scenario:
+    """A load of 1 kg on a platform that moves by `places` (n,) [m] along a direction."""
+    start = np.array((0.0, 0.0, -DECK[2]))
+    times, places = (np.append(x, last) for x, last in ((times, duration), (places, places[-1])))
+    keep = np.append(np.diff(times) > 0, True)
+    times, places = times[keep], places[keep]
+    path = Tracker(
+        root="platform",
+        joints=(),
+        times=tuple(times.tolist()),
+        positions=tuple(vector(start + place * direction) for place in places),
+        orientations=(IDENTITY,) * len(times),
+        angles=((),) * len(times),
+    )
+    return Scenario(
+        name=name,
+        summary=summary,
+        tags=TAGS,
+        bodies=(
+            Body("platform", "prescribed", "wood", (Piece("platform", Box(DECK)),)),
+            block("load", "wood", LOAD, MASS, (0.0, 0.0, LOAD[2])),
+        ),
+        trackers=(path,),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, MU),),
+        duration=duration,
+        truths=(Truth("load", "carried"),),
+    )
+
+
+def _with_forces(scene: Scenario, *windows: tuple[float, float]) -> Scenario:
+    """Scene that states the mean normal force on its load in time windows [s], which the load spends on the
+    platform: m (g + change of the platform's upward velocity over the window)."""
+    forces = []
+    for start, end in windows:
+        first, last = sample(scene.trackers[0], np.array((start, end))).linear_velocity[:, 2]
+        mean = MASS * (GRAVITY + (last - first) / (end - start))
+        forces.append(ForceTruth("platform", "load", start, end, float(mean)))
+    return replace(scene, forces=tuple(forces))
+
+
+def _there(acceleration: float, speeding: float, steady: float) -> Phases:
+    """Phases from rest to rest: full acceleration for `speeding` [s] from the start on, constant speed for
+    `steady` [s], and as much deceleration, with ramps between."""
+    return (
+        (speeding, acceleration, acceleration),
+        (RAMP, acceleration, 0.0),
+        (steady, 0.0, 0.0),
+        (RAMP, 0.0, -acceleration),
+        (speeding - RAMP / 2, -acceleration, -acceleration),
+        (RAMP, -acceleration, 0.0),
+    )
+
+
+def _path(phases: Phases) -> tuple[Array, Array]:
+    """Times [s] of the phases' ends and places [m] then: the spline through them is the path itself, because
+    its second derivative is linear in between and continuous."""
+    times, places, speed = [0.0], [0.0], 0.0
+    for length, first, last in phases:
+        times.append(times[-1] + length)
+        places.append(places[-1] + speed * length + (2 * first + last) * length**2 / 6)
+        speed += (first + last) * length / 2
+    return np.array(times), np.array(places)
+
+
+def _sine(largest: float) -> tuple[Array, Array]:
+    """Times [s] and places [m] of a cosine of FREQUENCY that starts at rest, with its largest acceleration
+    [m/s^2]."""
+    times = np.linspace(0.0, PERIODS / FREQUENCY, PERIODS * KEYFRAMES_PER_PERIOD + 1)
+    rate = 2 * pi * FREQUENCY
+    return times, largest / rate**2 * (1 - np.cos(rate * times))

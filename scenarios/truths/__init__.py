@@ -1,0 +1,1 @@
+"""Truths that a scene states beside the motion of its bodies."""
