@@ -97,7 +97,7 @@ def _measure(world, first, found):
 
 @kernel
 def detect_new_stops(world, first):
-    """`detect` for the pairs of newly pressed drivers, where all pieces are placed; they count as pressed then.
+    """`detect` for the pairs of newly pressed drivers, whose pieces are placed; they count as pressed then.
 
     Returns:
         Index after the last pair.

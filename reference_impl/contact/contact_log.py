@@ -4,7 +4,7 @@ from touchstone.reference_impl.core.conventions import SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.solver.mobility import surface_velocity
+from touchstone.reference_impl.solver.mobility import point_velocity, surface_velocity
 
 
 @kernel
@@ -26,10 +26,23 @@ def log_contact(contacts, state, pair, point, time):
 
 @kernel
 def close_row(bodies, pair, contact, p):
-    """Complete a row of the contact log with its impulse p and the surface velocities after it."""
+    """Complete a row of the contact log with its impulse p and the surface velocities after it.
+
+    In an island with a driver, these are the velocities whose mean with those before covers the way of the
+    substep: p times the mean is then the work.
+    """
     copy_vector(p, contact["impulse"])
-    surface_velocity(bodies[pair["body_a"]], pair["lever_a"], contact["velocity_a_after"])
-    surface_velocity(bodies[pair["body_b"]], pair["lever_b"], contact["velocity_b_after"])
+    _surface_after(bodies[pair["body_a"]], pair["lever_a"], contact["velocity_a_after"])
+    _surface_after(bodies[pair["body_b"]], pair["lever_b"], contact["velocity_b_after"])
+
+
+@kernel
+def _surface_after(body, point, out_velocity):
+    if body["led"] == 0:
+        surface_velocity(body, point, out_velocity)
+        return
+    x, y, z = point_velocity(body["path_velocity"], body["path_omega"], body["center"], point)
+    out_velocity[0], out_velocity[1], out_velocity[2] = x, y, z
 
 
 @kernel
@@ -45,7 +58,8 @@ def log_held(bodies, pairs, count, contacts, state, time):
             copy_vector(pair["before_a"], contacts[row]["velocity_a_before"])
             copy_vector(pair["before_b"], contacts[row]["velocity_b_before"])
             close_row(bodies, pair, contacts[row], p)
-            _add_bias(bodies, pair, contacts[row])
+            if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
+                _add_bias(bodies, pair, contacts[row])
 
 
 @kernel

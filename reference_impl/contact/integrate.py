@@ -119,8 +119,8 @@ def begin_again(bodies, joints, drivers, dt):
 
 @inlined_kernel
 def set_ways(bodies, joints, drivers, pairs, held, h, dt):
-    """Compute the motion of simulated bodies over a substep of length h from their old and new velocities, and
-    that of drivers from their coupling and the impulses on them.
+    """Compute the motion of simulated bodies over a substep of length h from their old and new velocities,
+    and that of drivers from their coupling and the impulses on them.
 
     Bodies on which a contact of `pairs[:held]` exerts an impulse do not rotate freely.
     """

@@ -105,7 +105,7 @@ def _has_chains(drivers, body):
 
 @kernel
 def _return_squeezed(bodies, drivers, pairs, first, end):
-    """Return simulated bodies that overlap a driver with chains to their poses at the start of the substep."""
+    """Return simulated bodies that overlap a driver with chains to their poses at the substep's start."""
     for k in range(first, end):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
         if is_free(pairs[k]["depth"]) or not (_has_chains(drivers, a) or _has_chains(drivers, b)):
@@ -117,8 +117,8 @@ def _return_squeezed(bodies, drivers, pairs, first, end):
 
 @kernel
 def _leave_to_drivers(bodies, drivers, pairs, first, end, state):
-    """Leave overlap with drivers that have chains to the driven loop, by `squeezed`; returns the largest depth
-    of the others [m]."""
+    """Leave overlap with drivers that have chains to the driven loop, by `squeezed`; returns the largest
+    depth of the others [m]."""
     deepest = 0.0
     for k in range(first, end):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
@@ -131,7 +131,8 @@ def _leave_to_drivers(bodies, drivers, pairs, first, end, state):
 
 @kernel
 def _push_apart(world, first, end, left, evenly):
-    """Translate simulated bodies and drivers in the loop by Gauss-Seidel until no depth along the detected normals exceeds `left`.
+    """Translate simulated bodies and drivers in the loop by Gauss-Seidel until no depth along the detected
+    normals exceeds `left`.
 
     Against a body that does not move, the other moves the whole depth; two that move divide it by inverse
     mass.

@@ -146,8 +146,8 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
 
 @kernel
 def _mark_pressed(bodies, drivers, pairs, count):
-    """Mark the drivers in the loop that touch a simulated body in `pairs[:count]` or did so before in this frame
-    as pressed, as NEWLY_PRESSED for the first time; returns whether there are any."""
+    """Mark the drivers in the loop that touch a simulated body in `pairs[:count]` for the first time in the
+    frame as NEWLY_PRESSED; returns whether any driver is pressed."""
     for k in range(count):
         for side in range(2):
             b = pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]

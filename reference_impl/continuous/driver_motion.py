@@ -200,6 +200,27 @@ def accept_pushes(bodies, joints, driver, h, dt):
 
 
 @kernel
+def note_paths(bodies, joints, driver, h, dt):
+    """Store in its links' `path_*` the velocities whose mean with those at the substep's start covers their
+    way; the pose stays at the start, and `accept_pushes` restores the velocities."""
+    _advance(driver, h, h, dt, 1.0)
+    turned = driver["scratch"][0]
+    rotation_between(driver["old_orientation"], driver["orientation"], turned)
+    for i in range(3):
+        way = driver["position"][i] - driver["old_position"][i]
+        driver["velocity"][i] = 2 * way / h - driver["old_velocity"][i]
+        driver["omega"][i] = 2 * turned[i] / h - driver["old_omega"][i]
+    copy_vector(driver["old_position"], driver["position"])
+    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    move_links(bodies, joints, driver)
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        copy_vector(link["velocity"], link["path_velocity"])
+        copy_vector(link["omega"], link["path_omega"])
+        link["led"] = 1
+
+
+@kernel
 def exchange_pushes(driver):
     """Exchange the impulses of the law of velocities with those of the law of positions."""
     for i in range(3):
@@ -234,6 +255,8 @@ def end_driver(bodies, joints, driver, s, h, dt):
     """End a driver's substep of length h at its fraction s, at its exact pose there."""
     _advance(driver, s * h, h, dt, 1.0)
     driver["clock"] += s * h
+    for k in range(driver["joint_count"] + 1):
+        bodies[link_of(joints, driver, k)]["led"] = 0
     _pose_at(bodies, joints, driver, 0.0, dt)
     move_links(bodies, joints, driver)
 
@@ -273,7 +296,9 @@ def _advance(driver, t, h, dt, share):
         x, v = decay(x, v, stiffness, damping, t)
         driver["position"][i] = goal + pace * t + x
         driver["velocity"][i] = pace + v
-        error[i], v = decay(error[i], driver["old_omega"][i] - turned[i] / dt, stiffness, 2 * sqrt(stiffness), t)
+        error[i], v = decay(
+            error[i], driver["old_omega"][i] - turned[i] / dt, stiffness, 2 * sqrt(stiffness), t
+        )
         driver["omega"][i] = turned[i] / dt + v
     part = (driver["clock"] + t) / dt
     x, y, z = part * turned[0], part * turned[1], part * turned[2]
@@ -282,7 +307,10 @@ def _advance(driver, t, h, dt, share):
     p, w = driver["shift_twist"], driver["twist"]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        arm_j, arm_k = driver["old_position"][j] - driver["center"][j], driver["old_position"][k] - driver["center"][k]
+        arm_j, arm_k = (
+            driver["old_position"][j] - driver["center"][j],
+            driver["old_position"][k] - driver["center"][k],
+        )
         driver["position"][i] += moved / (mass * h) * driver["shift_push"][i]
         driver["position"][i] += turned_by / h * (p[j] * arm_k - p[k] * arm_j)
         driver["velocity"][i] += speed / (mass * h) * driver["push"][i]
@@ -297,7 +325,8 @@ def _follow_path(driver, time, dt):
     """Set a prescribed driver's pose and velocities at a time of its frame: the cubics through its poses and
     velocities at both ends of the frame; of its rotation, a cubic rotation vector.
 
-    With r the rotation vector since the frame's start, omega = r' + r x r' / 2 + r x (r x r') / 6 to third order.
+    With r the rotation vector since the frame's start, omega = r' + r x r' / 2 + r x (r x r') / 6 to third
+    order.
     """
     s = time / dt
     start, rise = 1 - s * s * (3 - 2 * s), s * s * (3 - 2 * s)

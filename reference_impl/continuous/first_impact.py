@@ -5,6 +5,7 @@ from touchstone.reference_impl.continuous.swept_motion import is_fast_pair
 from touchstone.reference_impl.continuous.time_of_impact import MovingPair, distance_at, time_of_impact
 from touchstone.reference_impl.core.conventions import (
     DETECTION_SWEEP,
+    DRIVEN,
     IMPACT_SHARE,
     OVERLAP_TOLERANCE,
     SINKING_DEPTH,
@@ -63,20 +64,29 @@ def earliest_impact(world, touching, end, fast):
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
         one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
         moving = MovingPair(a, b, one, two, world.vertices, pair, state)
+        marked = is_marked(bodies, pieces, pairs, pair)
         if fast:
             sweeps = is_fast_pair(bodies, pieces, pair, 1.0)
-            if not sweeps:
-                distance_at(moving, 1.0)
-        if not sweeps and pair["distance"] >= -OVERLAP_TOLERANCE:
+        # what a driver carries agrees with it at the end of a substep, not within
+        swept = sweeps and not (marked and (_is_carrier(a) or _is_carrier(b)))
+        if (fast or sweeps) and not swept:
+            distance_at(moving, 1.0)
+        if not swept and pair["distance"] >= -OVERLAP_TOLERANCE:
             continue
-        if is_marked(bodies, pieces, pairs, pair):
-            fraction, sank = _sinking(moving, first, sweeps, limited)
+        if marked:
+            fraction, sank = _sinking(moving, first, swept, limited)
             first, drifted = min(first, fraction), drifted or sank
-        elif sweeps:
+        elif swept:
             first = _swept(moving, first, gap, slack)
         else:
             first = _closing(moving, first, gap, slack)
     return first, drifted
+
+
+@kernel
+def _is_carrier(body):
+    """Whether a body is a link of a driver that moves in the loop."""
+    return body["kind"] == DRIVEN and body["moves"] == 1
 
 
 @kernel

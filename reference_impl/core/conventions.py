@@ -91,7 +91,7 @@ SPIN_TERMS = 28
 
 # drivers and chains
 PRESSED, NEWLY_PRESSED = 1, 2
-"""State of a driver in the simulated loop that has touched a simulated body in this frame; first in this substep."""
+"""State of a driver in the loop that has touched a simulated body in this frame; first in this substep."""
 LINK_GYRATION = 0.3
 """Radius of gyration of a link in contact with a simulated body [m]: the length of a forearm."""
 PUSH_PAIRS = 32

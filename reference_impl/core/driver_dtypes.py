@@ -110,7 +110,7 @@ DRIVER = record(
     coupled_orientation=QUATERNION,
     # of a driver that moves in the simulated loop (`driver_motion`)
     loops="i8",  # 1: it moves in the simulated loop of this frame
-    pressed="i8",  # PRESSED: it has touched a simulated body in this frame, and stops at fixed and driven bodies
+    pressed="i8",  # PRESSED: it touched a simulated body in this frame, and stops at fixed and driven bodies
     clock="f8",  # time since the start of the frame [s], now and at the start of the substep
     old_clock="f8",
     goal_start=VECTOR,  # pose to which the spring pulls, at the frame's start and end

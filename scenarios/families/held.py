@@ -74,11 +74,18 @@ def drag() -> Scenario:
     times, close = _keyframes(3.0, 0.1, 0.3)
     _, away = _keyframes(3.0, 0.6, 1.5)
     path = [(0.3 * x, 0.0, above + 0.005 - 0.025 * s) for s, x in zip(close, away)]
-    post = Body("post", "fixed", "wood", (Piece("post", Box((0.05, 0.1, 0.05))),), position=(-0.15, 0.0, 0.05))
+    post = Body(
+        "post", "fixed", "wood", (Piece("post", Box((0.05, 0.1, 0.05))),), position=(-0.15, 0.0, 0.05)
+    )
     return _scene(
         "drag",
         "a driven plate presses a box with 40 N and drags it by 0.3 m",
-        (slab("ground", "wood"), post, _plate("plate", half), block("box", "wood", box, 1.0, (0.0, 0.0, box[2]))),
+        (
+            slab("ground", "wood"),
+            post,
+            _plate("plate", half),
+            block("box", "wood", box, 1.0, (0.0, 0.0, box[2])),
+        ),
         (_tracker("plate", times, path),),
         expectations=(Expectation("leave", "box", "post", 0.6, 1.6),),
     )
@@ -90,7 +97,10 @@ def _lifted(name: str, summary: str, force: float, rise: float, duration: float)
     _, up = _keyframes(duration, 0.8, 1.0)
     reach, gap = CUBE + PLATE[0], 0.005
     paths = [
-        [(side * (reach + gap - (gap + force / STIFFNESS) * s), 0.0, CUBE + 0.012 + rise * z) for s, z in zip(close, up)]
+        [
+            (side * (reach + gap - (gap + force / STIFFNESS) * s), 0.0, CUBE + 0.012 + rise * z)
+            for s, z in zip(close, up)
+        ]
         for side in (-1, 1)
     ]
     plates = ("left", "right")
@@ -108,7 +118,7 @@ def _lifted(name: str, summary: str, force: float, rise: float, duration: float)
 
 
 def _keyframes(duration: float, begin: float, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] at the frame rate, and a share that goes smoothly from 0 to 1 within `length` from `begin` on."""
+    """Times [s] at the frame rate, and a share that goes smoothly from 0 to 1 in `length` from `begin` on."""
     times = np.arange(round(duration * FRAME_RATE) + 1) / FRAME_RATE
     return times, ease(times, begin, length)
 

@@ -120,8 +120,8 @@ def translate(scenario: Scenario) -> World:
 def pair_capacity(scenario: Scenario) -> int:
     """Number of rows for pairs.
 
-    Small scenes get room for all pairs that can touch, with manifolds at the start of a substep, and twice again
-    at its end: also in a search for the stops of drivers; large scenes get `PAIRS_PER_PIECE` per piece.
+    Small scenes get room for all pairs that can touch, with manifolds at the start of a substep, and twice
+    again at its end, where the stops of drivers are found too; large scenes get `PAIRS_PER_PIECE` per piece.
     """
     fixed = sum(len(body.pieces) for body in scenario.bodies if body.kind == "fixed")
     pieces = sum(len(body.pieces) for body in scenario.bodies)

@@ -115,7 +115,9 @@ def test_a_cut_hold_pushes_the_hand_once(lab: SimpleNamespace) -> None:
         lab.play(world, 1)
         recoils.append(float(world.drivers[0]["velocity"][2]))
     mass, (k, r) = 1.4, (1000.0, 40.0)
-    motion = solve_ivp(lambda _, y: (y[1], -(k * y[0] + r * y[1] + 9.81) / mass), (0, 1 / 60), (0, 0), rtol=1e-10)
+    motion = solve_ivp(
+        lambda _, y: (y[1], -(k * y[0] + r * y[1] + 9.81) / mass), (0, 1 / 60), (0, 0), rtol=1e-10
+    )
     truth = motion.y[1, -1]
     # the force is even over a substep
     assert recoils[0] == pytest.approx(truth, rel=0.1)

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from touchstone.reference_impl.core.driver_dtypes import DRIVER
 from touchstone.reference_impl.continuous.coupling_response import decay
+from touchstone.reference_impl.core.driver_dtypes import DRIVER
 from touchstone.reference_impl.posture.virtual_coupling import COUPLING_REACH, follow_tracker
 
 HAND = (1000 / 0.4, 40 / 0.4)
