@@ -143,7 +143,7 @@ CAUSES: tuple[Cause, ...] = (
         DISCRETE,
         {
             "equal-step": {
-                "contact.gap": "arms_cross:torso-torso two_arms:east_wall-torso",
+                "contact.gap": "arms_cross:torso-torso table_slide:palm-ball two_arms:east_wall-torso",
                 "overlap.max": (
                     "arch_slides arch_thin arms_cross ball_snip push_box table_slide two_arms volley"
                 ),
