@@ -30,8 +30,9 @@ CONTACTS_PER_BODY = 512
 """Capacity for contact points per body and step in large scenes: the reference logs all substeps."""
 
 DRIVES = ("native", "torque", "posed")
-"""Ways to drive an engine's hinges: by the engine's own position servo (default), by explicit torques held
-constant over a step, or not at all because links are kinematic (`posed_drive.py`)."""
+"""Ways to drive an engine's driven bodies: by an implicit coupling of the root and the engine's own position
+servos (default), by explicit forces and torques held constant over a step, or not at all because links are
+kinematic (`posed_drive.py`)."""
 
 RESIDUAL_COUNTERS = ("residual", "residual.body_a", "residual.body_b")
 """Counters that belong together: the largest speed by which a contact violates its law after the solve [m/s],

@@ -1,39 +1,45 @@
 """Virtual coupling of the root and hinge servo, the same for every dynamics engine.
 
 Root: force K (p_t - p) + R (v_t - v) at the root's origin (Eq. 6), and a torque, critically damped at the
-same frequency w = sqrt(K / m): I (w^2 theta + 2 w (omega_t - omega)). Hinges: torque
-M (w_h^2 (q_t - q) + 2 w_h (q_t' - q')). I is the inertia of the whole driven body about the root's origin in
-the first posture. M is the effective inertia of the hinges in that posture with the root *free*, limited to
-`INERTIA_RATIO` times the effective inertia in any posture of the tracker: a bent arm's twist has thirty times
-the inertia of a stretched one's. With the root fixed, or without the limit, the gains would be too high, and
-an explicit servo diverges at 1/240 s. Manifests publish both as gains.
+same frequency w = sqrt(K / m): I (w^2 theta + 2 w (omega_t - omega)). I is the inertia of the whole driven
+body about the root's origin in the first posture. Both are implicit (`implicit_coupling.py`): the root
+carries a `ballast` at its origin, and `wrench` is the force that belongs to it. Hinges: torque M (w_h^2 (q_t
+- q) + 2 w_h (q_t' - q')). M is the effective inertia of the hinges in the first posture with the root
+*free*, limited to `INERTIA_RATIO` times the effective inertia in any posture of the tracker: a bent arm's
+twist has thirty times the inertia of a stretched one's. With the root fixed, or without the limit, the gains
+would be too high, and an explicit servo diverges at 1/240 s. Manifests publish both as gains.
 
 By default (`native`) hinges follow an engine's own position servo, with one gain per hinge
-(`servo_stiffness`, `servo_damping`); each adapter documents its servo. Explicit torques held over a step add
-energy where a limb is pressed; they remain available as `torque`. The root's force and torque are held over a
-step as well; where that loop diverges without any contact, the scene is refused: it is no engine's fault.
+(`servo_stiffness`, `servo_damping`); each adapter documents its servo. Under `torque` the root's force and
+torque and the torques of hinges are computed at a step's start and held over it. They add energy where a limb
+is pressed, and diverge where a body is light for its gains.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, Unsupported
-from touchstone.adapters.vector_products import rotation_between, rotation_matrix
+from touchstone.adapters.contract import DRIVES, Array, BodyFacts, State
+from touchstone.adapters.implicit_coupling import held_law, step_law
+from touchstone.adapters.vector_products import cross, rotation_between, rotation_matrix
 from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
-from touchstone.scenarios.scenario import Scenario, Tracker
+from touchstone.scenarios.scenario import Body, Scenario, Tracker
 
 INERTIA_RATIO = 2.0
 """Maximum ratio of the servo's inertia to that of the hinges, in any direction and posture [1]. At 70 rad/s
 and 1/240 s the loop diverges from 3.2."""
-STABLE_GAIN = 2.0
-"""Largest R dt + K dt^2 / 2 over the inertia at which semi-implicit Euler is stable with a spring (K) and a
-damper (R) whose force is held over a step [1]."""
+ROOT_DRIVES = {
+    "native": "implicit spring and damper: force on a root with added inertia",
+    "torque": "explicit force and torque",
+    "posed": "none: links are kinematic",
+}
+"""How a drive couples roots to their trackers, for manifests."""
 POSTURES_PER_SECOND = 10
 """Rate at which a tracker's postures are sampled for the hinges' inertia [1/s]: fast ones take 0.1 s."""
 KEPT = 32
@@ -81,9 +87,14 @@ def starting_body(scenario: Scenario, tracker: Tracker) -> StartingBody:
 
 
 class Drive:
-    """Targets and gains of one tracker, for the native steps of one run."""
+    """Targets and gains of one tracker, for the native steps of one run.
 
-    def __init__(self, scenario: Scenario, tracker: Tracker, dt: float) -> None:
+    Attributes:
+        ballast: what the root carries at its origin, mass [kg] and inertia along its axes (3, 3) [kg m^2].
+        root: mass, mass centre and inertia of the root with its ballast, which engines simulate.
+    """
+
+    def __init__(self, scenario: Scenario, tracker: Tracker, dt: float, drive: str = DRIVES[0]) -> None:
         steps = round(scenario.duration / dt)
         self.target = sample(tracker, np.minimum(np.arange(1, steps + 1) * dt, scenario.duration))
         self.links = scenario.links(tracker)
@@ -92,13 +103,47 @@ class Drive:
         self.inertia = body.axes.T @ body.inertia[3:6, 3:6] @ body.axes
         self.stiffness, self.damping = tracker.stiffness, tracker.damping
         self.frequency = float(np.sqrt(tracker.stiffness / body.mass))
-        self._require_stable(tracker.root, body.inertia[:6, :6], dt)
         self.hinge_frequency = tracker.hinge_frequency
         self._person = any(name in tracker.joints for chain in scenario.chains for name in chain.joints)
         self.hinge_stiffness = tracker.hinge_frequency**2 * body.servo
         self.hinge_damping = 2 * tracker.hinge_frequency * body.servo
         # (n, 3) and (n, 4) of the links, root first; engines may change theirs
         self.start_position, self.start_orientation = body.position.copy(), body.orientation.copy()
+        self._dt = dt
+        self._linear, self._angular = held_law(self.stiffness, self.damping), held_law(*self._rotation)
+        if drive == DRIVES[0]:
+            lone = not tracker.joints and not any(scenario.bodies[self.links[0]].center_of_mass)
+            self._linear = step_law(self.stiffness, self.damping, body.mass, dt, lone)
+            self._angular = step_law(*self._rotation, 1.0, dt, lone)
+        self.ballast = self._linear.added, self._angular.added * self.inertia
+        bare = scenario.bodies[self.links[0]]
+        self._center = np.array(bare.center_of_mass)
+        self.root = _joined(BodyFacts(bare.mass, bare.center_of_mass, bare.inertia), *self.ballast)
+        self._aim(drive == DRIVES[0] and tracker.interpolation != "held")
+        self._before = (np.full(3, np.nan),) * 4 + (np.zeros((3, 3)),)
+
+    @property
+    def _rotation(self) -> tuple[float, float]:
+        """Stiffness [1/s^2] and damping [1/s] of the rotation per inertia."""
+        return self.frequency**2, 2 * self.frequency
+
+    def _aim(self, starts: bool) -> None:
+        """Set the tracker's poses that steps refer to, at their starts or ends, and the part of force and
+        torque that its velocity causes."""
+        position, turned = self.target.position, self.target.orientation
+        pace, rate = self.target.linear_velocity, self.target.angular_velocity
+        before, rate_before = pace, rate
+        if starts:
+            position = np.concatenate([self.start.position, position])
+            turned = np.concatenate([self.start.orientation, turned])
+            pace = np.diff(position, axis=0) / self._dt
+            key = Rotation.from_quat(turned, scalar_first=True)
+            rate = (key[1:] * key[:-1].inv()).as_rotvec() / self._dt
+            before = np.concatenate([self.start.linear_velocity, pace[:-1]])
+            rate_before = np.concatenate([self.start.angular_velocity, rate[:-1]])
+        self._position, self._orientation = position, turned
+        self._push = self._linear.damping * before + self._linear.lead * (pace - before)
+        self._twist = self._angular.damping * rate_before + self._angular.lead * (rate - rate_before)
 
     @cached_property
     def servo_stiffness(self) -> Array:
@@ -129,45 +174,41 @@ class Drive:
         error_rate = np.abs(self.target.rate[step] - rate)
         return np.abs(self.hinge_stiffness) @ error + np.abs(self.hinge_damping) @ error_rate
 
-    def _require_stable(self, root: str, inertia: Array, dt: float) -> None:
-        """Raise Unsupported where the root's force, held over a step, surely diverges.
-
-        Hinges are taken as locked: with free ones the root has less inertia, and diverges at smaller steps.
-        """
-        if self._held_gain(inertia, dt) <= STABLE_GAIN:
-            return
-        rate = 1 / dt
-        while self._held_gain(inertia, 1 / rate) > STABLE_GAIN:
-            rate *= 1.001
-        raise Unsupported(
-            f"the coupling of {root!r} to its tracker is a force held over a step, which diverges at "
-            f"1/{1 / dt:.4g} s and is stable from 1/{np.ceil(rate):.0f} s on"
-        )
-
-    def _held_gain(self, inertia: Array, dt: float) -> float:
-        """Largest eigenvalue of R dt + K dt^2 / 2 of force and torque over the root's inertia (6, 6) [1]."""
-        w, gain = self.frequency * dt, np.zeros((6, 6))
-        gain[:3, :3] = (self.damping * dt + self.stiffness * dt**2 / 2) * np.eye(3)
-        gain[3:, 3:] = (2 * w + w**2 / 2) * inertia[3:, 3:]
-        return float(np.linalg.eigvals(np.linalg.solve(inertia, gain)).real.max())
-
     def wrench(
         self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array
     ) -> tuple[Array, Array]:
-        """Force and torque on the root's origin for a native step.
+        """Force and torque on the root's origin, and on its ballast, for a native step.
 
         Args:
-            step: number of the step; its target is the tracker at the step's end.
+            step: number of the step.
             position, orientation: of the root's origin (3,) [m] and (4,) wxyz, at the step's start.
             velocity, omega: of the root's origin [m/s] and about it [rad/s], world.
         """
-        target = self.target
-        force = self.stiffness * (target.position[step] - position)
-        force += self.damping * (target.linear_velocity[step] - velocity)
-        wanted = self.frequency**2 * rotation_between(orientation, target.orientation[step])
-        wanted += 2 * self.frequency * (target.angular_velocity[step] - omega)
+        force = self.stiffness * (self._position[step] - position) - self._linear.damping * velocity
+        force += self._push[step]
+        wanted = self._angular.stiffness * rotation_between(orientation, self._orientation[step])
+        wanted += self._twist[step] - self._angular.damping * omega
         axes = rotation_matrix(orientation)
-        return force, axes @ (self.inertia @ (axes.T @ wanted))
+        inertia = axes @ self.inertia @ axes.T
+        torque = inertia @ wanted
+        self._before = force, torque, velocity.copy(), omega.copy(), self._angular.added * inertia
+        # the coupling's inertia has no gyroscopic torque, but that of a part of the body has
+        return force, torque + cross(omega, self._before[-1] @ omega)
+
+    def read(self, state: State, tracker: int, velocity: Array, omega: Array) -> None:
+        """Write the velocity of the root's mass centre, and the force and torque of the last `wrench` without
+        what its ballast took, into a state that has the root's orientation.
+
+        Args:
+            tracker: row of the drive in the state.
+            velocity, omega: of the root's origin at the step's end [m/s], [rad/s], world.
+        """
+        force, torque, start, turned, ballast = self._before
+        root, (mass, _) = self.links[0], self.ballast
+        arm = rotation_matrix(state.orientation[root]) @ self._center
+        state.linear_velocity[root] = velocity + cross(omega, arm)
+        state.force[tracker] = force - mass / self._dt * (velocity - start)
+        state.torque[tracker] = torque - ballast @ (omega - turned) / self._dt
 
     def hinge_torques(self, step: int, angle: Array, rate: Array) -> Array:
         """Torques on the hinges (j,) [N m] for a native step, from their state at its start."""
@@ -182,14 +223,49 @@ class Drive:
             "damping [N s/m]": self.damping,
             "rotation frequency [rad/s]": self.frequency,
             "rotation inertia [kg m^2]": self.inertia.tolist(),
+            "added mass [kg]": self.ballast[0],
+            "added inertia [kg m^2]": self.ballast[1].tolist(),
             "hinge stiffness [N m/rad]": self.hinge_stiffness.tolist(),
             "hinge damping [N m s/rad]": self.hinge_damping.tolist(),
         }
 
 
+def simulated_masses(scenario: Scenario, drives: Sequence[Drive]) -> list[Body | BodyFacts]:
+    """Mass properties of all bodies as engines simulate them: roots with their ballast."""
+    roots = {drive.links[0]: drive.root for drive in drives}
+    return [roots.get(k, body) for k, body in enumerate(scenario.bodies)]
+
+
+def without_ballast(
+    found: Mapping[str, BodyFacts], scenario: Scenario, drives: Sequence[Drive]
+) -> dict[str, BodyFacts]:
+    """Mass properties by body that an engine reports, less the ballast of roots."""
+    bare = dict(found)
+    for drive in drives:
+        name, (mass, inertia) = scenario.bodies[drive.links[0]].name, drive.ballast
+        if mass > 0:
+            bare[name] = _joined(bare[name], -mass, -inertia)
+    return bare
+
+
 def _poses(scenario: Scenario, tracker: Tracker, motion: TrackerMotion) -> tuple[Array, Array]:
     """Origins (n, t, 3) [m] and rotations (n, t, 3, 3) of the links as the tracker specifies them."""
     return link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
+
+
+def _joined(body: BodyFacts, mass: float, inertia: Array) -> BodyFacts:
+    """A body and what it carries at its origin: a mass [kg] and an inertia about it (3, 3) [kg m^2]."""
+    whole = body.mass + mass
+    arm = np.array(body.center_of_mass)
+    center = body.mass / whole * arm
+    about = np.array(body.inertia) + inertia + body.mass * _steiner(arm - center) + mass * _steiner(center)
+    return BodyFacts(whole, tuple(center.tolist()), tuple(tuple(row) for row in about.tolist()))
+
+
+def _steiner(arm: Array) -> Array:
+    """Inertia of a unit mass at an arm (3,) [m]."""
+    turned: Array = arm @ arm * np.eye(3) - np.outer(arm, arm)
+    return turned
 
 
 def _felt(inertia: Array) -> Array:

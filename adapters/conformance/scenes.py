@@ -141,10 +141,7 @@ def bouncing_ball() -> Scenario:
 
 
 def finger(moving: bool = True) -> Scenario:
-    """A driven palm with two hinges; the palm moves along x, the hinges turn to 0.4 and -0.2 rad.
-
-    The links are light: the root's explicit torque is stable only where the palm has most of the inertia.
-    """
+    """A driven palm with two hinges; the palm moves along x, the hinges turn to 0.4 and -0.2 rad."""
     reach = 0.5 if moving else 0.0
     inertia = box_inertia(LINK_MASS, (0.05, 0.01, 0.01))
 

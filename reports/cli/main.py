@@ -140,7 +140,7 @@ def run(
         str, typer.Option(help="auto: those that a scene needs; all (without sleeping); or names.")
     ] = "auto",
     drive: Annotated[
-        str, typer.Option(help="Of engines' hinges: native (their own position servo), torque or posed.")
+        str, typer.Option(help="Of engines: native (implicit coupling, own servos), torque or posed.")
     ] = "native",
     tracker: Annotated[
         str, typer.Option(help="ideal, or noisy: jitter, lost samples, 60 samples a second that are held.")

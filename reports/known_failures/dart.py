@@ -66,8 +66,8 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default": {
                 "friction.cone": (
                     "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall coin_falls "
-                    "coin_rolls coin_spins corner_slide dominoes push_box pyramid slap_2.5 slap_3 slide "
-                    "table_slide two_arms volley wall_push"
+                    "coin_rolls coin_spins corner_slide dominoes push_box pyramid slap_2.5 slap_3 slap_6 "
+                    "slide table_slide two_arms volley wall_push"
                 ),
             },
             "recommended equal-step": {
@@ -79,9 +79,6 @@ CAUSES: tuple[Cause, ...] = (
             },
             "default": {
                 "friction.cone": "stack tower_10",
-            },
-            "recommended default": {
-                "friction.cone": "slap_6",
             },
         },
     ),
@@ -146,7 +143,7 @@ CAUSES: tuple[Cause, ...] = (
         DISCRETE,
         {
             "equal-step": {
-                "contact.gap": "arms_cross:torso-torso two_arms:east_wall-torso",
+                "contact.gap": "arms_cross:torso-torso table_slide:palm-ball two_arms:east_wall-torso",
                 "overlap.max": (
                     "arch_slides arch_thin arms_cross ball_snip push_box table_slide two_arms volley"
                 ),
@@ -169,10 +166,11 @@ CAUSES: tuple[Cause, ...] = (
             "recommended+noisy": {
                 "friction.deficit": "ball_snip:table-ball",
                 "friction.direction": "ball_snip:table-ball table_slide:table-ball",
-                "overlap.max": "ball_snip",
+                "overlap.max": "ball_snip volley",
             },
             "equal-step+noisy": {
                 "friction.direction": "table_slide:table-ball",
+                "joint.limit": "two_arms",
                 "restitution.error": "ball_snip",
             },
         },
@@ -270,7 +268,10 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "wall_push",
             },
             "equal-step": {
-                "contact.gap": ("corner_slide:north_wall-torso push_box:torso-box volley:north_wall-torso"),
+                "contact.gap": (
+                    "corner_slide:east_wall-torso corner_slide:north_wall-torso push_box:torso-box "
+                    "volley:north_wall-torso"
+                ),
             },
         },
     ),
@@ -297,13 +298,7 @@ CAUSES: tuple[Cause, ...] = (
         SLAP,
         {
             "recommended equal-step default accurate": {
-                "overlap.max": "slap_2.5 slap_3",
-            },
-            "recommended default accurate": {
-                "overlap.max": "slap_6",
-            },
-            "equal-step": {
-                "run": "slap_6",
+                "overlap.max": "slap_2.5 slap_3 slap_6",
             },
         },
     ),

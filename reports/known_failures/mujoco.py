@@ -11,7 +11,8 @@ from touchstone.reports.known_failures.shared import COARSE_SERVO
 CREEPS = (
     "friction is soft and creeps: 1.8 mm/s on 20 degrees in closed form, more near the edge of "
     "the cone; tip_holds by 5.5 mm in a second, 2.8 and 1.4 mm with time constants of 10 and 5 ms"
-    " in place of 20; arch_stands by 17, 9.0 and 4.1 mm"
+    " in place of 20; arch_stands by 17, 9.0 and 4.1 mm; a cube that is gripped at 2/3 of the cone slides "
+    "back to the ground in 2 s, but by 7 mm under the elliptic cone"
 )
 DAMPED = "friction shares the contact's damping, and a contact of several steps turns with the bodies"
 ELLIPTIC = (
@@ -61,7 +62,10 @@ SOFT_LIMITS = (
     "joint limits are springs of 20 ms, which give way where a hand is bent back: wall_push 0.157 rad, "
     "but 0.062 at 10 ms and 0.018 at 5 ms"
 )
-
+STARTS_APART = (
+    "a contact that touches without load pushes in the first step: drag moves 0.10 mm off its post, 0.046 "
+    "and 0.013 mm at 1/540 and 1/1920 s, 0.052 mm with a time constant of 10 ms in place of 20"
+)
 STIFFEST = "contact is a damped spring as stiff as the step allows (w h = 0.2), into which 3.8 m/s sink"
 TIPS = (
     "a tall box that should hold tips on its front edge: it moves by 0.21 m, with the pyramid instead of the "
@@ -84,7 +88,7 @@ CAUSES: tuple[Cause, ...] = (
         COARSE_SERVO,
         {
             "equal-step": {
-                "energy.injected": "corner_slide wall_push",
+                "energy.injected": "corner_slide",
             },
         },
         harness=True,
@@ -97,6 +101,11 @@ CAUSES: tuple[Cause, ...] = (
                 "contact.gap": "arch_stands:floor-stone_1 arch_stands:floor-stone_11",
                 "friction.creep": "arch_stands incline_holds tip_holds tower_20_jittered",
                 "rest.moved": "arch_stands incline_holds tip_holds",
+            },
+        },
+        never={
+            "default": {
+                "events.leave": "grip:cube-ground",
             },
         },
     ),
@@ -119,11 +128,13 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step": {
                 "contact.gap": (
                     "bounce_e0 brick_wall:floor-brick_1_1 brick_wall:floor-brick_1_2 "
-                    "brick_wall:floor-brick_1_3 brick_wall:floor-brick_1_4 pyramid:floor-box_1_1 "
+                    "brick_wall:floor-brick_1_3 brick_wall:floor-brick_1_4 drag:ground-box grip:cube-left "
+                    "grip:cube-right grip:ground-cube lift:ground-cube platform_lift platform_slip "
+                    "platform_stick press:ground-box pyramid:floor-box_1_1 "
                     "pyramid:floor-box_1_2 pyramid:floor-box_1_3 pyramid:floor-box_1_4 "
                     "pyramid:floor-box_1_5 pyramid:floor-box_1_6 pyramid:floor-box_1_7 "
-                    "pyramid:floor-box_1_8 slide_seed0 slide_seed1 slide_seed2 stack:floor-box_1 "
-                    "tower_10:floor-box_1"
+                    "pyramid:floor-box_1_8 shaker_along slide_seed0 slide_seed1 slide_seed2 "
+                    "stack:floor-box_1 tower_10:floor-box_1"
                 ),
                 "friction.creep": "tower_40",
                 "overlap.max": "coin_falls tower_10",
@@ -158,7 +169,7 @@ CAUSES: tuple[Cause, ...] = (
                 "force.error": "bounce_e03 bounce_e05",
                 "restitution.error": "ball_snip bounce_e05 shot_6 volley",
             },
-            "recommended equal-step": {
+            "recommended equal-step+noisy": {
                 "restitution.error": "table_slide",
             },
             "recommended default": {
@@ -271,7 +282,9 @@ CAUSES: tuple[Cause, ...] = (
                 "rest.moved": "load_1e4 load_1e6 tower_40",
             },
             "recommended equal-step default": {
-                "contact.gap": "tower_20:floor-box_1 tower_20_jittered:floor-box_1 tower_40:floor-box_1",
+                "contact.gap": (
+                    "shaker_across tower_20:floor-box_1 tower_20_jittered:floor-box_1 tower_40:floor-box_1"
+                ),
                 "rest.moved": "brick_wall tower_10 tower_20 tower_20_jittered",
             },
             "equal-step": {
@@ -293,6 +306,7 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default": {
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
+                    "drag:plate-box lift:cube-left lift:cube-right press:plate-box "
                     "push_box:torso-box table_slide:table-palm two_arms:east_wall-torso "
                     "wall_push:east_wall-torso"
                 ),
@@ -301,10 +315,16 @@ CAUSES: tuple[Cause, ...] = (
                     "push_box slap_2.5 slap_3 slap_6 table_slide two_arms volley wall_push"
                 ),
             },
+            "recommended equal-step": {
+                "overlap.max": "lift",
+            },
+            "recommended": {
+                "contact.gap": "volley:north_wall-torso",
+            },
             "equal-step": {
                 "overlap.max": (
                     "bounce_e08 bounce_e1 break_15 collide_central collide_oblique collide_ratio_1e3 "
-                    "collide_ratio_1e6 collide_slips collide_sticks rod_e1 shot_6"
+                    "collide_ratio_1e6 collide_slips collide_sticks drag rod_e1 shot_6"
                 ),
             },
         },
@@ -323,7 +343,16 @@ CAUSES: tuple[Cause, ...] = (
         STIFFEST,
         {
             "accurate": {
-                "overlap.max": "ball_snip slap_2.5 slap_3 slap_6 volley",
+                "overlap.max": "slap_2.5 slap_3 slap_6 volley wall_push",
+            },
+        },
+    ),
+    Cause(
+        "mujoco",
+        STARTS_APART,
+        {
+            "equal-step": {
+                "contact.gap": "drag:post-box",
             },
         },
     ),

@@ -11,6 +11,6 @@ TOGETHER = (
     "three into the last 1/4, 1/4, 1/4, 3/4"
 )
 COARSE_SERVO = (
-    "hinges that follow at 40 rad/s gain energy in pressed limbs at 1/240 s: dart's corner_slide 1.5 J, "
-    "mujoco's wall_push 1.5 J and corner_slide 82 mJ; at the engines' own steps 0.5, 14 and 0.9 mJ"
+    "hinges that follow at 40 rad/s gain energy in pressed limbs at 1/240 s: dart's corner_slide 1.6 J, "
+    "mujoco's 78 mJ; at the engines' own steps 0.5 and 0.9 mJ"
 )

@@ -33,8 +33,8 @@ HAND: Vector = (0.06, 0.04, 0.02)
 MASS = 0.4
 """Its mass [kg]: critically damped by the default coupling."""
 ARM, FREQUENCY = 20.0, 15.0
-"""Mass of an arm's root [kg], and frequency of its critically damped coupling [rad/s]: heavier than what it
-moves, so that an explicit coupling force is stable at every native step."""
+"""Mass of an arm's root [kg], heavier than what it moves, and frequency of its critically damped coupling
+[rad/s]."""
 LIMB: Vector = (0.15, 0.03, 0.03)
 """Half extents of a link of an arm [m]."""
 RATE = 60
@@ -132,7 +132,8 @@ def tracker_jitter(level: float) -> Case:
             block("box", "wood", (0.05, 0.05, 0.025), 1.0, (0.0, 0.0, 0.025)),
             _driven("hand", HAND, MASS),
         ),
-        Checks(overlap=0.01, speed=10.0, walls=(Wall((0.0, 0.0, 0.0)),)),
+        # a free hand reaches 10.3 m/s by Eq. 6
+        Checks(overlap=0.01, speed=12.0, walls=(Wall((0.0, 0.0, 0.0)),)),
         duration=1.2,
         fields={"trackers": (_tracker("hand", path),)},
     )

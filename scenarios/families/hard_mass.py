@@ -31,8 +31,7 @@ LAYERS = 6
 GAP, SPEED = 0.29, 1.0
 """Distance of the surfaces of two balls [m], and speed of the first [m/s]."""
 ROOT_MASS, ROOT_FREQUENCY = 20.0, 15.0
-"""Mass of a driven root [kg], and frequency of its critically damped coupling [rad/s]: heavier than what it
-moves, so that an explicit coupling force is stable at every native step."""
+"""Mass of a driven root [kg], and frequency of its critically damped coupling [rad/s]."""
 LINK: Vector = (0.02, 0.02, 0.1)
 """Half extents of a link [m]."""
 

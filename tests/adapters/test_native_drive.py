@@ -137,13 +137,10 @@ def test_results_name_another_drive() -> None:
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_manifests_tell_the_drive(registry: SimpleNamespace, name: str) -> None:
-    """Say in the manifest how hinges are driven."""
-    key = "default joint motors" if name == "bullet" else "hinge_drive"
-    reported = [
-        registry.engine(name)
-        .build(swing(), Settings("equal-step", EQUAL, drive=drive))
-        .describe()
-        .settings[key]
+    """Say in the manifest how roots and hinges are driven."""
+    native, torque = (
+        registry.engine(name).build(swing(), Settings("equal-step", EQUAL, drive=drive)).describe().settings
         for drive in ("native", "torque")
-    ]
-    assert reported[0] != reported[1]
+    )
+    for key in ("root_drive", "default joint motors" if name == "bullet" else "hinge_drive"):
+        assert native[key] != torque[key]

@@ -9,11 +9,11 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Settings
+from touchstone.adapters.contract import BodyFacts, Settings
 from touchstone.adapters.engines.bullet import tables
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
 from touchstone.adapters.registry import MAXIMAL
-from touchstone.adapters.servo import Drive
+from touchstone.adapters.servo import Drive, simulated_masses
 from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
@@ -40,6 +40,7 @@ class Bodies:
 
     Attributes:
         parameters: settings of the profile; `sleep`: those of a base that may sleep.
+        masses: mass properties per body.
         moments, axes: principal moments, and principal axes in the body frame (xyzw), per body.
         arm: centres of mass in the body frames (n, 3) [m].
         colliders: per body its (id, link) pairs; `body_of` is the inverse.
@@ -59,8 +60,9 @@ class Bodies:
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
         self.parameters = tables.parameters_of(settings.profile, settings.changes)
         self.sleep = tables.SLEEPING if settings.sleeping else {}
-        self.moments, axes = zip(*(_principal_axes(body) for body in scenario.bodies))
-        self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in scenario.bodies])
+        self.masses = simulated_masses(scenario, list(drives.values()))
+        self.moments, axes = zip(*(_principal_axes(body) for body in self.masses))
+        self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in self.masses])
         self.colliders: dict[int, list[tuple[int, int]]] = {}
         maximal = settings.profile == MAXIMAL
         self.rigid = {k for k, body in enumerate(scenario.bodies) if maximal and _is_plain(body)}
@@ -173,8 +175,9 @@ class Bodies:
     def _part(self, body: int, shape: int) -> Part:
         """Mass and inertial frame of a body."""
         given = self._scenario.bodies[body]
-        mass = 0.0 if given.kind == "fixed" or body in self._weightless else given.mass
-        return Part(mass, shape, given.center_of_mass, tuple(self.axes[body]))
+        weightless = given.kind == "fixed" or body in self._weightless
+        own = self.masses[body]
+        return Part(0.0 if weightless else own.mass, shape, own.center_of_mass, tuple(self.axes[body]))
 
     def _add_shapes(self, body: Body) -> list[int]:
         """Create Bullet's shapes of a body: one compound of its primitives, and one shape per hull."""
@@ -219,7 +222,7 @@ def xyzw(quaternion: Sequence[float]) -> tuple[float, ...]:
     return x, y, z, w
 
 
-def _principal_axes(body: Body) -> tuple[list[float], Sequence[float]]:
+def _principal_axes(body: Body | BodyFacts) -> tuple[list[float], Sequence[float]]:
     """Principal moments of a body, and the quaternion xyzw of its principal axes in the body frame."""
     inertia = np.array(body.inertia)
     if not np.any(inertia - np.diag(np.diagonal(inertia))):

@@ -43,7 +43,7 @@ from touchstone.adapters.engines.bullet.tables import (
 from touchstone.adapters.material_combine import check_range, frictions, product_factors, restitutions
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
-from touchstone.adapters.servo import Drive
+from touchstone.adapters.servo import Drive, without_ballast
 from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import (
     Ellipsoid,
@@ -81,7 +81,8 @@ class World:
         self._posed = posed_of(scenario, settings)
         self._moment = 0
         self._coupled = coupled(scenario, settings)
-        self._drives = [Drive(scenario, scenario.trackers[k], settings.dt) for k in self._coupled]
+        driven = [scenario.trackers[k] for k in self._coupled]
+        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._native = settings.drive == "native"
         self._bodies = Bodies(scenario, settings, factors, dict(zip(self._coupled, self._drives)), self._on)
@@ -95,9 +96,10 @@ class World:
         self._center, self._turn = np.zeros((n, 3)), np.tile(UNTURNED, (n, 1))
         self._velocity, self._omega = np.zeros((n, 3)), np.zeros((n, 3))
         self._angle, self._rate = np.zeros(hinges), np.zeros(hinges)
-        # Commands: force and torque per drive, torque per hinge, force against gravity per body.
-        self._wrench, self._hinge_torque = np.zeros((len(self._drives), 2, 3)), np.zeros(hinges)
-        self._lift = [(-body.mass * np.array(scenario.acting_gravity)).tolist() for body in scenario.bodies]
+        # Commands: torque per hinge, force against gravity per body.
+        self._hinge_torque = np.zeros(hinges)
+        down = np.array(scenario.acting_gravity)
+        self._lift = [(-body.mass * down).tolist() for body in self._bodies.masses]
         self._bodies.add()
         self._driven = self._bodies.driven
         self._place_posed()
@@ -143,11 +145,9 @@ class World:
                 self._place[root] = self._center[root] - self._lever[root]
             position, orientation, omega = self._place[root], self._orientation[root], self._omega[root]
             velocity = self._velocity[root] - cross(omega, self._lever[root])
-            wrench = drive.wrench(step, position, orientation, velocity, omega)
-            self._wrench[k] = wrench
-            force, torque = self._wrench[k].tolist()
-            self._push(number, BASE, force, position)
-            pybullet.applyExternalTorque(number, BASE, torque, pybullet.WORLD_FRAME, **self._on)
+            force, torque = drive.wrench(step, position, orientation, velocity, omega)
+            self._push(number, BASE, force.tolist(), position)
+            pybullet.applyExternalTorque(number, BASE, torque.tolist(), pybullet.WORLD_FRAME, **self._on)
             for link, body in enumerate(bodies, start=BASE):
                 self._push(number, link, self._lift[body], self._center[body])
             if len(bodies) > 1:
@@ -217,7 +217,10 @@ class World:
         state.linear_velocity[:], state.angular_velocity[:] = self._velocity, self._omega
         state.joint_angle[:], state.joint_rate[:] = self._angle, self._rate
         if self._drives:
-            state.force[self._coupled], state.torque[self._coupled] = self._wrench[:, 0], self._wrench[:, 1]
+            for k, drive in zip(self._coupled, self._drives):
+                root = drive.links[0]
+                velocity = self._velocity[root] - cross(self._omega[root], self._lever[root])
+                drive.read(state, k, velocity, self._omega[root])
             state.hinge_torque[:] = self._hinge_torque
         for posed, hinges in self._posed:
             posed.show(self._moment, state, hinges)
@@ -255,7 +258,7 @@ class World:
             profile=self._settings.profile,
             dt=solver["fixedTimeStep"],
             settings=found.settings(solver),
-            bodies=found.bodies(),
+            bodies=without_ballast(found.bodies(), self._scenario, self._drives),
             pairs=found.pairs(),
             drives={
                 self._scenario.trackers[k].root: drive.gains()

@@ -10,6 +10,7 @@ from touchstone.adapters.contract import BodyFacts, PairFacts, Scalar, Settings
 from touchstone.adapters.engines.bullet.bodies import Bodies
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, RIGID_BODY
 from touchstone.adapters.posed_drive import coupled
+from touchstone.adapters.servo import ROOT_DRIVES
 from touchstone.scenarios.scenario import Hull, Scenario
 
 HINGE_DRIVES = {
@@ -92,6 +93,7 @@ class ReadBack:
             "hull corners": "rounded by Bullet to about 1e-4 of the hull's size",
             "integrator": "semi-implicit Euler on reduced coordinates, gyroscopic term on",
             "sleep of driven bodies": "off: no force wakes a multibody",
+            "root_drive": ROOT_DRIVES[self._settings.drive],
             "default joint motors": HINGE_DRIVES[self._settings.drive],
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",

@@ -47,7 +47,7 @@ from touchstone.adapters.material_combine import (
 )
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import ACCURATE, ENGINES, require_profile
-from touchstone.adapters.servo import Drive
+from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.scenarios.scenario import TRACKED, UNMOVED, Scenario
 
 COEFFICIENT_MIN = 1e-3
@@ -148,7 +148,7 @@ class World:
         self._moment = 0
         self._coupled = coupled(scenario, settings)
         self._trackers = [scenario.trackers[k] for k in self._coupled]
-        self._drives = [Drive(scenario, tracker, settings.dt) for tracker in self._trackers]
+        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in self._trackers]
         by_name = {joint.name: joint for joint in scenario.joints}
         nodes: dict[int, Any] = {}
         for one, _ in self._posed:
@@ -164,9 +164,11 @@ class World:
         poses = [node.getWorldTransform() for node in self._nodes]
         self._position = np.array([pose.translation() for pose in poses])
         self._orientation = np.array([pose.quaternion().wxyz() for pose in poses])
+        masses = simulated_masses(scenario, self._drives)
         self._body_of: dict[Any, int] = {node: k for k, node in enumerate(self._nodes)}
         for k, (node, body) in enumerate(zip(self._nodes, scenario.bodies)):
-            set_mass(node, body)
+            if body.kind not in UNMOVED:  # others keep DART's 1 kg, without effect
+                set_mass(node, masses[k])
             for i, piece in enumerate(body.pieces):
                 add_piece(node, piece, f"{k}.{i}", restitution[k], friction[k])
         _filter(self._world, scenario, self._nodes)
@@ -174,8 +176,6 @@ class World:
         self._to_midpoint = 0.5 if detector == "bullet" else 0.0
         self._roots = [self._nodes[drive.links[0]] for drive in self._drives]
         self._hands = [root.getSkeleton() for root in self._roots]
-        self._force = np.full((len(self._drives), 3), np.nan)
-        self._torque = np.full((len(self._drives), 3), np.nan)
         self._hinge_torque = [np.full(len(tracker.joints), np.nan) for tracker in self._trackers]
         self._native = settings.drive == "native"
         self._changed = [np.zeros(ROOT_DOFS + len(one)) for one in self._hinge_torque]
@@ -192,15 +192,15 @@ class World:
         self._move_posed()
         for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
             pose = root.getWorldTransform()
-            self._force[k], self._torque[k] = drive.wrench(
+            force, torque = drive.wrench(
                 step,
                 pose.translation(),
                 pose.quaternion().wxyz(),
                 root.getLinearVelocity(),
                 root.getAngularVelocity(),
             )
-            root.addExtForce(self._force[k])
-            root.addExtTorque(self._torque[k], False)
+            root.addExtForce(force)
+            root.addExtTorque(torque, False)
             angle, rate = hand.getPositions()[ROOT_DOFS:], hand.getVelocities()[ROOT_DOFS:]
             if self._native:
                 self._changed[k] = np.array(hand.getVelocityChanges())
@@ -242,7 +242,8 @@ class World:
             state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
             state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
-            state.force[self._coupled], state.torque[self._coupled] = self._force, self._torque
+            for k, drive, root in zip(self._coupled, self._drives, self._roots):
+                drive.read(state, k, root.getLinearVelocity(), root.getAngularVelocity())
         state.clear_contacts()
         if contacts := self._world.getLastCollisionResult().getContacts():
             self._add_contacts(contacts, state)
@@ -286,11 +287,15 @@ class World:
             profile=self._settings.profile,
             dt=self._world.getTimeStep(),
             settings=self._facts(),
-            bodies={
-                body.name: body_facts(node)
-                for body, node in zip(self._scenario.bodies, self._nodes)
-                if body.kind not in UNMOVED
-            },
+            bodies=without_ballast(
+                {
+                    body.name: body_facts(node)
+                    for body, node in zip(self._scenario.bodies, self._nodes)
+                    if body.kind not in UNMOVED
+                },
+                self._scenario,
+                self._drives,
+            ),
             pairs=tuple(
                 PairFacts(
                     names[a],
@@ -311,12 +316,9 @@ class World:
         return [self._world.getSkeleton(k) for k in range(self._world.getNumSkeletons())]
 
     def _limits(self) -> dict[str, tuple[float, float]]:
-        found = {}
-        for hand, tracker in zip(self._hands, self._trackers):
-            for k, name in enumerate(tracker.joints, start=1):
-                joint = hand.getJoint(k)
-                found[name] = (joint.getPositionLowerLimit(0), joint.getPositionUpperLimit(0))
-        return found
+        names = [name for tracker in self._trackers for name in tracker.joints]
+        hinges = [hinge for hand in self._hands for hinge in _hinges(hand)]
+        return {name: (low, high) for name, (_, low, high) in zip(names, hinges)}
 
     def _aspect(self, body: int) -> Any:
         return self._nodes[body].getShapeNode(0).getDynamicsAspect()
@@ -365,6 +367,7 @@ class World:
             "joint_friction": max((joint.getCoulombFriction(k) for joint, k in dofs), default=0.0),
             "joint_stiffness": max((joint.getSpringStiffness(k) for joint, k in dofs), default=0.0),
             "hinges": len(hinges),
+            "root_drive": ROOT_DRIVES[self._settings.drive],
             "hinge_drive": HINGE_DRIVES[self._settings.drive],
             "hinge_limits": sum(joint.areLimitsEnforced() for joint in hinges),
             "hull_vertex_type": "float32, triangle soup",

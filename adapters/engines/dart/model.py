@@ -28,18 +28,7 @@ from scipy.spatial import ConvexHull
 from touchstone.adapters.contract import BodyFacts, Scalar, Unsupported
 from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
-from touchstone.scenarios.scenario import (
-    UNMOVED,
-    Body,
-    Box,
-    Capsule,
-    Ellipsoid,
-    Hull,
-    Joint,
-    Piece,
-    Scenario,
-    Sphere,
-)
+from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 DETECTORS = {
@@ -134,12 +123,10 @@ def isometry(position: Any, orientation: Any) -> Any:
     return dartpy.math.Isometry3(dartpy.math.Quaternion(*orientation), np.array(position, dtype=float))
 
 
-def set_mass(node: Any, body: Body) -> None:
-    """Set our mass properties instead of the shapes'. A fixed or prescribed body has none and keeps DART's
-    1 kg, without effect."""
-    if body.kind not in UNMOVED:
-        center = np.array(body.center_of_mass)
-        node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
+def set_mass(node: Any, body: Body | BodyFacts) -> None:
+    """Set our mass properties instead of the shapes'."""
+    center = np.array(body.center_of_mass)
+    node.setInertia(dartpy.dynamics.Inertia(body.mass, center, np.array(body.inertia)))
 
 
 def body_facts(node: Any) -> BodyFacts:

@@ -60,7 +60,7 @@ from touchstone.adapters.engines.drake.model import (
 )
 from touchstone.adapters.material_combine import frictions
 from touchstone.adapters.registry import require_profile
-from touchstone.adapters.servo import Drive
+from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -101,8 +101,6 @@ class World:
         self._set_initial_state()
         self._simulator = Simulator(self._diagram, self._root_context)
         self._results = self._plant.get_contact_results_output_port()
-        self._force = np.zeros((len(self._drives), 3))
-        self._torque = np.zeros((len(self._drives), 3))
         self._steps = 0
         self.drive(0)
         self._simulator.Initialize()
@@ -117,6 +115,8 @@ class World:
             plant.set_gravity_enabled(instance, False)
         free = plant.AddModelInstance("simulated")
         groups, geometries = scenario.groups(), Geometries()
+        self._drives = [Drive(scenario, t, settings.dt, settings.drive) for t in scenario.trackers]
+        masses = simulated_masses(scenario, self._drives)
         self._bodies: list[Any] = []
         for k, body in enumerate(scenario.bodies):
             if body.kind == "fixed":
@@ -124,7 +124,7 @@ class World:
                 geometries[k] = add_pieces(plant, plant.world_body(), body, factors[k], True)
                 continue
             instance = driven[groups[k]] if groups[k] >= 0 else free
-            self._bodies.append(plant.AddRigidBody(body.name, instance, inertia_of(body)))
+            self._bodies.append(plant.AddRigidBody(body.name, instance, inertia_of(masses[k])))
             geometries[k] = add_pieces(plant, self._bodies[k], body, factors[k], False)
         self._index = {one: k for k, ids in geometries.items() for one in ids}
         self._geometries = geometries
@@ -138,7 +138,6 @@ class World:
         scenario = self._scenario
         by_name = {body.name: drake for body, drake in zip(scenario.bodies, self._bodies)}
         joints = {joint.name: joint for joint in scenario.joints}
-        self._drives = [Drive(scenario, tracker, self._settings.dt) for tracker in scenario.trackers]
         self._hinges = []
         for drive, tracker in zip(self._drives, scenario.trackers):
             hinges = [add_hinge(self._plant, by_name, joints[name]) for name in tracker.joints]
@@ -179,11 +178,11 @@ class World:
             root = self._bodies[drive.links[0]]
             pose, moved = self._pose(root), plant.EvalBodySpatialVelocityInWorld(context, root)
             turn = pose.rotation().ToQuaternion().wxyz()
-            wrench = drive.wrench(step, pose.translation(), turn, moved.translational(), moved.rotational())
-            self._force[k], self._torque[k] = wrench
+            motion = moved.translational(), moved.rotational()
+            force, torque = drive.wrench(step, pose.translation(), turn, *motion)
             applied = ExternallyAppliedSpatialForce()
             applied.body_index, applied.p_BoBq_B = root.index(), np.zeros(3)
-            applied.F_Bq_W = SpatialForce(tau=self._torque[k], f=self._force[k])
+            applied.F_Bq_W = SpatialForce(tau=torque, f=force)
             forces.append(applied)
             if not self._hinges[k]:
                 continue
@@ -224,7 +223,9 @@ class World:
             found = [self._hinge_state(k) for k in range(len(self._drives))]
             state.joint_angle[:] = np.concatenate([angle for angle, _ in found])
             state.joint_rate[:] = np.concatenate([rate for _, rate in found])
-            state.force[:], state.torque[:] = self._force, self._torque
+            for k, drive in enumerate(self._drives):
+                moved = plant.EvalBodySpatialVelocityInWorld(context, self._bodies[drive.links[0]])
+                drive.read(state, k, moved.translational(), moved.rotational())
             state.hinge_torque[:] = self._hinge_torques()
 
     def _read_contacts(self, state: State) -> None:
@@ -277,7 +278,7 @@ class World:
             profile=self._settings.profile,
             dt=float(plant.time_step()),
             settings=self._facts(),
-            bodies=facts,
+            bodies=without_ballast(facts, scenario, self._drives),
             pairs=self._pairs(),
             drives={t.root: drive.gains() for t, drive in zip(scenario.trackers, self._drives)},
             limits={
@@ -294,6 +295,7 @@ class World:
         return {
             **contact_facts(plant, self._scene_graph, self._settings),
             "gravity_vector": str(plant.gravity_field().gravity_vector().tolist()),
+            "root_drive": ROOT_DRIVES[self._settings.drive],
             "actuators": int(plant.num_actuators()),
             "collision_shapes": len(self._index),
         }

@@ -30,7 +30,7 @@ from pydrake.multibody.tree import (
 )
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, Scalar, Settings, Unsupported
+from touchstone.adapters.contract import Array, BodyFacts, Scalar, Settings, Unsupported
 from touchstone.adapters.engines.drake.settings import SETTINGS
 from touchstone.adapters.material_combine import MIX_TOLERANCE, Pairs, restitutions
 from touchstone.adapters.servo import Drive
@@ -131,7 +131,7 @@ def harmonic_factors(scenario: Scenario, wanted: Pairs) -> list[float]:
     return [float(factor) for factor in factors]
 
 
-def inertia_of(body: Body) -> SpatialInertia:
+def inertia_of(body: Body | BodyFacts) -> SpatialInertia:
     """Spatial inertia about the body's origin."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
     central = RotationalInertia(xx, yy, zz, xy, xz, yz)

@@ -45,7 +45,7 @@ from touchstone.adapters.engines.mujoco.model import (
 )
 from touchstone.adapters.posed_drive import Posed, coupled, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
-from touchstone.adapters.servo import Drive
+from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import Scenario
 
@@ -93,10 +93,10 @@ class MujocoEngine:
         spec = mujoco.MjSpec()
         set_options(spec, scenario, settings)
         posed = settings.drive == "posed"
-        bodies = add_bodies(spec, scenario, posed)
-        add_contacts(spec, bodies, scenario, settings)
         driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
-        drives = [Drive(scenario, tracker, settings.dt) for tracker in driven]
+        drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
+        bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), posed)
+        add_contacts(spec, bodies, scenario, settings)
         if settings.drive == "native":
             for drive, tracker in zip(drives, driven):
                 add_servos(spec, tracker.joints, drive)
@@ -135,8 +135,6 @@ class World:
         counts = [len(tracker.joints) for tracker in driven]
         self._servos = [slice(sum(counts[:k]), sum(counts[: k + 1])) for k in range(len(counts))]
         self._root = [int(self._body[drive.links[0]]) for drive in self._drives]
-        self._force = np.zeros((len(self._drives), 3))
-        self._torque = np.zeros((len(self._drives), 3))
         self._timers = np.zeros(int(TIMER.mjNTIMER))
         self._set_initial_state()
 
@@ -177,7 +175,6 @@ class World:
             qpos, qvel, root = self._free_joint(self._root[k])
             omega = turned(qvel[3:], qpos[3:])
             force, torque = drive.wrench(step, qpos[:3], qpos[3:], qvel[:3], omega)
-            self._force[k], self._torque[k] = force, torque
             data.qfrc_applied[root] = *force, *turned(torque, inverse(qpos[3:]))
             dofs = self._hinge_dof[k]
             if self._native:
@@ -234,7 +231,9 @@ class World:
             angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
             state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._drives))])
-            state.force[self._coupled], state.torque[self._coupled] = self._force, self._torque
+            for k, drive, root in zip(self._coupled, self._drives, self._root):
+                qpos, qvel, _ = self._free_joint(root)
+                drive.read(state, k, qvel[:3], turned(qvel[3:], qpos[3:]))
 
     def _hinge_torques(self, tracker: int) -> Array:
         """Torques on the hinges of a tracker during the last step (j,) [N m]; MuJoCo evaluates joint damping
@@ -267,7 +266,11 @@ class World:
             profile=self._settings.profile,
             dt=float(self._model.opt.timestep),
             settings=self._facts(),
-            bodies={source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
+            bodies=without_ballast(
+                {source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
+                scenario,
+                self._drives,
+            ),
             pairs=self._pair_facts(),
             drives={tracker.root: d.gains() for tracker, d in zip(self._trackers, self._drives)},
             limits={
@@ -300,6 +303,7 @@ class World:
             "hinge_limit_solref": str(np.unique(model.jnt_solref[hinge], axis=0).tolist()),
             "gravity_compensated_bodies": int(np.count_nonzero(model.body_gravcomp == 1.0)),
             "actuators": int(model.nu),
+            "root_drive": ROOT_DRIVES[self._settings.drive],
             "hinge_drive": HINGE_DRIVES[self._settings.drive],
             "collision_shapes": int(model.ngeom),
             "explicit_pairs": int(model.npair),

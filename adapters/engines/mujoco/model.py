@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from touchstone.adapters.contract import Array, Settings, Unsupported
+from touchstone.adapters.contract import Array, BodyFacts, Settings, Unsupported
 from touchstone.adapters.engines.mujoco.settings import OF_CONTACTS, SETTINGS
 from touchstone.adapters.registry import ACCURATE, DEFAULT
 from touchstone.adapters.servo import Drive
@@ -81,8 +81,10 @@ def _set_recommended(spec: Any, scenario: Scenario, settings: Settings) -> None:
         spec.option.impratio = IMPEDANCE_RATIO
 
 
-def add_bodies(spec: Any, scenario: Scenario, posed: bool = False) -> dict[int, Any]:
-    """Add all bodies; returns the spec's body per scenario index.
+def add_bodies(
+    spec: Any, scenario: Scenario, masses: Sequence[Body | BodyFacts], posed: bool = False
+) -> dict[int, Any]:
+    """Add all bodies with these mass properties; returns the spec's body per scenario index.
 
     Fixed, free and prescribed bodies come first, then each tracker's tree, or its links as mocap bodies.
     """
@@ -116,7 +118,7 @@ def add_bodies(spec: Any, scenario: Scenario, posed: bool = False) -> dict[int, 
             )
     for index, body in enumerate(scenario.bodies):
         if body.kind not in UNMOVED:
-            _set_mass(bodies[index], body)
+            _set_mass(bodies[index], masses[index])
         for k, piece in enumerate(body.pieces):
             add_piece(spec, bodies[index], piece, f"{index}.{k}")
     return bodies
@@ -152,7 +154,7 @@ def _make_heavy(target: Any, scenario: Scenario) -> None:
     target.inertia = (target.mass,) * 3
 
 
-def _set_mass(target: Any, body: Body) -> None:
+def _set_mass(target: Any, body: Body | BodyFacts) -> None:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
     target.explicitinertial = True
     target.mass, target.ipos, target.fullinertia = body.mass, body.center_of_mass, (xx, yy, zz, xy, xz, yz)

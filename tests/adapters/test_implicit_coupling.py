@@ -1,0 +1,196 @@
+"""Eq. 6 by the engines' implicit means: its closed form at any step, its static force, and any inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise, product
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, expm
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Array, Settings, State
+from touchstone.adapters.implicit_coupling import RESOLVED, step_law
+from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.servo import Drive, starting_body
+from touchstone.scenarios.avatar.tracking import ease, sample
+from touchstone.scenarios.difficulty.family import families
+from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Tracker
+from touchstone.scenarios.solids import block, box_inertia, slab
+
+STEPS = (1 / 30, 1 / 60, 1 / 240, 1 / 960)
+MASSES = (0.01, 0.4, 100.0)
+STIFFNESSES = (10.0, 1e3, 1e5)
+HALF = (0.03, 0.05, 0.02)
+DEEP = 0.01
+"""How deep the tracker ends inside the box [m]."""
+NAMES = ("mujoco", "bullet", "dart")
+
+
+def critical(mass: float, stiffness: float) -> float:
+    """Damping of a critically damped spring [N s/m]."""
+    return 2 * (mass * stiffness) ** 0.5
+
+
+def plate(mass: float, stiffness: float, damping: float, times: Array, path: Array, turns: Array) -> tuple:
+    """A driven plate and its tracker along a path (n, 3) [m] with rotation vectors (n, 3) [rad]."""
+    body = Body(
+        "plate", "driven", "wood", (Piece("plate", Box(HALF)),), mass=mass, inertia=box_inertia(mass, HALF)
+    )
+    quaternions = Rotation.from_rotvec(turns).as_quat(scalar_first=True)
+    keys = tuple(tuple(tuple(row) for row in rows.tolist()) for rows in (path, quaternions))
+    tracker = Tracker("plate", (), tuple(times.tolist()), *keys, ((),) * len(times), stiffness, damping)
+    return body, tracker
+
+
+def played(engine: SimpleNamespace, scenario: Scenario, dt: float) -> Iterator[State]:
+    """States after every step; the same object."""
+    world = engine.build(scenario, Settings(next(iter(ENGINES[engine.name].profiles)), dt))
+    state = State(scenario)
+    for step in range(round(scenario.duration / dt)):
+        world.drive(step)
+        world.step()
+        state.clear_contacts()
+        world.read(state)
+        yield state
+    world.close()
+
+
+def closed_form(stiffness: float, damping: float, path: Array, start: Array, dt: float) -> Array:
+    """Positions at steps' ends by Eq. 6 per mass, for a tracker that is linear in each step."""
+    decay = expm(np.array([[0.0, 1.0], [-stiffness, -damping]]) * dt)
+    state, found = np.zeros((2, path.shape[1])), []
+    before = start
+    for old, new in pairwise(path):
+        pace = (new - old) / dt
+        state[1] += before - pace
+        state, before = decay @ state, pace
+        found.append(new + state[0])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.0, 40.0, None, 1e4])
+@pytest.mark.parametrize("dt", STEPS)
+def test_a_step_is_that_of_the_closed_form(dt: float, damping: float | None) -> None:
+    """Follow a jumping tracker by the closed form at any mass and stiffness that the step resolves, and stay
+    near it at the others."""
+    rng = np.random.default_rng(3)
+    for mass, stiffness in product(MASSES, STIFFNESSES):
+        drag = critical(mass, stiffness) if damping is None else damping
+        law = step_law(stiffness, drag, mass, dt, True)
+        path = np.concatenate([[0.0], np.cumsum(rng.normal(size=40)) * dt])[:, None]
+        exact = closed_form(stiffness / mass, drag / mass, path, np.zeros(1), dt)[:, 0]
+        x = v = w = 0.0
+        pace, found = np.diff(path[:, 0]) / dt, []
+        for k in range(40):
+            force = law.stiffness * (path[k, 0] - x) + law.damping * (w - v) + law.lead * (pace[k] - w)
+            v += dt * force / (mass + law.added)
+            x, w = x + dt * v, pace[k]
+            found.append(x)
+        swing = max(stiffness / mass - (drag / mass / 2) ** 2, 0.0) ** 0.5 * dt
+        if swing <= RESOLVED:
+            np.testing.assert_allclose(found, exact, atol=1e-10 * dt, rtol=1e-10)
+        assert np.abs(np.array(found) - path[1:, 0]).max() < 40 * dt
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize("dt", STEPS)
+@pytest.mark.parametrize("name", NAMES)
+def test_free_plates_follow_the_closed_form(lab, registry, name: str, dt: float) -> None:
+    """Play every mass and stiffness at every step, none refused, as Eq. 6 has it to rounding."""
+    engine, rng = registry.engine(name), np.random.default_rng(7)
+    times = np.arange(11) / 30
+    path = np.cumsum(rng.normal(size=(11, 3)) * 0.01, axis=0)
+    turns = np.zeros((11, 3))
+    turns[:, 1] = 0.3 * ease(times, 0.0, times[-1])
+    for mass, stiffness in product(MASSES, STIFFNESSES):
+        body, tracker = plate(mass, stiffness, critical(mass, stiffness), times, path, turns)
+        scenario = lab.scene(body, trackers=(tracker,), duration=float(times[-1]))
+        motion = sample(tracker, np.arange(1 + round(scenario.duration / dt)) * dt)
+        rates = stiffness / mass, 2 * (stiffness / mass) ** 0.5
+        exact = closed_form(*rates, motion.position, motion.linear_velocity[0], dt)
+        angle = Rotation.from_quat(motion.orientation, scalar_first=True).as_rotvec()[:, 1:2]
+        turned = closed_form(*rates, angle, motion.angular_velocity[0, 1:2], dt)
+        found = [(s.position[0].copy(), s.orientation[0].copy()) for s in played(engine, scenario, dt)]
+        places, quaternions = (np.array(column) for column in zip(*found))
+        np.testing.assert_allclose(places, exact, atol=1e-12)
+        shown = Rotation.from_quat(quaternions, scalar_first=True).as_rotvec()
+        np.testing.assert_allclose(shown[:, 1:2], turned, atol=1e-8)
+
+
+def pressing(lab: SimpleNamespace, mass: float, stiffness: float) -> Scenario:
+    """A plate on a box on the floor, whose tracker goes DEEP into the box within 0.3 s."""
+    times = np.arange(91) / 60
+    path = np.zeros((91, 3))
+    path[:, 2] = 0.12 - DEEP * ease(times, 0.0, 0.3)
+    body, tracker = plate(mass, stiffness, critical(mass, stiffness), times, path, np.zeros((91, 3)))
+    box = block("box", "wood", (0.1, 0.1, 0.05), 1.0, (0.0, 0.0, 0.05))
+    return lab.scene(body, box, slab("floor", "wood"), trackers=(tracker,), duration=1.5)
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize(("mass", "stiffness"), [(0.01, 1e3), (0.4, 1e3), (0.4, 1e4), (0.01, 1e5)])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_plate_presses_with_its_spring(lab, registry, name: str, mass: float, stiffness: float) -> None:
+    """Press with K times the distance from the tracker; DART and Bullet with K d, for what is pressed holds.
+
+    MuJoCo's contacts give way: the tracker is less than d away.
+    """
+    dt = 1 / 240
+    forces, ways = [], []
+    for state in played(registry.engine(name), pressing(lab, mass, stiffness), dt):
+        rows = state.contacts[: state.contact_count]
+        met = (rows["body_a"] == 0) & (rows["body_b"] == 1)
+        forces.append(np.abs(rows["impulse"][met, 2].sum()) / dt)
+        ways.append(state.position[0, 2] - (0.12 - DEEP))
+    force, way = np.mean(forces[-60:]), np.mean(ways[-60:])
+    assert force == pytest.approx(stiffness * way, rel=0.01)
+    if name != "mujoco":
+        assert force == pytest.approx(stiffness * DEEP, rel=0.01)
+
+
+@pytest.mark.parametrize("dt", STEPS)
+@pytest.mark.parametrize("level", [1.0, 1e3, 1e6])
+def test_links_of_any_mass_leave_the_coupling_stable(level: float, dt: float) -> None:
+    """Contract the linearised loop of coupling and step with free hinges, whatever the links weigh."""
+    scenario = families()["mass_links"].scene(level)[0]
+    tracker = scenario.trackers[0]
+    drive, body = Drive(scenario, tracker, dt), starting_body(scenario, tracker)
+    added = block_diag(drive.ballast[0] * np.eye(3), drive.ballast[1])
+    stiff = block_diag(drive.stiffness * np.eye(3), drive.frequency**2 * drive.inertia)
+    root = body.inertia[:6, :6] - body.inertia[:6, 6:] @ np.linalg.solve(
+        body.inertia[6:, 6:], body.inertia[6:, :6]
+    )
+    mass = root + added
+    drag = block_diag(drive._linear.damping * np.eye(3), drive._angular.damping * drive.inertia)
+    pull, brake = (dt * np.linalg.solve(mass, gain) for gain in (stiff, drag))
+    one = np.eye(6)
+    loop = np.block([[one - dt * pull, dt * (one - brake)], [-pull, one - brake]])
+    assert np.abs(np.linalg.eigvals(loop)).max() < 1 + 1e-9
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize("name", NAMES)
+def test_the_added_inertia_feels_no_gravity(lab, registry, name: str) -> None:
+    """Stay at a tracker that rests, under gravity, with an off-centre mass and a turned inertia."""
+    times, zero = np.arange(3) / 10, np.zeros((3, 3))
+    body, tracker = plate(0.05, 1e4, 10.0, times, zero + 1.0, zero + 0.4)
+    tensor = ((0.002, 0.0003, -0.0001), (0.0003, 0.003, 0.0002), (-0.0001, 0.0002, 0.0025))
+    body = replace(body, center_of_mass=(0.05, 0.02, -0.03), inertia=tensor)
+    scenario = lab.scene(body, trackers=(tracker,), duration=0.2)
+    for state in played(registry.engine(name), scenario, 1 / 60):
+        assert state.position[0] == pytest.approx(np.ones(3), abs=1e-9)
+        assert np.abs(state.force).max() < 1e-6
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize("level", [1e3, 1e6])
+@pytest.mark.parametrize("name", NAMES)
+def test_heavy_links_do_not_explode(registry, name: str, level: float) -> None:
+    """Swing links of any mass on a root of 20 kg at no more than the speed that the tracker explains."""
+    scenario, checks = families()["mass_links"].scene(level)
+    for state in played(registry.engine(name), scenario, 1 / 240):
+        assert np.abs(state.linear_velocity).max() < checks.speed
