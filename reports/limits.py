@@ -274,7 +274,7 @@ EXACTING: tuple[Limit, ...] = (
         Limit("truth.orientation", 1e-2, "contacts are held: off by 5/2 mu g h^2 / 8 r", scenario=scene)
         for scene in ("slip", "slip_seed0", "slip_seed1", "slip_seed2")
     ),
-    *(Limit("force.error", 1e-6, FOUND, scenario=tag) for tag in ("probe", "prescribed")),
+    *(Limit("force.error", 1e-6, FOUND, scenario=tag) for tag in ("probe", "prescribed", "driven")),
     Limit("bounce.height", 1e-6, "an impact is found where it happens", scenario="probe"),
     Limit("restitution.error", 1e-6, "an impact is found where it happens", scenario="probe"),
     Limit("restitution.error", 1e-12, ROUNDING, scenario="isolated"),

@@ -44,6 +44,10 @@ MARGIN = (
     "14 mm, by 1.6 mm with a margin of 0.1 mm; links keep theirs whatever is asked for, a limb hovers "
     "by 1.0 mm and two arms by 2.0 mm"
 )
+SQUEEZED = (
+    "a cube that two plates squeeze with 20 N each sinks into the ground by 0.16 mm, at 1/60 and 1/240 s; "
+    "neither rounds nor friction were varied"
+)
 ROUNDS = (
     "50 rounds of sequential impulses a step leave the lowest contacts of a stack unsolved: "
     "tower_20 moves by 78 mm, by 24 and 8 mm with 200 and 1,000 rounds"
@@ -235,6 +239,15 @@ CAUSES: tuple[Cause, ...] = (
             "recommended equal-step default maximal accurate": {
                 "overlap.tunnelled": "shot_300",
                 "restitution.error": "shot_300",
+            },
+        },
+    ),
+    Cause(
+        "bullet",
+        SQUEEZED,
+        {
+            "recommended equal-step default": {
+                "contact.gap": "lift:ground-cube",
             },
         },
     ),

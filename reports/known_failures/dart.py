@@ -74,7 +74,7 @@ CAUSES: tuple[Cause, ...] = (
                 "friction.cone": "tower_20_jittered",
             },
             "equal-step": {
-                "friction.cone": "tip_falls",
+                "friction.cone": "drag tip_falls",
                 "friction.deficit": "ball_snip:table-ball",
             },
             "default": {

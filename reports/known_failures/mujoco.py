@@ -304,6 +304,7 @@ CAUSES: tuple[Cause, ...] = (
         SOFT,
         {
             "recommended equal-step default": {
+                "force.error": "press:ground-box press:plate-box",
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
                     "drag:plate-box lift:cube-left lift:cube-right press:plate-box "

@@ -24,6 +24,7 @@ from touchstone.scenarios.scenario import (
     vector,
 )
 from touchstone.scenarios.solids import block, box_inertia, slab
+from touchstone.scenarios.truths.force_truth import ForceTruth
 
 TAGS = ("driven",)
 STIFFNESS, MASS = 2000.0, 0.5
@@ -50,6 +51,10 @@ def press() -> Scenario:
         (slab("ground", "wood"), _plate("plate", half), block("box", "pad", box, 1.0, (0.0, 0.0, box[2]))),
         (_tracker("plate", times, path),),
         truths=(Truth("box", "arcs", (Arc(0.0, (0.0, 0.0, box[2])),)),),
+        forces=(
+            ForceTruth("plate", "box", 1.0, 1.5, 0.01 * STIFFNESS),
+            ForceTruth("ground", "box", 1.0, 1.5, 0.01 * STIFFNESS + GRAVITY),
+        ),
     )
 
 
@@ -147,6 +152,7 @@ def _scene(
     trackers: tuple[Tracker, ...],
     truths: tuple[Truth, ...] = (),
     expectations: tuple[Expectation, ...] = (),
+    forces: tuple[ForceTruth, ...] = (),
 ) -> Scenario:
     return Scenario(
         name=name,
@@ -162,4 +168,5 @@ def _scene(
         duration=trackers[0].times[-1],
         truths=truths,
         expectations=expectations,
+        forces=forces,
     )
