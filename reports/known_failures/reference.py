@@ -28,8 +28,9 @@ DRIVEN_FIRST = (
     "in the same frame, and ends it that far ahead of the hand"
 )
 EVEN_FORCE = (
-    "the force of a driver is even over a substep, and what it carries keeps its place by a law of positions: "
-    "work and force err to second order in the step, 6.6e-4 J of `shaker_along` at 1/60 s, 4.2e-5 J at 1/240 s"
+    "the force of a driver is even over a substep, and what it carries keeps its place by a law of "
+    "positions: work and force err to second order in the step, 6.6e-4 J of `shaker_along` at 1/60 s, 4.2e-5 "
+    "J at 1/240 s"
 )
 HEAP = (
     "islands hold more bodies than Newton's method takes, and 40 sweeps a dense substep leave "
