@@ -163,7 +163,7 @@ def coast(bodies, joints, driver, h, lead, dt):
     if driver["prescribed"] == 1:
         return
     mass, stiffness = driver["mass"], driver["stiffness"] / driver["mass"]
-    moved, speed = unit_response(stiffness, driver["damping"] / mass, h)
+    moved, speed = unit_response(stiffness, _damping(driver, h), h)
     turned_by, spin = unit_response(stiffness, 2 * sqrt(stiffness), h)
     driver["inverse_mass"] = ((1 - lead) * speed / h + 2 * lead * moved / (h * h)) / mass
     driver["turn_share"] = (1 - lead) * spin / h + 2 * lead * turned_by / (h * h)
@@ -272,6 +272,19 @@ def _pose_at(bodies, joints, driver, t, dt):
 
 
 @kernel
+def _damping(driver, h):
+    """Damping per mass of a driver over a substep of length h [1/s].
+
+    A coupling that swings faster than the substep may answer a force with a speed against it. In contact it
+    is damped critically there: what is at rest does not change.
+    """
+    stiffness, damping = driver["stiffness"] / driver["mass"], driver["damping"] / driver["mass"]
+    if driver["pressed"] == 0 or stiffness * h * h <= 1:
+        return damping
+    return max(damping, 2 * sqrt(stiffness))
+
+
+@kernel
 def _advance(driver, t, h, dt, share):
     """Set a driver's pose and velocities a time t after the start of its substep of length h: free motion,
     and a share of the response to its forces, even over the substep."""
@@ -279,7 +292,7 @@ def _advance(driver, t, h, dt, share):
         _follow_path(driver, driver["clock"] + t, dt)
         return
     mass = driver["mass"]
-    stiffness, damping = driver["stiffness"] / mass, driver["damping"] / mass
+    stiffness, damping = driver["stiffness"] / mass, _damping(driver, h)
     moved, speed = unit_response(stiffness, damping, t)
     turned_by, spin = unit_response(stiffness, 2 * sqrt(stiffness), t)
     moved, speed, turned_by, spin = share * moved, share * speed, share * turned_by, share * spin

@@ -42,11 +42,13 @@ def plate(name: str, half: tuple[float, float, float], mass: float) -> Body:
     return Body(name, "driven", "pad", (Piece(name, Box(half)),), mass=mass, inertia=inertia)
 
 
-def tracker(root: str, path: Path, duration: float, stiffness: float, mass: float) -> Tracker:
-    """A path sampled a hundred times per second, critically damped."""
+def tracker(
+    root: str, path: Path, duration: float, stiffness: float, mass: float, ratio: float = 1.0
+) -> Tracker:
+    """A path sampled a hundred times per second; `ratio` is that of the damping to the critical one."""
     times = np.linspace(0.0, duration, round(100 * duration) + 1).tolist()
     places = tuple(path(time) for time in times)
-    damping = 2 * sqrt(stiffness * mass)
+    damping = 2 * ratio * sqrt(stiffness * mass)
     rows = (tuple(times), places, (IDENTITY,) * len(times), ((),) * len(times))
     return Tracker(root, (), *rows, stiffness=stiffness, damping=damping)
 
@@ -105,6 +107,19 @@ def test_a_plate_presses_with_its_spring(profile: str, rate: int, stiffness: flo
     found = play(bodies, (path,), rate, profile)
     assert mean_force(found, 1, 2, 2, 1.4) == pytest.approx(0.01 * stiffness, rel=1e-6)
     assert mean_force(found, 0, 2, 2, 1.4) == pytest.approx(0.01 * stiffness + GRAVITY, rel=1e-6)
+    assert np.abs(found.position[:, 2] - (0, 0, BOX[2])).max() < 1e-6
+
+
+@pytest.mark.parametrize("rate", [30, 60, 240])
+@pytest.mark.parametrize(("stiffness", "mass"), [(1e5, 0.01), (1e4, 0.4), (1e4, 0.02)])
+def test_a_spring_with_little_damping_presses_with_its_force(
+    rate: int, stiffness: float, mass: float
+) -> None:
+    """Also where the coupling swings many times in a step, at 2 % of critical damping."""
+    path = tracker("plate", lambda t: (0, 0, TOP - 0.01 * ramp(t, 0, 0.3)), 3.0, stiffness, mass, 0.02)
+    box = block("box", "wood", BOX, 1.0, (0, 0, BOX[2]))
+    found = play((slab("ground", "wood"), plate("plate", PLATE, mass), box), (path,), rate)
+    assert mean_force(found, 1, 2, 2, 2.9) == pytest.approx(0.01 * stiffness, rel=1e-6)
     assert np.abs(found.position[:, 2] - (0, 0, BOX[2])).max() < 1e-6
 
 
