@@ -81,9 +81,10 @@ def enter_loop(bodies, joints, driver, dt):
     if turned > 0:
         copy_quaternion(driver["old_orientation"], driver["goal_start_orientation"])
         copy_quaternion(driver["orientation"], driver["goal_end_orientation"])
-        rotation_between(driver["old_orientation"], driver["orientation"], driver["old_omega"])
+        arc = driver["scratch"][0]
+        rotation_between(driver["old_orientation"], driver["orientation"], arc)
         for i in range(3):
-            driver["old_omega"][i] /= dt
+            driver["old_omega"][i] = arc[i] / dt
     else:
         copy_quaternion(driver["old_target_orientation"], driver["goal_start_orientation"])
         copy_quaternion(driver["target_orientation"], driver["goal_end_orientation"])
@@ -345,8 +346,9 @@ def _follow_path(driver, time, dt):
     start, rise = 1 - s * s * (3 - 2 * s), s * s * (3 - 2 * s)
     first, last = dt * s * (1 - s) * (1 - s), -dt * s * s * (1 - s)
     climb, early, late = 6 * s * (1 - s) / dt, (1 - s) * (1 - 3 * s), s * (3 * s - 2)
-    turned, rate = driver["scratch"][0], driver["scratch"][1]
-    rotation_between(driver["old_target_orientation"], driver["target_orientation"], turned)
+    turned, rate, arc = driver["link_impulse"], driver["link_torque"], driver["scratch"][0]
+    rotation_between(driver["old_target_orientation"], driver["target_orientation"], arc)
+    turned[0], turned[1], turned[2] = arc[0], arc[1], arc[2]
     w0, w1, w = driver["old_target_omega"], driver["target_omega"], driver["omega"]
     # the rate of the rotation vector at the end, from omega there
     x, y, z = _cross(turned, w1)
@@ -358,9 +360,9 @@ def _follow_path(driver, time, dt):
         v0, v1 = driver["old_target_velocity"][i], driver["target_velocity"][i]
         driver["position"][i] = start * x0 + rise * x1 + first * v0 + last * v1
         driver["velocity"][i] = climb * (x1 - x0) + early * v0 + late * v1
-        arc, end = turned[i], rate[i]
-        turned[i] = rise * arc + first * w0[i] + last * end
-        rate[i] = climb * arc + early * w0[i] + late * end
+        angle, end = turned[i], rate[i]
+        turned[i] = rise * angle + first * w0[i] + last * end
+        rate[i] = climb * angle + early * w0[i] + late * end
     x, y, z = turned[0], turned[1], turned[2]
     turn(driver["old_target_orientation"], x, y, z, driver["orientation"])
     x, y, z = _cross(turned, rate)

@@ -24,7 +24,7 @@ from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.kinematics.driver_poses import interpolate
 from touchstone.reference_impl.kinematics.skeleton import are_adjacent
-from touchstone.reference_impl.paper.vectors import scaled, vector
+from touchstone.reference_impl.paper.vectors import scaled
 
 INTERPOLATION_STEPS = 24
 """Bisections between the last free state and the present one: 6e-8 of their distance."""
@@ -85,7 +85,7 @@ def add_depth(sums, side, pd, n, share):
 @kernel
 def global_depth(sums):
     """Eq. 1: PD_g = sum_i(pd_i^2 n_i) / sum_i(pd_i), the translation of the object out of its overlap [m]."""
-    return scaled(1 / sums[1, 0], vector(sums[0]))
+    return scaled(1 / sums[1, 0], (sums[0, 0], sums[0, 1], sums[0, 2]))
 
 
 @kernel

@@ -30,7 +30,7 @@ def follow_tracker(driver, h):
     turned, away = driver["scratch"][0], driver["scratch"][1]
     rotation_between(driver["old_target_orientation"], driver["target_orientation"], turned)
     rotation_between(driver["old_target_orientation"], driver["orientation"], away)
-    pace = scaled(1 / h, vector(turned))
+    pace = scaled(1 / h, (turned[0], turned[1], turned[2]))
     rate = sub(vector(driver["omega"]), pace)
     for i in range(3):
         away[i], x_rate = coupled(away[i], rate[i], k, r, h)
