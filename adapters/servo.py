@@ -25,7 +25,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import DRIVES, Array, BodyFacts, State
-from touchstone.adapters.implicit_coupling import held_law, step_law
+from touchstone.adapters.engines.implicit_coupling import held_law, step_law
 from touchstone.adapters.vector_products import cross, rotation_between, rotation_matrix
 from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample

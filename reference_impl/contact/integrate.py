@@ -183,8 +183,11 @@ def end_substep(bodies, joints, drivers, s, h, dt):
         if drivers[d]["loops"] == 1:
             end_driver(bodies, joints, drivers[d], s, h, dt)
         elif s < 1 and drivers[d]["inverse_mass"] > 0:
-            _blend(drivers[d]["old_velocity"], s, drivers[d]["velocity"])
-            _blend(drivers[d]["old_omega"], s, drivers[d]["omega"])
+            # in this form a velocity that no impulse changed stays the same to the bit
+            for i in range(3):
+                v, w = drivers[d]["old_velocity"][i], drivers[d]["old_omega"][i]
+                drivers[d]["velocity"][i] = v + s * (drivers[d]["velocity"][i] - v)
+                drivers[d]["omega"][i] = w + s * (drivers[d]["omega"][i] - w)
             move_links(bodies, joints, drivers[d])
 
 

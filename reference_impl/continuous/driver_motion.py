@@ -54,6 +54,10 @@ def enter_loop(bodies, joints, driver, dt):
     to the pose found; across it the goal is the tracker.
     """
     driver["loops"], driver["clock"], driver["old_clock"] = 1, 0.0, 0.0
+    copy_vector(driver["position"], driver["end_position"])
+    copy_quaternion(driver["orientation"], driver["end_orientation"])
+    copy_vector(driver["velocity"], driver["end_velocity"])
+    copy_vector(driver["omega"], driver["end_omega"])
     _set_moving(bodies, joints, driver, 1)
     shift, start, end = driver["stop_velocity"], driver["goal_start"], driver["goal_end"]
     square = 0.0
@@ -96,13 +100,20 @@ def enter_loop(bodies, joints, driver, dt):
 
 @kernel
 def leave_loop(bodies, joints, driver):
-    """End a driver's frame: along the shift of overlap removal it keeps the velocity that removal left."""
+    """End a driver's frame: along the shift of overlap removal it keeps the velocity that removal left.
+    Without contact it ends where the driven loop left it, to the bit."""
+    if driver["pressed"] == 0:
+        copy_vector(driver["end_position"], driver["position"])
+        copy_quaternion(driver["end_orientation"], driver["orientation"])
+        copy_vector(driver["end_velocity"], driver["velocity"])
+        copy_vector(driver["end_omega"], driver["omega"])
+    else:
+        for i in range(3):
+            driver["velocity"][i] += driver["stop_velocity"][i]
     driver["loops"] = driver["pressed"] = 0
     _set_moving(bodies, joints, driver, 0)
-    for i in range(3):
-        driver["velocity"][i] += driver["stop_velocity"][i]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["angle"] = joints[k]["goal_angle"]
+        joints[k]["angle"], joints[k]["rate"] = joints[k]["goal_angle"], joints[k]["target_rate"]
     pose_links(bodies, joints, driver)
     move_links(bodies, joints, driver)
 

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag, expm
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array, Settings, State
-from touchstone.adapters.implicit_coupling import RESOLVED, step_law
+from touchstone.adapters.engines.implicit_coupling import RESOLVED, step_law
 from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.servo import Drive, starting_body
 from touchstone.scenarios.avatar.tracking import ease, sample

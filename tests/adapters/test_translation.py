@@ -180,8 +180,8 @@ def test_too_many_materials_are_unsupported(lab):
 def test_room_for_pairs_follows_the_scene(lab):
     """Small scenes hold every pair that can meet, with patches; large ones a number per piece."""
     two = lab.scene(lab.ground(), *(lab.block(f"b{k}", (0.1, 0.1, 0.1), (k, 0.0, 0.1)) for k in range(2)))
-    # three pairs of boxes: four points each at the start, and the pairs again at the end
-    assert len(translate(two).pairs) == 3 * 5
+    # three pairs of boxes: four points each at the start, and the pairs twice again at the end
+    assert len(translate(two).pairs) == 3 * 6
     assert len(translate(lab.scene(lab.ground())).pairs) == 0
     balls = [lab.ball(f"b{k}", (k, 0.0, 1.0)) for k in range(300)]
     sizes = [pair_capacity(lab.scene(*balls[:count])) for count in (50, 300)]

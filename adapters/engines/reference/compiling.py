@@ -134,8 +134,8 @@ def compile_simulated_loop(parent: int) -> None:
     _compile(frame.update_fat_bounds, bodies, world.pieces, world.vertices, drivers, world.pairs, state)
     _compile(frame.is_isolated, bodies, world.pieces, drivers, state)
     _compile(frame.weigh_links, bodies, joints, drivers, world.pairs, 0, 0.0)
-    _compile(frame.set_ways, bodies, world.pairs, 0, 0.0)
-    _compile(frame.end_substep, bodies, joints, drivers, 0.0)
+    _compile(frame.set_ways, bodies, joints, drivers, world.pairs, 0, 0.0, 0.0)
+    _compile(frame.end_substep, bodies, joints, drivers, 0.0, 0.0, 0.0)
     _compile(frame.first_return, bodies, world.pairs, 0, state)
 
 
