@@ -64,7 +64,7 @@ def solve_resting_contacts(world, count, time, h):
         if state["dense_substep"] == 0:
             share = min(share, bias_share(bodies, world.pieces, pairs, count, h, state))
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
-        if k >= DRIVEN_ROUNDS and state["driven_loop"] == 1 and share < 1:
+        if k >= DRIVEN_ROUNDS and share < 1 and _is_any_led(bodies):
             share = min(share, 0.5)
         later = min(most, STOP_SHORT * share * h)
         if share >= STOP_SHARE:
@@ -152,10 +152,7 @@ def _solve_positions(world, count, h):
     their velocities."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    led = False
-    for b in range(len(bodies)):
-        led = led or bodies[b]["led"] == 1
-    if led:
+    if _is_any_led(bodies):
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1:
                 exchange_pushes(drivers[d])
@@ -185,6 +182,15 @@ def _solve_positions(world, count, h):
         if drivers[d]["loops"] == 1:
             weigh_for_impacts(drivers[d])
     _accept_pushes(world, h)
+
+
+@kernel
+def _is_any_led(bodies):
+    """Whether a body is in an island with a driver that moves in the loop."""
+    for b in range(len(bodies)):
+        if bodies[b]["led"] == 1:
+            return True
+    return False
 
 
 @kernel
