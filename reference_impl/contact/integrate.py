@@ -140,15 +140,35 @@ def set_ways(bodies, joints, drivers, pairs, held, h, dt):
 
 @kernel
 def set_paths(bodies):
-    """Bound the path length of each moving body; returns whether a path exceeds its body's width."""
+    """Bound the path length of each moving body; returns whether a path exceeds its body's width. That of a
+    driver's link counts if a simulated body may be in its way."""
     fast = False
     for b in range(len(bodies)):
         body = bodies[b]
         body["path"] = 0.0
         if body["moves"] == 1:
             set_path(body, largest_angle(body))
-            fast = fast or body["path"] > body["width"]
+            fast = fast or (body["kind"] == SIMULATED and body["path"] > body["width"])
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] != SIMULATED and body["moves"] == 1 and body["path"] > body["width"]:
+            fast = fast or _may_meet(bodies, body)
     return fast
+
+
+@kernel
+def _may_meet(bodies, link):
+    """Whether a simulated body may be in the way of a link: their paths' balls overlap."""
+    for b in range(len(bodies)):
+        body = bodies[b]
+        if body["kind"] == SIMULATED:
+            apart, span = 0.0, link["path"] + body["path"]
+            span += link["reach"] + body["reach"] + link["width"] + body["width"]
+            for i in range(3):
+                apart += (link["old_center"][i] - body["old_center"][i]) ** 2
+            if apart <= span * span:
+                return True
+    return False
 
 
 @kernel
