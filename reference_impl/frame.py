@@ -217,10 +217,11 @@ def _simulate(world):
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, h = gather_contacts(world, left)
-        # the inertia of a driver without chains affects only its contacts
-        for d in range(len(drivers)):
-            if touching > 0 and drivers[d]["chain_count"] == 0:
-                _weigh(bodies, joints, drivers[d])
+        # the inertia of a driver without chains affects only its contacts: skip it if drivers are isolated
+        if touching > 0 and state["driven_isolated"] == 0:
+            for d in range(len(drivers)):
+                if drivers[d]["chain_count"] == 0:
+                    _weigh(bodies, joints, drivers[d])
         weigh_links(bodies, joints, drivers, pairs, touching, state["dt"])
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])

@@ -2,10 +2,10 @@
 
     m x'' = -K (x - x_goal) - R (x' - x_goal') + f
 
-The goal is the tracker, which moves linearly within a frame; along what overlap removal withheld it is the
-pose that removal found. The equation is linear: over a substep of length h with a constant force its solution
-is the free motion plus f times the response of `coupling_response`, at any h. The rotation obeys the same
-equation, critically damped at sqrt(K / m), about the centre of mass.
+The goal is the tracker, which moves linearly within a frame; in the direction in which overlap removal moved
+the driver, it is the pose that removal found. The equation is linear: over a substep of length h with a
+constant force its solution is the free motion plus f times the response of `coupling_response`, at any h. The
+rotation obeys the same equation, critically damped at sqrt(K / m), about the centre of mass.
 
 The contact solver asks a law of velocities at the end of a substep. A coupling that is much faster than h
 moves by f / K within it, but has no velocity at its end. Rows with a driver therefore ask the law of
@@ -37,10 +37,7 @@ from touchstone.reference_impl.kinematics.skeleton import link_of, move_links, p
 @kernel
 def note_start(joints, driver):
     """Store the pose and velocities of a driver at the start of a frame."""
-    copy_vector(driver["position"], driver["old_position"])
-    copy_quaternion(driver["orientation"], driver["old_orientation"])
-    copy_vector(driver["velocity"], driver["old_velocity"])
-    copy_vector(driver["omega"], driver["old_omega"])
+    begin_driver(driver)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["shown_angle"] = joints[k]["angle"]
 
@@ -71,8 +68,8 @@ def enter_loop(bodies, joints, driver, dt):
         for i in range(3):
             back += shift[i] * (driver["old_position"][i] - start[i]) / square
             ahead += shift[i] * (driver["position"][i] - end[i]) / square
-            speed += shift[i] * ((driver["position"][i] - driver["old_position"][i]) / dt - v[i]) / square
             pace = (driver["position"][i] - driver["old_position"][i]) / dt
+            speed += shift[i] * (pace - v[i]) / square
             last += shift[i] * (driver["velocity"][i] - pace) / square
         for i in range(3):
             start[i] += back * shift[i]
@@ -127,13 +124,19 @@ def _set_moving(bodies, joints, driver, moves):
 @kernel
 def return_to_start(bodies, joints, driver, dt):
     """Return a driver to the pose and velocities at the start of its substep."""
-    copy_vector(driver["old_position"], driver["position"])
-    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    _return_pose(driver)
     copy_vector(driver["old_velocity"], driver["velocity"])
     copy_vector(driver["old_omega"], driver["omega"])
     driver["clock"] = driver["old_clock"]
     _pose_at(bodies, joints, driver, 0.0, dt)
     move_links(bodies, joints, driver)
+
+
+@kernel
+def _return_pose(driver):
+    """Return a driver's root to its pose at the start of its substep; does not pose the links."""
+    copy_vector(driver["old_position"], driver["position"])
+    copy_quaternion(driver["old_orientation"], driver["orientation"])
 
 
 @kernel
@@ -149,7 +152,7 @@ def begin_driver(driver):
 @kernel
 def coast(bodies, joints, driver, h, lead, dt):
     """Set a driver's velocities after a time h without contact forces, its mobility over h, and its links'
-    leads q - u(h); its pose stays at the start of the substep."""
+    `lead_*`, q - u(h); its pose stays at the start of the substep. `lead` is 1 in the law of positions."""
     if lead < 1:
         driver["shift_push"][:] = driver["shift_twist"][:] = 0.0
     driver["push"][:] = driver["twist"][:] = 0.0
@@ -160,8 +163,7 @@ def coast(bodies, joints, driver, h, lead, dt):
     for i in range(3):
         v[i] = lead * (2 * (driver["position"][i] - driver["old_position"][i]) / h - v[i])
         w[i] = lead * (2 * turned[i] / h - w[i])
-    copy_vector(driver["old_position"], driver["position"])
-    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    _return_pose(driver)
     _set_rates(joints, driver, lead / dt)
     move_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
@@ -206,8 +208,7 @@ def accept_pushes(bodies, joints, driver, h, dt):
     """Set a driver's velocities at the end of a substep from the impulses that the solver gave it; its pose
     stays at the start."""
     _advance(driver, h, h, dt, 1.0)
-    copy_vector(driver["old_position"], driver["position"])
-    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    _return_pose(driver)
     move_links(bodies, joints, driver)
 
 
@@ -222,8 +223,7 @@ def note_paths(bodies, joints, driver, h, dt):
         way = driver["position"][i] - driver["old_position"][i]
         driver["velocity"][i] = 2 * way / h - driver["old_velocity"][i]
         driver["omega"][i] = 2 * turned[i] / h - driver["old_omega"][i]
-    copy_vector(driver["old_position"], driver["position"])
-    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    _return_pose(driver)
     move_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]

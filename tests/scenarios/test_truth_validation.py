@@ -62,7 +62,7 @@ FORCE = [
 
 @pytest.mark.parametrize(("change", "path", "message"), FORCE)
 def test_faults_of_a_force(change: dict, path: str, message: str) -> None:
-    """Tell what is wrong with a stated force, beside faults of bodies; a root stands for its links."""
+    """Refuse invalid force truths, also in scenes with invalid bodies; a root stands for its links."""
     truth = replace(WEIGHT, **change)
     fields = sound() | {"forces": (truth,)}
     assert message in faults_of(fields)[path]

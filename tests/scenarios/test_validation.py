@@ -264,7 +264,7 @@ def prescribed() -> dict:
 
 @pytest.mark.parametrize(("change", "path", "message"), PRESCRIBED)
 def test_faults_of_a_prescribed_body(change: dict, path: str, message: str) -> None:
-    """Tell what is wrong with the path of a prescribed body."""
+    """Refuse invalid paths of prescribed bodies, and name the field."""
     fields = prescribed()
     first, deck = fields["trackers"]
     assert message in faults_of(fields | {"trackers": (first, replace(deck, **change))})[path]
