@@ -4,9 +4,10 @@ Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION o
 another person comes near, or they start deep in fixed pieces; links of a chain stay in a ball about the
 chain's root. A simulated body without contacts flies in closed form. A body with contacts is bounded by
 energy: impacts and friction remove energy, and gravity adds speed at most at rate g to each group of bodies
-that can exchange it. Two kinds of bodies are unbounded: those that a driven or prescribed body can touch, and
-those that are not balls and touch others with both restitution and friction, because Eqs. 8 and 10 as printed
-add energy at every impact. A run checks the bounds: `Plan.broken`.
+that can exchange it. Three kinds of bodies are unbounded: those that a driven or prescribed body can touch,
+driven bodies without chains that these can push, and those that are not balls and touch others with both
+restitution and friction, because Eqs. 8 and 10 as printed add energy at every impact. A run checks the
+bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
@@ -252,24 +253,38 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
     may = np.zeros((len(kind), len(kind)), bool)
     pairs = np.array(list(scenario.touching_pairs()), dtype=np.intp).reshape(-1, 2)
     may[pairs[:, 0], pairs[:, 1]] = may[pairs[:, 1], pairs[:, 0]] = True
+    loose = _without_chains(scenario)
     group = np.arange(len(kind))
     state = np.zeros(len(kind), np.intp)  # of a group: 0 free flight, 1 bounded by energy, 2 unbounded
     while True:
         gap = _gaps(world, kind, reach, low, high)
         meets = may & (least_gap(gap, body) <= 0)
-        before = (group.copy(), state.copy())
+        before = (group.copy(), state.copy(), np.isinf(low).sum())
         for k in np.flatnonzero(kind == "simulated"):
             others = np.flatnonzero(meets[k])
             if len(others):
                 endless = np.isin(kind[others], TRACKED).any() or _gains(scenario, int(k), others)
                 state[group[k]] = max(state[group[k]], 2 if endless else 1)
+                pushed = [link for links in loose if np.isin(others, links).any() for link in links]
+                low[pushed], high[pushed] = -np.inf, np.inf
             for other in others[kind[others] == "simulated"]:
                 one, two = group[k], group[other]
                 group[group == two] = one
                 state[one] = max(state[one], state[two])
-        if np.array_equal(before[0], group) and np.array_equal(before[1], state):
+        same = np.array_equal(before[0], group) and np.array_equal(before[1], state)
+        if same and before[2] == np.isinf(low).sum():
             return gap
         _spread(scenario, world, group, state, low, high)
+
+
+def _without_chains(scenario: Scenario) -> list[tuple[int, ...]]:
+    """Links of each driven body that contacts can push off its path: it has no chains."""
+    named = {name for chain in scenario.chains for name in chain.joints}
+    return [
+        scenario.links(tracker)
+        for tracker in scenario.trackers
+        if not scenario.prescribes(tracker) and not named & set(tracker.joints)
+    ]
 
 
 def _gains(scenario: Scenario, k: int, others: Indices) -> bool:

@@ -7,6 +7,7 @@ Each failed by orders of magnitude while driven bodies stood still in the simula
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -227,3 +228,12 @@ def test_a_lifted_load_rests_on_its_plate(profile: str, stiffness: float, mass: 
     assert np.abs(gap[5:]).max() < 1e-6
     # before the tracker's spline comes to rest at its end
     assert np.ptp(found.linear_velocity[50:70, :, 2]) < 1e-3
+
+
+def test_a_heavy_body_pushes_a_light_plate_away() -> None:
+    """A box of 100 kg carries a plate of 0.1 kg on a weak spring by metres: the plan of the scene holds."""
+    box = block("box", "wood", (0.1,) * 3, 100.0, (-1.0, 0, 0.1))
+    fast = replace(box, linear_velocity=(5.0, 0.0, 0.0))
+    path = tracker("plate", lambda t: (0, 0, 0.1), 1.0, 10.0, 0.1)
+    found = play((slab("ground", "wood"), fast, plate("plate", (0.02, 0.05, 0.05), 0.1)), (path,), wood=0.0)
+    assert found.position[:, 2, 0].max() > 2
