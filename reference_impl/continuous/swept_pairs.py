@@ -17,13 +17,16 @@ def find_swept_pairs(world, kind, first):
     """
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
     pairs, state = world.pairs, world.state
+    moving = kind == SIMULATED and state["driven_loop"] == 1
     _enclose_ways(bodies, pieces, vertices, kind, state)
-    if kind == SIMULATED and state["driven_loop"] == 1:
+    if moving:
         _enclose_ways(bodies, pieces, vertices, DRIVEN, state)
     if state["has_fat_bounds"] == 1 and not inside_fat_bounds(bodies, pieces, state):
         drop_fat_bounds(bodies, pieces, state)
         place_listed(bodies, pieces, vertices, DRIVEN, state)
         _enclose_ways(bodies, pieces, vertices, kind, state)
+        if moving:
+            _enclose_ways(bodies, pieces, vertices, DRIVEN, state)
     end, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += end - first
