@@ -2,6 +2,7 @@
 
 from touchstone.reference_impl.broad_phase.detection import (
     detect,
+    detect_for,
     is_free,
     mark_pairs,
     place_listed,
@@ -27,7 +28,14 @@ from touchstone.reference_impl.contact.resting_contact import solve_resting_cont
 from touchstone.reference_impl.contact.separation import separate_simulated
 from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
 from touchstone.reference_impl.continuous.contact_motion import restore_normals
-from touchstone.reference_impl.continuous.driver_motion import enter_loop, leave_loop, note_start
+from touchstone.reference_impl.continuous.driver_motion import (
+    begin_driver,
+    enter_loop,
+    leave_loop,
+    may_touch,
+    set_link_ways,
+    way_error,
+)
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
@@ -35,7 +43,6 @@ from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
     DETECTION_FAST,
     DETECTION_SWEEP,
-    DRIVEN,
     EVENT_CAP,
     FIXED,
     SIMULATED,
@@ -51,11 +58,10 @@ from touchstone.reference_impl.core.counters import (
     STAGE_REMOVAL,
 )
 from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, invert_symmetric
+from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.kinematics.driver_poses import store_free_pose
 from touchstone.reference_impl.kinematics.skeleton import (
-    composite_inertia,
     move_from_shown,
     move_links,
     place,
@@ -63,12 +69,11 @@ from touchstone.reference_impl.kinematics.skeleton import (
     store_shown,
 )
 from touchstone.reference_impl.posture.attraction import approach, set_goals
-from touchstone.reference_impl.posture.chain_servo import advance_links, recoil, set_pushing_velocities
 from touchstone.reference_impl.posture.driven_time_of_impact import sweep_drivers
 from touchstone.reference_impl.posture.global_depth import largest_depth
-from touchstone.reference_impl.posture.overlap_removal import follow_pushed, pass_free, remove_overlap
+from touchstone.reference_impl.posture.overlap_removal import pass_free, remove_overlap
 from touchstone.reference_impl.posture.virtual_coupling import follow_tracker
-from touchstone.reference_impl.solver.link_mobility import weigh_links
+from touchstone.reference_impl.solver.hinge_response import weigh_hinges
 from touchstone.reference_impl.solver.tolerances import NEWTON_WORK
 
 DENSE_CALM = 4
@@ -76,6 +81,11 @@ DENSE_CALM = 4
 UNPAID_ATTEMPTS, UNPAID_SHARE = 4, 0.25
 """Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
 that each takes [1]."""
+WAY_ERROR = 1e-7
+"""Distance of a driver's links at an impact from the parabolas along which it was searched [m]: a tenth of
+TOUCH_DISTANCE."""
+WAY_ATTEMPTS = 4
+"""Most searches for an impact of a substep."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 
@@ -89,13 +99,14 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
             refresh_inertia(bodies[b])
     for d in range(len(drivers)):
         pose_links(bodies, joints, drivers[d])
-        _weigh(bodies, joints, drivers[d])
+        weigh_hinges(bodies, joints, drivers[d])
         move_links(bodies, joints, drivers[d])
     place_pieces(bodies, pieces, vertices, FIXED)
     place_pieces(bodies, pieces, vertices, SIMULATED)
     list_pieces(bodies, pieces, state[0])
-    end, _ = detect(World(bodies, pieces, joints, drivers, vertices, pairs, contacts, state[0]), DRIVEN, 0)
+    world = World(bodies, pieces, joints, drivers, vertices, pairs, contacts, state[0])
     for d in range(len(drivers)):
+        end = detect_for(world, d, 1.0)
         store_free_pose(bodies, joints, drivers[d])
         drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
     reset_fat_bounds(state[0])
@@ -133,13 +144,6 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         update_fat_bounds(bodies, pieces, vertices, drivers, pairs, s)
 
 
-@kernel
-def _weigh(bodies, joints, driver):
-    """Composite centre of mass and inertia of a driver's links in their current posture."""
-    composite_inertia(bodies, joints, driver, driver["center"], driver["inertia"])
-    invert_symmetric(driver["inertia"], driver["inverse_inertia"])
-
-
 @inlined_kernel
 def _drive(world):
     """Driven loop: coupling, overlap removal, and velocities of driven bodies for this frame's contacts."""
@@ -148,7 +152,9 @@ def _drive(world):
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
             store_shown(bodies, joints, drivers[d])
-        note_start(joints, drivers[d])
+        begin_driver(joints, drivers[d])
+        for k in range(drivers[d]["first_joint"], drivers[d]["first_joint"] + drivers[d]["joint_count"]):
+            joints[k]["shown_angle"] = joints[k]["angle"]
         follow_tracker(drivers[d], state["dt"])
         copy_vector(drivers[d]["position"], drivers[d]["coupled_position"])
         copy_quaternion(drivers[d]["orientation"], drivers[d]["coupled_orientation"])
@@ -176,8 +182,6 @@ def _drive(world):
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
             move_from_shown(bodies, joints, drivers[d], state["dt"])
-            if drivers[d]["pushes"] == 1:
-                set_pushing_velocities(bodies, joints, drivers[d], state)
         else:
             move_links(bodies, joints, drivers[d])
     state["stage_seconds"][STAGE_REMOVAL] += removed - coupled - collision
@@ -193,7 +197,7 @@ def _fly(world):
     if state["skip_rotation"] == 1:
         fly_straight(bodies, state["gravity"], h)
     else:
-        begin_substep(bodies, drivers)
+        begin_substep(bodies, joints, drivers)
         apply_forces(bodies, joints, drivers, 0.0, h, state)
         set_ways(bodies, joints, drivers, pairs, 0, h, h)
         pose_at(bodies, 1.0)
@@ -205,11 +209,11 @@ def _fly(world):
 def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
-    vertices, pairs, state = world.vertices, world.pairs, world.state
-    left, yielded = state["dt"], False
+    vertices, state = world.vertices, world.state
+    left = state["dt"]
     if state["skip_drive"] == 0 and state["driven_isolated"] == 0:
         for d in range(len(drivers)):
-            if drivers[d]["chain_count"] == 0:
+            if drivers[d]["chain_count"] == 0 or may_touch(bodies, joints, drivers[d], state["dt"]):
                 enter_loop(bodies, joints, drivers[d], state["dt"])
                 state["driven_loop"] = 1
     # a crowded frame mostly follows another: do not try event by event again
@@ -217,18 +221,16 @@ def _simulate(world):
     for _ in range(EVENT_CAP):
         time = state["dt"] - left
         touching, h = gather_contacts(world, left)
-        # the inertia of a driver without chains affects only its contacts: skip it if drivers are isolated
-        if touching > 0 and state["driven_isolated"] == 0:
-            for d in range(len(drivers)):
-                if drivers[d]["chain_count"] == 0:
-                    _weigh(bodies, joints, drivers[d])
-        weigh_links(bodies, joints, drivers, pairs, touching, state["dt"])
+        # the inertia of a driver affects only its contacts
+        for d in range(len(drivers)):
+            if touching > 0 and drivers[d]["loops"] == 1:
+                weigh_hinges(bodies, joints, drivers[d])
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])
         if not resolve_impacts(world, touching, time, h):
             state["counters"][COUNT_GAVE_UP] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
-        begin_substep(bodies, drivers)
+        begin_substep(bodies, joints, drivers)
         if touching > 0:
             note_energy(bodies, state)
         first_held, state["unpaid_energy"] = state["contact_count"], 0.0
@@ -238,16 +240,11 @@ def _simulate(world):
         for attempt in range(UNPAID_ATTEMPTS):
             if state["unpaid_energy"] <= 0:
                 break
-            begin_again(bodies, joints, drivers, state["dt"])
+            begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
             shorter = fraction if fraction < 1 and attempt == 0 else UNPAID_SHARE * fraction
             h, fraction = _substep(world, touching, time, shorter * h)
         state["parted_energy"] += state["unpaid_energy"]
-        if len(drivers) > 0:
-            advance_links(bodies, fraction * h)
-        if state["squeezed"] == 1:
-            state["squeezed"], yielded = 0, True
-            remove_overlap(world)
         left -= fraction * h
         if left <= TIME_MIN:
             break
@@ -260,15 +257,8 @@ def _simulate(world):
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
-            leave_loop(bodies, joints, drivers[d])
+            leave_loop(bodies, joints, drivers[d], state["dt"])
     state["driven_loop"] = 0
-    for d in range(len(drivers)):
-        if drivers[d]["in_contact"] == 0:
-            continue
-        recoil(bodies, joints, drivers[d])
-        # removal from squeezed bodies has replaced the withheld turns
-        if drivers[d]["pushes"] == 1 and drivers[d]["is_free"] == 1 and not yielded:
-            follow_pushed(world, d)
 
 
 @kernel
@@ -285,7 +275,7 @@ def _substep(world, touching, time, h):
     restore_normals(pairs, touching)
     state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
     set_ways(bodies, world.joints, drivers, pairs, touching, h, state["dt"])
-    fraction, drifted = _advance(world, touching, returned)
+    fraction, drifted = _advance(world, touching, returned, h)
     end_substep(bodies, world.joints, drivers, fraction, h, state["dt"])
     shorten_resting_contacts(world.contacts, first_held, state["contact_count"], fraction)
     # detection for separation writes to `pairs` behind the contact rows
@@ -293,27 +283,45 @@ def _substep(world, touching, time, h):
     if drifted:
         moved = separate_simulated(world, touching)
     state["unpaid_energy"] = 0.0
-    guard_energy(world, moved, drifted, first_held)
+    guard_energy(world, moved, drifted)
     return h, fraction
 
 
 @inlined_kernel
-def _advance(world, touching, returned):
-    """Pose simulated bodies at the earliest impact of the substep, but at most at its fraction `returned`.
+def _advance(world, touching, returned, h):
+    """Pose simulated bodies at the earliest impact of the substep of length h, but at most at its fraction
+    `returned`. Where a driver is elsewhere than its parabola at the impact, search again along a closer one.
 
     Returns:
         (fraction, drifted) of `earliest_impact`.
     """
-    bodies, pairs, state = world.bodies, world.pairs, world.state
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     mark_pairs(bodies, world.pieces, pairs, touching)
     fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
-    if fast or state["detection"] == DETECTION_SWEEP:
-        end = find_swept_pairs(world, SIMULATED, touching)
-    else:
-        pose_at(bodies, 1.0)
-        end, _ = detect(world, SIMULATED, touching)
-    fraction, drifted = earliest_impact(world, touching, end, fast)
+    until = 1.0
+    for _ in range(WAY_ATTEMPTS):
+        if fast or state["detection"] == DETECTION_SWEEP:
+            end = find_swept_pairs(world, SIMULATED, touching)
+        else:
+            pose_at(bodies, until)
+            end, _ = detect(world, SIMULATED, touching)
+        fraction, drifted, met = earliest_impact(world, touching, end, until, fast)
+        if fraction >= returned or met < 0:
+            break
+        error = 0.0
+        for side in range(2):
+            link = bodies[pairs[met]["body_a"] if side == 0 else pairs[met]["body_b"]]
+            if link["driver"] >= 0 and drivers[link["driver"]]["loops"] == 1:
+                driver = drivers[link["driver"]]
+                error = max(error, way_error(bodies, joints, driver, link, fraction, h, state["dt"]))
+        if error <= WAY_ERROR:
+            break
+        until = fraction
+        for d in range(len(drivers)):
+            if drivers[d]["loops"] == 1:
+                set_link_ways(bodies, joints, drivers[d], until, h, state["dt"])
     fraction = min(fraction, returned)
     pose_at(bodies, fraction)
     collision -= state["stage_seconds"][STAGE_COLLISION]

@@ -130,7 +130,7 @@ def find_stops(world, first, kind):
     end = first
     for k in range(first, found):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or a["driver"] == b["driver"]:
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED:
             continue
         one, two = _pressed(drivers, a), _pressed(drivers, b)
         if (one == kind or two == kind) and (kind == PRESSED or (one != PRESSED and two != PRESSED)):
@@ -147,8 +147,8 @@ def _pressed(drivers, body):
 
 @kernel
 def detect_for(world, d, later):
-    """Detect pairs of driven bodies; driver d resolves a share `later` of its overlap with later drivers.
-    Without chains it resolves no overlap with simulated bodies: they meet in the simulated loop.
+    """Detect pairs of driven bodies with fixed and driven ones; driver d resolves a share `later` of its
+    overlap with later drivers. Simulated bodies meet it in the simulated loop.
 
     Returns:
         Index after the last pair.
@@ -156,15 +156,17 @@ def detect_for(world, d, later):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     end, _ = detect(world, DRIVEN, 0)
     state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
-    for k in range(end):
+    found, end = end, 0
+    for k in range(found):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
         one, two = a["driver"], b["driver"]
-        if (a["kind"] == SIMULATED or b["kind"] == SIMULATED) and (
-            world.drivers[max(one, two)]["chain_count"] == 0
-        ):
-            pairs[k]["depth"] = 0.0
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED:
+            continue
         if min(one, two) == d and max(one, two) > d and world.drivers[max(one, two)]["prescribed"] == 0:
             pairs[k]["depth"] *= later
+        if k != end:
+            pairs[end] = pairs[k]
+        end += 1
     return end
 
 

@@ -5,8 +5,7 @@ rise over a substep: contact points and normals rotate with their bodies, the su
 before a separating contact has returned, and separation lifts overlapping bodies (`separation`). The guard
 measures this rise body by body and removes it from the island's motion. An island that touches a fixed body
 can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
-(`island_motion`). From the rise of an island that links of chains push, the guard subtracts the work of their
-impulses. It does not change islands that touch a driver without chains.
+(`island_motion`). The guard does not change islands that touch a driver.
 """
 
 from math import sqrt
@@ -21,7 +20,7 @@ from touchstone.reference_impl.core.conventions import (
     SIMULATED,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
+from touchstone.reference_impl.solver.islands import join_islands, mover_of
 
 UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
@@ -44,13 +43,12 @@ def _height_energy(body, state):
 
 
 @inlined_kernel
-def guard_energy(world, count, parted, first):
+def guard_energy(world, count, parted):
     """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
 
     Args:
         count: number of contact rows and, if separation moved bodies, of the pairs that touch afterwards.
         parted: separation may have lifted bodies; islands then include separating contacts.
-        first: first row of `contacts` of this substep.
     """
     bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     if parted:
@@ -61,8 +59,6 @@ def guard_energy(world, count, parted, first):
     for k in range(count):
         if pairs[k]["island"] >= 0:
             _sum_up(bodies, drivers, pairs[k], state)
-    for k in range(first, state["contact_count"]):
-        _subtract_work(bodies, world.contacts[k])
     for k in range(count):
         free = free or (pairs[k]["island"] >= 0 and is_free(bodies[pairs[k]["island"]]["guard"]))
     if free:
@@ -97,7 +93,7 @@ def _sum_up(bodies, drivers, pair, state):
         body = bodies[b]
         if mover_of(bodies, drivers, b) < 0 or body["driver"] >= 0:
             island["grounded"] = 1
-            if body["driver"] >= 0 and drivers[body["driver"]]["chain_count"] == 0:
+            if body["driver"] >= 0:
                 island["driven"] = 1
         elif body["guard"]["state"] == GUARD_UNVISITED:
             body["guard"]["state"] = GUARD_SUMMED
@@ -108,19 +104,6 @@ def _sum_up(bodies, drivers, pair, state):
             island["mass"] += body["mass"]
             for i in range(3):
                 island["momentum"][i] += body["mass"] * body["velocity"][i]
-
-
-@kernel
-def _subtract_work(bodies, row):
-    """Subtract the work of a contact with a link of a chain from its island's rise."""
-    m, sign, before, after = row["body_b"], 0.5, row["velocity_b_before"], row["velocity_b_after"]
-    if bodies[m]["link_inverse_mass"] > 0:
-        m, sign, before, after = row["body_a"], -0.5, row["velocity_a_before"], row["velocity_a_after"]
-    elif bodies[row["body_a"]]["link_inverse_mass"] == 0:
-        return
-    island = bodies[island_of(bodies, m)]["guard"]
-    for i in range(3):
-        island["rise"] -= sign * row["impulse"][i] * (before[i] + after[i])
 
 
 @kernel

@@ -34,24 +34,23 @@ from touchstone.reference_impl.solver.islands import loops
 
 
 @kernel
-def begin_substep(bodies, drivers):
-    """Store the pose and velocities of each simulated body, of links in contact or in the loop, and of
-    drivers."""
+def begin_substep(bodies, joints, drivers):
+    """Store the pose and velocities of each simulated body, of links in the loop, and of drivers."""
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] == SIMULATED or body["link_inverse_mass"] > 0 or loops(bodies, drivers, b):
+        if body["kind"] == SIMULATED or loops(bodies, drivers, b):
             copy_vector(body["center"], body["old_center"])
             copy_quaternion(body["orientation"], body["old_orientation"])
             copy_vector(body["velocity"], body["old_velocity"])
             copy_vector(body["omega"], body["old_omega"])
     for d in range(len(drivers)):
-        begin_driver(drivers[d])
+        begin_driver(joints, drivers[d])
 
 
 @kernel
 def apply_forces(bodies, joints, drivers, lead, h, state):
     """Compute velocities and world inertias after a time h of gravity and free rotation, and velocities of
-    drivers and of links in contact after a time h of their coupling's or servo's force.
+    drivers after a time h of their couplings' forces.
 
     Args:
         lead: of the law that rows with a driver will ask (`driver_motion`).
@@ -63,10 +62,6 @@ def apply_forces(bodies, joints, drivers, lead, h, state):
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
             rotate_freely(body, h)
-        elif body["link_inverse_mass"] > 0:
-            for i in range(3):
-                body["velocity"][i] += body["drive_acceleration"][i] * h
-                body["omega"][i] += body["drive_turning"][i] * h
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
             coast(bodies, joints, drivers[d], h, lead, state["dt"])
@@ -90,7 +85,7 @@ def fly_straight(bodies, gravity, h):
 
 
 @kernel
-def begin_again(bodies, joints, drivers, dt):
+def begin_again(bodies, joints, drivers):
     """Undo the effects of forces, contact impulses and motion since `begin_substep`."""
     for b in range(len(bodies)):
         body = bodies[b]
@@ -106,15 +101,11 @@ def begin_again(bodies, joints, drivers, dt):
                 body["position"][i] = body["center"][i] - body["position"][i]
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
-            return_to_start(bodies, joints, drivers[d], dt)
+            return_to_start(bodies, joints, drivers[d])
             continue
         copy_vector(drivers[d]["old_velocity"], drivers[d]["velocity"])
         copy_vector(drivers[d]["old_omega"], drivers[d]["omega"])
         move_links(bodies, joints, drivers[d])
-    for b in range(len(bodies)):
-        if bodies[b]["link_inverse_mass"] > 0:
-            copy_vector(bodies[b]["old_velocity"], bodies[b]["velocity"])
-            copy_vector(bodies[b]["old_omega"], bodies[b]["omega"])
 
 
 @inlined_kernel
@@ -135,7 +126,7 @@ def set_ways(bodies, joints, drivers, pairs, held, h, dt):
             flight_motion(bodies[b], h)
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
-            set_link_ways(bodies, joints, drivers[d], h, dt)
+            set_link_ways(bodies, joints, drivers[d], 1.0, h, dt)
 
 
 @kernel
@@ -187,9 +178,6 @@ def end_substep(bodies, joints, drivers, s, h, dt):
     for b in range(len(bodies)):
         body = bodies[b]
         if body["kind"] != SIMULATED:
-            if body["link_inverse_mass"] > 0:
-                _blend(body["old_velocity"], s, body["velocity"])
-                _blend(body["old_omega"], s, body["omega"])
             continue
         body["led"] = 0
         _blend(body["old_velocity"], s, body["velocity"])

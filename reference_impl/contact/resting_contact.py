@@ -12,6 +12,7 @@ from touchstone.reference_impl.continuous.contact_motion import (
 from touchstone.reference_impl.continuous.driver_motion import (
     accept_pushes,
     exchange_pushes,
+    keep_in_limits,
     note_paths,
     weigh_for_impacts,
 )
@@ -53,6 +54,38 @@ def solve_resting_contacts(world, count, time, h):
         The length for which the impulses are valid [s], shorter if a sliding contact stops earlier, or if
         bodies rotate more than their contacts allow for.
     """
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
+    h = _solve_velocities(world, count, h)
+    if len(drivers) > 0:
+        _solve_positions(world, count, h)
+        while _find_limits(world, h):
+            begin_again(bodies, joints, drivers)
+            restore_normals(pairs, count)
+            h = _solve_velocities(world, count, h)
+            _solve_positions(world, count, h)
+    # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
+    # may have any direction, and it keeps that one if the slip at the end is small
+    store_impulses(bodies, pairs, count, state, h)
+    log_held(bodies, pairs, count, world.contacts, state, time)
+    return h
+
+
+@kernel
+def _find_limits(world, h):
+    """Make rows of the limits that hinges leave in the substep; returns whether any is new."""
+    joints, drivers, found = world.joints, world.drivers, False
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1 and drivers[d]["hinge_count"] > 0:
+            if keep_in_limits(joints, drivers[d], h, world.state["dt"]):
+                found = True
+    return found
+
+
+@kernel
+def _solve_velocities(world, count, h):
+    """Apply forces over a substep and solve the law of velocities; returns the length of
+    `solve_resting_contacts`."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
     most, extended = h, False
     for k in range(RESTING_CONTACT_ROUNDS):
@@ -75,15 +108,9 @@ def solve_resting_contacts(world, count, time, h):
         if k == RESTING_CONTACT_ROUNDS - 1:
             state["counters"][CAP_HOLD_ROUNDS] += 1
             break
-        begin_again(bodies, world.joints, world.drivers, state["dt"])
+        begin_again(bodies, world.joints, world.drivers)
         restore_normals(pairs, count)
         h = later
-    if len(world.drivers) > 0:
-        _solve_positions(world, count, h)
-    # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
-    # may have any direction, and it keeps that one if the slip at the end is small
-    store_impulses(bodies, pairs, count, state, h)
-    log_held(bodies, pairs, count, world.contacts, state, time)
     return h
 
 
@@ -155,11 +182,11 @@ def _solve_positions(world, count, h):
     if _is_any_led(bodies):
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1:
-                exchange_pushes(drivers[d])
+                exchange_pushes(joints, drivers[d])
         for b in range(len(bodies)):
             copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
             copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
-        begin_again(bodies, joints, drivers, state["dt"])
+        begin_again(bodies, joints, drivers)
         apply_forces(bodies, joints, drivers, 1.0, h, state)
         for k in range(count):
             _ask_positions(bodies, pairs[k], h)
@@ -176,7 +203,7 @@ def _solve_positions(world, count, h):
                 bodies[b]["omega"][i], w[i] = w[i], bodies[b]["omega"][i]
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1:
-                exchange_pushes(drivers[d])
+                exchange_pushes(joints, drivers[d])
                 note_paths(bodies, joints, drivers[d], h, state["dt"])
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:

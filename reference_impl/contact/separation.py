@@ -1,6 +1,6 @@
 """Separation of simulated bodies that sank into other bodies during resting contact."""
 
-from math import inf, sqrt
+from math import sqrt
 
 from touchstone.reference_impl.broad_phase.detection import (
     detect,
@@ -10,7 +10,6 @@ from touchstone.reference_impl.broad_phase.detection import (
     place_listed,
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
-from touchstone.reference_impl.continuous.swept_motion import pose_along
 from touchstone.reference_impl.core.conventions import (
     OVERLAP_TOLERANCE,
     REMOVAL_ROUNDS,
@@ -36,10 +35,6 @@ OVER_RELAXATION = 1.8
 """Factor by which separation moves two simulated bodies further than their depth after PLAIN_SWEEPS [1]."""
 LEVERAGE = 8.0
 """Most translation of a body over the deepest overlap when separation moves jammed bodies together [1]."""
-RETURN_ROUNDS = 8
-"""Rounds of separation after which bodies that still overlap a driver return to where their substep began."""
-YIELD_ROUNDS = REMOVAL_ROUNDS // 2
-"""Rounds of separation after which drivers yield to simulated bodies."""
 
 
 @kernel
@@ -47,8 +42,7 @@ def separate_simulated(world, first):
     """Move simulated bodies out of the overlap into which they sank during resting contact.
 
     Sweeps translate them. Where they stall, every other round solves for all pairs together, and turns bodies
-    too. A body that overlaps a driver after RETURN_ROUNDS returns to where its substep began. If it does so
-    after YIELD_ROUNDS, `squeezed` says that the driver must yield.
+    too.
 
     Args:
         first: first row of `pairs` that may be overwritten.
@@ -57,16 +51,11 @@ def separate_simulated(world, first):
         this motion connect their bodies; `first` if no body moved. Overlap that remains is counted.
     """
     bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
-    drivers, pairs, state = world.drivers, world.pairs, world.state
+    pairs, state = world.pairs, world.state
     left = UNPAID_DEPTH if state["unpaid_energy"] > 0 else SEPARATION_DEPTH
     converged, together, end = True, False, first
     for rounds in range(REMOVAL_ROUNDS):
         end, deepest = detect(world, SIMULATED, first)
-        if rounds == RETURN_ROUNDS:
-            _return_squeezed(bodies, drivers, pairs, first, end)
-            end, deepest = detect(world, SIMULATED, first)
-        if rounds >= YIELD_ROUNDS:
-            deepest = _leave_to_drivers(bodies, drivers, pairs, first, end, state)
         if is_free(deepest):
             return end if rounds > 0 else first
         state["counters"][COUNT_ROUNDS] += 1
@@ -95,38 +84,6 @@ def _keep(bodies, pieces, pairs, first, end):
                 pairs[first] = pairs[k]
             first += 1
     return first
-
-
-@kernel
-def _has_chains(drivers, body):
-    """Whether a body is a link of a driver with chains: it does not move in the simulated loop."""
-    return body["driver"] >= 0 and drivers[body["driver"]]["chain_count"] > 0
-
-
-@kernel
-def _return_squeezed(bodies, drivers, pairs, first, end):
-    """Return simulated bodies that overlap a driver with chains to their poses at the substep's start."""
-    for k in range(first, end):
-        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        if is_free(pairs[k]["depth"]) or not (_has_chains(drivers, a) or _has_chains(drivers, b)):
-            continue
-        body = b if b["kind"] == SIMULATED else a
-        pose_along(body, 0.0)
-        refresh_inertia(body)
-
-
-@kernel
-def _leave_to_drivers(bodies, drivers, pairs, first, end, state):
-    """Leave overlap with drivers that have chains to the driven loop, by `squeezed`; returns the largest
-    depth of the others [m]."""
-    deepest = 0.0
-    for k in range(first, end):
-        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        if _has_chains(drivers, a) or _has_chains(drivers, b):
-            pairs[k]["depth"] = -inf
-            state["squeezed"] = 1
-        deepest = max(deepest, pairs[k]["depth"])
-    return deepest
 
 
 @kernel

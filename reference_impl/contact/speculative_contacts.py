@@ -42,7 +42,6 @@ from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
-from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.solver.islands import loops
 
 DENSE_SUBSTEPS = 8
@@ -64,8 +63,6 @@ DENSE_SPEED = 0.01
 their contact points move."""
 DENSE_SINKING = 2e-7
 """Sinking of a rotating body that the length of a dense substep allows [m]: a fifth of OVERLAP_TOLERANCE."""
-PUSH_SLACK = 5e-4
-"""Gap beyond a link's way within a frame up to which its contact stays [m]: both turn, to second order."""
 
 
 @inlined_kernel
@@ -100,20 +97,16 @@ def gather_contacts(world, left):
     if pressed:
         end = detect_new_stops(world, end)
     for k in range(end):
-        pairs[k]["is_kept"] = 0
         # a pair that touches does not pass by: its other points may close their gap at most
         if pairs[k]["distance"] <= TOUCH_DISTANCE:
             pairs[k]["key"] = 0.0
-    for d in range(len(drivers)):
-        if drivers[d]["pushes"] == 1:
-            end = _keep_pushing(bodies, pieces, vertices, drivers[d], pairs, end, state)
     # points that may land within a dense substep, or that a driver presses, are speculative contacts
     end = expand_manifolds(pieces, vertices, pairs, end, crowded or pressed, state)
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["speculative_speed"] = 0.0
         # a pair that passes by without contact may keep its present approach speed
-        if gap > TOUCH_DISTANCE and pairs[k]["is_kept"] == 0:
+        if gap > TOUCH_DISTANCE:
             pairs[k]["speculative_speed"] = max((gap - TOUCH_CLOSED) / h, pairs[k]["key"])
     state["rows"] += end
     state["last_rows"] = end
@@ -124,19 +117,12 @@ def gather_contacts(world, left):
 def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
     """Remove touching pairs that will bounce but are farther apart than the impact gap.
 
-    They move freely until their impact. A pushing link does not: its pair remains. Returns the number of
-    remaining pairs, moved to the front.
+    They move freely until their impact. Returns the number of remaining pairs, moved to the front.
     """
     kept, ahead = 0, state["impact_gap"] * (1 + 2 * IMPACT_SHARE)
     for k in range(count):
-        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        pushed = a["pushes"] == 1 or b["pushes"] == 1
         n, fast = pairs[k]["normal"], max(v_rest, APPROACH_MIN)
-        if (
-            not pushed
-            and pairs[k]["distance"] > ahead
-            and witness_approach(bodies, pairs[k], n, 1.0, state) > fast
-        ):
+        if pairs[k]["distance"] > ahead and witness_approach(bodies, pairs[k], n, 1.0, state) > fast:
             continue
         if k != kept:
             pairs[kept] = pairs[k]
@@ -159,39 +145,6 @@ def _mark_pressed(bodies, drivers, pairs, count):
         if drivers[d]["pressed"] > 0:
             return True
     return False
-
-
-@kernel
-def _keep_pushing(bodies, pieces, vertices, driver, pairs, end, state):
-    """Append to `pairs[:end]` the pairs that a driver's links push and that do not touch.
-
-    A link's pose does not move within a frame. Its contact stays while the gap is no wider than the way that
-    the link's velocity has covered. Overlap removal may leave a gap too.
-
-    Returns:
-        Index after the last pair.
-    """
-    found = end
-    for r in range(driver["push_count"]):
-        one, two = driver["push_pairs"][r, 0], driver["push_pairs"][r, 1]
-        known = end == len(pairs)
-        for k in range(found):
-            known = known or (pairs[k]["piece_a"] == one and pairs[k]["piece_b"] == two)
-        if known:
-            continue
-        pair = pairs[end]
-        pair["piece_a"], pair["piece_b"] = one, two
-        pair["body_a"], pair["body_b"] = pieces[one]["body"], pieces[two]["body"]
-        a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
-        if not pair_depth(pieces, vertices, state, pair):
-            state["counters"][COUNT_UNCONVERGED] += 1
-        n, p, q = pair["normal"], a["advance"], b["advance"]
-        way = n[0] * (p[0] - q[0]) + n[1] * (p[1] - q[1]) + n[2] * (p[2] - q[2])
-        if pair["distance"] <= max(way, 0.0) + PUSH_SLACK:
-            set_coefficients(bodies, pair, state)
-            pair["key"], pair["is_kept"] = 0.0, 1
-            end += 1
-    return end
 
 
 @kernel

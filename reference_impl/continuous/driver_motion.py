@@ -1,11 +1,12 @@
-"""Drivers without chains as bodies of the simulated loop: Eq. 6 with contact forces in it.
+"""Drivers as bodies of the simulated loop: Eq. 6 with contact forces in it.
 
     m x'' = -K (x - x_goal) - R (x' - x_goal') + f
 
 The goal is the tracker, which moves linearly within a frame; in the direction in which overlap removal moved
 the driver, it is the pose that removal found. The equation is linear: over a substep of length h with a
 constant force its solution is the free motion plus f times the response of `coupling_response`, at any h. The
-rotation obeys the same equation, critically damped at sqrt(K / m), about the centre of mass.
+rotation obeys the same equation, critically damped at sqrt(K / m), about the centre of mass. So do the hinges
+of chains (`hinge_motion`).
 
 The contact solver asks a law of velocities at the end of a substep. A coupling that is much faster than h
 moves by f / K within it, but has no velocity at its end. Rows with a driver therefore ask the law of
@@ -19,10 +20,25 @@ of positions, gives the displacements: what touches stays in touch, while its im
 (stabilisation by a second multiplier: Gear, Leimkuhler & Gupta 1985).
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 from touchstone.reference_impl.continuous.coupling_response import decay, unit_response
-from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
+from touchstone.reference_impl.continuous.hinge_motion import (
+    advance_hinges,
+    ask_limits,
+    begin_hinges,
+    clear_twists,
+    drop_limits,
+    enter_hinges,
+    exchange_rates,
+    find_limits,
+    hinge_response,
+    leave_hinges,
+    return_hinges,
+    set_lead_rates,
+    set_path_rates,
+)
+from touchstone.reference_impl.core.conventions import KEEPS_NOTHING, SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     copy_quaternion,
@@ -31,15 +47,10 @@ from touchstone.reference_impl.core.rotation import (
     rotation_between,
     turn,
 )
-from touchstone.reference_impl.kinematics.skeleton import link_of, move_links, pose_links
+from touchstone.reference_impl.kinematics.skeleton import link_of, move_from_shown, move_links, pose_links
 
-
-@kernel
-def note_start(joints, driver):
-    """Store the pose and velocities of a driver at the start of a frame."""
-    begin_driver(driver)
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["shown_angle"] = joints[k]["angle"]
+MEETING_MARGIN = 0.01
+"""Distance beyond the ways of a link and a body that they may still meet [m]: 2 g h^2 at 1/60 s, and more."""
 
 
 @kernel
@@ -61,7 +72,6 @@ def enter_loop(bodies, joints, driver, dt):
     for i in range(3):
         shift[i] = driver["position"][i] - driver["coupled_position"][i]
         square += shift[i] * shift[i]
-        start[i], end[i] = driver["old_target_position"][i], driver["target_position"][i]
     v = driver["old_velocity"]
     if square > 0:
         back = ahead = speed = last = 0.0
@@ -89,17 +99,44 @@ def enter_loop(bodies, joints, driver, dt):
     else:
         copy_quaternion(driver["old_target_orientation"], driver["goal_start_orientation"])
         copy_quaternion(driver["target_orientation"], driver["goal_end_orientation"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["goal_angle"] = joints[k]["angle"]
-    _set_rates(joints, driver, 1 / dt)
-    return_to_start(bodies, joints, driver, dt)
+    enter_hinges(joints, driver, dt)
+    weigh_for_impacts(driver)
+    return_to_start(bodies, joints, driver)
 
 
 @kernel
-def leave_loop(bodies, joints, driver):
+def may_touch(bodies, joints, driver, dt):
+    """Whether a link of a driver with chains may meet a simulated body in the frame of length dt, after the
+    driven loop: whether the balls around their ways overlap, at twice the speed of the fastest body."""
+    fastest = 0.0
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED:
+            v = bodies[b]["velocity"]
+            fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        if link["width"] == inf:
+            continue
+        way = 0.0
+        for i in range(3):
+            way += (link["center"][i] - link["shown_center"][i]) ** 2
+        span = link["reach"] + link["width"] + sqrt(way) + 2 * dt * sqrt(fastest) + MEETING_MARGIN
+        for b in range(len(bodies)):
+            if bodies[b]["kind"] == SIMULATED:
+                apart, most = 0.0, span + bodies[b]["reach"] + bodies[b]["width"]
+                for i in range(3):
+                    apart += (link["center"][i] - bodies[b]["center"][i]) ** 2
+                if apart <= most * most:
+                    return True
+    return False
+
+
+@kernel
+def leave_loop(bodies, joints, driver, dt):
     """End a driver's frame: along the shift of overlap removal it keeps the velocity that removal left.
     Without contact it ends where the driven loop left it, to the bit."""
-    if driver["pressed"] == 0:
+    pressed = driver["pressed"] > 0
+    if not pressed:
         copy_vector(driver["end_position"], driver["position"])
         copy_quaternion(driver["end_orientation"], driver["orientation"])
         copy_vector(driver["end_velocity"], driver["velocity"])
@@ -109,10 +146,14 @@ def leave_loop(bodies, joints, driver):
             driver["velocity"][i] += driver["stop_velocity"][i]
     driver["loops"] = driver["pressed"] = 0
     _set_moving(bodies, joints, driver, 0)
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["angle"], joints[k]["rate"] = joints[k]["goal_angle"], joints[k]["target_rate"]
+    leave_hinges(joints, driver, pressed)
     pose_links(bodies, joints, driver)
-    move_links(bodies, joints, driver)
+    if driver["chain_count"] > 0:
+        driver["inverse_mass"] = 0.0
+    if driver["chain_count"] > 0 and not pressed:
+        move_from_shown(bodies, joints, driver, dt)
+    else:
+        move_links(bodies, joints, driver)
 
 
 @kernel
@@ -122,31 +163,35 @@ def _set_moving(bodies, joints, driver, moves):
 
 
 @kernel
-def return_to_start(bodies, joints, driver, dt):
+def return_to_start(bodies, joints, driver):
     """Return a driver to the pose and velocities at the start of its substep."""
-    _return_pose(driver)
+    _return_pose(joints, driver)
+    return_hinges(joints, driver)
     copy_vector(driver["old_velocity"], driver["velocity"])
     copy_vector(driver["old_omega"], driver["omega"])
     driver["clock"] = driver["old_clock"]
-    _pose_at(bodies, joints, driver, 0.0, dt)
+    pose_links(bodies, joints, driver)
     move_links(bodies, joints, driver)
 
 
 @kernel
-def _return_pose(driver):
-    """Return a driver's root to its pose at the start of its substep; does not pose the links."""
+def _return_pose(joints, driver):
+    """Return a driver's root and hinges to the start of its substep; does not pose the links."""
     copy_vector(driver["old_position"], driver["position"])
     copy_quaternion(driver["old_orientation"], driver["orientation"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["angle"] = joints[k]["old_angle"]
 
 
 @kernel
-def begin_driver(driver):
+def begin_driver(joints, driver):
     """Store the pose and velocities of a driver at the start of a substep."""
     copy_vector(driver["position"], driver["old_position"])
     copy_quaternion(driver["orientation"], driver["old_orientation"])
     copy_vector(driver["velocity"], driver["old_velocity"])
     copy_vector(driver["omega"], driver["old_omega"])
     driver["old_clock"] = driver["clock"]
+    begin_hinges(joints, driver)
 
 
 @kernel
@@ -156,21 +201,23 @@ def coast(bodies, joints, driver, h, lead, dt):
     if lead < 1:
         driver["shift_push"][:] = driver["shift_twist"][:] = 0.0
     driver["push"][:] = driver["twist"][:] = 0.0
-    _advance(driver, h, h, dt, 0.0)
+    clear_twists(joints, driver, lead < 1)
+    _advance(joints, driver, h, h, dt, 0.0)
     v, w, turned = driver["velocity"], driver["omega"], driver["scratch"][0]
     rotation_between(driver["old_orientation"], driver["orientation"], turned)
     x, y, z, p, q, r = v[0], v[1], v[2], w[0], w[1], w[2]
     for i in range(3):
         v[i] = lead * (2 * (driver["position"][i] - driver["old_position"][i]) / h - v[i])
         w[i] = lead * (2 * turned[i] / h - w[i])
-    _return_pose(driver)
-    _set_rates(joints, driver, lead / dt)
+    set_lead_rates(joints, driver, lead, h)
+    _return_pose(joints, driver)
+    exchange_rates(joints, driver)
     move_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
         copy_vector(link["velocity"], link["lead_velocity"])
         copy_vector(link["omega"], link["lead_omega"])
-    _set_rates(joints, driver, 1 / dt)
+    exchange_rates(joints, driver)
     v[0], v[1], v[2], w[0], w[1], w[2] = x, y, z, p, q, r
     move_links(bodies, joints, driver)
     driver["lasting"] = 1
@@ -185,12 +232,10 @@ def coast(bodies, joints, driver, h, lead, dt):
     for i in range(3):
         for j in range(3):
             driver["inverse_inertia"][i, j] *= driver["turn_share"]
-
-
-@kernel
-def _set_rates(joints, driver, share):
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["rate"] = share * (joints[k]["goal_angle"] - joints[k]["shown_angle"])
+    if driver["hinge_count"] > 0:
+        turned_by, spin = hinge_response(driver, h)
+        driver["hinge_share"] = (1 - lead) * spin / h + 2 * lead * turned_by / (h * h)
+        ask_limits(joints, driver, lead, h)
 
 
 @kernel
@@ -199,7 +244,7 @@ def weigh_for_impacts(driver):
     driver["lasting"] = 0
     if driver["prescribed"] == 1:
         return
-    driver["inverse_mass"] = 1 / driver["mass"]
+    driver["inverse_mass"], driver["hinge_share"] = 1 / driver["mass"], 1.0
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
 
 
@@ -207,23 +252,34 @@ def weigh_for_impacts(driver):
 def accept_pushes(bodies, joints, driver, h, dt):
     """Set a driver's velocities at the end of a substep from the impulses that the solver gave it; its pose
     stays at the start."""
-    _advance(driver, h, h, dt, 1.0)
-    _return_pose(driver)
+    _advance(joints, driver, h, h, dt, 1.0)
+    _return_pose(joints, driver)
     move_links(bodies, joints, driver)
+
+
+@kernel
+def keep_in_limits(joints, driver, h, dt):
+    """Make rows of the limits that a driver's hinges leave in its substep of length h; returns whether any is
+    new. The pose stays at the start."""
+    _advance(joints, driver, h, h, dt, 1.0)
+    found = find_limits(joints, driver)
+    _return_pose(joints, driver)
+    return found
 
 
 @kernel
 def note_paths(bodies, joints, driver, h, dt):
     """Store in its links' `path_*` the velocities whose mean with those at the substep's start covers their
     way; the pose stays at the start, and `accept_pushes` restores the velocities."""
-    _advance(driver, h, h, dt, 1.0)
+    _advance(joints, driver, h, h, dt, 1.0)
     turned = driver["scratch"][0]
     rotation_between(driver["old_orientation"], driver["orientation"], turned)
     for i in range(3):
         way = driver["position"][i] - driver["old_position"][i]
         driver["velocity"][i] = 2 * way / h - driver["old_velocity"][i]
         driver["omega"][i] = 2 * turned[i] / h - driver["old_omega"][i]
-    _return_pose(driver)
+    set_path_rates(joints, driver, h)
+    _return_pose(joints, driver)
     move_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
@@ -233,54 +289,59 @@ def note_paths(bodies, joints, driver, h, dt):
 
 
 @kernel
-def exchange_pushes(driver):
+def exchange_pushes(joints, driver):
     """Exchange the impulses of the law of velocities with those of the law of positions."""
     for i in range(3):
         driver["push"][i], driver["shift_push"][i] = driver["shift_push"][i], driver["push"][i]
         driver["twist"][i], driver["shift_twist"][i] = driver["shift_twist"][i], driver["twist"][i]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["twist"], joints[k]["shift_twist"] = joints[k]["shift_twist"], joints[k]["twist"]
 
 
 @kernel
-def set_link_ways(bodies, joints, driver, h, dt):
-    """Set the motion of a driver's links over a substep: through their poses at its start, middle and end."""
-    for half in range(2):
-        t = h if half else h / 2
-        _advance(driver, t, h, dt, 1.0)
-        _pose_at(bodies, joints, driver, t, dt)
-        for k in range(driver["joint_count"] + 1):
-            link = bodies[link_of(joints, driver, k)]
-            turned = driver["scratch"][0]
-            rotation_between(link["old_orientation"], link["orientation"], turned)
-            for i in range(3):
-                way, arc = link["center"][i] - link["old_center"][i], turned[i]
-                if half == 0:
-                    link["travel"][i], link["turn"][i] = way, arc
-                else:
-                    middle, half_arc = link["travel"][i], link["turn"][i]
-                    link["travel"][i], link["travel_bend"][i] = 4 * middle - way, 2 * way - 4 * middle
-                    link["turn"][i], link["turn_bend"][i] = 4 * half_arc - arc, 2 * arc - 4 * half_arc
-            link["spin_steps"], link["spin_keeps"] = 0, KEEPS_NOTHING
+def set_link_ways(bodies, joints, driver, until, h, dt):
+    """Set the motion of a driver's links over a substep of length h: parabolas that start at their velocities
+    and lead through their poses at its fraction `until`."""
+    _advance(joints, driver, until * h, h, dt, 1.0)
+    pose_links(bodies, joints, driver)
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        turned = driver["scratch"][0]
+        rotation_between(link["old_orientation"], link["orientation"], turned)
+        for i in range(3):
+            way, arc = link["center"][i] - link["old_center"][i], turned[i]
+            link["travel"][i], link["turn"][i] = h * link["old_velocity"][i], h * link["old_omega"][i]
+            link["travel_bend"][i] = (way / until - link["travel"][i]) / until
+            link["turn_bend"][i] = (arc / until - link["turn"][i]) / until
+        link["spin_steps"], link["spin_keeps"] = 0, KEEPS_NOTHING
+
+
+@kernel
+def way_error(bodies, joints, driver, link, s, h, dt):
+    """Distance at the fraction s of a substep of length h between the motion of a driver's link and its
+    exact pose, in which it leaves all links [m]."""
+    _advance(joints, driver, s * h, h, dt, 1.0)
+    pose_links(bodies, joints, driver)
+    turned = driver["scratch"][0]
+    rotation_between(link["old_orientation"], link["orientation"], turned)
+    moved = arc = 0.0
+    for i in range(3):
+        way = s * (link["travel"][i] + s * link["travel_bend"][i])
+        moved += (link["center"][i] - link["old_center"][i] - way) ** 2
+        arc += (turned[i] - s * (link["turn"][i] + s * link["turn_bend"][i])) ** 2
+    return sqrt(moved) + sqrt(arc) * link["reach"]
 
 
 @kernel
 def end_driver(bodies, joints, driver, s, h, dt):
     """End a driver's substep of length h at its fraction s, at its exact pose there."""
-    _advance(driver, s * h, h, dt, 1.0)
+    _advance(joints, driver, s * h, h, dt, 1.0)
     driver["clock"] += s * h
+    drop_limits(joints, driver)
     for k in range(driver["joint_count"] + 1):
         bodies[link_of(joints, driver, k)]["led"] = 0
-    _pose_at(bodies, joints, driver, 0.0, dt)
-    move_links(bodies, joints, driver)
-
-
-@kernel
-def _pose_at(bodies, joints, driver, t, dt):
-    """Pose the links at the driver's pose, and at the hinges' angles a time t after the substep's start."""
-    share = min(1.0, (driver["clock"] + t) / dt)
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joint = joints[k]
-        joint["angle"] = joint["shown_angle"] + share * (joint["goal_angle"] - joint["shown_angle"])
     pose_links(bodies, joints, driver)
+    move_links(bodies, joints, driver)
 
 
 @kernel
@@ -297,9 +358,10 @@ def _damping(driver, h):
 
 
 @kernel
-def _advance(driver, t, h, dt, share):
+def _advance(joints, driver, t, h, dt, share):
     """Set a driver's pose and velocities a time t after the start of its substep of length h: free motion,
-    and a share of the response to its forces, even over the substep."""
+    and a share of the response to its forces, even over the substep; does not pose the links."""
+    advance_hinges(joints, driver, t, h, dt, share)
     if driver["prescribed"] == 1:
         _follow_path(driver, driver["clock"] + t, dt)
         return
@@ -357,7 +419,7 @@ def _follow_path(driver, time, dt):
     start, rise = 1 - s * s * (3 - 2 * s), s * s * (3 - 2 * s)
     first, last = dt * s * (1 - s) * (1 - s), -dt * s * s * (1 - s)
     climb, early, late = 6 * s * (1 - s) / dt, (1 - s) * (1 - 3 * s), s * (3 * s - 2)
-    turned, rate, arc = driver["link_impulse"], driver["link_torque"], driver["scratch"][0]
+    turned, rate, arc = driver["scratch"][1], driver["scratch"][2], driver["scratch"][0]
     rotation_between(driver["old_target_orientation"], driver["target_orientation"], arc)
     turned[0], turned[1], turned[2] = arc[0], arc[1], arc[2]
     w0, w1, w = driver["old_target_omega"], driver["target_omega"], driver["omega"]

@@ -37,7 +37,7 @@ SINKING_SLACK = 2.5e-7
 
 
 @inlined_kernel
-def earliest_impact(world, touching, end, fast):
+def earliest_impact(world, touching, end, until, fast):
     """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
     pair sinks because another of its points has landed.
 
@@ -45,20 +45,17 @@ def earliest_impact(world, touching, end, fast):
         pairs: marked pairs (`mark_pairs`) are resting contacts: they touch at the start, or nearly. The
             search covers `pairs[touching:end]`: pairs that touch or overlap at the end or, with
             DETECTION_SWEEP or `fast`, all whose swept boxes overlap.
+        until: the search ends at this fraction.
         fast: compute the time of impact of pairs that move farther than the sum of their widths; test the
             others at the end.
     Returns:
-        (fraction, drifted): 1 if there is no event; whether a resting contact may overlap there. Leaves
-        bodies at arbitrary poses.
+        (fraction, drifted, met): `until` if there is no event; whether a resting contact may overlap there;
+        and the row of the pair, or -1. Leaves bodies at arbitrary poses.
     """
     bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
-    first, drifted = 1.0, False
+    first, drifted, met = until, False, -1
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
-    # a body that a driver with chains squeezes sinks until the driver yields
-    limited = True
-    for d in range(len(world.drivers)):
-        limited = limited and world.drivers[d]["chain_count"] == 0
     for k in range(touching, end):
         pair = pairs[k]
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
@@ -70,17 +67,19 @@ def earliest_impact(world, touching, end, fast):
         # what a driver carries agrees with it at the end of a substep, not within
         swept = sweeps and not (marked and (_is_carrier(a) or _is_carrier(b)))
         if (fast or sweeps) and not swept:
-            distance_at(moving, 1.0)
+            distance_at(moving, until)
         if not swept and pair["distance"] >= -OVERLAP_TOLERANCE:
             continue
+        before = first
         if marked:
-            fraction, sank = _sinking(moving, first, swept, limited)
+            fraction, sank = _sinking(moving, first, swept)
             first, drifted = min(first, fraction), drifted or sank
         elif swept:
             first = _swept(moving, first, gap, slack)
         else:
             first = _closing(moving, first, gap, slack)
-    return first, drifted
+        met = k if first < before else met
+    return first, drifted, met
 
 
 @kernel
@@ -90,11 +89,9 @@ def _is_carrier(body):
 
 
 @kernel
-def _sinking(moving, first, sweeps, limited):
+def _sinking(moving, first, sweeps):
     """Fraction, at most `first`, at which a resting contact has sunk so far that it must be detected again.
 
-    Args:
-        limited: it sinks by SINKING_DEPTH at most.
     Returns:
         (fraction, drifted): `drifted` is whether the pair may overlap there.
     """
@@ -129,9 +126,7 @@ def _sinking(moving, first, sweeps, limited):
             return landed, target < -OVERLAP_TOLERANCE
     # limit the depth: from deep overlap, the shortest way out may lead to the far side; and a body that
     # contacts accelerate may rotate more than its dense substep allows for
-    depth = SINKING_SHARE * min(moving.piece_a["width"], moving.piece_b["width"])
-    if limited:
-        depth = min(depth, SINKING_DEPTH)
+    depth = min(SINKING_DEPTH, SINKING_SHARE * min(moving.piece_a["width"], moving.piece_b["width"]))
     target = min(start, 0.0) - depth
     if sweeps:
         first = _swept(moving, first, target, depth / 2)

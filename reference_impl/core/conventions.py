@@ -92,12 +92,11 @@ SPIN_TERMS = 28
 # drivers and chains
 PRESSED, NEWLY_PRESSED = 1, 2
 """State of a driver in the loop that has touched a simulated body in this frame; first in this substep."""
-LINK_GYRATION = 0.3
-"""Radius of gyration of a link in contact with a simulated body [m]: the length of a forearm."""
-PUSH_PAIRS = 32
-"""Pairs of pushing links that stay in contact within a frame; further ones lose it at the first event."""
 CHAIN_JOINTS = 16
 """Most hinges of a chain."""
+HINGE_BLOCKS = 12
+HINGE_CAPACITY = 6 * HINGE_BLOCKS
+"""Most hinges in the chains of a driver: blocks of six unknowns of the contact solver."""
 POSTURE_CONSTRAINTS = 32
 """Constraints of one posture QP; the next QP takes the remaining points."""
 QP_TOLERANCE = 1e-8

@@ -1,6 +1,6 @@
 """Structured types of joints, posture constraints and drivers."""
 
-from touchstone.reference_impl.core.conventions import CHAIN_JOINTS, POSTURE_CONSTRAINTS, PUSH_PAIRS
+from touchstone.reference_impl.core.conventions import CHAIN_JOINTS, HINGE_CAPACITY, POSTURE_CONSTRAINTS
 from touchstone.reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
 
 CONE_CORNERS = 12
@@ -10,7 +10,9 @@ CHAIN_CAPACITY = 8
 JOINT = record(
     parent="i8",
     child="i8",
+    inner="i8",  # joint whose child is its parent, or -1
     chain="i8",  # index of the driver's chain that contains it, or -1
+    coordinate="i8",  # its place among the hinges of the driver's chains, or -1
     position=VECTOR,  # of the hinge, parent frame
     axis=VECTOR,  # parent frame
     rest=MATRIX,  # rotation of the child in the parent frame at angle 0
@@ -26,9 +28,37 @@ JOINT = record(
     goal_angle="f8",  # goal of the frame's attraction
     last_target_angle="f8",  # of the tracker at the start of the frame
     target_rate="f8",
-    offset="f8",  # deviation of the goal from the tracker that contact with simulated bodies left
+    # of a chain: deviation from its path without contact that forces of simulated bodies caused, and its rate
+    offset="f8",
     offset_rate="f8",
-    pushes="i8",  # 1: a link of its chain touches a simulated body after this frame's removal
+    old_offset="f8",  # at the start of a substep
+    old_offset_rate="f8",
+    old_angle="f8",
+    old_rate="f8",
+    lead_rate="f8",  # the solver's rate less that at the end of the substep
+    # of a driver that moves in the simulated loop (`hinge_motion`)
+    path_start="f8",  # angle without that deviation, at the frame's start and end
+    path_end="f8",
+    end_angle="f8",  # angle, deviation and its rate that the driven loop left
+    end_offset="f8",
+    end_offset_rate="f8",
+    twist="f8",  # change of rate by the impulses of the law of velocities, at one instant [rad/s]
+    shift_twist="f8",  # that of the law of positions
+    limited="i8",  # 1 or -1: its lower or upper limit is a row of the solver
+    limit_floor="f8",  # least rate away from that limit, as the solver asks it [rad/s]
+    limit_free="f8",  # that rate without impulses
+    limit_impulse="f8",  # [N m s]
+    # what it moves, about the centre of mass of its driver: mass, first moment, inertia, and the momentum of
+    # all that per rate
+    moved_mass="f8",
+    moved_moment=VECTOR,
+    moved_inertia=MATRIX,
+    arm=VECTOR,  # velocity of that centre per rate, if it moved with the hinge's child [m]
+    push=VECTOR,  # momentum per rate, and angular momentum [kg m], [kg m^2]
+    spin=VECTOR,
+    recoil=VECTOR,  # velocities of the root that take up these momenta, per rate [m], [1]
+    recoil_turn=VECTOR,
+    link="i8",  # index of its child in the solver
     # first of a ball joint's three hinges: its reach cone, in the hinges' axes at angles 0
     cone_count="i8",  # number of corners; 0 if no ball joint starts here
     cone_center=VECTOR,
@@ -80,10 +110,15 @@ DRIVER = record(
     chains=("i8", (CHAIN_CAPACITY, 2)),  # first and last joint of each, root to tip
     order=("i8", (CHAIN_CAPACITY,)),  # order of chain overlap removal in this frame
     mass="f8",
-    inverse_mass="f8",  # in contacts; zero if it has chains
+    inverse_mass="f8",  # in contacts; zero if it has chains and does not move in the simulated loop
     stiffness="f8",
     damping="f8",
     hinge_frequency="f8",  # of the servo of its chains in contact with simulated bodies [rad/s]
+    hinge_count="i8",  # hinges of its chains
+    hinge_share="f8",  # response of its hinges over that to an impulse [1]
+    hinge_factor=("f8", (HINGE_CAPACITY, HINGE_CAPACITY)),  # Cholesky factor of their inertia, root free
+    hinge_mover="i8",  # index of their first block in the solver
+    hinge_response=("f8", (HINGE_CAPACITY,)),  # scratch
     position=VECTOR,  # coupling state: the root's origin
     orientation=QUATERNION,
     velocity=VECTOR,
@@ -105,7 +140,6 @@ DRIVER = record(
     target_orientation=QUATERNION,
     target_velocity=VECTOR,
     target_omega=VECTOR,
-    shown_position=VECTOR,  # at the start of a frame
     coupled_position=VECTOR,  # after the coupling, before overlap removal
     coupled_orientation=QUATERNION,
     # of a driver that moves in the simulated loop (`driver_motion`)
@@ -113,7 +147,7 @@ DRIVER = record(
     pressed="i8",  # PRESSED: it touched a simulated body in this frame, and stops at fixed and driven bodies
     clock="f8",  # time since the start of the frame [s], now and at the start of the substep
     old_clock="f8",
-    goal_start=VECTOR,  # pose to which the spring pulls, at the frame's start and end
+    goal_start=VECTOR,  # where the spring pulls, at the frame's start and end
     goal_end=VECTOR,
     goal_start_orientation=QUATERNION,
     goal_end_orientation=QUATERNION,
@@ -128,12 +162,6 @@ DRIVER = record(
     twist=VECTOR,  # inverse inertia times its angular impulse [rad/s]
     shift_push=VECTOR,  # those of the law of positions
     shift_twist=VECTOR,
-    pushes="i8",  # 1: a link touches a simulated body after this frame's removal
-    withheld_velocity=VECTOR,  # of a blocked trunk
-    push_count="i8",
-    push_pairs=("i8", (PUSH_PAIRS, 2)),  # pieces of the pairs in which its links push
-    is_blocked="i8",  # 1: this frame's removal translated its trunk, and a link touches a simulated body
-    in_contact="i8",  # 1: a link of its chains or trunk is in contact with a simulated body in this frame
     free_position=VECTOR,  # last free pose
     free_orientation=QUATERNION,
     has_free="i8",
@@ -145,7 +173,4 @@ DRIVER = record(
     entry_orientation=QUATERNION,
     scratch=("f8", (3, 3)),
     sums=MATRIX,  # sums of Eq. 1 in profile `paper`
-    # scratch: impulse that a link received in the frame, and its angular impulse
-    link_impulse=VECTOR,
-    link_torque=VECTOR,
 )

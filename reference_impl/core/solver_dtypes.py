@@ -1,5 +1,6 @@
 """Structured types of the contact solver: an island's rows and movers, and the matrix of Newton steps."""
 
+from touchstone.reference_impl.core.conventions import HINGE_BLOCKS
 from touchstone.reference_impl.core.dtypes import MATRIX, VECTOR, record
 
 ROW_CAPACITY = 16_384
@@ -9,10 +10,15 @@ MOVER_CAPACITY = 8_192
 NEWTON_ROWS, NEWTON_MOVERS, NEWTON_BLOCKS = 2_048, 192, 5_000
 """Largest island for Newton's method: contact points, movers, and blocks of half the matrix's envelope."""
 
+LINK_CAPACITY = 256
+"""Most links of chains in contact in one island."""
+
 ROW = record(
     pair="i8",  # its row of `pairs`
     a="i8",  # index of the mover on each side, or -1 if that side does not move
     b="i8",
+    link_a="i8",  # index of the link on each side that hinges move, or -1
+    link_b="i8",
     r_a=VECTOR,  # from the mover's centre of mass to the contact point
     r_b=VECTOR,
     normal=VECTOR,
@@ -57,6 +63,7 @@ ROW = record(
 )
 MOVER = record(
     body="i8",  # its row of `bodies`: a simulated body, or the root of a driver
+    block="i8",  # number of a block of six hinges of a driver's chains, from 1; 0 of a body
     inverse_mass="f8",
     inverse_inertia=MATRIX,
     center=VECTOR,
@@ -71,15 +78,27 @@ MOVER = record(
     place="i8",  # index of its block of six unknowns in the matrix
     first_place="i8",  # least such index among itself and the movers in contact with it
 )
+LINK = record(
+    mover="i8",  # index of its driver's first block of hinges
+    blocks="i8",
+    # velocity at the driver's centre of mass and angular velocity per coordinate of a block
+    response=("f8", (HINGE_BLOCKS, 6, 6)),
+)
 SOLVER = record(
     row_count="i8",
     mover_count="i8",
+    link_count="i8",
     led="i8",  # 1: a driver in the loop is among the movers, and the rows ask the law of `driver_motion`
     best_residual="f8",  # [m/s]
     target="f8",  # residual at which a solve ends [m/s]
     work="f8",  # multiplications of a factorisation; 0 before `lay_out`, -1 if the island is too large for it
     rows=(ROW, (ROW_CAPACITY,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
+    links=(LINK, (LINK_CAPACITY,)),
+    # a row's Jacobian: places of its blocks, and their 3 x 6 entries
+    block_count="i8",
+    block_place=("i8", (2 + 2 * HINGE_BLOCKS,)),
+    block=("f8", (2 + 2 * HINGE_BLOCKS, 3, 6)),
     order=("i8", (NEWTON_MOVERS,)),  # mover of each block
     # envelope: blocks (p, q) and (q, p), p >= q, from entry 36 (offset[p] + q) of their half; first q of p
     offset=("i8", (NEWTON_MOVERS,)),

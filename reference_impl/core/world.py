@@ -65,17 +65,6 @@ BODY = record(
     path_omega=VECTOR,
     shown_center=VECTOR,  # of a link, at the start of a frame
     shown_orientation=QUATERNION,
-    # of a link of a driver with chains, in contact with simulated bodies (`link_mobility`, `chain_servo`)
-    pushes="i8",  # 1: it touches a simulated body after this frame's overlap removal
-    was_in_contact="i8",  # 1: in the last frame
-    link_inverse_mass="f8",  # effective; zero if it has no such contact
-    chain_inertia="f8",  # of its chain about the first hinge, with the servo's damping and stiffness [kg m^2]
-    touches="i8",  # scratch of `weigh_links`
-    advance=VECTOR,  # way that its velocity has covered in the frame; its pose does not move before the next
-    wanted_velocity=VECTOR,  # at the end of the frame, without impulses
-    wanted_omega=VECTOR,
-    drive_acceleration=VECTOR,  # by its servo [m/s^2]
-    drive_turning=VECTOR,  # [rad/s^2]
     # motion over a substep (`swept_motion`)
     moves="i8",  # 0: it does not move, and the fields below are ignored
     travel=VECTOR,  # of the centre of mass: at fraction s, s travel + s^2 travel_bend [m]
@@ -193,7 +182,6 @@ PAIR = record(
     depth="f8",  # that overlap removal resolves [m]: the whole depth of `distance`, or a share of it
     point_a=VECTOR,  # witnesses, world
     point_b=VECTOR,
-    is_kept="i8",  # 1: a pushing link has lost touch within the frame only because its pose does not move
     next_marked="i8",  # next marked row at the same piece, or -1
     manifold="i8",  # first row of the pair's manifold, or -1
     free_slip="f8",  # sliding speed after forces without impulses, along the direction before them [m/s]

@@ -126,21 +126,11 @@ def move_links(bodies, joints, driver):
 
 @kernel
 def store_shown(bodies, joints, driver):
-    """Store the poses and velocities of a driver's links and the angles of its hinges as those last shown; no
-    link is in contact yet."""
-    copy_vector(driver["position"], driver["shown_position"])
-    driver["pushes"] = driver["in_contact"] = driver["is_blocked"] = driver["push_count"] = 0
+    """Store the poses of a driver's links as those last shown."""
     for k in range(driver["joint_count"] + 1):
         body = bodies[link_of(joints, driver, k)]
-        body["was_in_contact"] = 1 if body["link_inverse_mass"] > 0 else 0
-        body["pushes"], body["link_inverse_mass"] = 0, 0.0
-        body["advance"][:] = 0.0
-        copy_vector(body["velocity"], body["old_velocity"])
-        copy_vector(body["omega"], body["old_omega"])
         copy_vector(body["center"], body["shown_center"])
         copy_quaternion(body["orientation"], body["shown_orientation"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joints[k]["shown_angle"] = joints[k]["angle"]
 
 
 @kernel

@@ -12,9 +12,9 @@ of a lag of ATTRACTION_TIME.
 
 from math import exp, inf, sqrt
 
+from touchstone.reference_impl.continuous.hinge_motion import follow_servo
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.kinematics.skeleton import pose_moved
-from touchstone.reference_impl.posture.chain_servo import follow_offset
 from touchstone.reference_impl.posture.posture_constraints import drop_constraints
 from touchstone.reference_impl.posture.posture_qp import apply_turns, solve_posture_qp
 
@@ -42,7 +42,7 @@ def set_goals(joints, driver, h):
             joint["rate"] = joint["target_rate"]
         else:
             wanted, before = joint["target_angle"], joint["offset"]
-            if follow_offset(joint, driver["hinge_frequency"], h):
+            if follow_servo(joint, driver["hinge_frequency"], h):
                 wanted += joint["offset"]
             joint["goal_angle"] = min(
                 max(joint["angle"] + (wanted - joint["angle"]), joint["lower"]), joint["upper"]

@@ -148,7 +148,7 @@ def _free_fraction(world, mover):
     for k in range(end):
         pair = pairs[k]
         both = bodies[pair["body_a"]]["kind"] == DRIVEN and bodies[pair["body_b"]]["kind"] == DRIVEN
-        if side_of(bodies, pair, mover) == 0.0 or both or _meets_in_loop(world, pair, mover):
+        if side_of(bodies, pair, mover) == 0.0 or both or _meets_in_loop(bodies, pair):
             continue
         if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
             first = _deep(world, pair, first)
@@ -156,11 +156,9 @@ def _free_fraction(world, mover):
 
 
 @kernel
-def _meets_in_loop(world, pair, mover):
-    """Whether a pair of a driver without chains has a simulated body: they meet in the simulated loop."""
-    a, b = world.bodies[pair["body_a"]], world.bodies[pair["body_b"]]
-    met = a["kind"] == SIMULATED or b["kind"] == SIMULATED
-    return met and world.drivers[mover.index]["chain_count"] == 0
+def _meets_in_loop(bodies, pair):
+    """Whether a pair has a simulated body: a driver meets it in the simulated loop."""
+    return bodies[pair["body_a"]]["kind"] == SIMULATED or bodies[pair["body_b"]]["kind"] == SIMULATED
 
 
 @kernel

@@ -1,22 +1,19 @@
 """Overlap removal for driven bodies: by translation, for chains by the posture QP; if both fail, the body
 returns towards its last free pose."""
 
-from math import inf, sqrt
+from math import sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free, place_listed
+from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
     DRIVEN,
-    FIXED,
-    MOVER_BODY,
     MOVER_DRIVER,
     MOVER_TRUNK,
     PART_ROOT,
     PART_WHOLE,
     REMOVAL_LEAST_MOTION,
     REMOVAL_ROUNDS,
-    SIMULATED,
 )
 from touchstone.reference_impl.core.counters import (
     CAP_TRANSLATION_ROUNDS,
@@ -28,17 +25,14 @@ from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.kinematics.chain_order import shuffle_chains
 from touchstone.reference_impl.kinematics.driver_poses import (
     interpolate,
-    restore_entry,
     store_entry,
     store_free_pose,
 )
-from touchstone.reference_impl.kinematics.skeleton import place, pose_links, pose_moved
+from touchstone.reference_impl.kinematics.skeleton import pose_links, pose_moved
 from touchstone.reference_impl.posture.chain_overlap_removal import free_chains
-from touchstone.reference_impl.posture.chain_servo import note_pushing_links
 from touchstone.reference_impl.posture.driven_time_of_impact import is_far, stop_deep
 from touchstone.reference_impl.posture.global_depth import Mover, global_depth, largest_depth, side_of
 from touchstone.reference_impl.posture.min_norm_translation import min_norm_translation
-from touchstone.reference_impl.posture.posture_qp import apply_turns
 
 VANISHING_SHIFT = 1e-3
 """|PD| over the largest depth below which opposing normals cancel [1]."""
@@ -56,7 +50,7 @@ WAY_BACK_STEPS = 24
 
 @kernel
 def remove_overlap(world):
-    """Remove all drivers' overlap with fixed, simulated and driven bodies.
+    """Remove all overlap of drivers with fixed and driven bodies; simulated ones meet them in their own loop.
 
     Two overlapping drivers move by half of the depth each; the later one resolves the rest. If one is stuck
     then (pushed into a wall by the other), all drivers return to their last free poses. Each in turn then
@@ -84,8 +78,6 @@ def remove_overlap(world):
             store_free_pose(bodies, joints, drivers[d])
         else:
             state["counters"][COUNT_GAVE_UP] += 1
-            if drivers[d]["chain_count"] > 0:
-                _yield_simulated(world, Mover(MOVER_DRIVER, d))
 
 
 @kernel
@@ -150,7 +142,6 @@ def _free_driver(world, d, later):
     end, free = _translate(world, d, mover, later)
     if free and drivers[d]["chain_count"] > 0:
         shuffle_chains(drivers[d], state)
-        note_pushing_links(bodies, pairs, end, drivers[d], d)
         end = free_chains(world, d, later, end)
         if not is_free(largest_depth(bodies, pairs, end, d)):
             mover = Mover(MOVER_DRIVER, d)
@@ -167,8 +158,6 @@ def _free_driver(world, d, later):
         mover = Mover(MOVER_DRIVER, d)
         end = detect_for(world, d, later)
     _stop_at_obstacles(bodies, drivers, pairs, end, d, mover)
-    if drivers[d]["chain_count"] > 0:
-        note_pushing_links(bodies, pairs, end, drivers[d], d)
     return True
 
 
@@ -238,32 +227,6 @@ def _is_detour(driver, deepest):
 
 
 @kernel
-def follow_pushed(world, d):
-    """Turn driver d's pushing chains after the bodies that moved away from them in the simulated loop: by the
-    turns that these withheld, less what is still blocked. The hinges' offsets lose these turns."""
-    bodies, joints, pairs, state = world.bodies, world.joints, world.pairs, world.state
-    driver = world.drivers[d]
-    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
-    store_entry(joints, driver)
-    apply_turns(joints, driver, 1.0, inf)
-    pose_moved(bodies, joints, driver)
-    touching = detect_for(world, d, 1.0)
-    touching = free_chains(world, d, 1.0, touching)
-    if is_free(largest_depth(bodies, pairs, touching, d)):
-        for k in range(first, end):
-            turned = joints[k]["angle"] - joints[k]["entry_angle"]
-            joints[k]["rate"] += turned / state["dt"]
-            if joints[k]["pushes"] == 1:
-                joints[k]["offset"] += turned
-        store_free_pose(bodies, joints, driver)
-    else:
-        restore_entry(joints, driver)
-        pose_links(bodies, joints, driver)
-        detect_for(world, d, 1.0)
-    driver["constraint_count"] = 0
-
-
-@kernel
 def _way_back(world, d, later):
     """Return to the last free pose, then move towards the pose at entry as far as is free: first the links
     outside chains, then each chain.
@@ -313,14 +276,13 @@ def _free_at(world, d, later, part, t):
 @kernel
 def _stop_at_obstacles(bodies, drivers, pairs, end, d, mover):
     """Remove the component of driver d's coupling velocity that points into an obstacle touched by `mover`;
-    two drivers share it. Pairs with simulated bodies keep it for their impulse; pairs with later drivers wait
-    for the later driver."""
+    two drivers share it. Pairs with later drivers wait for the later driver."""
     v = drivers[d]["velocity"]
     for k in range(end):
         pair = pairs[k]
         sign = side_of(bodies, pair, mover)
         other = bodies[pair["body_a"] if sign > 0 else pair["body_b"]]
-        if sign == 0.0 or other["kind"] == SIMULATED or other["driver"] > d:
+        if sign == 0.0 or other["driver"] > d:
             continue
         n = pair["normal"]
         outward = sign * (v[0] * n[0] + v[1] * n[1] + v[2] * n[2])
@@ -334,38 +296,3 @@ def _stop_at_obstacles(bodies, drivers, pairs, end, d, mover):
                 v[i] -= share * sign * outward * n[i]
                 if other["driver"] >= 0:
                     w[i] += share * sign * outward * n[i]
-
-
-@kernel
-def _yield_simulated(world, mover):
-    """Translate simulated bodies out of a driver that stays in overlap, unless they would then overlap a
-    fixed body."""
-    bodies, pairs, state, shift = world.bodies, world.pairs, world.state, world.state["shift"]
-    for b in range(len(bodies)):
-        if bodies[b]["kind"] != SIMULATED:
-            continue
-        end, _ = detect(world, DRIVEN, 0)
-        for k in range(end):
-            if side_of(bodies, pairs[k], mover) == 0.0:
-                pairs[k]["depth"] = 0.0
-        deepest, _ = global_depth(bodies, pairs, 0, end, Mover(MOVER_BODY, b), shift)
-        if is_free(deepest):
-            continue
-        move(bodies[b], shift, 1.0)
-        end, _ = detect(world, SIMULATED, 0)
-        for k in range(end):
-            pair = pairs[k]
-            one, two = bodies[pair["body_a"]]["kind"], bodies[pair["body_b"]]["kind"]
-            meets = pair["body_a"] == b or pair["body_b"] == b
-            if meets and (one == FIXED or two == FIXED) and not is_free(-pair["distance"]):
-                move(bodies[b], shift, -1.0)
-                place_listed(bodies, world.pieces, world.vertices, SIMULATED, state)
-                break
-
-
-@kernel
-def move(body, shift, share):
-    """Translate a body by a share of `shift`."""
-    for i in range(3):
-        body["position"][i] += share * shift[i]
-    place(body)

@@ -16,8 +16,11 @@ def follow_tracker(driver, h):
 
     The tracker moves linearly within the frame, from its old target to its new one. The spring of a
     driver with chains pulls as at COUPLING_REACH where it is longer: it would pull the driver through an
-    obstacle to a tracker far behind it. A prescribed driver takes its tracker's pose and velocities.
+    obstacle to a tracker far behind it. A prescribed driver takes its tracker's pose and velocities. Stores
+    where the spring pulls, `goal_start` and `goal_end`.
     """
+    copy_vector(driver["old_target_position"], driver["goal_start"])
+    copy_vector(driver["target_position"], driver["goal_end"])
     if driver["prescribed"] == 1:
         copy_vector(driver["target_position"], driver["position"])
         for i in range(4):
@@ -37,6 +40,7 @@ def follow_tracker(driver, h):
         if beyond > 0:
             old += beyond * (driver["position"][i] - old)
             new = old + h * pace
+            driver["goal_start"][i], driver["goal_end"][i] = old, new
         x, v = decay(driver["position"][i] - old, driver["velocity"][i] - pace, stiffness, damping, h)
         driver["position"][i] = new + x
         driver["velocity"][i] = pace + v

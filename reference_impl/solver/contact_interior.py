@@ -130,7 +130,7 @@ def _set_scaling(solver, share):
         across, other = sqrt(u[1] * u[1] + u[2] * u[2]), sqrt(p[1] * p[1] + p[2] * p[2])
         if not (u[0] > across and p[0] > other):
             return False, 0.0, 0.0
-        x, y, z = meeting_on_axes(row, solver["movers"])
+        x, y, z = meeting_on_axes(row, solver)
         gap[0], gap[1], gap[2] = u[0] - x - across, u[1] - y, u[2] - z
         largest = max(largest, abs(gap[0]), abs(gap[1]), abs(gap[2]))
         part = share / across if across > 0 else 0.0

@@ -206,10 +206,10 @@ def _solve_soft(solver, tolerance):
     Returns:
         Number of factorisations, and whether the iteration converged.
     """
-    rows, movers, count = solver["rows"], solver["movers"], solver["row_count"]
+    rows, count = solver["rows"], solver["row_count"]
     for k in range(count):
         row = rows[k]
-        x, y, z = changed_velocity(row, movers)
+        x, y, z = changed_velocity(row, solver)
         u, f = row["velocity"], row["free"]
         u[0], u[1], u[2] = x + f[0], y + f[1], z + f[2]
         row["rate"][:] = 0.0

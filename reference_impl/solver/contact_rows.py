@@ -9,6 +9,7 @@ from math import inf, isnan, sqrt
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.solver.link_rows import link_velocity, push_link
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_OPEN, ROUNDING
 
 SLIDE_STEPS = 40
@@ -22,8 +23,9 @@ which friction is computed [1/kg]: their squares neither underflow nor overflow.
 
 
 @kernel
-def changed_velocity(row, movers):
+def changed_velocity(row, solver):
     """Change of a row's velocity by all impulses of its island [m/s]."""
+    movers = solver["movers"]
     x = y = z = 0.0
     if row["b"] >= 0:
         v, w, r = movers[row["b"]]["velocity"], movers[row["b"]]["omega"], row["r_b"]
@@ -31,6 +33,12 @@ def changed_velocity(row, movers):
     if row["a"] >= 0:
         v, w, r = movers[row["a"]]["velocity"], movers[row["a"]]["omega"], row["r_a"]
         p, q, s = _point_velocity(v, w, r)
+        x, y, z = x - p, y - q, z - s
+    if row["link_b"] >= 0:
+        p, q, s = link_velocity(solver, row["link_b"], row["r_b"])
+        x, y, z = x + p, y + q, z + s
+    if row["link_a"] >= 0:
+        p, q, s = link_velocity(solver, row["link_a"], row["r_a"])
         x, y, z = x - p, y - q, z - s
     return x, y, z
 
@@ -45,12 +53,17 @@ def _point_velocity(v, w, r):
 
 
 @kernel
-def push_movers(row, movers, px, py, pz):
+def push_movers(row, solver, px, py, pz):
     """Apply an impulse (px, py, pz) on B [N s], and its opposite on A, to a row's movers."""
+    movers = solver["movers"]
     if row["b"] >= 0:
         _push(movers[row["b"]], row["r_b"], px, py, pz)
     if row["a"] >= 0:
         _push(movers[row["a"]], row["r_a"], -px, -py, -pz)
+    if row["link_b"] >= 0:
+        push_link(solver, row["link_b"], row["r_b"], px, py, pz)
+    if row["link_a"] >= 0:
+        push_link(solver, row["link_a"], row["r_a"], -px, -py, -pz)
 
 
 @kernel
@@ -75,7 +88,7 @@ def rebuild(solver):
     for k in range(solver["row_count"]):
         p = solver["rows"][k]["impulse"]
         if p[0] != 0 or p[1] != 0 or p[2] != 0:
-            push_movers(solver["rows"][k], movers, p[0], p[1], p[2])
+            push_movers(solver["rows"][k], solver, p[0], p[1], p[2])
 
 
 @kernel
@@ -101,7 +114,7 @@ def residual_of(solver):
     largest, worst = 0.0, -1
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        change = _violation(row, solver["movers"])
+        change = _violation(row, solver)
         if not change <= largest:
             largest, worst = change, k
         # NaN counts as the largest
@@ -111,9 +124,9 @@ def residual_of(solver):
 
 
 @kernel
-def _violation(row, movers):
+def _violation(row, solver):
     f, n, p, m = row["free"], row["normal"], row["impulse"], row["mass"]
-    x, y, z = changed_velocity(row, movers)
+    x, y, z = changed_velocity(row, solver)
     x, y, z = x + f[0], y + f[1], z + f[2]
     u_n = x * n[0] + y * n[1] + z * n[2]
     j = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
@@ -156,7 +169,7 @@ def _work_terms(solver):
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, f, before = row["impulse"], row["free"], row["before"]
-        x, y, z = changed_velocity(row, solver["movers"])
+        x, y, z = changed_velocity(row, solver)
         damping += p[0] * x + p[1] * y + p[2] * z
         size += sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
         for i in range(3):
@@ -225,12 +238,12 @@ def _form(w, a, b):
 
 
 @kernel
-def solve_row(row, movers):
+def solve_row(row, solver):
     """Solve Coulomb's law in one row with the other impulses fixed; returns the impulse change / m [m/s], and
     sets `swept` to the change."""
     f, p, w = row["free"], row["impulse"], row["mobility"]
     n, t, s = row["normal"], row["across_1"], row["across_2"]
-    x, y, z = changed_velocity(row, movers)
+    x, y, z = changed_velocity(row, solver)
     # the velocity without this row's impulse
     x += f[0] - w[0, 0] * p[0] - w[0, 1] * p[1] - w[0, 2] * p[2]
     y += f[1] - w[1, 0] * p[0] - w[1, 1] * p[1] - w[1, 2] * p[2]
@@ -248,7 +261,7 @@ def solve_row(row, movers):
     if x == 0 and y == 0 and z == 0:
         return 0.0
     p[0], p[1], p[2] = p[0] + x, p[1] + y, p[2] + z
-    push_movers(row, movers, x, y, z)
+    push_movers(row, solver, x, y, z)
     return sqrt(x * x + y * y + z * z) / row["mass"]
 
 

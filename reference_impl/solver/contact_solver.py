@@ -110,7 +110,7 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
 @kernel
 def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
     """Solve the island whose first row is `head`; returns whether it converged, and counts failures."""
-    load_island(bodies, drivers, pairs, head, state)
+    load_island(bodies, joints, drivers, pairs, head, state)
     solver = state["solver"]
     rows = solver["rows"]
     for k in range(solver["row_count"]):
@@ -136,7 +136,7 @@ def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
         make_passive(solver)
     if residual > max(state["residual"], state["settling"]):
         _, worst = residual_of(solver)
-        pair = pairs[rows[max(worst, 0)]["pair"]]
+        pair = pairs[max(rows[max(worst, 0)]["pair"], 0)]
         state["residual"] = residual
         state["residual_body_a"], state["residual_body_b"] = pair["body_a"], pair["body_b"]
     store_island(bodies, joints, drivers, pairs, state)
@@ -174,6 +174,8 @@ def _stop_return(solver, pairs):
     found = False
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
+        if row["pair"] < 0:
+            continue
         if -APPROACH_MIN <= row["floor"] < 0 and pairs[row["pair"]]["speculative_speed"] == 0:
             row["floor"], found = 0.0, True
     if found:
@@ -274,7 +276,7 @@ def _sweep(solver, state, most):
         for k in range(count):
             row = rows[k]
             _add_direction(row["impulse"], row["direction"], row["swept"], share)
-            step = solve_row(row, movers)
+            step = solve_row(row, solver)
             change, size = max(change, step), size + step * step * row["mass"]
         state["counters"][COUNT_SWEEPS] += 1
         # a residual costs half a sweep: skip it while the impulses change too much

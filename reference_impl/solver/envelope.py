@@ -13,6 +13,14 @@ import numpy as np
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel, vectorised_kernel
 from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, NEWTON_MOVERS, NEWTON_ROWS
+from touchstone.reference_impl.solver.link_rows import (
+    add_blocks,
+    add_link_rate,
+    lower_first_places,
+    order_all,
+    subtract_from_link,
+    touches,
+)
 from touchstone.reference_impl.solver.tolerances import NEWTON_INNER, NEWTON_WORK
 
 ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
@@ -41,6 +49,8 @@ def lay_out(solver):
             a, b = movers[row["a"]], movers[row["b"]]
             a["first_place"] = min(a["first_place"], b["place"])
             b["first_place"] = min(b["first_place"], a["place"])
+        if row["link_a"] >= 0 or row["link_b"] >= 0:
+            lower_first_places(solver, row)
     used, work = 0, 0.0
     for place in range(count):
         begin = movers[solver["order"][place]]["first_place"]
@@ -72,6 +82,8 @@ def _order_from(solver, first):
             if other >= 0 and movers[other]["place"] < 0:
                 order[listed], movers[other]["place"] = other, listed
                 listed += 1
+            if solver["link_count"] > 0 and touches(solver, solver["rows"][k], m):
+                listed = order_all(solver, solver["rows"][k], listed)
     return order[count - 1]
 
 
@@ -99,6 +111,9 @@ def begin_matrix(solver):
 def add_row(solver, row):
     """Add J^T K J of one row to the matrix, where K is `kernel`."""
     movers, lower, upper = solver["movers"], solver["lower"], solver["upper"]
+    if row["link_a"] >= 0 or row["link_b"] >= 0:
+        add_blocks(solver, row)
+        return
     p = movers[row["b"]]["place"] if row["b"] >= 0 else -1
     q = movers[row["a"]]["place"] if row["a"] >= 0 else -1
     if p >= 0:
@@ -316,6 +331,10 @@ def subtract_impulse(solver, row, px, py, pz):
         _subtract(g, 6 * movers[row["b"]]["place"], row["r_b"], px, py, pz)
     if row["a"] >= 0:
         _subtract(g, 6 * movers[row["a"]]["place"], row["r_a"], -px, -py, -pz)
+    if row["link_b"] >= 0:
+        subtract_from_link(solver, row["link_b"], row["r_b"], px, py, pz)
+    if row["link_a"] >= 0:
+        subtract_from_link(solver, row["link_a"], row["r_a"], -px, -py, -pz)
 
 
 @kernel
@@ -341,6 +360,10 @@ def set_rates(solver):
             _add_rate(step, 6 * movers[row["b"]]["place"], row["r_b"], 1.0, d)
         if row["a"] >= 0:
             _add_rate(step, 6 * movers[row["a"]]["place"], row["r_a"], -1.0, d)
+        if row["link_b"] >= 0:
+            add_link_rate(solver, row["link_b"], row["r_b"], 1.0, d)
+        if row["link_a"] >= 0:
+            add_link_rate(solver, row["link_a"], row["r_a"], -1.0, d)
 
 
 @kernel

@@ -41,10 +41,10 @@ def cone_friction(row):
 
 
 @kernel
-def meeting_on_axes(row, movers):
+def meeting_on_axes(row, solver):
     """Velocity of a row over its floor, as `on_axes` gives it [m/s]."""
     f, n, floor = row["free"], row["normal"], row["floor"]
-    x, y, z = changed_velocity(row, movers)
+    x, y, z = changed_velocity(row, solver)
     return on_axes(row, x + f[0] - floor * n[0], y + f[1] - floor * n[1], z + f[2] - floor * n[2])
 
 
@@ -79,7 +79,7 @@ def begin_afar(solver):
         solver["movers"][m]["velocity"][:] = 0.0
         solver["movers"][m]["omega"][:] = 0.0
     for k in range(count):
-        x, y, z = meeting_on_axes(rows[k], solver["movers"])
+        x, y, z = meeting_on_axes(rows[k], solver)
         speed = max(speed, max(abs(x), abs(y), abs(z)) / _root_mass(rows[k]))
     speed *= sqrt(_mean_mass(solver) / rows[0]["unit"])
     for k in range(count):
@@ -97,7 +97,7 @@ def begin_near(solver):
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         i, mass, mu = row["impulse"], row["mass"], cone_friction(row)
-        u, v, w = meeting_on_axes(row, solver["movers"])
+        u, v, w = meeting_on_axes(row, solver)
         x, y, z = on_axes(row, i[0], i[1], i[2])
         x = x / mass - u - sqrt(v * v + w * w)
         y, z = y / (mass * mu * mu) - v, z / (mass * mu * mu) - w

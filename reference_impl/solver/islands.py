@@ -1,16 +1,26 @@
 """Islands: groups of movers connected by contacts; the solver treats each island separately.
 
-A mover is the unit that an impulse on a body moves: a simulated body, all links of a driver, or one link of a
-driver with chains.
+A mover is the unit that an impulse on a body moves: a simulated body, or all links of a driver as one rigid
+body. The hinges of a driver's chains are further movers of the solver, in blocks of six (`link_rows`).
 """
 
-from touchstone.reference_impl.core.conventions import NO_FLOOR, SIMULATED
+from math import sqrt
+
+from touchstone.reference_impl.continuous.hinge_motion import LIMIT_ROUNDING, limit_gap
+from touchstone.reference_impl.core.conventions import HINGE_BLOCKS, NO_FLOOR, SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.core.solver_dtypes import MOVER_CAPACITY, ROW_CAPACITY
+from touchstone.reference_impl.core.solver_dtypes import LINK_CAPACITY, MOVER_CAPACITY, ROW_CAPACITY
 from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.contact_rows import prepare_row
+from touchstone.reference_impl.solver.hinge_response import (
+    find_rates,
+    set_limit_response,
+    set_response,
+    turn_at_once,
+)
+from touchstone.reference_impl.solver.link_rows import add_link_mobility
 from touchstone.reference_impl.solver.mobility import contact_mobility, meeting_velocity, point_velocity
 
 
@@ -19,8 +29,6 @@ def mover_of(bodies, drivers, b):
     """Row of `bodies` of body b's mover: that body or its driver's root; -1 if impulses do not move it."""
     body = bodies[b]
     if body["driver"] >= 0:
-        if body["link_inverse_mass"] > 0:
-            return b
         driver = drivers[body["driver"]]
         return driver["root"] if driver["inverse_mass"] > 0 else -1
     return b if body["inverse_mass"] > 0 else -1
@@ -75,7 +83,7 @@ def island_of(bodies, m):
 
 
 @inlined_kernel
-def load_island(bodies, drivers, pairs, head, state):
+def load_island(bodies, joints, drivers, pairs, head, state):
     """Copy the rows and movers of an island to the solver; no `resting_impulse` has been applied yet."""
     solver = state["solver"]
     rows = solver["rows"]
@@ -86,13 +94,16 @@ def load_island(bodies, drivers, pairs, head, state):
             if m >= 0:
                 bodies[m]["mover"] = -1
         k = pairs[k]["next_row"]
-    solver["row_count"] = solver["mover_count"] = solver["led"] = 0
+    for d in range(len(drivers)):
+        drivers[d]["hinge_mover"] = -1
+    solver["row_count"] = solver["mover_count"] = solver["link_count"] = solver["led"] = 0
     k = head
     while k >= 0:
         pair, own = pairs[k], k
         k = pair["next_row"]
         n = solver["row_count"]
-        if n == ROW_CAPACITY or solver["mover_count"] + 2 > MOVER_CAPACITY:
+        full = n == ROW_CAPACITY or solver["link_count"] + 2 > LINK_CAPACITY
+        if full or solver["mover_count"] + 2 * (1 + HINGE_BLOCKS) > MOVER_CAPACITY:
             state["counters"][COUNT_LOST] += 1
             continue
         row = rows[n]
@@ -101,6 +112,8 @@ def load_island(bodies, drivers, pairs, head, state):
         row["friction"], row["floor"] = pair["friction"], pair["floor"]
         row["a"] = _load_mover(bodies, drivers, pair["body_a"], pair["lever_a"], solver, row["r_a"])
         row["b"] = _load_mover(bodies, drivers, pair["body_b"], pair["lever_b"], solver, row["r_b"])
+        row["link_a"] = _load_link(bodies, joints, drivers, pair["body_a"], solver)
+        row["link_b"] = _load_link(bodies, joints, drivers, pair["body_b"], solver)
         copy_vector(pair["normal"], row["normal"])
         copy_vector(pair["resting_impulse"], row["impulse"])
         u = row["free"]
@@ -115,7 +128,56 @@ def load_island(bodies, drivers, pairs, head, state):
             solver["led"] = 1
             _add_lead(bodies, drivers, pair, state["lead"], u)
         contact_mobility(bodies, drivers, pair, row["mobility"])
+        if row["link_a"] >= 0 or row["link_b"] >= 0:
+            _add_links(solver, row)
         prepare_row(row)
+    for d in range(len(drivers)):
+        if drivers[d]["hinge_mover"] >= 0:
+            _load_limits(joints, drivers[d], solver)
+
+
+@kernel
+def _load_limits(joints, driver, solver):
+    """Add the limits of a driver's hinges to the rows of its island: along x, without friction. At one
+    instant only those that hinges have reached act."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        full = solver["row_count"] == ROW_CAPACITY or solver["link_count"] == LINK_CAPACITY
+        lasting = driver["lasting"] == 1
+        if full or joint["limited"] == 0 or not (lasting or limit_gap(joint) <= LIMIT_ROUNDING):
+            continue
+        row, link = solver["rows"][solver["row_count"]], solver["links"][solver["link_count"]]
+        row["pair"], row["a"], row["b"], row["link_a"], row["link_b"] = (
+            -2 - k,
+            -1,
+            -1,
+            -1,
+            solver["link_count"],
+        )
+        solver["row_count"] += 1
+        solver["link_count"] += 1
+        link["mover"] = driver["hinge_mover"]
+        set_limit_response(driver, joint["coordinate"], joint["limited"], link)
+        row["friction"] = 0.0
+        row["r_a"][:] = row["r_b"][:] = row["normal"][:] = row["impulse"][:] = 0.0
+        row["free"][:] = row["before"][:] = 0.0
+        row["normal"][0] = 1.0
+        row["before"][0] = joint["limited"] * (joint["old_rate"] if lasting else joint["rate"])
+        row["free"][0] = joint["limit_free"] if lasting else joint["limited"] * joint["rate"]
+        row["floor"] = joint["limit_floor"] if lasting else 0.0
+        row["impulse"][0] = joint["limit_impulse"] if lasting else 0.0
+        row["mobility"][:] = 0.0
+        add_link_mobility(solver, row, row["mobility"])
+        prepare_row(row)
+
+
+@kernel
+def _add_links(solver, row):
+    """Add the hinges of its links to a row. Links of one driver move apart by their hinges alone."""
+    if row["a"] == row["b"]:
+        row["a"] = row["b"] = -1
+        row["mobility"][:] = 0.0
+    add_link_mobility(solver, row, row["mobility"])
 
 
 @kernel
@@ -131,11 +193,8 @@ def _load_mover(bodies, drivers, b, point, solver, out_r):
         solver["mover_count"] = index + 1
         bodies[m]["mover"] = index
         mover = solver["movers"][index]
-        mover["body"] = m
-        if bodies[m]["link_inverse_mass"] > 0:
-            mover["inverse_mass"] = bodies[m]["link_inverse_mass"]
-            _copy_mass(bodies[m]["inverse_inertia"], bodies[m]["center"], mover)
-        elif bodies[m]["driver"] >= 0:
+        mover["body"], mover["block"] = m, 0
+        if bodies[m]["driver"] >= 0:
             driver = drivers[bodies[m]["driver"]]
             mover["inverse_mass"] = driver["inverse_mass"]
             _copy_mass(driver["inverse_inertia"], driver["center"], mover)
@@ -146,6 +205,32 @@ def _load_mover(bodies, drivers, b, point, solver, out_r):
     for i in range(3):
         out_r[i] = point[i] - center[i]
     return index
+
+
+@kernel
+def _load_link(bodies, joints, drivers, b, solver):
+    """Index of body b in the solver if hinges of chains move it, or -1."""
+    body = bodies[b]
+    if body["hinge"] < 0 or drivers[body["driver"]]["loops"] == 0:
+        return -1
+    driver, joint, links = drivers[body["driver"]], joints[body["hinge"]], solver["links"]
+    if driver["hinge_mover"] < 0:
+        driver["hinge_mover"] = solver["mover_count"]
+        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+            joints[k]["link"] = -1
+        for block in range((driver["hinge_count"] + 5) // 6):
+            mover = solver["movers"][solver["mover_count"]]
+            solver["mover_count"] += 1
+            mover["body"], mover["block"], mover["inverse_mass"] = driver["root"], block + 1, 1.0
+            mover["inverse_inertia"][:, :] = mover["center"][:] = 0.0
+            for i in range(3):
+                mover["inverse_inertia"][i, i] = 1.0
+    if joint["link"] < 0:
+        joint["link"] = solver["link_count"]
+        solver["link_count"] += 1
+        links[joint["link"]]["mover"] = driver["hinge_mover"]
+        set_response(joints, driver, body["hinge"], links[joint["link"]])
+    return joint["link"]
 
 
 @kernel
@@ -189,12 +274,21 @@ def store_island(bodies, joints, drivers, pairs, state):
     """Apply the solver's result: copy the rows' impulses to `pairs`, and change the movers' velocities."""
     solver = state["solver"]
     for n in range(solver["row_count"]):
-        copy_vector(solver["rows"][n]["impulse"], pairs[solver["rows"][n]["pair"]]["resting_impulse"])
+        row = solver["rows"][n]
+        if row["pair"] >= 0:
+            copy_vector(row["impulse"], pairs[row["pair"]]["resting_impulse"])
+        else:
+            joints[-2 - row["pair"]]["limit_impulse"] = row["impulse"][0]
     for m in range(solver["mover_count"]):
         mover = solver["movers"][m]
         dv, dw = mover["velocity"], mover["omega"]
         body = bodies[mover["body"]]
-        if body["driver"] < 0 or body["link_inverse_mass"] > 0:
+        if body["driver"] >= 0 and mover["block"] > 0:
+            y = drivers[body["driver"]]["hinge_response"]
+            for i in range(3):
+                y[6 * (mover["block"] - 1) + i], y[6 * (mover["block"] - 1) + 3 + i] = dv[i], dw[i]
+            continue
+        if body["driver"] < 0:
             for i in range(3):
                 body["velocity"][i] += dv[i]
                 body["omega"][i] += dw[i]
@@ -214,3 +308,21 @@ def store_island(bodies, joints, drivers, pairs, state):
         for i in range(3):
             w[i] += dw[i]
         move_links(bodies, joints, driver)
+    for d in range(len(drivers)):
+        if drivers[d]["hinge_mover"] >= 0:
+            _turn_hinges(bodies, joints, drivers[d])
+
+
+@kernel
+def _turn_hinges(bodies, joints, driver):
+    """Change the rates of a driver's hinges by the coordinates in `hinge_response`, or note the change by an
+    impulse at one instant of which they are the response over a substep."""
+    find_rates(driver)
+    if driver["lasting"] == 0:
+        turn_at_once(joints, driver)
+        move_links(bodies, joints, driver)
+        return
+    root = sqrt(driver["hinge_share"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if joints[k]["coordinate"] >= 0:
+            joints[k]["twist"] += driver["hinge_response"][joints[k]["coordinate"]] / root

@@ -6,10 +6,11 @@ import numpy as np
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.kinematics.skeleton import move_links
+from touchstone.reference_impl.solver.hinge_response import push_hinges
 
 
 class MassProperties(NamedTuple):
-    """What an impulse moves: a body, a link with its effective mass, or a driver with all its links."""
+    """What an impulse moves: a body, or a driver with all its links."""
 
     inverse_mass: float
     inverse_inertia: np.ndarray  # (3, 3), about the centre of mass, world axes
@@ -87,8 +88,7 @@ def approach_speed(bodies, pair, state):
 def contact_mobility(bodies, drivers, pair, out_mobility):
     """Velocity of B relative to A per impulse on B (3, 3) [1/kg], at a pair's levers; Eq. 9 divides by n.M n.
 
-    A driven link has the mass and inertia of its driver's coupled body, or its effective mass if the driver
-    has chains (`link_mobility`).
+    A driven link has the mass and inertia of its driver's coupled body; hinges add theirs (`link_rows`).
     """
     out_mobility[:] = 0.0
     for side in range(2):
@@ -96,10 +96,7 @@ def contact_mobility(bodies, drivers, pair, out_mobility):
         point = pair["lever_a"] if side == 0 else pair["lever_b"]
         if body["driver"] >= 0:
             driver = drivers[body["driver"]]
-            if body["link_inverse_mass"] > 0:
-                moved = MassProperties(body["link_inverse_mass"], body["inverse_inertia"], body["center"])
-                _add_mobility(moved, point, out_mobility)
-            elif driver["inverse_mass"] > 0:
+            if driver["inverse_mass"] > 0:
                 moved = MassProperties(driver["inverse_mass"], driver["inverse_inertia"], driver["center"])
                 _add_mobility(moved, point, out_mobility)
         elif body["inverse_mass"] > 0:
@@ -133,10 +130,6 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
     body = bodies[b]
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
-        if body["link_inverse_mass"] > 0:
-            moved = MassProperties(body["link_inverse_mass"], body["inverse_inertia"], body["center"])
-            _change_velocity(moved, point, px, py, pz, body["velocity"], body["omega"])
-            return
         if driver["inverse_mass"] == 0:
             return
         moved = MassProperties(driver["inverse_mass"], driver["inverse_inertia"], driver["center"])
@@ -147,6 +140,8 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
         v[0] += dy * z - dz * y
         v[1] += dz * x - dx * z
         v[2] += dx * y - dy * x
+        if body["hinge"] >= 0 and driver["loops"] == 1:
+            push_hinges(joints, driver, body["hinge"], point, px, py, pz)
         move_links(bodies, joints, driver)
     elif body["inverse_mass"] > 0:
         moved = MassProperties(body["inverse_mass"], body["inverse_inertia"], body["center"])

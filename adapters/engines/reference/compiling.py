@@ -124,16 +124,15 @@ def compile_simulated_loop(parent: int) -> None:
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     _compile(frame.solve_resting_contacts, world, 0, 0.0, 0.0)
     _compile(frame.resolve_impacts, world, 0, 0.0, 0.0)
-    _compile(frame.guard_energy, world, 0, True, 0)
+    _compile(frame.guard_energy, world, 0, True)
     _compile(frame.gather_contacts, world, 0.0)
     _compile(frame.separate_simulated, world, 0)
-    _compile(frame.earliest_impact, world, 0, 0, True)
+    _compile(frame.earliest_impact, world, 0, 0, 1.0, True)
     # the first process is still in the driven loop, and comes to profile `paper` last
     _compile(paper_frame.update_driven_objects, world)
     _compile(paper_frame.update_simulated_objects, world)
     _compile(frame.update_fat_bounds, bodies, world.pieces, world.vertices, drivers, world.pairs, state)
     _compile(frame.is_isolated, bodies, world.pieces, drivers, state)
-    _compile(frame.weigh_links, bodies, joints, drivers, world.pairs, 0, 0.0)
     _compile(frame.set_ways, bodies, joints, drivers, world.pairs, 0, 0.0, 0.0)
     _compile(frame.end_substep, bodies, joints, drivers, 0.0, 0.0, 0.0)
     _compile(frame.first_return, bodies, world.pairs, 0, state)

@@ -209,7 +209,9 @@ def _joints(scenario: Scenario) -> np.ndarray:
         row["parent"], row["child"] = scenario.body_index(joint.parent), scenario.body_index(joint.child)
         row["position"], row["axis"], row["rest"] = joint.position, joint.axis, matrix(joint.orientation)
         row["lower"], row["upper"] = joint.lower, joint.upper
-        row["chain"] = -1
+        row["chain"] = row["coordinate"] = -1
+    for row in joints:
+        row["inner"] = next((k for k, other in enumerate(joints) if other["child"] == row["parent"]), -1)
     for tracker, first in zip(scenario.trackers, _first_joints(scenario)):
         rows = joints[first : first + len(tracker.joints)]
         motion = sample(tracker, np.zeros(1))
@@ -260,7 +262,12 @@ def _set_chains(scenario: Scenario, world: World) -> None:
             raise Unsupported(f"reference: {count} joints in a chain, at most {conventions.CHAIN_JOINTS}")
         driver["chains"][driver["chain_count"]] = first, first + count - 1
         world.joints["chain"][first : first + count] = driver["chain_count"]
+        hinges = driver["hinge_count"] + count
+        if hinges > conventions.HINGE_CAPACITY:
+            raise Unsupported(f"reference: more than {conventions.HINGE_CAPACITY} joints in a body's chains")
+        world.joints["coordinate"][first : first + count] = np.arange(driver["hinge_count"], hinges)
         driver["chain_count"] += 1
+        driver["hinge_count"] = hinges
         driver["inverse_mass"] = 0.0
         for cone in chain.cones:
             if len(cone.swing) > CONE_CORNERS:

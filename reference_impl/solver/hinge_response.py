@@ -1,0 +1,233 @@
+"""Response of a driver's chains to impulses on their links (ours).
+
+The paper gives an avatar's link the inverse mass 0 in Eq. 9: such a link transfers any impulse and crushes a
+box against a wall. Here a contact moves a link by its driver as one rigid body, at the composite mass and
+inertia of all links, and by the hinges of its chain:
+
+    Y = J_r (1/m, I^-1) J_r' + J_h S^-1 J_h'
+
+S is the inertia of the hinges with the root free: their part of the joint-space inertia less the recoil of
+all links as one rigid body. It is that of the servos of the dynamics engines, whose stiffness is w^2 S and
+damping 2 w S: an offset x of the hinges from their path obeys x'' = -w^2 x - 2 w x' + S^-1 J_h' f, in closed
+form for each hinge. Static torques are therefore exact. Forces over a substep turn hinges without recoil of
+the root, which its own coupling holds. In an impact J_h has the recoil in it, and the root takes it up: Y is
+then that of the whole joint-space inertia.
+
+The contact solver works with coordinates y of unit mass: x' = L^-T y, with S = L L'. Velocities and moments
+are taken at the driver's centre of mass.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import invert_symmetric, rotate
+from touchstone.reference_impl.kinematics.skeleton import composite_inertia
+
+
+@kernel
+def weigh_hinges(bodies, joints, driver):
+    """Compute a driver's composite centre and inertia, and factorise S, at its present posture."""
+    composite_inertia(bodies, joints, driver, driver["center"], driver["inertia"])
+    invert_symmetric(driver["inertia"], driver["inverse_inertia"])
+    if driver["loops"] == 1 and driver["hinge_count"] > 0:
+        _sum_moved(bodies, joints, driver)
+        _set_inertia(bodies, joints, driver)
+        _factorise(driver["hinge_factor"], driver["hinge_count"])
+
+
+@kernel
+def _sum_moved(bodies, joints, driver):
+    """Sum up mass, first moment and inertia of all links that each hinge moves, about the centre of mass."""
+    first, end, c = driver["first_joint"], driver["first_joint"] + driver["joint_count"], driver["center"]
+    for k in range(first, end):
+        joint = joints[k]
+        link = bodies[joint["child"]]
+        mass, center, own = link["mass"], link["center"], link["inverse_inertia"]
+        r = (center[0] - c[0], center[1] - c[1], center[2] - c[2])
+        square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+        joint["moved_mass"] = mass
+        for i in range(3):
+            joint["moved_moment"][i] = mass * r[i]
+            for j in range(3):
+                # a link's `inverse_inertia` holds its inertia in world axes (`composite_inertia`)
+                joint["moved_inertia"][i, j] = own[i, j] - mass * r[i] * r[j]
+            joint["moved_inertia"][i, i] += mass * square
+    for k in range(end - 1, first - 1, -1):
+        if joints[k]["inner"] < 0:
+            continue
+        joint, inner = joints[k], joints[joints[k]["inner"]]
+        inner["moved_mass"] += joint["moved_mass"]
+        for i in range(3):
+            inner["moved_moment"][i] += joint["moved_moment"][i]
+            for j in range(3):
+                inner["moved_inertia"][i, j] += joint["moved_inertia"][i, j]
+
+
+@kernel
+def _set_inertia(bodies, joints, driver):
+    """Compute S in the lower half of `hinge_factor`, with each hinge's arm and momenta."""
+    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
+    s = driver["hinge_factor"]
+    for k in range(first, end):
+        joint = joints[k]
+        if joint["coordinate"] < 0:
+            continue
+        a, arm, m, inertia = joint["world_axis"], joint["arm"], joint["moved_moment"], joint["moved_inertia"]
+        rotate(bodies[joint["parent"]]["rotation"], joint["axis"], a)
+        o, c, mass = bodies[joint["child"]]["position"], driver["center"], joint["moved_mass"]
+        arm[0], arm[1], arm[2] = _cross(a, (c[0] - o[0], c[1] - o[1], c[2] - o[2]))
+        x, y, z = _cross(a, m)
+        p = joint["push"]
+        p[0], p[1], p[2] = x + mass * arm[0], y + mass * arm[1], z + mass * arm[2]
+        x, y, z = _cross(m, arm)
+        rotate(inertia, a, joint["spin"])
+        spin = joint["spin"]
+        spin[0], spin[1], spin[2] = spin[0] + x, spin[1] + y, spin[2] + z
+        rotate(driver["inverse_inertia"], spin, joint["recoil_turn"])
+        for i in range(3):
+            joint["recoil"][i] = joint["push"][i] / driver["mass"]
+    for k in range(first, end):
+        row = joints[k]["coordinate"]
+        if row < 0:
+            continue
+        p, spin = joints[k]["push"], joints[k]["spin"]
+        for j in range(first, k + 1):
+            column = joints[j]["coordinate"]
+            if column >= 0:
+                s[row, column] = -_dot(p, joints[j]["recoil"]) - _dot(spin, joints[j]["recoil_turn"])
+        j = k
+        while j >= 0:
+            if joints[j]["coordinate"] >= 0:
+                s[row, joints[j]["coordinate"]] += _dot(joints[j]["arm"], p) + _dot(
+                    joints[j]["world_axis"], spin
+                )
+            j = joints[j]["inner"]
+
+
+@kernel
+def _factorise(s, count):
+    """Cholesky factor of the leading (count, count) matrix, in place of its lower half."""
+    for i in range(count):
+        for j in range(i + 1):
+            total = s[i, j]
+            for k in range(j):
+                total -= s[i, k] * s[j, k]
+            s[i, j] = sqrt(total) if i == j else total / s[j, j]
+
+
+@inlined_kernel
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined_kernel
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def set_response(joints, driver, k, out_link):
+    """Compute the velocities of what hinge k moves, at the driver's centre of mass, per coordinate of its
+    hinges."""
+    z = out_link["response"]
+    out_link["blocks"] = (driver["hinge_count"] + 5) // 6
+    z[:, :, :] = 0.0
+    while k >= 0:
+        joint, c = joints[k], joints[k]["coordinate"]
+        if c >= 0:
+            for i in range(3):
+                z[c // 6, c % 6, i], z[c // 6, c % 6, 3 + i] = joint["arm"][i], joint["world_axis"][i]
+        k = joint["inner"]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint, c = joints[k], joints[k]["coordinate"]
+        if c >= 0 and driver["lasting"] == 0:
+            for i in range(3):
+                z[c // 6, c % 6, i] -= joint["recoil"][i]
+                z[c // 6, c % 6, 3 + i] -= joint["recoil_turn"][i]
+    _solve_lower(driver, out_link)
+
+
+@kernel
+def set_limit_response(driver, c, sign, out_link):
+    """Compute the rate of the hinge of coordinate c per coordinate of the driver's hinges, times a sign, as a
+    velocity along x."""
+    z = out_link["response"]
+    out_link["blocks"] = (driver["hinge_count"] + 5) // 6
+    z[:, :, :] = 0.0
+    z[c // 6, c % 6, 0] = sign
+    _solve_lower(driver, out_link)
+
+
+@kernel
+def _solve_lower(driver, link):
+    """Turn a link's velocities per rate of each hinge, J, into those per coordinate: rows of L^-1 J', times
+    the root of the hinges' share."""
+    s, count, z = driver["hinge_factor"], driver["hinge_count"], link["response"]
+    root = sqrt(driver["hinge_share"])
+    for c in range(count):
+        row = z[c // 6, c % 6]
+        for j in range(c):
+            other, factor = z[j // 6, j % 6], s[c, j]
+            if factor != 0:
+                for i in range(6):
+                    row[i] -= factor * other[i]
+        for i in range(6):
+            row[i] /= s[c, c]
+    for b in range(link["blocks"]):
+        for c in range(6):
+            for i in range(6):
+                z[b, c, i] *= root
+
+
+@kernel
+def find_rates(driver):
+    """Turn `hinge_response` from coordinates y of unit mass into rates L^-T y."""
+    s, count, x = driver["hinge_factor"], driver["hinge_count"], driver["hinge_response"]
+    for c in range(count - 1, -1, -1):
+        for j in range(c + 1, count):
+            x[c] -= s[j, c] * x[j]
+        x[c] /= s[c, c]
+
+
+@kernel
+def push_hinges(joints, driver, k, point, px, py, pz):
+    """Change the rates of a driver's hinges by an impulse (px, py, pz) [N s] at a point moved by hinge k."""
+    s, count, x, c = driver["hinge_factor"], driver["hinge_count"], driver["hinge_response"], driver["center"]
+    p = (px, py, pz)
+    moment = _cross((point[0] - c[0], point[1] - c[1], point[2] - c[2]), p)
+    x[:] = 0.0
+    while k >= 0:
+        joint = joints[k]
+        if joint["coordinate"] >= 0:
+            x[joint["coordinate"]] = _dot(joint["arm"], p) + _dot(joint["world_axis"], moment)
+        k = joint["inner"]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if joints[k]["coordinate"] >= 0:
+            recoil = _dot(joints[k]["recoil"], p) + _dot(joints[k]["recoil_turn"], moment)
+            x[joints[k]["coordinate"]] -= recoil
+    for i in range(count):
+        for j in range(i):
+            x[i] -= s[i, j] * x[j]
+        x[i] /= s[i, i]
+    find_rates(driver)
+    turn_at_once(joints, driver)
+
+
+@kernel
+def turn_at_once(joints, driver):
+    """Change the rates of a driver's hinges by `hinge_response`, and the root's by their recoil."""
+    v, w, c, o = driver["velocity"], driver["omega"], driver["center"], driver["position"]
+    away = (o[0] - c[0], o[1] - c[1], o[2] - c[2])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        if joint["coordinate"] < 0:
+            continue
+        rate, r = driver["hinge_response"][joint["coordinate"]], joint["recoil_turn"]
+        joint["rate"] += rate
+        joint["offset_rate"] += rate
+        x, y, z = _cross(r, away)
+        v[0] -= rate * (joint["recoil"][0] + x)
+        v[1] -= rate * (joint["recoil"][1] + y)
+        v[2] -= rate * (joint["recoil"][2] + z)
+        for i in range(3):
+            w[i] -= rate * r[i]

@@ -1,0 +1,184 @@
+"""Rows of the contact solver on links that hinges move: their part of velocities, impulses and the matrix.
+
+The hinges of a driver's chains are blocks of six coordinates of unit mass (`hinge_response`), which the
+solver treats as further movers: three as a velocity, three as an angular velocity.
+"""
+
+from touchstone.reference_impl.core.kernel import kernel
+
+
+@kernel
+def link_velocity(solver, link, r):
+    """Velocity of a link's point, at r from the driver's centre of mass, by the coordinates of its hinges."""
+    first, z = solver["links"][link]["mover"], solver["links"][link]["response"]
+    v0 = v1 = v2 = w0 = w1 = w2 = 0.0
+    for b in range(solver["links"][link]["blocks"]):
+        mover = solver["movers"][first + b]
+        for c in range(6):
+            y = mover["velocity"][c] if c < 3 else mover["omega"][c - 3]
+            v0, v1, v2 = v0 + y * z[b, c, 0], v1 + y * z[b, c, 1], v2 + y * z[b, c, 2]
+            w0, w1, w2 = w0 + y * z[b, c, 3], w1 + y * z[b, c, 4], w2 + y * z[b, c, 5]
+    return v0 + w1 * r[2] - w2 * r[1], v1 + w2 * r[0] - w0 * r[2], v2 + w0 * r[1] - w1 * r[0]
+
+
+@kernel
+def push_link(solver, link, r, px, py, pz):
+    """Apply an impulse (px, py, pz) [N s] at r on a link to the coordinates of its hinges."""
+    first, z = solver["links"][link]["mover"], solver["links"][link]["response"]
+    tx, ty, tz = r[1] * pz - r[2] * py, r[2] * px - r[0] * pz, r[0] * py - r[1] * px
+    for b in range(solver["links"][link]["blocks"]):
+        mover = solver["movers"][first + b]
+        for c in range(6):
+            y = z[b, c, 0] * px + z[b, c, 1] * py + z[b, c, 2] * pz
+            y += z[b, c, 3] * tx + z[b, c, 4] * ty + z[b, c, 5] * tz
+            if c < 3:
+                mover["velocity"][c] += y
+            else:
+                mover["omega"][c - 3] += y
+
+
+@kernel
+def add_link_mobility(solver, row, out_mobility):
+    """Add to a row's mobility that of the hinges of its links [1/kg]."""
+    list_blocks(solver, row)
+    rigid = (1 if row["a"] >= 0 else 0) + (1 if row["b"] >= 0 else 0)
+    for k in range(rigid, solver["block_count"]):
+        j = solver["block"][k]
+        for r in range(3):
+            for c in range(3):
+                for i in range(6):
+                    out_mobility[r, c] += j[r, i] * j[c, i]
+
+
+@kernel
+def list_blocks(solver, row):
+    """Set `block_place` and `block` of the solver to the movers of a row and its Jacobian: bodies first."""
+    solver["block_count"] = 0
+    for side in range(2):
+        m, r, sign = (row["b"], row["r_b"], 1.0) if side else (row["a"], row["r_a"], -1.0)
+        if m >= 0:
+            j = solver["block"][_new_block(solver, solver["movers"][m]["place"])]
+            for i in range(3):
+                j[i, i] = sign
+            j[0, 4], j[0, 5] = sign * r[2], -sign * r[1]
+            j[1, 3], j[1, 5] = -sign * r[2], sign * r[0]
+            j[2, 3], j[2, 4] = sign * r[1], -sign * r[0]
+    first = solver["block_count"]
+    for side in range(2):
+        link, r, sign = (row["link_b"], row["r_b"], 1.0) if side else (row["link_a"], row["r_a"], -1.0)
+        if link < 0:
+            continue
+        z, start = solver["links"][link]["response"], first
+        # both links of one driver have the same blocks
+        if side == 0 or row["link_a"] < 0 or solver["links"][row["link_a"]]["mover"] != _first(solver, link):
+            start = solver["block_count"]
+            for b in range(solver["links"][link]["blocks"]):
+                _new_block(solver, solver["movers"][_first(solver, link) + b]["place"])
+        for b in range(solver["links"][link]["blocks"]):
+            j = solver["block"][start + b]
+            for c in range(6):
+                w0, w1, w2 = z[b, c, 3], z[b, c, 4], z[b, c, 5]
+                j[0, c] += sign * (z[b, c, 0] + w1 * r[2] - w2 * r[1])
+                j[1, c] += sign * (z[b, c, 1] + w2 * r[0] - w0 * r[2])
+                j[2, c] += sign * (z[b, c, 2] + w0 * r[1] - w1 * r[0])
+
+
+@kernel
+def _first(solver, link):
+    return solver["links"][link]["mover"]
+
+
+@kernel
+def _new_block(solver, place):
+    """Add a zero block of a row's Jacobian at a place; returns its index."""
+    k = solver["block_count"]
+    solver["block_place"][k] = place
+    solver["block"][k, :, :] = 0.0
+    solver["block_count"] = k + 1
+    return k
+
+
+@kernel
+def touches(solver, row, m):
+    """Whether mover m is one of a row's."""
+    if row["a"] == m or row["b"] == m:
+        return True
+    for side in range(2):
+        link = row["link_b"] if side else row["link_a"]
+        if link >= 0 and 0 <= m - _first(solver, link) < solver["links"][link]["blocks"]:
+            return True
+    return False
+
+
+@kernel
+def order_all(solver, row, listed):
+    """Order all movers of a row that are not yet; returns the number ordered."""
+    for m in range(solver["mover_count"]):
+        if solver["movers"][m]["place"] < 0 and touches(solver, row, m):
+            solver["order"][listed], solver["movers"][m]["place"] = m, listed
+            listed += 1
+    return listed
+
+
+@kernel
+def lower_first_places(solver, row):
+    """Lower the `first_place` of a row's movers to the least place among them."""
+    least = solver["mover_count"]
+    for m in range(solver["mover_count"]):
+        if touches(solver, row, m):
+            least = min(least, solver["movers"][m]["place"])
+    for m in range(solver["mover_count"]):
+        if touches(solver, row, m):
+            solver["movers"][m]["first_place"] = min(solver["movers"][m]["first_place"], least)
+
+
+@kernel
+def subtract_from_link(solver, link, r, px, py, pz):
+    """Subtract J^T p of a link's hinges from the gradient."""
+    first, z = _first(solver, link), solver["links"][link]["response"]
+    tx, ty, tz = r[1] * pz - r[2] * py, r[2] * px - r[0] * pz, r[0] * py - r[1] * px
+    for b in range(solver["links"][link]["blocks"]):
+        base = 6 * solver["movers"][first + b]["place"]
+        for c in range(6):
+            y = z[b, c, 0] * px + z[b, c, 1] * py + z[b, c, 2] * pz
+            y += z[b, c, 3] * tx + z[b, c, 4] * ty + z[b, c, 5] * tz
+            solver["gradient"][base + c] -= y
+
+
+@kernel
+def add_link_rate(solver, link, r, sign, out_rate):
+    """Add the change of a row's velocity by the step of a link's hinges."""
+    first, z = _first(solver, link), solver["links"][link]["response"]
+    for b in range(solver["links"][link]["blocks"]):
+        base = 6 * solver["movers"][first + b]["place"]
+        for c in range(6):
+            y = sign * solver["step"][base + c]
+            w0, w1, w2 = z[b, c, 3], z[b, c, 4], z[b, c, 5]
+            out_rate[0] += y * (z[b, c, 0] + w1 * r[2] - w2 * r[1])
+            out_rate[1] += y * (z[b, c, 1] + w2 * r[0] - w0 * r[2])
+            out_rate[2] += y * (z[b, c, 2] + w0 * r[1] - w1 * r[0])
+
+
+@kernel
+def add_blocks(solver, row):
+    """Add J^T K J of a row with links of chains: a block for each two of its movers."""
+    list_blocks(solver, row)
+    k = solver["kernel"]
+    for i in range(solver["block_count"]):
+        p, one = solver["block_place"][i], solver["block"][i]
+        for j in range(solver["block_count"]):
+            q, two = solver["block_place"][j], solver["block"][j]
+            # the block (q, p) is two^T K one
+            at = 36 * (solver["offset"][max(p, q)] + min(p, q))
+            for c in range(6):
+                x = k[0, 0] * one[0, c] + k[0, 1] * one[1, c] + k[0, 2] * one[2, c]
+                y = k[1, 0] * one[0, c] + k[1, 1] * one[1, c] + k[1, 2] * one[2, c]
+                z = k[2, 0] * one[0, c] + k[2, 1] * one[1, c] + k[2, 2] * one[2, c]
+                for r in range(6):
+                    value = two[0, r] * x + two[1, r] * y + two[2, r] * z
+                    if q < p:
+                        solver["upper"][at + 6 * r + c] += value
+                    elif q > p:
+                        solver["lower"][at + 6 * c + r] += value
+                    else:
+                        solver["lower"][at + 6 * r + c] += value
