@@ -5,9 +5,8 @@ another person comes near, or they start deep in fixed pieces; links of a chain 
 chain's root. A simulated body without contacts flies in closed form. A body with contacts is bounded by
 energy: impacts and friction remove energy, and gravity adds speed at most at rate g to each group of bodies
 that can exchange it. Three kinds of bodies are unbounded: those that a driven or prescribed body can touch,
-driven bodies without chains that these can push, and those that are not balls and touch others with both
-restitution and friction, because Eqs. 8 and 10 as printed add energy at every impact. A run checks the
-bounds: `Plan.broken`.
+driven bodies that these can push, and those that are not balls and touch others with both restitution and
+friction, because Eqs. 8 and 10 as printed add energy at every impact. A run checks the bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
@@ -253,7 +252,7 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
     may = np.zeros((len(kind), len(kind)), bool)
     pairs = np.array(list(scenario.touching_pairs()), dtype=np.intp).reshape(-1, 2)
     may[pairs[:, 0], pairs[:, 1]] = may[pairs[:, 1], pairs[:, 0]] = True
-    loose = _without_chains(scenario)
+    loose = [scenario.links(tracker) for tracker in scenario.trackers if not scenario.prescribes(tracker)]
     group = np.arange(len(kind))
     state = np.zeros(len(kind), np.intp)  # of a group: 0 free flight, 1 bounded by energy, 2 unbounded
     while True:
@@ -275,16 +274,6 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
         if same and before[2] == np.isinf(low).sum():
             return gap
         _spread(scenario, world, group, state, low, high)
-
-
-def _without_chains(scenario: Scenario) -> list[tuple[int, ...]]:
-    """Links of each driven body that contacts can push off its path: it has no chains."""
-    named = {name for chain in scenario.chains for name in chain.joints}
-    return [
-        scenario.links(tracker)
-        for tracker in scenario.trackers
-        if not scenario.prescribes(tracker) and not named & set(tracker.joints)
-    ]
 
 
 def _gains(scenario: Scenario, k: int, others: Indices) -> bool:

@@ -104,7 +104,7 @@ def test_the_second_process_compiles_what_the_first_calls():
     compiling._compiled()
     compiling.compile_simulated_loop(os.getppid())
     names = ["solve_resting_contacts", "resolve_impacts", "guard_energy", "gather_contacts"]
-    names += ["separate_simulated", "earliest_impact", "update_fat_bounds", "is_isolated", "weigh_links"]
+    names += ["separate_simulated", "earliest_impact", "update_fat_bounds", "is_isolated"]
     names += ["set_ways", "end_substep", "first_return"]
     found = [one for one in KERNELS if one.py_func.__name__ in names and one.signatures]
     assert {one.py_func.__name__ for one in found} == set(names)
