@@ -38,6 +38,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
 )
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
+from touchstone.reference_impl.continuous.hinge_motion import has_limits
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
@@ -223,7 +224,7 @@ def _simulate(world):
         touching, h = gather_contacts(world, left)
         # the inertia of a driver affects only its contacts
         for d in range(len(drivers)):
-            if touching > 0 and drivers[d]["loops"] == 1:
+            if drivers[d]["loops"] == 1 and (touching > 0 or has_limits(joints, drivers[d])):
                 weigh_hinges(bodies, joints, drivers[d])
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])

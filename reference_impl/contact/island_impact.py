@@ -15,7 +15,7 @@ from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import solve_island
-from touchstone.reference_impl.solver.islands import is_head, join_islands
+from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island
 from touchstone.reference_impl.solver.mobility import apply_to_both, relative_velocity
 
 
@@ -31,7 +31,8 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
     for k in range(count):
         if not is_head(bodies, pairs, k):
             continue
-        solve_island(bodies, joints, drivers, pairs, k, False, state)
+        load_island(bodies, joints, drivers, pairs, k, state)
+        solve_island(bodies, joints, drivers, pairs, False, state)
         gain, work = _energy_change(bodies, pairs, k, state)
         if gain > ENERGY_ROUNDING * work:
             _guard(bodies, joints, drivers, pairs, k, gain, state)
@@ -65,7 +66,8 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
         pair["resting_impulse"][:] = 0.0
         pair["floor"] = 0.0
         k = pair["next_row"]
-    solve_island(bodies, joints, drivers, pairs, head, False, state)
+    load_island(bodies, joints, drivers, pairs, head, state)
+    solve_island(bodies, joints, drivers, pairs, False, state)
     start, _ = _energy_change(bodies, pairs, head, state)
     slope = 0.0
     k = head

@@ -16,11 +16,13 @@ from touchstone.reference_impl.continuous.driver_motion import (
     note_paths,
     weigh_for_impacts,
 )
+from touchstone.reference_impl.continuous.hinge_motion import has_limits
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, NEVER, NO_FLOOR, SINKING_DEPTH
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
+from touchstone.reference_impl.solver.hinge_response import weigh_hinges
 from touchstone.reference_impl.solver.islands import join_islands, loops, mover_of
 from touchstone.reference_impl.solver.mobility import approach_speed
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
@@ -78,6 +80,8 @@ def _find_limits(world, h):
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1 and drivers[d]["hinge_count"] > 0:
             if keep_in_limits(joints, drivers[d], h, world.state["dt"]):
+                # without contacts the hinges have no weight yet
+                weigh_hinges(world.bodies, joints, drivers[d])
                 found = True
     return found
 
@@ -175,11 +179,14 @@ def _accept_pushes(world, h):
 @kernel
 def _solve_positions(world, count, h):
     """Solve the law of positions for the islands of drivers in the loop: what touches stays in touch until
-    the end of the substep, and closes its gap to GAP_LEFT. The result sets the paths of their bodies, not
-    their velocities."""
+    the end of the substep, and closes its gap to GAP_LEFT, and hinges end within their limits. The result
+    sets the paths of their bodies, not their velocities."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    if _is_any_led(bodies):
+    asked = _is_any_led(bodies)
+    for d in range(len(drivers)):
+        asked = asked or (drivers[d]["loops"] == 1 and has_limits(joints, drivers[d]))
+    if asked:
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1:
                 exchange_pushes(joints, drivers[d])

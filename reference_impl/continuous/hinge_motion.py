@@ -128,6 +128,15 @@ def find_limits(joints, driver):
 
 
 @kernel
+def has_limits(joints, driver):
+    """Whether a limit of a driver's hinges is a row."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if joints[k]["limited"] != 0:
+            return True
+    return False
+
+
+@kernel
 def drop_limits(joints, driver):
     """Drop the rows of limits without impulse that the hinges have left."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -147,11 +156,13 @@ def limit_gap(joint):
 @kernel
 def ask_limits(joints, driver, lead, h):
     """Set what the rows of limits ask over a substep of length h, at whose start the hinges are: they may
-    close their gap at most. `lead` is 1 in the law of positions, which asks for twice the mean rate."""
+    close their gap at most. `lead` is 1 in the law of positions, which asks for twice the mean rate and takes
+    back what a substep that ended early left beyond a limit."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         if joint["limited"] != 0:
-            joint["limit_floor"] = -(2.0 if lead == 1 else 1.0) * max(limit_gap(joint), 0.0) / h
+            gap = limit_gap(joint)
+            joint["limit_floor"] = -2 * gap / h if lead == 1 else -max(gap, 0.0) / h
             joint["limit_free"] = joint["limited"] * (joint["rate"] + joint["lead_rate"])
 
 

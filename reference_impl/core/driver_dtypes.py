@@ -118,6 +118,7 @@ DRIVER = record(
     hinge_share="f8",  # response of its hinges over that to an impulse [1]
     hinge_factor=("f8", (HINGE_CAPACITY, HINGE_CAPACITY)),  # Cholesky factor of their inertia, root free
     hinge_mover="i8",  # index of their first block in the solver
+    is_solved="i8",  # 1: an island with its hinges has been solved
     hinge_response=("f8", (HINGE_CAPACITY,)),  # scratch
     position=VECTOR,  # coupling state: the root's origin
     orientation=QUATERNION,

@@ -27,6 +27,7 @@ Neither applies to islands too large for Newton's method, which only lack sweeps
 
 from math import inf
 
+from touchstone.reference_impl.continuous.hinge_motion import has_limits
 from touchstone.reference_impl.core.conventions import APPROACH_MIN
 from touchstone.reference_impl.core.counters import (
     COUNT_GUARDED,
@@ -51,7 +52,13 @@ from touchstone.reference_impl.solver.contact_rows import (
     take_best,
 )
 from touchstone.reference_impl.solver.envelope import lay_out
-from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island, store_island
+from touchstone.reference_impl.solver.islands import (
+    is_head,
+    join_islands,
+    load_island,
+    load_limits,
+    store_island,
+)
 from touchstone.reference_impl.solver.mobility import surface_velocity
 from touchstone.reference_impl.solver.tolerances import (
     RESIDUAL_ACCEPTED,
@@ -99,18 +106,25 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
     """
     join_islands(bodies, drivers, pairs, count, False)
     converged = True
+    for d in range(len(drivers)):
+        drivers[d]["is_solved"] = 0
     for k in range(count):
         if pairs[k]["island"] < 0:
             pairs[k]["resting_impulse"][:] = 0.0
         elif is_head(bodies, pairs, k):
-            converged = solve_island(bodies, joints, drivers, pairs, k, lasting, state) and converged
+            load_island(bodies, joints, drivers, pairs, k, state)
+            converged = solve_island(bodies, joints, drivers, pairs, lasting, state) and converged
+    for d in range(len(drivers)):
+        driver = drivers[d]
+        if lasting and driver["loops"] == 1 and driver["is_solved"] == 0 and has_limits(joints, driver):
+            load_limits(joints, drivers, d, state["solver"])
+            converged = solve_island(bodies, joints, drivers, pairs, lasting, state) and converged
     return converged
 
 
 @kernel
-def solve_island(bodies, joints, drivers, pairs, head, lasting, state):
-    """Solve the island whose first row is `head`; returns whether it converged, and counts failures."""
-    load_island(bodies, joints, drivers, pairs, head, state)
+def solve_island(bodies, joints, drivers, pairs, lasting, state):
+    """Solve the loaded island; returns whether it converged, and counts failures."""
     solver = state["solver"]
     rows = solver["rows"]
     for k in range(solver["row_count"]):

@@ -215,22 +215,39 @@ def _load_link(bodies, joints, drivers, b, solver):
         return -1
     driver, joint, links = drivers[body["driver"]], joints[body["hinge"]], solver["links"]
     if driver["hinge_mover"] < 0:
-        driver["hinge_mover"] = solver["mover_count"]
-        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-            joints[k]["link"] = -1
-        for block in range((driver["hinge_count"] + 5) // 6):
-            mover = solver["movers"][solver["mover_count"]]
-            solver["mover_count"] += 1
-            mover["body"], mover["block"], mover["inverse_mass"] = driver["root"], block + 1, 1.0
-            mover["inverse_inertia"][:, :] = mover["center"][:] = 0.0
-            for i in range(3):
-                mover["inverse_inertia"][i, i] = 1.0
+        _load_hinges(joints, driver, solver)
     if joint["link"] < 0:
         joint["link"] = solver["link_count"]
         solver["link_count"] += 1
         links[joint["link"]]["mover"] = driver["hinge_mover"]
         set_response(joints, driver, body["hinge"], links[joint["link"]])
     return joint["link"]
+
+
+@kernel
+def _load_hinges(joints, driver, solver):
+    """Add the hinges of a driver's chains to the movers, in blocks of six coordinates."""
+    driver["hinge_mover"], driver["is_solved"] = solver["mover_count"], 1
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["link"] = -1
+    for block in range((driver["hinge_count"] + 5) // 6):
+        mover = solver["movers"][solver["mover_count"]]
+        solver["mover_count"] += 1
+        mover["body"], mover["block"], mover["inverse_mass"] = driver["root"], block + 1, 1.0
+        mover["inverse_inertia"][:, :] = mover["center"][:] = 0.0
+        for i in range(3):
+            mover["inverse_inertia"][i, i] = 1.0
+
+
+@kernel
+def load_limits(joints, drivers, d, solver):
+    """Load the limits of driver d's hinges alone: an island without contacts."""
+    for k in range(len(drivers)):
+        drivers[k]["hinge_mover"] = -1
+    solver["row_count"] = solver["mover_count"] = solver["link_count"] = 0
+    solver["led"] = 1
+    _load_hinges(joints, drivers[d], solver)
+    _load_limits(joints, drivers[d], solver)
 
 
 @kernel

@@ -4,7 +4,12 @@ The hinges of a driver's chains are blocks of six coordinates of unit mass (`hin
 solver treats as further movers: three as a velocity, three as an angular velocity.
 """
 
-from touchstone.reference_impl.core.kernel import kernel
+import numpy as np
+
+from touchstone.reference_impl.core.kernel import inlined_kernel, kernel, vectorised_kernel
+
+ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+"""Unsigned, as in `envelope`."""
 
 
 @kernel
@@ -159,26 +164,53 @@ def add_link_rate(solver, link, r, sign, out_rate):
             out_rate[2] += y * (z[b, c, 2] + w0 * r[1] - w1 * r[0])
 
 
-@kernel
+@vectorised_kernel
 def add_blocks(solver, row):
     """Add J^T K J of a row with links of chains: a block for each two of its movers."""
     list_blocks(solver, row)
-    k = solver["kernel"]
+    k, lower, upper = solver["kernel"], solver["lower"], solver["upper"]
     for i in range(solver["block_count"]):
-        p, one = solver["block_place"][i], solver["block"][i]
-        for j in range(solver["block_count"]):
-            q, two = solver["block_place"][j], solver["block"][j]
-            # the block (q, p) is two^T K one
-            at = 36 * (solver["offset"][max(p, q)] + min(p, q))
-            for c in range(6):
-                x = k[0, 0] * one[0, c] + k[0, 1] * one[1, c] + k[0, 2] * one[2, c]
-                y = k[1, 0] * one[0, c] + k[1, 1] * one[1, c] + k[1, 2] * one[2, c]
-                z = k[2, 0] * one[0, c] + k[2, 1] * one[1, c] + k[2, 2] * one[2, c]
-                for r in range(6):
-                    value = two[0, r] * x + two[1, r] * y + two[2, r] * z
-                    if q < p:
-                        solver["upper"][at + 6 * r + c] += value
-                    elif q > p:
-                        solver["lower"][at + 6 * c + r] += value
-                    else:
-                        solver["lower"][at + 6 * r + c] += value
+        p, j = solver["block_place"][i], solver["block"][i]
+        x, y, z = _times(k, j, 0), _times(k, j, 1), _times(k, j, 2)
+        for other in range(solver["block_count"]):
+            q, j = solver["block_place"][other], solver["block"][other]
+            at = np.uint64(36 * (solver["offset"][max(p, q)] + min(p, q)))
+            # the block (q, p) of J^T K J: its rows are contiguous above the diagonal, its columns below it
+            for r in range(6):
+                if q <= p:
+                    out = upper if q < p else lower
+                    _add_row(out, at + np.uint64(6 * r), j[0, r], x, j[1, r], y, j[2, r], z)
+                else:
+                    a, b, c = x[r], y[r], z[r]
+                    _add_row(lower, at + np.uint64(6 * r), a, _six(j, 0), b, _six(j, 1), c, _six(j, 2))
+
+
+@inlined_kernel
+def _six(j, i):
+    """Row i of a 3 x 6 block."""
+    return j[i, 0], j[i, 1], j[i, 2], j[i, 3], j[i, 4], j[i, 5]
+
+
+@inlined_kernel
+def _times(k, j, i):
+    """Row i of K J."""
+    x, y, z = k[i, 0], k[i, 1], k[i, 2]
+    return (
+        x * j[0, 0] + y * j[1, 0] + z * j[2, 0],
+        x * j[0, 1] + y * j[1, 1] + z * j[2, 1],
+        x * j[0, 2] + y * j[1, 2] + z * j[2, 2],
+        x * j[0, 3] + y * j[1, 3] + z * j[2, 3],
+        x * j[0, 4] + y * j[1, 4] + z * j[2, 4],
+        x * j[0, 5] + y * j[1, 5] + z * j[2, 5],
+    )
+
+
+@inlined_kernel
+def _add_row(out, at, a, x, b, y, c, z):
+    """Add a x + b y + c z to six contiguous entries."""
+    out[at] += a * x[0] + b * y[0] + c * z[0]
+    out[at + ONE] += a * x[1] + b * y[1] + c * z[1]
+    out[at + TWO] += a * x[2] + b * y[2] + c * z[2]
+    out[at + THREE] += a * x[3] + b * y[3] + c * z[3]
+    out[at + FOUR] += a * x[4] + b * y[4] + c * z[4]
+    out[at + FIVE] += a * x[5] + b * y[5] + c * z[5]

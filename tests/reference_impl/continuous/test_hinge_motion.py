@@ -1,0 +1,85 @@
+"""A hinge's motion over a substep, against the matrix exponential of its servo, and its limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from touchstone.reference_impl.continuous.hinge_motion import (
+    advance_hinges,
+    begin_hinges,
+    drop_limits,
+    enter_hinges,
+    find_limits,
+    leave_hinges,
+)
+from touchstone.reference_impl.core.driver_dtypes import DRIVER, JOINT
+
+FRAME, SUBSTEP = 1 / 60, 0.004
+
+
+@pytest.fixture
+def hinge() -> tuple[np.ndarray, np.void]:
+    """A hinge of a chain that turns from 0.1 to 0.3 rad in a frame, 0.05 rad behind its path at the start and
+    0.03 behind at the end of the driven loop."""
+    joints, driver = np.zeros(1, JOINT), np.zeros(1, DRIVER)[0]
+    driver["joint_count"], driver["hinge_count"], driver["hinge_frequency"] = 1, 1, 70.0
+    joints["inner"], joints["lower"], joints["upper"] = -1, -1.0, 1.0
+    joints["angle"] = joints["shown_angle"] = 0.1
+    joints["offset"], joints["offset_rate"] = -0.05, 0.7
+    begin_hinges(joints, driver)
+    joints["angle"], joints["offset"], joints["offset_rate"] = 0.3, -0.03, 0.2
+    enter_hinges(joints, driver, FRAME)
+    return joints, driver
+
+
+@pytest.mark.parametrize("frequency", [5.0, 70.0, 3000.0])
+def test_an_offset_obeys_the_servo_with_a_constant_torque(hinge, frequency):
+    """Follow the exact solution at any stiffness."""
+    joints, driver = hinge
+    driver["hinge_frequency"], torque = frequency, 40.0
+    joints["twist"] = joints["shift_twist"] = torque * SUBSTEP
+    advance_hinges(joints, driver, SUBSTEP / 2, SUBSTEP, FRAME, 1.0)
+    w = frequency
+    exact = expm(np.array([[0, 1, 0], [-w * w, -2 * w, torque], [0, 0, 0]]) * SUBSTEP / 2)
+    x, rate, _ = exact @ (-0.05, 0.7, 1.0)
+    pace = (0.33 - 0.15) / FRAME
+    np.testing.assert_allclose(joints["offset"], x, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(joints["offset_rate"], rate, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(joints["angle"], 0.15 + pace * SUBSTEP / 2 + x, rtol=1e-12)
+    np.testing.assert_allclose(joints["rate"], pace + rate, rtol=1e-8)
+
+
+def test_a_torque_that_balances_the_servo_turns_nothing(hinge):
+    """Keep an offset x under the torque w^2 x, at any step."""
+    joints, driver = hinge
+    joints["old_offset_rate"] = 0.0
+    for h in (1e-4, 1e-2, 1.0):
+        joints["twist"] = joints["shift_twist"] = -0.05 * 70.0**2 * h
+        advance_hinges(joints, driver, h, h, FRAME, 1.0)
+        np.testing.assert_allclose(joints["offset"], -0.05, rtol=1e-9)
+        np.testing.assert_allclose(joints["offset_rate"], 0.0, atol=1e-7)
+
+
+def test_without_contact_a_hinge_ends_where_the_driven_loop_left_it(hinge):
+    """To the bit."""
+    joints, driver = hinge
+    advance_hinges(joints, driver, FRAME, FRAME, FRAME, 1.0)
+    leave_hinges(joints, driver, False)
+    assert (joints["angle"], joints["offset"], joints["offset_rate"]) == (0.3, -0.03, 0.2)
+
+
+def test_a_limit_is_a_row_from_its_first_violation_until_the_hinge_leaves_it(hinge):
+    """Find each limit once; keep it while it pushes or touches."""
+    joints, driver = hinge
+    joints["angle"] = 1.0 + 1e-6
+    assert find_limits(joints, driver)
+    assert joints["limited"] == -1
+    assert not find_limits(joints, driver)
+    joints["angle"], joints["limit_impulse"] = 0.9, 1e-3
+    drop_limits(joints, driver)
+    assert joints["limited"] == -1
+    joints["limit_impulse"] = 0.0
+    drop_limits(joints, driver)
+    assert joints["limited"] == 0
