@@ -32,14 +32,13 @@ from touchstone.reference_impl.continuous.driver_motion import (
     begin_driver,
     enter_loop,
     leave_loop,
-    may_touch,
     set_link_ways,
     way_error,
 )
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
-from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs
+from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs, may_touch
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
     DETECTION_FAST,

@@ -49,11 +49,9 @@ HINGE_SPEED = {
     "arms_cross": 2.2,
     "ball_snip": 11.8,
     "table_slide": 0.0,
-    "volley": 3.1,
-    "push_box": 5.1,
 }
-"""Largest speed of a hinge of a scene's tracker [rad/s]. Attraction follows it; only overlap removal that
-jerks a hinge is faster."""
+"""Largest speed of a hinge of a scene's tracker [rad/s], where no body kicks a link. Attraction follows it;
+only overlap removal that jerks a hinge is faster."""
 GALLERY: tuple[Limit, ...] = (
     Limit("overlap.max", 1e-3, "a twentieth of the ball's radius: what a viewer does not see"),
     Limit("overlap.max", 1e-6, "method, Removal: it ends at 1e-6 m", "reference", by_construction=True),

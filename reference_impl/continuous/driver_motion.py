@@ -20,7 +20,7 @@ of positions, gives the displacements: what touches stays in touch, while its im
 (stabilisation by a second multiplier: Gear, Leimkuhler & Gupta 1985).
 """
 
-from math import inf, sqrt
+from math import sqrt
 
 from touchstone.reference_impl.continuous.coupling_response import decay, unit_response
 from touchstone.reference_impl.continuous.hinge_motion import (
@@ -38,7 +38,8 @@ from touchstone.reference_impl.continuous.hinge_motion import (
     set_lead_rates,
     set_path_rates,
 )
-from touchstone.reference_impl.core.conventions import KEEPS_NOTHING, SIMULATED
+from touchstone.reference_impl.continuous.prescribed_path import follow_path
+from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     copy_quaternion,
@@ -48,9 +49,6 @@ from touchstone.reference_impl.core.rotation import (
     turn,
 )
 from touchstone.reference_impl.kinematics.skeleton import link_of, move_from_shown, move_links, pose_links
-
-MEETING_MARGIN = 0.01
-"""Distance beyond the ways of a link and a body that they may still meet [m]: 2 g h^2 at 1/60 s, and more."""
 
 
 @kernel
@@ -102,33 +100,6 @@ def enter_loop(bodies, joints, driver, dt):
     enter_hinges(joints, driver, dt)
     weigh_for_impacts(driver)
     return_to_start(bodies, joints, driver)
-
-
-@kernel
-def may_touch(bodies, joints, driver, dt):
-    """Whether a link of a driver with chains may meet a simulated body in the frame of length dt, after the
-    driven loop: whether the balls around their ways overlap, at twice the speed of the fastest body."""
-    fastest = 0.0
-    for b in range(len(bodies)):
-        if bodies[b]["kind"] == SIMULATED:
-            v = bodies[b]["velocity"]
-            fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    for k in range(driver["joint_count"] + 1):
-        link = bodies[link_of(joints, driver, k)]
-        if link["width"] == inf:
-            continue
-        way = 0.0
-        for i in range(3):
-            way += (link["center"][i] - link["shown_center"][i]) ** 2
-        span = link["reach"] + link["width"] + sqrt(way) + 2 * dt * sqrt(fastest) + MEETING_MARGIN
-        for b in range(len(bodies)):
-            if bodies[b]["kind"] == SIMULATED:
-                apart, most = 0.0, span + bodies[b]["reach"] + bodies[b]["width"]
-                for i in range(3):
-                    apart += (link["center"][i] - bodies[b]["center"][i]) ** 2
-                if apart <= most * most:
-                    return True
-    return False
 
 
 @kernel
@@ -363,7 +334,7 @@ def _advance(joints, driver, t, h, dt, share):
     and a share of the response to its forces, even over the substep; does not pose the links."""
     advance_hinges(joints, driver, t, h, dt, share)
     if driver["prescribed"] == 1:
-        _follow_path(driver, driver["clock"] + t, dt)
+        follow_path(driver, driver["clock"] + t, dt)
         return
     mass = driver["mass"]
     stiffness, damping = driver["stiffness"] / mass, _damping(driver, h)
@@ -405,45 +376,3 @@ def _advance(joints, driver, t, h, dt, share):
         driver["omega"][i] += spin / h * w[i]
     x, y, z = turned_by / h * p[0], turned_by / h * p[1], turned_by / h * p[2]
     turn(driver["orientation"], x, y, z, driver["orientation"])
-
-
-@kernel
-def _follow_path(driver, time, dt):
-    """Set a prescribed driver's pose and velocities at a time of its frame: the cubics through its poses and
-    velocities at both ends of the frame; of its rotation, a cubic rotation vector.
-
-    With r the rotation vector since the frame's start, omega = r' + r x r' / 2 + r x (r x r') / 6 to third
-    order.
-    """
-    s = time / dt
-    start, rise = 1 - s * s * (3 - 2 * s), s * s * (3 - 2 * s)
-    first, last = dt * s * (1 - s) * (1 - s), -dt * s * s * (1 - s)
-    climb, early, late = 6 * s * (1 - s) / dt, (1 - s) * (1 - 3 * s), s * (3 * s - 2)
-    turned, rate, arc = driver["scratch"][1], driver["scratch"][2], driver["scratch"][0]
-    rotation_between(driver["old_target_orientation"], driver["target_orientation"], arc)
-    turned[0], turned[1], turned[2] = arc[0], arc[1], arc[2]
-    w0, w1, w = driver["old_target_omega"], driver["target_omega"], driver["omega"]
-    # the rate of the rotation vector at the end, from omega there
-    x, y, z = _cross(turned, w1)
-    rate[0], rate[1], rate[2] = x, y, z
-    u, v, t = _cross(turned, rate)
-    rate[0], rate[1], rate[2] = w1[0] - x / 2 + u / 12, w1[1] - y / 2 + v / 12, w1[2] - z / 2 + t / 12
-    for i in range(3):
-        x0, x1 = driver["old_target_position"][i], driver["target_position"][i]
-        v0, v1 = driver["old_target_velocity"][i], driver["target_velocity"][i]
-        driver["position"][i] = start * x0 + rise * x1 + first * v0 + last * v1
-        driver["velocity"][i] = climb * (x1 - x0) + early * v0 + late * v1
-        angle, end = turned[i], rate[i]
-        turned[i] = rise * angle + first * w0[i] + last * end
-        rate[i] = climb * angle + early * w0[i] + late * end
-    x, y, z = turned[0], turned[1], turned[2]
-    turn(driver["old_target_orientation"], x, y, z, driver["orientation"])
-    x, y, z = _cross(turned, rate)
-    w[0], w[1], w[2] = x, y, z
-    u, v, t = _cross(turned, w)
-    w[0], w[1], w[2] = rate[0] + x / 2 + u / 6, rate[1] + y / 2 + v / 6, rate[2] + z / 2 + t / 6
-
-
-@kernel
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -61,6 +61,10 @@ def leave_hinges(joints, driver, pressed):
         elif not pressed:
             joint["angle"] = joint["end_angle"]
             joint["offset"], joint["offset_rate"] = joint["end_offset"], joint["end_offset_rate"]
+        else:
+            angle = min(max(joint["angle"], joint["lower"]), joint["upper"])
+            if abs(angle - joint["angle"]) <= LIMIT_ROUNDING:
+                joint["angle"] = angle
 
 
 @kernel

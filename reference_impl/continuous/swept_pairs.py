@@ -1,5 +1,7 @@
 """Broad phase of moving pieces: pairs whose boxes, swept over the motion of a substep, overlap."""
 
+from math import inf, sqrt
+
 from touchstone.reference_impl.broad_phase.detection import find_stops, place_listed
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
@@ -7,6 +9,10 @@ from touchstone.reference_impl.continuous.swept_motion import swept_box
 from touchstone.reference_impl.core.conventions import DRIVEN, PRESSED, SIMULATED, TOUCH_DISTANCE
 from touchstone.reference_impl.core.counters import COUNT_LOST, COUNT_PAIRS
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.kinematics.skeleton import link_of
+
+MEETING_MARGIN = 0.01
+"""Distance beyond the ways of a link and a body that they may still meet [m]: 2 g h^2 at 1/60 s, and more."""
 
 
 @kernel
@@ -40,3 +46,30 @@ def _enclose_ways(bodies, pieces, vertices, kind, state):
     for k in range(group["first"], group["end"]):
         piece = pieces[pieces[k]["order"]]
         swept_box(piece, bodies[piece["body"]], vertices, TOUCH_DISTANCE)
+
+
+@kernel
+def may_touch(bodies, joints, driver, dt):
+    """Whether a link of a driver with chains may meet a simulated body in the frame of length dt, after the
+    driven loop: whether the balls around their ways overlap, at twice the speed of the fastest body."""
+    fastest = 0.0
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED:
+            v = bodies[b]["velocity"]
+            fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        if link["width"] == inf:
+            continue
+        way = 0.0
+        for i in range(3):
+            way += (link["center"][i] - link["shown_center"][i]) ** 2
+        span = link["reach"] + link["width"] + sqrt(way) + 2 * dt * sqrt(fastest) + MEETING_MARGIN
+        for b in range(len(bodies)):
+            if bodies[b]["kind"] == SIMULATED:
+                apart, most = 0.0, span + bodies[b]["reach"] + bodies[b]["width"]
+                for i in range(3):
+                    apart += (link["center"][i] - bodies[b]["center"][i]) ** 2
+                if apart <= most * most:
+                    return True
+    return False

@@ -18,6 +18,7 @@ from touchstone.reference_impl.solver.link_rows import (
     add_link_rate,
     lower_first_places,
     order_all,
+    order_next,
     subtract_from_link,
     touches,
 )
@@ -75,6 +76,9 @@ def _order_from(solver, first):
         movers[m]["place"] = -1
     order[0], movers[first]["place"], listed = first, 0, 1
     for place in range(count):
+        # links of one driver that touch move apart by its hinges alone: no row moves its root
+        if place == listed:
+            listed = order_next(solver, listed)
         m = order[place]
         for k in range(solver["row_count"]):
             a, b = solver["rows"][k]["a"], solver["rows"][k]["b"]

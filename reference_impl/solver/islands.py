@@ -211,7 +211,7 @@ def _load_mover(bodies, drivers, b, point, solver, out_r):
 def _load_link(bodies, joints, drivers, b, solver):
     """Index of body b in the solver if hinges of chains move it, or -1."""
     body = bodies[b]
-    if body["hinge"] < 0 or drivers[body["driver"]]["loops"] == 0:
+    if body["driver"] < 0 or body["hinge"] < 0 or drivers[body["driver"]]["loops"] == 0:
         return -1
     driver, joint, links = drivers[body["driver"]], joints[body["hinge"]], solver["links"]
     if driver["hinge_mover"] < 0:

@@ -126,6 +126,16 @@ def order_all(solver, row, listed):
 
 
 @kernel
+def order_next(solver, listed):
+    """Order the first mover that is not yet; returns the number ordered."""
+    for m in range(solver["mover_count"]):
+        if solver["movers"][m]["place"] < 0:
+            solver["order"][listed], solver["movers"][m]["place"] = m, listed
+            return listed + 1
+    return listed
+
+
+@kernel
 def lower_first_places(solver, row):
     """Lower the `first_place` of a row's movers to the least place among them."""
     least = solver["mover_count"]

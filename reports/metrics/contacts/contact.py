@@ -111,16 +111,35 @@ def restitution_error(context: Context) -> Values:
 
 
 def _judged(context: Context) -> list[tuple[str, Bounce, float]]:
-    found = []
-    for (a, b), distance in context.distances.distance.items():
-        if not (_followed(distance) and _central(context, a, b)):
-            continue
-        fast = [bounce for bounce in bounces(context, (a, b)) if bounce.approach > BOUNCE_SPEED]
-        asked = context.scenario.pair_coefficients(a, b)[0]
-        found += [(f"{context.pair_name(a, b)} #{k + 1}", bounce, asked) for k, bounce in enumerate(fast)]
-    if not found:
+    """Fast bounces of balls, by name, and the restitution asked for; none within a frame of another bounce of
+    the same ball, for the arcs of both are then unknown."""
+    found = {
+        (a, b): bounces(context, (a, b))
+        for (a, b), distance in context.distances.distance.items()
+        if _followed(distance) and _central(context, a, b)
+    }
+    judged = []
+    for pair, all_bounces in found.items():
+        fast = [bounce for bounce in all_bounces if bounce.approach > BOUNCE_SPEED]
+        asked = context.scenario.pair_coefficients(*pair)[0]
+        for k, bounce in enumerate(fast):
+            if not _disturbed(context, pair, bounce, found):
+                judged.append((f"{context.pair_name(*pair)} #{k + 1}", bounce, asked))
+    if not judged:
         raise NotMeasured(f"no bounce faster than {BOUNCE_SPEED} m/s")
-    return found
+    return judged
+
+
+def _disturbed(
+    context: Context, pair: tuple[int, int], bounce: Bounce, found: dict[tuple[int, int], list[Bounce]]
+) -> bool:
+    """Whether a moving body of a pair bounces off a third within a frame of a bounce."""
+    moving = {k for k in pair if context.kind[k] != "fixed"}
+    return any(
+        other != pair and moving & set(other) and abs(one.time - bounce.time) < context.frame
+        for other, its in found.items()
+        for one in its
+    )
 
 
 def _central(context: Context, a: int, b: int) -> bool:

@@ -48,7 +48,6 @@ def test_a_jammed_bar_turns(lab: SimpleNamespace, kind: str) -> None:
     world.bodies["velocity"][:2] = (4, 5, 6)
     separate_simulated(world.of_stages(), 0)
     assert lab.counters(world)["gave_up"] == 0
-    assert world.state["squeezed"] == 0
     assert world.bodies["velocity"][:2].tolist() == [[4, 5, 6]] * 2
     assert world.bodies["driver"].tolist() == ([0, 1, -1] if driven else [-1] * 3)
     end, deepest = detect(world.of_stages(), SIMULATED, 0)

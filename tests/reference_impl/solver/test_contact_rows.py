@@ -49,6 +49,7 @@ def island(rng: np.random.Generator, movers: int, rows: int, mu: float, ratio: f
         row = solver["rows"][k]
         b, a = (k % movers), int(rng.integers(-1, movers))
         row["b"], row["a"] = b, -1 if a == b else a
+        row["link_a"] = row["link_b"] = -1
         row["r_a"], row["r_b"] = rng.uniform(-0.05, 0.05, (2, 3))
         normal = rng.normal(size=3)
         row["normal"] = normal / np.linalg.norm(normal)
@@ -108,7 +109,7 @@ def test_one_row_obeys_coulomb(seed: int) -> None:
     row = solver["rows"][0]
     row["floor"] = -abs(rng.normal()) if seed % 3 == 0 else 0.0
     rebuild(solver)
-    solve_row(row, solver["movers"])
+    solve_row(row, solver)
     residual, _ = residual_of(solver)
     assert residual <= 1e-12
     if row["free"] @ row["normal"] >= row["floor"]:
@@ -151,7 +152,7 @@ def test_a_row_of_any_speed_gets_a_finite_impulse(along: float, across: float, m
     solver = state[0]["solver"]
     row = solver["rows"][0]
     row["free"] = -along * row["normal"] + across * row["across_1"]
-    assert np.isfinite(solve_row(row, solver["movers"]))
+    assert np.isfinite(solve_row(row, solver))
     assert np.isfinite(row["impulse"]).all()
     assert row["impulse"] @ row["normal"] >= 0
     assert residual_of(solver)[0] <= 1e-12 * max(along, across) + 1e-99

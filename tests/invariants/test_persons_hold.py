@@ -1,0 +1,188 @@
+"""Persons and hinged drivers that hold, lift and carry boxes: still, exact in force, alike on both sides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from pushing import play
+
+from touchstone.adapters.engines.reference.reference_world import translate
+from touchstone.adapters.recording import Recording
+from touchstone.reference_impl import frame
+from touchstone.reference_impl.kinematics.skeleton import joint_space_inertia, pose_links
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Context
+from touchstone.scenarios.avatar.tracking import ease, sample
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import (
+    GRAVITY,
+    IDENTITY,
+    Body,
+    Box,
+    Chain,
+    Joint,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Tracker,
+)
+from touchstone.scenarios.solids import block, box_inertia, slab
+
+PROFILES = ("balanced", "accurate")
+SCENES = ("hold", "carry")
+STILL = 1.0
+"""Time after the last motion of a tracker in which a held box must not move [s]."""
+
+
+@cache
+def played(name: str, profile: str) -> tuple[Scenario, Recording]:
+    """A scene of the catalogue, whose tracker stays at its end for a second more."""
+    scene = catalogue()[name]
+    one = scene.trackers[0]
+    longer = replace(
+        one,
+        times=(*one.times, one.times[-1] + STILL),
+        positions=(*one.positions, one.positions[-1]),
+        orientations=(*one.orientations, one.orientations[-1]),
+        angles=(*one.angles, one.angles[-1]),
+    )
+    scene = replace(scene, trackers=(longer,), duration=scene.duration + STILL)
+    return scene, play(scene, profile)
+
+
+def worst(scene: Scenario, recording: Recording, metric: str) -> float:
+    """Largest finite value of a metric."""
+    values = METRICS[metric].measure(Context(recording, scene)).values()
+    return float(np.nanmax([getattr(value, "value", value) for value in values]))
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("name", SCENES)
+def test_a_held_box_hangs_still(name, profile):
+    """Creep by less than a micrometre in the last half second, off the table, and overlap nothing."""
+    scene, recording = played(name, profile)
+    box = recording.position[:, scene.body_index("box")]
+    assert box[-1, 2] > box[0, 2] + 0.05
+    assert np.ptp(box[-round(STILL / 2 * 60) :], axis=0).max() < 1e-6
+    assert worst(scene, recording, "overlap.max") < 1e-6
+    assert worst(scene, recording, "solver.dropped_time") == 0
+    assert worst(scene, recording, "joint.limit") < 1e-9
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("name", SCENES)
+def test_both_hands_bear_the_box_alike(name, profile):
+    """Share the load evenly, to a billionth, and bear the whole weight."""
+    scene, recording = played(name, profile)
+    context, rows = Context(recording, scene), recording.contacts
+    late = context.contact_frame >= len(recording.time) - 7
+    forces = {}
+    for side in ("left", "right"):
+        total = np.zeros(3)
+        for link in (f"{side}_hand", f"{side}_forearm"):
+            mine = late & (rows["body_a"] == scene.body_index(link))
+            total += rows["impulse"][mine].sum(axis=0) * 10
+        forces[side] = total
+    left, right = forces["left"], forces["right"]
+    weight = scene.bodies[scene.body_index("box")].mass * GRAVITY
+    np.testing.assert_allclose(left + right, (0, 0, weight), atol=1e-6 * weight)
+    np.testing.assert_allclose(left * (1, -1, 1), right, atol=1e-5 * weight)
+
+
+def paddles(angle: float) -> Scenario:
+    """Two paddles, each on a hinge of its root, squeeze a box of 0.2 kg by an angle [rad] and lift it by 0.2
+    m."""
+    times = np.arange(241) / 60
+    close, up = ease(times, 0.1, 0.4), ease(times, 0.8, 1.0)
+    bodies: list[Body] = []
+    joints, chains, trackers = [], [], []
+    root, paddle, half = (0.02, 0.02, 0.02), (0.03, 0.01, 0.05), (0.03, 0.03, 0.03)
+    for side, name in ((1, "left"), (-1, "right")):
+        hanging = Piece("paddle", Box(paddle), position=(0.0, 0.0, -0.05))
+        bodies += [
+            Body(
+                name, "driven", "wood", (Piece("root", Box(root)),), mass=1.0, inertia=box_inertia(1.0, root)
+            ),
+            Body(
+                f"{name}_paddle",
+                "driven",
+                "wood",
+                (hanging,),
+                mass=0.3,
+                inertia=box_inertia(0.3, paddle),
+                center_of_mass=(0.0, 0.0, -0.05),
+            ),
+        ]
+        joints.append(
+            Joint(
+                f"{name}_hinge",
+                name,
+                f"{name}_paddle",
+                (0.0, 0.0, -0.03),
+                (1.0, 0.0, 0.0),
+                IDENTITY,
+                -1.5,
+                1.5,
+            )
+        )
+        chains.append(Chain(f"{name}_chain", (f"{name}_hinge",)))
+        trackers.append(
+            Tracker(
+                name,
+                (f"{name}_hinge",),
+                tuple(times.tolist()),
+                tuple((0.0, side * 0.045, 0.145 + 0.2 * float(u)) for u in up),
+                (IDENTITY,) * len(times),
+                tuple((-side * angle * float(c),) for c in close),
+                stiffness=4000.0,
+                damping=2 * (4000.0 * 1.3) ** 0.5,
+            )
+        )
+    return Scenario(
+        name="paddles",
+        summary="",
+        tags=(),
+        bodies=(slab("ground", "wood"), *bodies, block("box", "wood", half, 0.2, (0.0, 0.0, half[2]))),
+        joints=tuple(joints),
+        chains=tuple(chains),
+        trackers=tuple(trackers),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, 0.6),),
+        duration=float(times[-1]),
+    )
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_hinged_paddles_lift_a_box_and_do_not_climb_it(profile):
+    """Hold it at 0.2 m, where the withheld turn of a hinge acted as a belt before."""
+    scene = paddles(0.8)
+    recording = play(scene, profile)
+    box = recording.position[:, scene.body_index("box")]
+    assert box[-1, 2] - box[0, 2] == pytest.approx(0.2, abs=1e-3)
+    assert np.ptp(box[-60:], axis=0).max() < 1e-9
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_hinge_bears_the_torque_of_its_servo(profile):
+    """Balance the contact's moment about the hinge by w^2 S times the angle by which it stays behind."""
+    scene = paddles(0.8)
+    recording = play(scene, profile)
+    context, rows = Context(recording, scene), recording.contacts
+    world = translate(scene)
+    frame.prepare(*world)
+    target = sample(scene.trackers[0], recording.time[-1:])
+    driver, last = world.drivers[0], recording.joint_angle[-1]
+    driver["position"] = recording.position[-1, driver["root"]]
+    driver["orientation"] = recording.orientation[-1, driver["root"]]
+    world.joints["angle"] = last
+    pose_links(world.bodies, world.joints, driver)
+    whole = joint_space_inertia(world.bodies, world.joints, driver)
+    felt = whole[6, 6] - whole[6:, :6] @ np.linalg.solve(whole[:6, :6], whole[:6, 6:])
+    link = scene.body_index("left_paddle")
+    mine = (context.contact_frame == len(recording.time) - 2) & (rows["body_a"] == link)
+    arm = rows["position"][mine] - world.bodies["position"][link]
+    moment = -np.cross(arm, rows["impulse"][mine]).sum(axis=0)[0] * 60
+    behind = target.angle[0, 0] - last[0]
+    np.testing.assert_allclose(moment + 70.0**2 * felt[0, 0] * behind, 0.0, atol=1e-4 * abs(moment))
