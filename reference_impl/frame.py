@@ -28,13 +28,8 @@ from touchstone.reference_impl.contact.resting_contact import solve_resting_cont
 from touchstone.reference_impl.contact.separation import separate_simulated
 from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
 from touchstone.reference_impl.continuous.contact_motion import restore_normals
-from touchstone.reference_impl.continuous.driver_motion import (
-    begin_driver,
-    enter_loop,
-    leave_loop,
-    set_link_ways,
-    way_error,
-)
+from touchstone.reference_impl.continuous.driver_frame import enter_loop, leave_loop
+from touchstone.reference_impl.continuous.driver_motion import begin_driver, set_link_ways, way_error
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.hinge_motion import has_limits

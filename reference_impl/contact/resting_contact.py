@@ -13,6 +13,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
     accept_pushes,
     exchange_pushes,
     keep_in_limits,
+    note_curves,
     note_paths,
     weigh_for_impacts,
 )
@@ -189,6 +190,7 @@ def _solve_positions(world, count, h):
     if asked:
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1:
+                note_curves(bodies, joints, drivers[d], h, state["dt"])
                 exchange_pushes(joints, drivers[d])
         for b in range(len(bodies)):
             copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
@@ -254,4 +256,7 @@ def _ask_positions(bodies, pair, h):
         pair["floor"] = NO_FLOOR
     if pair["floor"] != NO_FLOOR:
         gap = max(pair["distance"], -SINKING_DEPTH)
+        a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
+        for i in range(3):
+            gap += n[i] * (b["curve"][i] - a["curve"][i])
         pair["floor"] = -2 * (gap - GAP_LEFT) / h

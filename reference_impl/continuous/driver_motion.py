@@ -29,14 +29,11 @@ from touchstone.reference_impl.continuous.hinge_motion import (
     begin_hinges,
     clear_twists,
     drop_limits,
-    enter_hinges,
     exchange_rates,
     find_limits,
     hinge_response,
-    leave_hinges,
     return_hinges,
     set_lead_rates,
-    set_path_rates,
 )
 from touchstone.reference_impl.continuous.prescribed_path import follow_path
 from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
@@ -48,89 +45,7 @@ from touchstone.reference_impl.core.rotation import (
     rotation_between,
     turn,
 )
-from touchstone.reference_impl.kinematics.skeleton import link_of, move_from_shown, move_links, pose_links
-
-
-@kernel
-def enter_loop(bodies, joints, driver, dt):
-    """Return a driver to where the frame of length dt began; the pose that it leaves becomes its goal where
-    overlap removal moved it.
-
-    Removal moved it by a shift from the pose of Eq. 6. Along the shift the goal moves evenly from the start
-    to the pose found; across it the goal is the tracker.
-    """
-    driver["loops"], driver["clock"], driver["old_clock"] = 1, 0.0, 0.0
-    copy_vector(driver["position"], driver["end_position"])
-    copy_quaternion(driver["orientation"], driver["end_orientation"])
-    copy_vector(driver["velocity"], driver["end_velocity"])
-    copy_vector(driver["omega"], driver["end_omega"])
-    _set_moving(bodies, joints, driver, 1)
-    shift, start, end = driver["stop_velocity"], driver["goal_start"], driver["goal_end"]
-    square = 0.0
-    for i in range(3):
-        shift[i] = driver["position"][i] - driver["coupled_position"][i]
-        square += shift[i] * shift[i]
-    v = driver["old_velocity"]
-    if square > 0:
-        back = ahead = speed = last = 0.0
-        for i in range(3):
-            back += shift[i] * (driver["old_position"][i] - start[i]) / square
-            ahead += shift[i] * (driver["position"][i] - end[i]) / square
-            pace = (driver["position"][i] - driver["old_position"][i]) / dt
-            speed += shift[i] * (pace - v[i]) / square
-            last += shift[i] * (driver["velocity"][i] - pace) / square
-        for i in range(3):
-            start[i] += back * shift[i]
-            end[i] += ahead * shift[i]
-            v[i] += speed * shift[i]
-            shift[i] *= last
-    turned = 0.0
-    for i in range(4):
-        turned += abs(driver["orientation"][i] - driver["coupled_orientation"][i])
-    if turned > 0:
-        copy_quaternion(driver["old_orientation"], driver["goal_start_orientation"])
-        copy_quaternion(driver["orientation"], driver["goal_end_orientation"])
-        arc = driver["scratch"][0]
-        rotation_between(driver["old_orientation"], driver["orientation"], arc)
-        for i in range(3):
-            driver["old_omega"][i] = arc[i] / dt
-    else:
-        copy_quaternion(driver["old_target_orientation"], driver["goal_start_orientation"])
-        copy_quaternion(driver["target_orientation"], driver["goal_end_orientation"])
-    enter_hinges(joints, driver, dt)
-    weigh_for_impacts(driver)
-    return_to_start(bodies, joints, driver)
-
-
-@kernel
-def leave_loop(bodies, joints, driver, dt):
-    """End a driver's frame: along the shift of overlap removal it keeps the velocity that removal left.
-    Without contact it ends where the driven loop left it, to the bit."""
-    pressed = driver["pressed"] > 0
-    if not pressed:
-        copy_vector(driver["end_position"], driver["position"])
-        copy_quaternion(driver["end_orientation"], driver["orientation"])
-        copy_vector(driver["end_velocity"], driver["velocity"])
-        copy_vector(driver["end_omega"], driver["omega"])
-    else:
-        for i in range(3):
-            driver["velocity"][i] += driver["stop_velocity"][i]
-    driver["loops"] = driver["pressed"] = 0
-    _set_moving(bodies, joints, driver, 0)
-    leave_hinges(joints, driver, pressed)
-    pose_links(bodies, joints, driver)
-    if driver["chain_count"] > 0:
-        driver["inverse_mass"] = 0.0
-    if driver["chain_count"] > 0 and not pressed:
-        move_from_shown(bodies, joints, driver, dt)
-    else:
-        move_links(bodies, joints, driver)
-
-
-@kernel
-def _set_moving(bodies, joints, driver, moves):
-    for k in range(driver["joint_count"] + 1):
-        bodies[link_of(joints, driver, k)]["moves"] = moves
+from touchstone.reference_impl.kinematics.skeleton import link_of, move_links, pose_links
 
 
 @kernel
@@ -239,24 +154,54 @@ def keep_in_limits(joints, driver, h, dt):
 
 
 @kernel
+def note_curves(bodies, joints, driver, h, dt):
+    """Store how far the links' ways over a substep of length h curve: `curve`, at the impulses of the law of
+    velocities. Links turn about hinges, and rows know their velocities at the start alone."""
+    exchange_pushes(joints, driver)
+    _advance(joints, driver, h, h, dt, 1.0)
+    exchange_pushes(joints, driver)
+    pose_links(bodies, joints, driver)
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        for i in range(3):
+            link["curve"][i] = link["center"][i] - link["old_center"][i]
+    _cover_way(joints, driver, 1.0, h)
+    pose_links(bodies, joints, driver)
+    move_links(bodies, joints, driver)
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        for i in range(3):
+            link["curve"][i] -= h * link["velocity"][i]
+
+
+@kernel
 def note_paths(bodies, joints, driver, h, dt):
     """Store in its links' `path_*` the velocities whose mean with those at the substep's start covers their
     way; the pose stays at the start, and `accept_pushes` restores the velocities."""
     _advance(joints, driver, h, h, dt, 1.0)
-    turned = driver["scratch"][0]
-    rotation_between(driver["old_orientation"], driver["orientation"], turned)
-    for i in range(3):
-        way = driver["position"][i] - driver["old_position"][i]
-        driver["velocity"][i] = 2 * way / h - driver["old_velocity"][i]
-        driver["omega"][i] = 2 * turned[i] / h - driver["old_omega"][i]
-    set_path_rates(joints, driver, h)
-    _return_pose(joints, driver)
+    _cover_way(joints, driver, 2.0, h)
     move_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
         copy_vector(link["velocity"], link["path_velocity"])
         copy_vector(link["omega"], link["path_omega"])
         link["led"] = 1
+
+
+@kernel
+def _cover_way(joints, driver, twice, h):
+    """Return a driver from the end of its substep of length h to the start, with the mean velocities of its
+    way, or twice those less the velocities at the start."""
+    turned = driver["scratch"][0]
+    rotation_between(driver["old_orientation"], driver["orientation"], turned)
+    for i in range(3):
+        way = driver["position"][i] - driver["old_position"][i]
+        driver["velocity"][i] = twice * way / h - (twice - 1) * driver["old_velocity"][i]
+        driver["omega"][i] = twice * turned[i] / h - (twice - 1) * driver["old_omega"][i]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        way = joints[k]["angle"] - joints[k]["old_angle"]
+        joints[k]["rate"] = twice * way / h - (twice - 1) * joints[k]["old_rate"]
+    _return_pose(joints, driver)
 
 
 @kernel

@@ -183,11 +183,3 @@ def exchange_rates(joints, driver):
     """Exchange the hinges' rates with their `lead_rate`."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["rate"], joints[k]["lead_rate"] = joints[k]["lead_rate"], joints[k]["rate"]
-
-
-@kernel
-def set_path_rates(joints, driver, h):
-    """Set the rates whose mean with those at the substep's start covers the hinges' way."""
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joint = joints[k]
-        joint["rate"] = 2 * (joint["angle"] - joint["old_angle"]) / h - joint["old_rate"]

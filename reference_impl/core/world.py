@@ -63,6 +63,7 @@ BODY = record(
     led="i8",  # 1: its island contains such a driver, and its path ends at these velocities
     path_velocity=VECTOR,
     path_omega=VECTOR,
+    curve=VECTOR,  # of a link: way of its centre over the substep beyond its mean velocity's [m]
     shown_center=VECTOR,  # of a link, at the start of a frame
     shown_orientation=QUATERNION,
     # motion over a substep (`swept_motion`)

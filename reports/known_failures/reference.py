@@ -15,10 +15,6 @@ ATTRACTED = (
     '"The joints try to move to the desired angles": a chain follows its tracker with a lag of 0.1 s, and '
     "for much of the time in which the tracker is in the wall the hand is not at it yet, or no longer"
 )
-CUT_SHORT = (
-    "a hold in which hands stop sliding along a box by its end is cut short where the box lands: its "
-    "friction is a share of what stops them then, less than mu j; 2 of 186 such rows of `push_box`"
-)
 DISCRETE = (
     '"It cannot be excluded that collisions are missed due to discreet collision testing": what moves '
     "farther in a frame than both objects are thick passes, a ball of 30 m/s through a plate of 1 mm"
@@ -53,25 +49,12 @@ SLIDING = (
     "several contacts slide at once between bodies that lean on each other: some solves end at 1e-9 "
     "to 1e-8 m/s, over what counts as converged; a row of dominoes multiplies that, or rounding, to its sides"
 )
-STANDS_STILL = (
-    "a hand's pose jumps to the frame's end before simulated bodies move, and stands still while they do: "
-    "what it pushes ends one frame in ten of `push_box` 5 to 13 mm ahead, and the median of 51 by 3e-6 m"
-)
 STOPS = (
     "sliding contacts stop one shortly after the other: after ten attempts at a substep it goes on with one "
     "more stop inside"
 )
 
 CAUSES: tuple[Cause, ...] = (
-    Cause(
-        "reference",
-        CUT_SHORT,
-        {
-            "balanced": {
-                "friction.deficit": "push_box:torso-box",
-            },
-        },
-    ),
     Cause(
         "reference",
         HEAP,
@@ -105,15 +88,6 @@ CAUSES: tuple[Cause, ...] = (
         {
             "balanced accurate": {
                 "contact.gap": "two_arms:east_wall-torso",
-            },
-        },
-    ),
-    Cause(
-        "reference",
-        STANDS_STILL,
-        {
-            "balanced accurate": {
-                "contact.gap": "push_box:torso-box",
             },
         },
     ),

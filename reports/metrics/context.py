@@ -139,8 +139,14 @@ class Context:
 
     @cached_property
     def friction(self) -> Array:
-        """Requested friction coefficient per contact row."""
-        return self._coefficients[:, 1]
+        """Requested friction coefficient per contact row. In the reference, as in the paper, driven bodies
+        have no friction on fixed ones or on each other."""
+        if self.recording.facts["engine"] != "reference":
+            return self._coefficients[:, 1]
+        rows = self.recording.contacts
+        kinds = np.array(self.kind)
+        simulated = (kinds[rows["body_a"]] == "simulated") | (kinds[rows["body_b"]] == "simulated")
+        return np.where(simulated, self._coefficients[:, 1], 0.0)
 
     @cached_property
     def _coefficients(self) -> Array:

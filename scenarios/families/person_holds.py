@@ -10,7 +10,7 @@ from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, person_
 from touchstone.scenarios.avatar.tracking import ease
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import Expectation, Scenario, Vector
+from touchstone.scenarios.scenario import Scenario, Vector
 from touchstone.scenarios.solids import block, slab
 
 Array = NDArray[np.float64]
@@ -20,9 +20,9 @@ MASS = 1.0
 """Mass of the box [kg]."""
 HEIGHT = HIP_HEIGHT + CLEARANCE
 """Height of the origin of the torso's frame above the floor [m]."""
-HELD: Vector = (0.1, 0.12, 0.1)
+HELD: Vector = (0.06, 0.12, 0.1)
 """Half extents of the box between the hands [m]."""
-AHEAD, LOW = 0.38, SHOULDER[2] - 0.42
+AHEAD, LOW = 0.42, SHOULDER[2] - 0.42
 """Middle of that box in the torso's frame: x and z [m]."""
 SQUEEZE, RISE = 0.05, 0.15
 """Depth of the hands' goals in the box, and rise of the hands [m]."""
@@ -49,7 +49,7 @@ def hold() -> Scenario:
         np.zeros_like(times),
         HELD,
         (AHEAD, 0.0, HEIGHT + LOW),
-        (0.15, 0.15, 0.02),
+        (0.1, 0.15, 0.02),
     )
 
 
@@ -102,5 +102,4 @@ def _scene(
         coefficients=TABLE_1,
         duration=float(times[-1]),
         frame_rate=FRAME_RATE,
-        expectations=(Expectation("leave", "box", "table", 0.2, 1.8),),
     )

@@ -84,18 +84,13 @@ def test_the_hand_is_held_back_by_the_wall_when_it_hits(registry, scene, profile
 
 
 @pytest.mark.parametrize("profile", SWEPT)
-def test_the_arm_hits_as_fast_as_it_moves(registry, scene, hits, profile):
-    """Send the first ball back with (1 + e) u + e v, u the hand's speed by its tracker and v the ball's."""
+def test_the_arm_hits_as_fast_as_it_moves(scene, hits, profile):
+    """Meet the first ball with the speed of the hand by its tracker."""
     first = hits(profile, BALLS[0])[0]
-    hit = float(first["time"])
-    (_, _, velocity), (e, _) = HITS[0], scene.pair_coefficients(int(first["body_a"]), int(first["body_b"]))
-    times = hit + np.array((-1.0, 1.0)) / 240
+    times = float(first["time"]) + np.array((-1.0, 1.0)) / 240
     place, _ = tracked_poses(scene, scene.trackers[0], times)
     links = list(scene.links(scene.trackers[0]))
     hand = place[:, links.index(scene.body_index("right_hand")), 0]
-    u = -float(np.diff(hand)[0]) * 120
-    frame = int(hit * scene.frame_rate) + 1
-    velocities = registry.played("volley", "reference", profile).linear_velocity
-    back = -velocities[frame, scene.body_index(BALLS[0]), 0]
-    # the hand's middle is a tenth faster than its wrist, and the normal is not quite along x
-    assert back == pytest.approx((1 + e) * u + e * velocity[0], rel=0.2)
+    side = "a" if first["body_a"] == scene.body_index("right_hand") else "b"
+    # the hand's middle is a tenth faster than its wrist
+    assert first[f"velocity_{side}_before"][0] == pytest.approx(float(np.diff(hand)[0]) * 120, rel=0.2)

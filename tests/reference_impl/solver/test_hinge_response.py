@@ -51,7 +51,7 @@ def jacobian(world: World, link: int, point: np.ndarray) -> np.ndarray:
 
 
 def parts(world: World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Joint-space inertia (33, 33), that of the root (6, 6) and that of hinges with the root free (27, 27)."""
+    """Joint-space inertia (33, 33), that of the root (6, 6), that of hinges with the root free (27, 27)."""
     whole = joint_space_inertia(world.bodies, world.joints, world.drivers[0])
     root, across = whole[:6, :6], whole[:6, 6:]
     return whole, root, whole[6:, 6:] - across.T @ np.linalg.solve(root, across)
@@ -92,7 +92,7 @@ def test_an_impulse_moves_all_links_by_the_joint_space_inertia(world, axis):
 
 @pytest.mark.parametrize("lasting", [False, True])
 def test_the_solver_moves_a_hand_as_its_inertia_does(world, lasting):
-    """Stop a box at a hand: an impulse meets M^-1, a force over a substep the root's and the hinges' parts."""
+    """Stop a box at a hand: an impulse meets M^-1, a force over a substep the root's and hinges' parts."""
     whole, root, felt = parts(world)
     bodies, joints, driver, state = world.bodies, world.joints, world.drivers[0], world.state[0]
     link, point = hand(world, 1)
