@@ -6,7 +6,8 @@ before a separating contact has returned, and separation lifts overlapping bodie
 measures this rise body by body and removes it from the island's motion. An island that touches a fixed body
 can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
 (`island_motion`). From the rise of an island that links of chains push, the guard subtracts the work of their
-impulses. It does not change islands that touch a driver without chains.
+impulses, and from that of an island on a moving surface of a fixed body the work of that surface. It does not
+change islands that touch a driver without chains.
 """
 
 from math import sqrt
@@ -15,6 +16,7 @@ from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, 
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
+    FIXED,
     GUARD_SLOWED,
     GUARD_SUMMED,
     GUARD_UNVISITED,
@@ -63,6 +65,8 @@ def guard_energy(world, count, parted, first):
             _sum_up(bodies, drivers, pairs[k], state)
     for k in range(first, state["contact_count"]):
         _subtract_work(bodies, world.contacts[k])
+        if state["moving_surfaces"] == 1:
+            _subtract_surface_work(bodies, world.contacts[k])
     for k in range(count):
         free = free or (pairs[k]["island"] >= 0 and is_free(bodies[pairs[k]["island"]]["guard"]))
     if free:
@@ -121,6 +125,21 @@ def _subtract_work(bodies, row):
     island = bodies[island_of(bodies, m)]["guard"]
     for i in range(3):
         island["rise"] -= sign * row["impulse"][i] * (before[i] + after[i])
+
+
+@kernel
+def _subtract_surface_work(bodies, row):
+    """Subtract the work of a fixed body's moving surface from its island's rise."""
+    if bodies[row["body_a"]]["kind"] == FIXED:
+        m, sign, before, after = row["body_b"], 0.5, row["velocity_a_before"], row["velocity_a_after"]
+    elif bodies[row["body_b"]]["kind"] == FIXED:
+        m, sign, before, after = row["body_a"], -0.5, row["velocity_b_before"], row["velocity_b_after"]
+    else:
+        return
+    if bodies[m]["kind"] == SIMULATED:
+        island = bodies[island_of(bodies, m)]["guard"]
+        for i in range(3):
+            island["rise"] -= sign * row["impulse"][i] * (before[i] + after[i])
 
 
 @kernel

@@ -52,7 +52,7 @@ from touchstone.reference_impl.solver.contact_rows import (
 )
 from touchstone.reference_impl.solver.envelope import lay_out
 from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island, store_island
-from touchstone.reference_impl.solver.mobility import surface_velocity
+from touchstone.reference_impl.solver.mobility import surface_velocities
 from touchstone.reference_impl.solver.tolerances import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_DENSE,
@@ -82,8 +82,7 @@ def begin_row(bodies, pair, floor):
     pair["resting_impulse"][:] = 0.0
     pair["floor"] = floor
     pair["bias"][:] = 0.0
-    surface_velocity(bodies[pair["body_a"]], pair["point"], pair["before_a"])
-    surface_velocity(bodies[pair["body_b"]], pair["point"], pair["before_b"])
+    surface_velocities(bodies, pair, pair["before_a"], pair["before_b"])
 
 
 @kernel
