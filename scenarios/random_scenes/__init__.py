@@ -41,6 +41,7 @@ DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "drag": driven.drags,
     "lift": driven.lifts,
     "shake": driven.shakes,
+    "belt": driven.belts,
     "sweep": driven.sweeps,
     "person": driven.persons,
 }

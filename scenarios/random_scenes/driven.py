@@ -1,4 +1,5 @@
-"""Random scenes in which drivers hold, drag, lift, shake and sweep through bodies, and persons who jump."""
+"""Random scenes in which drivers hold, drag, lift, shake and sweep through bodies, belts that carry them, and
+persons who jump."""
 
 from __future__ import annotations
 
@@ -18,6 +19,7 @@ from touchstone.scenarios.random_scenes.bodies import (
     FLAT,
     MATERIAL,
     masses,
+    random_direction,
     random_orientation,
     random_shape,
     scattered,
@@ -25,6 +27,7 @@ from touchstone.scenarios.random_scenes.bodies import (
     support,
 )
 from touchstone.scenarios.random_scenes.hands import HAND_MATERIAL, quaternion
+from touchstone.scenarios.random_scenes.piles import heaps
 from touchstone.scenarios.random_scenes.setup import (
     DOWN,
     Driven,
@@ -70,6 +73,8 @@ SHAKES, FREQUENCY = (1, 4), (0.5, 6.0)
 """Numbers of sines of a shaken platform's path, and range of their frequencies [1/s]."""
 ACCELERATION, SWING = 2 * GRAVITY, 0.3
 """Largest acceleration of a sine [m/s^2], and largest angle of a platform [rad]."""
+BELT_SPEED, DISC_RATE = (-1.0, 0.7), 5.0
+"""Range of the decimal logarithm of a surface's speed [m/s], and its largest angular velocity [rad/s]."""
 JUMP = 1.0
 """Largest jump of a person's tracker along each axis [m]."""
 
@@ -164,6 +169,19 @@ def shakes(rng: Generator) -> Setup:
     )
     platform = Body("platform", "prescribed", MATERIAL, tuple(pieces))
     return Setup(f"a platform shakes {count} bodies", bodies, driven=[Driven((platform,), (), tracker)])
+
+
+def belts(rng: Generator) -> Setup:
+    """A heap falls on a conveyor belt or a turning disc, or into a bin of them."""
+    heap, found = heaps(rng), []
+    for body in heap.bodies:
+        if body.kind == "fixed" and (body.name == "floor" or rng.random() < 0.3):
+            velocity = _log(rng, BELT_SPEED) * random_direction(rng)
+            spin = rng.choice([0.0, rng.uniform(0, DISC_RATE)]) * random_direction(rng)
+            motion = {"surface_velocity": vector(velocity), "surface_angular_velocity": vector(spin)}
+            body = replace(body, pieces=(replace(body.pieces[0], **motion),))  # type: ignore[arg-type]
+        found.append(body)
+    return replace(heap, summary=f"{heap.summary} whose surfaces move", bodies=found)
 
 
 def sweeps(rng: Generator) -> Setup:

@@ -225,7 +225,7 @@ def _judged(
     steady = [tracker for tracker in scenario.trackers if tracker.interpolation == "cubic"]
     moving = [*context.simulated, *(scenario.body_index(tracker.root) for tracker in steady)]
     speed = float(np.abs(recording.linear_velocity[:, moving]).max(initial=0.0))
-    exploded = speed > _fastest(scenario, steady) if scenario.trackers else gain > EXPLODED
+    exploded = speed > _fastest(scenario, steady) if context.drives.any() else gain > EXPLODED
     found |= {
         "rise": rise,
         "gain": gain,
@@ -239,7 +239,7 @@ def _judged(
         "passed": found["passages"],
         "overlap": found["overlap"] > bounds.overlap,  # type: ignore[operator]
         "momentum": found["momentum"] > bounds.momentum,  # type: ignore[operator]
-        "rise": rise > (bounds.given if scenario.trackers else bounds.rise),
+        "rise": rise > (bounds.given if context.drives.any() else bounds.rise),
         "residual": residual > bounds.residual,
     }
     classes = [name for name in OUTCOMES if name == outcome or breaks.get(name)]
@@ -252,7 +252,7 @@ def _energy(context: Context, depth: Array) -> tuple[float, float]:
 
     A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise.
     """
-    if context.scenario.trackers:
+    if context.drives.any():
         if context.recording.facts["engine"] != "reference" or not context.simulated:
             return nan, nan
         u = available(context.scenario) + sum(np.abs(work).max() for work in drive_work(context).values())
