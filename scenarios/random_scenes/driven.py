@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import pi
+from math import log10, pi
 
 import numpy as np
 from numpy.random import Generator
@@ -67,8 +67,8 @@ DEEPEST = 0.1
 """Most by which a tracker is inside what its plate presses [m]."""
 SAG = 0.01
 """Most by which a tray's coupling yields to its load [m]."""
-SWEEP_SPEED = (1.0, 20.0)
-"""Range of the mean speed of a sweep, log-uniform [m/s]."""
+SWEEP_SPEED = (0.0, log10(20.0))
+"""Range of the decimal logarithm of the mean speed of a sweep [m/s]."""
 SHAKES, FREQUENCY = (1, 4), (0.5, 6.0)
 """Numbers of sines of a shaken platform's path, and range of their frequencies [1/s]."""
 ACCELERATION, SWING = 2 * GRAVITY, 0.3
@@ -162,11 +162,8 @@ def shakes(rng: Generator) -> Setup:
         path += np.outer(sine, wave[0] / np.linalg.norm(wave[0]) * rng.uniform(0, ACCELERATION) / rate**2)
         tilt = rng.choice([0.0, 1.0]) * wave[1] / np.linalg.norm(wave[1])
         angles += np.outer(sine, tilt * rng.uniform(0, min(SWING / 2, ACCELERATION / rate**2)))
-    turns = Rotation.from_rotvec(angles).as_quat(scalar_first=True)
-    rows = tuple(tuple(row) for row in turns.tolist())
-    tracker = Tracker(
-        "platform", (), tuple(TIMES.tolist()), tuple(map(vector, path)), rows, ((),) * len(TIMES)
-    )
+    rows = (tuple(map(vector, path)), _quaternions(Rotation.from_rotvec(angles)), ((),) * len(TIMES))
+    tracker = Tracker("platform", (), tuple(TIMES.tolist()), *rows)
     platform = Body("platform", "prescribed", MATERIAL, tuple(pieces))
     return Setup(f"a platform shakes {count} bodies", bodies, driven=[Driven((platform,), (), tracker)])
 
@@ -190,10 +187,10 @@ def sweeps(rng: Generator) -> Setup:
     places, loads = scattered(rng, count, size, across, 0.0), masses(rng, count, mass_ratio(rng))
     bodies = [slab("floor", MATERIAL)]
     for k, place in enumerate(places):
-        shape, turn = random_shape(rng, size), random_orientation(rng)
+        shape, lies = random_shape(rng, size), random_orientation(rng)
         if k < across**2:
-            place[2] = support(shape, turn, DOWN)
-        bodies.append(solid(f"body_{k + 1}", shape, loads[k], vector(place), turn))
+            place[2] = support(shape, lies, DOWN)
+        bodies.append(solid(f"body_{k + 1}", shape, loads[k], vector(place), lies))
     shapes = (Box((0.02, 0.1, 0.04)), Capsule(0.02, 0.1), Sphere(0.04))
     shape, own = shapes[int(rng.integers(3))], 0.13
     turn = Rotation.from_rotvec((0.0, 0.0, rng.uniform(-pi, pi)))
@@ -203,7 +200,7 @@ def sweeps(rng: Generator) -> Setup:
     start[2] = end[2] = float(rng.uniform(0.05, 0.1))
     if rng.random() < 0.3:
         start, end = np.array((0.0, 0.0, top + own)), np.array((0.0, 0.0, float(rng.uniform(-0.05, 0.05))))
-    speed = _log(rng, tuple(np.log10(SWEEP_SPEED)))
+    speed = _log(rng, SWEEP_SPEED)
     length = float(np.linalg.norm(end - start))
     path = start + np.outer(ease(TIMES, 0.05, length / speed), end - start)
     lying = turn * Rotation.from_rotvec((pi / 2, 0.0, 0.0)) if isinstance(shape, Capsule) else turn
@@ -224,14 +221,14 @@ def persons(rng: Generator) -> Setup:
         angles = rng.uniform(-pi, pi, count) * rng.choice([0.1, 1.0])
         turns = Rotation.from_rotvec(np.outer(angles - angles[0], Z))
     size, moved = rng.uniform(0.1, 1.0), [chain.joints for chain in chains if rng.random() < 0.6]
-    limits = np.array([(joint.lower, joint.upper) for joint in joints])
-    bent = size * rng.uniform(*limits.T, (count, len(joints)))
+    low, high = [joint.lower for joint in joints], [joint.upper for joint in joints]
+    bent = size * rng.uniform(low, high, (count, len(joints)))
     bent[0] = 0.0
     bent *= np.isin([joint.name for joint in joints], [name for names in moved for name in names])
     tracker = replace(
         standing,
         positions=tuple(map(vector, places)),
-        orientations=tuple(tuple(row) for row in turns.as_quat(scalar_first=True).tolist()),
+        orientations=_quaternions(turns),
         angles=tuple(map(tuple, bent.tolist())),
         interpolation="held" if jumps else "cubic",
     )
@@ -284,6 +281,11 @@ def _driver(
     return Driven((own,), (), Tracker(name, (), tuple(TIMES.tolist()), *rows, stiffness, damping))
 
 
-def _log(rng: Generator, exponents: tuple[float, ...]) -> float:
+def _quaternions(turns: Rotation) -> tuple[Quaternion, ...]:
+    """Quaternions wxyz of rotations."""
+    return tuple((w, x, y, z) for w, x, y, z in turns.as_quat(scalar_first=True).tolist())
+
+
+def _log(rng: Generator, exponents: tuple[float, float]) -> float:
     """A number whose decimal logarithm is uniform."""
     return float(10 ** rng.uniform(*exponents))

@@ -256,8 +256,8 @@ def _energy(context: Context, depth: Array) -> tuple[float, float]:
         if context.recording.facts["engine"] != "reference" or not context.simulated:
             return nan, nan
         u = available(context.scenario) + sum(np.abs(work).max() for work in drive_work(context).values())
-        rises = energy_rise(context)
-        return float(rises.get("driven", rises["simulated"]).max()) / u, nan
+        found = energy_rise(context)
+        return float(found.get("driven", found["simulated"]).max()) / u, nan
     energy = mechanical_energy(context, context.simulated)
     rises = np.where(depth[:-1] > STORING, 0.0, np.diff(energy))
     u = available(context.scenario)
