@@ -169,16 +169,14 @@ def shakes(rng: Generator) -> Setup:
 
 
 def belts(rng: Generator) -> Setup:
-    """A heap falls on a conveyor belt or a turning disc, or into a bin of them."""
-    heap, found = heaps(rng), []
-    for body in heap.bodies:
-        if body.kind == "fixed" and (body.name == "floor" or rng.random() < 0.3):
-            velocity = _log(rng, BELT_SPEED) * random_direction(rng)
-            spin = rng.choice([0.0, rng.uniform(0, DISC_RATE)]) * random_direction(rng)
-            motion = {"surface_velocity": vector(velocity), "surface_angular_velocity": vector(spin)}
-            body = replace(body, pieces=(replace(body.pieces[0], **motion),))  # type: ignore[arg-type]
-        found.append(body)
-    return replace(heap, summary=f"{heap.summary} whose surfaces move", bodies=found)
+    """A heap falls on a conveyor belt or a turning disc, which may be the floor of a bin."""
+    heap = heaps(rng)
+    floor, *others = heap.bodies
+    velocity = _log(rng, BELT_SPEED) * random_direction(rng)
+    spin = rng.choice([0.0, rng.uniform(0, DISC_RATE)]) * random_direction(rng)
+    piece = replace(floor.pieces[0], surface_velocity=vector(velocity), surface_angular_velocity=vector(spin))
+    bodies = [replace(floor, pieces=(piece,)), *others]
+    return replace(heap, summary=f"{heap.summary} that moves", bodies=bodies)
 
 
 def sweeps(rng: Generator) -> Setup:

@@ -250,18 +250,28 @@ def _energy(context: Context, depth: Array) -> tuple[float, float]:
     """Largest rise in a frame and largest gain since the start, both over U [1]; where drivers do work, the
     largest rise over any window, and NaN, or NaN alone where that work is unknown.
 
-    A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise.
+    A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise. Impulses
+    that did not converge, as in a jam, do work of unknown sign by the residual.
     """
     if context.drives.any():
         if context.recording.facts["engine"] != "reference" or not context.simulated:
             return nan, nan
         u = available(context.scenario) + sum(np.abs(work).max() for work in drive_work(context).values())
         found = energy_rise(context)
-        return float(found.get("driven", found["simulated"]).max()) / u, nan
+        rise = float(found.get("driven", found["simulated"]).max()) - _unconverged_work(context)
+        return max(0.0, rise) / u, nan
     energy = mechanical_energy(context, context.simulated)
     rises = np.where(depth[:-1] > STORING, 0.0, np.diff(energy))
     u = available(context.scenario)
     return max(0.0, float(rises.max(initial=0.0))) / u, float((energy - energy[0]).max()) / u
+
+
+def _unconverged_work(context: Context) -> float:
+    """Sum over frames of the residual times all impulses [J]."""
+    recording = context.recording
+    residual = recording.work[:, recording.work_names.tolist().index("residual")]
+    sizes = np.linalg.norm(recording.contacts["impulse"], axis=1)
+    return float(residual @ np.bincount(context.contact_frame, sizes, len(residual))[: len(residual)])
 
 
 def _fastest(scenario: Scenario, steady: list[Tracker]) -> float:
