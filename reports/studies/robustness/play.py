@@ -277,7 +277,7 @@ def _unconverged_work(context: Context) -> float:
 def _fastest(scenario: Scenario, steady: list[Tracker]) -> float:
     """Speed of a body from which a run with drivers counts as exploded [m/s]; `steady`: trackers that do not
     jump."""
-    times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
+    times = np.linspace(0.0, scenario.duration, 8 * scenario.frame_count + 1)  # a sweep may take a frame
     paces = [float(np.abs(sample(tracker, times).linear_velocity).max()) for tracker in steady]
     return max(EXPLODED_SPEED, EXPLODED_PACE * max(paces, default=0.0))
 
