@@ -48,6 +48,7 @@ OUTCOMES = (
     "overlap",
     "momentum",
     "rise",
+    "work",
     "residual",
     "ok",
 )
@@ -115,6 +116,7 @@ class Assessment:
     frames: int = 0
     rise: float = nan  # largest in a frame over U [1]
     gain: float = nan  # largest since the start over U [1]
+    given: float = nan  # largest over any window beyond the work of drivers, over U [1]
     overlap: float = nan  # deepest [m]
     passages: float = nan
     momentum: float = nan  # largest change, linear or angular, over its sum [1]
@@ -222,6 +224,7 @@ def _judged(
     depth = np.zeros(len(recording.time)) if alone else overlap_depth(context)
     depth = np.where(depth < UNBOUNDED, depth, inf)
     rise, gain = _energy(context, depth)
+    given = _beyond_work(context)
     steady = [tracker for tracker in scenario.trackers if tracker.interpolation == "cubic"]
     moving = [*context.simulated, *(scenario.body_index(tracker.root) for tracker in steady)]
     speed = float(np.abs(recording.linear_velocity[:, moving]).max(initial=0.0))
@@ -229,6 +232,7 @@ def _judged(
     found |= {
         "rise": rise,
         "gain": gain,
+        "given": given,
         "overlap": float(depth.max()),
         "passages": float(len(passages(context))),
         "momentum": _momentum(context),
@@ -239,7 +243,8 @@ def _judged(
         "passed": found["passages"],
         "overlap": found["overlap"] > bounds.overlap,  # type: ignore[operator]
         "momentum": found["momentum"] > bounds.momentum,  # type: ignore[operator]
-        "rise": rise > (bounds.given if context.drives.any() else bounds.rise),
+        "rise": rise > bounds.rise,
+        "work": given > bounds.given,
         "residual": residual > bounds.residual,
     }
     classes = [name for name in OUTCOMES if name == outcome or breaks.get(name)]
@@ -247,23 +252,28 @@ def _judged(
 
 
 def _energy(context: Context, depth: Array) -> tuple[float, float]:
-    """Largest rise in a frame and largest gain since the start, both over U [1]; where drivers do work, the
-    largest rise over any window, and NaN, or NaN alone where that work is unknown.
+    """Largest rise in a frame and largest gain since the start, both over U [1]; NaN where a driver does
+    work.
 
-    A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise. Impulses
-    that did not converge, as in a jam, do work of unknown sign by the residual.
+    A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise.
     """
     if context.drives.any():
-        if context.recording.facts["engine"] != "reference" or not context.simulated:
-            return nan, nan
-        u = available(context.scenario) + sum(np.abs(work).max() for work in drive_work(context).values())
-        found = energy_rise(context)
-        rise = float(found.get("driven", found["simulated"]).max()) - _unconverged_work(context)
-        return max(0.0, rise) / u, nan
+        return nan, nan
     energy = mechanical_energy(context, context.simulated)
     rises = np.where(depth[:-1] > STORING, 0.0, np.diff(energy))
     u = available(context.scenario)
     return max(0.0, float(rises.max(initial=0.0))) / u, float((energy - energy[0]).max()) / u
+
+
+def _beyond_work(context: Context) -> float:
+    """Largest rise of energy over any window beyond the work of drivers, over U and that work [1]; NaN where
+    it is unknown. Impulses that did not converge, as in a jam, do work of unknown sign by the residual."""
+    if context.recording.facts["engine"] != "reference" or not (context.drives.any() and context.simulated):
+        return nan
+    u = available(context.scenario) + sum(np.abs(work).max() for work in drive_work(context).values())
+    found = energy_rise(context)
+    rise = float(found.get("driven", found["simulated"]).max()) - _unconverged_work(context)
+    return max(0.0, rise) / u
 
 
 def _unconverged_work(context: Context) -> float:
