@@ -7,9 +7,10 @@ import numpy as np
 from touchstone.adapters.contract import LARGEST_STATE, STATE_FIELDS, Array, State
 from touchstone.adapters.motion_bounds import extent
 from touchstone.adapters.vector_products import turned, turned_back
+from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.plan import Plan
-from touchstone.scenarios.scenario import UNMOVED, Scenario, Tracker
+from touchstone.scenarios.scenario import UNMOVED, Piece, Scenario, Tracker
 
 SPEED_MAX = 1e6
 """Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last
@@ -44,8 +45,10 @@ class Watch:
         sizes = [max(map(extent, body.pieces), default=1.0) for body in scenario.bodies]
         self._arm = np.minimum(sizes, 1.0)  # radius at which a rotation's speed is judged [m]
         self._gravity = np.array(scenario.acting_gravity)
-        self._driven = bool(scenario.trackers)
+        self._driven = bool(scenario.trackers) or any(map(surface_moves, scenario.bodies))
         drive_speed = max((_drive_speed(scenario, tracker) for tracker in scenario.trackers), default=0.0)
+        pieces = [piece for body in scenario.bodies for piece in body.pieces]
+        drive_speed += max(map(_surface_speed, pieces), default=0.0)
         start = State(scenario)
         for name in ("position", "orientation", "linear_velocity", "angular_velocity"):
             getattr(start, name)[:] = [getattr(body, name) for body in scenario.bodies]
@@ -142,6 +145,13 @@ class Watch:
         if self._offset:
             centers = centers + turned(state.orientation, self._center)
         return -float(self._weight @ (centers @ self._gravity))
+
+
+def _surface_speed(piece: Piece) -> float:
+    """Upper bound on the speed of a piece's material relative to its body [m/s]."""
+    return float(np.linalg.norm(piece.surface_velocity)) + extent(piece) * float(
+        np.linalg.norm(piece.surface_angular_velocity)
+    )
 
 
 def _drive_speed(scenario: Scenario, tracker: Tracker) -> float:

@@ -4,9 +4,10 @@ Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION o
 another person comes near, or they start deep in fixed pieces; links of a chain stay in a ball about the
 chain's root. A simulated body without contacts flies in closed form. A body with contacts is bounded by
 energy: impacts and friction remove energy, and gravity adds speed at most at rate g to each group of bodies
-that can exchange it. Three kinds of bodies are unbounded: those that a driven or prescribed body can touch,
-driven bodies that these can push, and those that are not balls and touch others with both restitution and
-friction, because Eqs. 8 and 10 as printed add energy at every impact. A run checks the bounds: `Plan.broken`.
+that can exchange it. Three kinds of bodies are unbounded: those that a driven or prescribed body or a moving
+surface can touch, driven bodies that these can push, and those that are not balls and touch
+others with both restitution and friction, because Eqs. 8 and 10 as printed add energy at every impact. A run
+checks the bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import AdapterError, Array
 from touchstone.scenarios.avatar.kinematics import hinges, link_poses, matrix, piece_box
+from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.effects import centred_ball
 from touchstone.scenarios.plan import Bounds, Plan, box_gap, least_gap, plan
@@ -248,6 +250,7 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
     """Widen the boxes of simulated bodies that can meet others until no further pairs can meet; returns lower
     bounds on the distances between bodies and pieces (n, p) [m]."""
     kind = np.array([b.kind for b in scenario.bodies])
+    drives = np.array([b.kind in TRACKED or surface_moves(b) for b in scenario.bodies])
     body = world.body
     may = np.zeros((len(kind), len(kind)), bool)
     pairs = np.array(list(scenario.touching_pairs()), dtype=np.intp).reshape(-1, 2)
@@ -262,7 +265,7 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
         for k in np.flatnonzero(kind == "simulated"):
             others = np.flatnonzero(meets[k])
             if len(others):
-                endless = np.isin(kind[others], TRACKED).any() or _gains(scenario, int(k), others)
+                endless = drives[others].any() or _gains(scenario, int(k), others)
                 state[group[k]] = max(state[group[k]], 2 if endless else 1)
                 pushed = [link for links in loose if np.isin(others, links).any() for link in links]
                 low[pushed], high[pushed] = -np.inf, np.inf

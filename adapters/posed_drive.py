@@ -1,4 +1,4 @@
-"""Bodies that follow their tracker regardless of contacts: links (drive `posed`) and prescribed bodies.
+"""Bodies that move regardless of contacts: links (drive `posed`), prescribed bodies and moving surfaces.
 
 The reference drives a hand in this way, so the drive `posed` makes timing comparable: there are no link
 dynamics. Engines differ in how a kinematic link's motion acts on bodies in contact: DART's contacts use its
@@ -6,6 +6,10 @@ velocity; those of MuJoCo (mocap bodies) and pybullet (bodies without mass) do n
 
 A prescribed body carries bodies in contact at its velocity in every engine. In a step it moves at the mean
 velocity of that step, as semi-implicit Euler moves all other bodies.
+
+Engines without surface velocity (Bullet, DART) play a body with a moving surface as a prescribed one that has
+the velocity of the surface in contacts, and is put back at every step. It pushes along the normal too, where
+the surface does not move along its own plane.
 """
 
 from __future__ import annotations
@@ -13,10 +17,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, Settings, State
+from touchstone.adapters.contract import Array, Settings, State, Unsupported
 from touchstone.scenarios.avatar.kinematics import link_poses
+from touchstone.scenarios.avatar.surface_motion import surface_motion, surface_moves
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.scenario import Scenario, Tracker
+from touchstone.scenarios.scenario import UNMOVED, Body, Scenario, Tracker
+
+RIGID = 1e-12
+"""Difference of the motion of two pieces' surfaces over their speed that is rounding [1]."""
 
 
 class Posed:
@@ -28,7 +36,9 @@ class Posed:
         place, orientation: of the links' origins (n, steps + 1, 3) [m] and (n, steps + 1, 4) wxyz, world.
         center: centres of mass (n, steps + 1, 3) [m], world.
         velocity, omega: of the centres of mass [m/s] and of the links [rad/s] during each step (n, steps, 3).
-        prescribed: whether it is a prescribed body.
+        prescribed: whether it is a prescribed body, or a fixed one with a moving surface.
+        surface_velocity, surface_omega: of the material relative to the links at their origins, by the first
+            piece, during each step (n, steps, 3) [m/s, rad/s; world].
         start: the tracker at the start.
     """
 
@@ -36,7 +46,8 @@ class Posed:
         steps = round(scenario.duration / dt)
         motion = sample(tracker, np.minimum(np.arange(steps + 1) * dt, scenario.duration))
         self._dt = dt
-        self.links, self.prescribed = scenario.links(tracker), scenario.prescribes(tracker)
+        self.links = scenario.links(tracker)
+        self.prescribed = scenario.bodies[self.links[0]].kind in UNMOVED
         self.start = sample(tracker, np.zeros(1))
         self.angle, self.rate = motion.angle, motion.rate
         self.place, turn = link_poses(scenario, tracker, motion.position, motion.orientation, motion.angle)
@@ -45,6 +56,8 @@ class Posed:
         arms = np.array([scenario.bodies[link].center_of_mass for link in self.links])
         self.center = self.place + np.einsum("ntij,nj->nti", turn, arms)
         self.velocity = np.diff(self.center, axis=1) / dt
+        motions = np.array([_surface_motion(scenario.bodies[link]) for link in self.links])
+        self.surface_velocity, self.surface_omega = np.einsum("ntij,nkj->knti", turn[:, :-1], motions)
         between = turn[:, 1:] @ np.swapaxes(turn[:, :-1], -1, -2)
         turned = Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec()
         self.omega = turned.reshape(len(self.links), steps, 3) / dt
@@ -71,6 +84,29 @@ class Posed:
         state.linear_velocity[links] = self._shown_velocity[:, moment]
         state.angular_velocity[links] = self._shown_omega[:, moment]
         state.joint_angle[hinges], state.joint_rate[hinges] = self.angle[moment], self.rate[moment]
+
+
+def _surface_motion(body: Body) -> tuple[Array, Array]:
+    """Velocity at a body's origin and angular velocity of the material of its first piece, body frame."""
+    return surface_motion(body.pieces[0], np.zeros(3)) if body.pieces else (np.zeros(3), np.zeros(3))
+
+
+def moving_surfaces(engine: str, scenario: Scenario, settings: Settings) -> tuple[tuple[Posed, slice], ...]:
+    """Motions of the fixed bodies with moving surfaces, for an engine that has no surface velocity.
+
+    Raises:
+        Unsupported: two pieces of a body do not move as one rigid body.
+    """
+    found = []
+    for body in filter(surface_moves, scenario.bodies):
+        motions = np.array([surface_motion(piece, np.zeros(3)) for piece in body.pieces])
+        if np.ptp(motions, axis=0).max() > RIGID * np.abs(motions).max():
+            raise Unsupported(f"{engine}: the surfaces of the pieces of {body.name!r} move differently")
+        if body.kind == "fixed":
+            times = (0.0, scenario.duration)
+            rows = ((body.position,) * 2, (body.orientation,) * 2, ((), ()))
+            found.append((Posed(scenario, Tracker(body.name, (), times, *rows), settings.dt), slice(0)))
+    return tuple(found)
 
 
 def posed_of(scenario: Scenario, settings: Settings) -> tuple[tuple[Posed, slice], ...]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import CONTACT_FIELDS, Array, State, applied_fields, state_fields
 from touchstone.adapters.vector_products import cross, turned
+from touchstone.scenarios.avatar.surface_motion import material_velocity, surface_moves
 from touchstone.scenarios.scenario import Scenario
 
 STEPS, ROWS = 64, 4096
@@ -27,6 +28,7 @@ class StepLog:
     def __init__(self, scenario: Scenario, dt: float, start: State) -> None:
         self._scenario, self._dt = scenario, dt
         self._mass_center = np.array([body.center_of_mass for body in scenario.bodies])
+        self._moving = [k for k, body in enumerate(scenario.bodies) if surface_moves(body)]
         self._roots = [scenario.body_index(tracker.root) for tracker in scenario.trackers]
         self._values = np.zeros((STEPS + 1, len(start.values)))
         self._values[0] = start.values
@@ -96,13 +98,23 @@ class StepLog:
         if not any(np.isnan(column).any() for pair in columns for column in pair):
             return rows
         body, first = np.concatenate((rows["body_a"], rows["body_b"])), np.concatenate((step, step))
-        center = position[first, body] + turned(orientation[first, body], self._mass_center[body])
-        arm = np.concatenate((rows["position"],) * 2) - center
+        turn, place = orientation[first, body], np.concatenate((rows["position"],) * 2)
+        arm = place - (position[first, body] + turned(turn, self._mass_center[body]))
+        motion = self._surface_motion(rows["normal"], turn, place - position[first, body], body)
         for moment, pair in zip((first, first + 1), columns):
-            velocity = linear[moment, body] + cross(angular[moment, body], arm)
+            velocity = linear[moment, body] + cross(angular[moment, body], arm) + motion
             for column, own in zip(pair, (velocity[: len(rows)], velocity[len(rows) :])):
                 column[:] = np.where(np.isnan(column), own, column)
         return rows
+
+    def _surface_motion(self, normal: Array, turn: Array, arm: Array, body: NDArray[np.int64]) -> Array:
+        """Velocities (2 n, 3) [m/s] of the material of both surfaces of n contacts relative to their bodies,
+        whose orientations are `turn`, at `arm` [m] from their origins."""
+        motion, normal = np.zeros_like(arm), np.concatenate((normal, normal))
+        for k in self._moving:
+            own = body == k
+            motion[own] = material_velocity(self._scenario.bodies[k], turn[own], arm[own], normal[own])
+        return motion
 
     def _drive_sums(
         self, position: Array, orientation: Array, linear: Array, angular: Array, rate: Array

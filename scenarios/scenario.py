@@ -112,12 +112,16 @@ Shape = Sphere | Box | Capsule | Ellipsoid | Hull
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Piece(ShortRepr):
-    """Convex piece, posed in the frame of its body."""
+    """Convex piece, posed in the frame of its body. The material of its surface moves relative to the body at
+    `surface_velocity` [m/s] and `surface_angular_velocity` [rad/s] about the piece's origin (piece frame), as
+    that of belts and rollers; friction opposes slip relative to the part of it along the contact plane."""
 
     name: str
     shape: Shape
     position: Vector = ORIGIN
     orientation: Quaternion = IDENTITY
+    surface_velocity: Vector = ORIGIN
+    surface_angular_velocity: Vector = ORIGIN
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -324,7 +328,7 @@ class Scenario(ShortRepr):
 
     def __post_init__(self) -> None:
         if HOLD_LAST.get():
-            object.__setattr__(self, "trackers", tuple(tracker.hold_last() for tracker in self.trackers))
+            object.__setattr__(self, "trackers", tuple(map(Tracker.hold_last, self.trackers)))
         found = [fault for check in CHECKS for fault in check(self)]
         if found:
             raise ScenarioError(self.name, found)
@@ -362,11 +366,8 @@ class Scenario(ShortRepr):
 
     def groups(self) -> tuple[int, ...]:
         """Per body the index of the tracker that drives it, or -1."""
-        group = [-1] * len(self.bodies)
-        for index, tracker in enumerate(self.trackers):
-            for link in self.links(tracker):
-                group[link] = index
-        return tuple(group)
+        drivers = {link: k for k, tracker in enumerate(self.trackers) for link in self.links(tracker)}
+        return tuple(drivers.get(k, -1) for k in range(len(self.bodies)))
 
     def touching_pairs(self) -> Iterator[tuple[int, int]]:
         """Body pairs (a < b) that may touch: both have pieces and contact moves at least one. Links of one
@@ -394,7 +395,5 @@ class Scenario(ShortRepr):
         """Restitution and friction of the bodies with index a and b; zero if the effect is off."""
         wanted = {self.bodies[a].material, self.bodies[b].material}
         pair = next(c for c in self.coefficients if {c.material_a, c.material_b} == wanted)
-        return (
-            pair.restitution if "restitution" in self.effects else 0.0,
-            pair.friction if "friction" in self.effects else 0.0,
-        )
+        e, mu = pair.restitution, pair.friction
+        return (e if "restitution" in self.effects else 0.0, mu if "friction" in self.effects else 0.0)

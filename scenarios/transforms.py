@@ -134,7 +134,12 @@ def _mirrored_piece(piece: Piece) -> Piece:
         # All other shapes are their own mirror images.
         shape = Hull(tuple(map(mirror, shape.vertices)))
     return replace(
-        piece, shape=shape, position=mirror(piece.position), orientation=mirror_turn(piece.orientation)
+        piece,
+        shape=shape,
+        position=mirror(piece.position),
+        orientation=mirror_turn(piece.orientation),
+        surface_velocity=mirror(piece.surface_velocity),
+        surface_angular_velocity=mirror_axis(piece.surface_angular_velocity),
     )
 
 

@@ -145,6 +145,13 @@ def _check_body(body: Body, path: str, report: Report) -> None:
         finite(piece.position, f"{path}.pieces[{k}].position", report, 3)
         unit(piece.orientation, f"{path}.pieces[{k}].orientation", report, 4)
         _check_shape(piece.shape, f"{path}.pieces[{k}].shape", report)
+        for field in ("surface_velocity", "surface_angular_velocity"):
+            finite(getattr(piece, field), f"{path}.pieces[{k}].{field}", report, 3)
+            if body.kind not in UNMOVED and any(getattr(piece, field)):
+                report(
+                    f"{path}.pieces[{k}].{field}",
+                    f"{body.name!r} is {body.kind}, expected {' or '.join(UNMOVED)}",
+                )
 
 
 def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:

@@ -93,6 +93,8 @@ class _Writer:
         friction = self._friction[self._scenario.body_index(body.name)]
         given = {"name": f"{body.name}.{piece.name}", "friction": numbers((friction, 0.005, 0.0001))}
         given |= {"pos": numbers(piece.position), "quat": numbers(piece.orientation)}
+        motion = (*piece.surface_velocity, *piece.surface_angular_velocity)
+        given |= {"surfacevel": numbers(motion)} if any(motion) else {}
         match piece.shape:
             case Sphere(radius):
                 given |= {"type": "sphere", "size": numbers([radius])}

@@ -1,7 +1,8 @@
 """The bodies of a scene as URDF, a file for each tree of links: URDF knows one robot and no surroundings.
 
 URDF has no ellipsoids, capsules or hulls: an ellipsoid becomes a mesh, a capsule a cylinder and two spheres,
-a hull a mesh with its own corners. Friction and restitution have no standard element and are left out.
+a hull a mesh with its own corners. Friction, restitution and moving surfaces have no standard element and are
+left out.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from touchstone.adapters.robots.links import HINGE
+from touchstone.adapters.robots.pieces import surface_velocity
 from touchstone.adapters.robots.source import Source
 
 SECTIONS = {
@@ -59,6 +60,9 @@ def left_out(source: Source, kept: Collection[str]) -> list[str]:
     drawn = int(np.count_nonzero((model.geom_contype == 0) & (model.geom_conaffinity == 0)))
     if drawn:
         notes.append(f"left out: {drawn} geoms that are drawn and touch nothing")
+    moving = np.flatnonzero(getattr(model, "geom_surfacevel", np.zeros((model.ngeom, 6))).any(axis=1))
+    if dropped := [geom for geom in moving if not surface_velocity(model, int(geom)).any()]:
+        notes.append(f"left out: moving surfaces of {len(dropped)} geoms whose bodies can move")
     if model.npair or model.nexclude:
         notes.append(f"left out: {model.npair} pairs and {model.nexclude} exclusions of contact")
     unlimited = [

@@ -32,6 +32,13 @@ def geoms_of(model: Any, body: int) -> list[int]:
     return [geom for geom in range(first, first + count) if collides(model, geom)]
 
 
+def surface_velocity(model: Any, geom: int) -> Array:
+    """Velocity [m/s] and angular velocity [rad/s] of the material of a geom's surface (6,), in its frame; 0
+    if its body can move, as that of a scene may not."""
+    stands = model.body_weldid[model.geom_bodyid[geom]] == 0 and hasattr(model, "geom_surfacevel")
+    return np.array(model.geom_surfacevel[geom]) if stands else np.zeros(6)
+
+
 class PieceMaker:
     """Pieces from geoms; `notes` names each hull of a mesh with its error, `cylinders` has the errors of
     prisms [m]."""
@@ -48,9 +55,11 @@ class PieceMaker:
         inner = Rotation.from_quat(model.geom_quat[geom], scalar_first=True)
         turned = Rotation.from_matrix(turn) * inner
         at, shape = place + turn @ model.geom_pos[geom], self._shape(geom, name)
+        velocity, spin = np.split(surface_velocity(model, geom), 2)
         if TYPE[int(model.geom_type[geom])] == "plane":  # the upper face of the slab is the plane
-            at = at - turned.apply((0.0, 0.0, SLAB[2]))
-        return Piece(name, shape, vector(at), quaternion(turned))
+            below = np.array((0.0, 0.0, -SLAB[2]))
+            at, velocity = at + turned.apply(below), velocity + np.cross(spin, below)
+        return Piece(name, shape, vector(at), quaternion(turned), vector(velocity), vector(spin))
 
     def _shape(self, geom: int, name: str) -> Shape:
         model = self.model

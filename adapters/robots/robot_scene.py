@@ -38,6 +38,7 @@ from touchstone.adapters.robots.links import (
 from touchstone.adapters.robots.pieces import PieceMaker, geoms_of, quaternion
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.source import Source, compiled
+from touchstone.scenarios.avatar.surface_motion import piece_moves
 from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, ScenarioError, vector
 
 BASE = MassProperties(1.0, np.zeros(3), 0.4 * 0.1**2 * np.eye(3))
@@ -120,12 +121,16 @@ def _scene(source: Source, name: str, file: str, notes: list[str]) -> Scenario:
 
 
 def _add_fixed(model: Any, body: int, name: str, maker: PieceMaker, parts: Parts) -> None:
-    """Fixed body of a body that cannot move, in the world's frame."""
+    """Fixed bodies of a body that cannot move, in the world's frame: one, and one per moving surface, since
+    not every engine has several in one body."""
     place, turn = world_pose(model, body)
     pieces = [maker.piece(geom, place, turn) for geom in geoms_of(model, body)]
-    if pieces:
-        name = free_name(name, [other.name for other in parts.bodies])
-        parts.bodies.append(Body(name, "fixed", "floor", named_once(pieces)))
+    moving = [piece for piece in pieces if piece_moves(piece)]
+    still = [piece for piece in pieces if not piece_moves(piece)]
+    for own, label in ((still, name), *(([piece], piece.name) for piece in moving)):
+        if own:
+            label = free_name(label, [other.name for other in parts.bodies])
+            parts.bodies.append(Body(label, "fixed", "floor", named_once(own)))
 
 
 def _add_tree(source: Source, body: int, maker: PieceMaker, parts: Parts, notes: list[str]) -> None:

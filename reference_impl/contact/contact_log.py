@@ -1,6 +1,6 @@
 """Contact log of a frame: one row per impulse, with the surface velocities before and after it."""
 
-from touchstone.reference_impl.core.conventions import SIMULATED
+from touchstone.reference_impl.core.conventions import FIXED, SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
@@ -32,17 +32,19 @@ def close_row(bodies, pair, contact, p):
     substep: p times the mean is then the work.
     """
     copy_vector(p, contact["impulse"])
-    _surface_after(bodies[pair["body_a"]], pair["lever_a"], contact["velocity_a_after"])
-    _surface_after(bodies[pair["body_b"]], pair["lever_b"], contact["velocity_b_after"])
+    _surface_after(bodies[pair["body_a"]], pair["lever_a"], pair["surface_a"], contact["velocity_a_after"])
+    _surface_after(bodies[pair["body_b"]], pair["lever_b"], pair["surface_b"], contact["velocity_b_after"])
 
 
 @kernel
-def _surface_after(body, point, out_velocity):
+def _surface_after(body, point, motion, out_velocity):
     if body["led"] == 0:
         surface_velocity(body, point, out_velocity)
-        return
-    x, y, z = point_velocity(body["path_velocity"], body["path_omega"], body["center"], point)
-    out_velocity[0], out_velocity[1], out_velocity[2] = x, y, z
+    else:
+        x, y, z = point_velocity(body["path_velocity"], body["path_omega"], body["center"], point)
+        out_velocity[0], out_velocity[1], out_velocity[2] = x, y, z
+    for i in range(3):
+        out_velocity[i] += motion[i]
 
 
 @kernel
@@ -60,6 +62,8 @@ def log_held(bodies, pairs, count, contacts, state, time):
             close_row(bodies, pair, contacts[row], p)
             if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
                 _add_bias(bodies, pair, contacts[row])
+                if state["moving_surfaces"] == 1:
+                    _extrapolate_surfaces(bodies, pair, contacts[row])
 
 
 @kernel
@@ -71,6 +75,21 @@ def _add_bias(bodies, pair, contact):
             contact["velocity_b_after"][i] += pair["bias"][i]
         else:
             contact["velocity_a_after"][i] -= pair["bias"][i]
+
+
+@kernel
+def _extrapolate_surfaces(bodies, pair, contact):
+    """Add to the velocities after a substep the second half of the change of a fixed body's surface motion,
+    which is a part of `bias`, so that the other body got it."""
+    if bodies[pair["body_a"]]["kind"] == FIXED:
+        middle, before = pair["surface_a"], pair["before_a"]
+    elif bodies[pair["body_b"]]["kind"] == FIXED:
+        middle, before = pair["surface_b"], pair["before_b"]
+    else:
+        return
+    for i in range(3):
+        contact["velocity_a_after"][i] += middle[i] - before[i]
+        contact["velocity_b_after"][i] += middle[i] - before[i]
 
 
 @inlined_kernel

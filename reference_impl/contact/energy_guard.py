@@ -5,7 +5,8 @@ rise over a substep: contact points and normals rotate with their bodies, the su
 before a separating contact has returned, and separation lifts overlapping bodies (`separation`). The guard
 measures this rise body by body and removes it from the island's motion. An island that touches a fixed body
 can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
-(`island_motion`). The guard does not change islands that touch a driver.
+(`island_motion`). From the rise of an island on a moving surface of a fixed body the guard subtracts the work
+of that surface. It does not change islands that touch a driver.
 """
 
 from math import sqrt
@@ -14,13 +15,14 @@ from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, 
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
+    FIXED,
     GUARD_SLOWED,
     GUARD_SUMMED,
     GUARD_UNVISITED,
     SIMULATED,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.solver.islands import join_islands, mover_of
+from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
 
 UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
@@ -43,12 +45,13 @@ def _height_energy(body, state):
 
 
 @inlined_kernel
-def guard_energy(world, count, parted):
+def guard_energy(world, count, parted, first):
     """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
 
     Args:
         count: number of contact rows and, if separation moved bodies, of the pairs that touch afterwards.
         parted: separation may have lifted bodies; islands then include separating contacts.
+        first: first row of `contacts` of this substep.
     """
     bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     if parted:
@@ -59,6 +62,9 @@ def guard_energy(world, count, parted):
     for k in range(count):
         if pairs[k]["island"] >= 0:
             _sum_up(bodies, drivers, pairs[k], state)
+    if state["moving_surfaces"] == 1:
+        for k in range(first, state["contact_count"]):
+            _subtract_surface_work(bodies, world.contacts[k])
     for k in range(count):
         free = free or (pairs[k]["island"] >= 0 and is_free(bodies[pairs[k]["island"]]["guard"]))
     if free:
@@ -107,6 +113,9 @@ def _sum_up(bodies, drivers, pair, state):
 
 
 @kernel
+    if state["moving_surfaces"] == 1:
+        for k in range(first, state["contact_count"]):
+            _subtract_surface_work(bodies, world.contacts[k])
 def _slow_down(bodies, pair, island, state):
     """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained.
 

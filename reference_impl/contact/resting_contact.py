@@ -6,6 +6,7 @@ from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again
 from touchstone.reference_impl.continuous.contact_motion import (
     bias_share,
+    move_surfaces,
     move_to_middle,
     restore_normals,
 )
@@ -25,7 +26,7 @@ from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
 from touchstone.reference_impl.solver.islands import join_islands, loops, mover_of
-from touchstone.reference_impl.solver.mobility import approach_speed
+from touchstone.reference_impl.solver.mobility import approach_speed, place_surfaces
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
 VELOCITY_LEAD = 1 / 16
@@ -125,6 +126,8 @@ def _prepare_resting_contacts(world, count, h):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     if state["driven_loop"] == 1:
         _mark_led(bodies, world.drivers, pairs, count)
+    if state["moving_surfaces"] == 1:
+        place_surfaces(bodies, world.pieces, pairs, count)
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     for k in range(count):
         pair = pairs[k]
@@ -134,6 +137,8 @@ def _prepare_resting_contacts(world, count, h):
         flight = APPROACH_MIN if pair["manifold"] < 0 else patch_flight
         begin_row(bodies, pair, _floor(pair, state, flight, led))
         move_to_middle(bodies, world.pieces, pair, h)
+        if state["moving_surfaces"] == 1:
+            move_surfaces(bodies, world.pieces, pair)
 
 
 @kernel

@@ -11,6 +11,7 @@ from touchstone.reference_impl.broad_phase.detection import (
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.core.conventions import (
+    NO_MOTION,
     OVERLAP_TOLERANCE,
     REMOVAL_ROUNDS,
     SIMULATED,
@@ -183,6 +184,7 @@ def _move_together(world, first, end, left, most):
         pair = rows[k]
         place_contact(pair, 0.5)
         pair["friction"] = 0.0
+        pair["surface_a"][:] = pair["surface_b"][:] = NO_MOTION
         begin_row(bodies, pair, -pair["distance"] - left)
     state["separates"] = 1
     solve_contacts(bodies, world.joints, world.drivers, rows, count, False, state)

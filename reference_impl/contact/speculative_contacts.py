@@ -43,6 +43,7 @@ from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.solver.islands import loops
+from touchstone.reference_impl.solver.mobility import place_surfaces
 
 DENSE_SUBSTEPS = 8
 """Most dense substeps for the rest of a frame, unless rotation or sliding requires more."""
@@ -108,6 +109,8 @@ def gather_contacts(world, left):
         # a pair that passes by without contact may keep its present approach speed
         if gap > TOUCH_DISTANCE:
             pairs[k]["speculative_speed"] = max((gap - TOUCH_CLOSED) / h, pairs[k]["key"])
+    if state["moving_surfaces"] == 1:
+        place_surfaces(bodies, pieces, pairs, end)
     state["rows"] += end
     state["last_rows"] = end
     return end, h

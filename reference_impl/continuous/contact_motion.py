@@ -61,6 +61,51 @@ def move_to_middle(bodies, pieces, pair, h):
 
 
 @kernel
+def move_surfaces(bodies, pieces, pair):
+    """Move the surface motion of a row to its levers; add its change along the contact plane to `bias`."""
+    a, b, n, bias = pair["surface_a"], pair["surface_b"], pair["normal"], pair["bias"]
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    set_surface_motion(bodies, pieces, pair)
+    x, y, z = b[0] - a[0] - x, b[1] - a[1] - y, b[2] - a[2] - z
+    along = n[0] * x + n[1] * y + n[2] * z
+    bias[0], bias[1], bias[2] = (
+        bias[0] + x - along * n[0],
+        bias[1] + y - along * n[1],
+        bias[2] + z - along * n[2],
+    )
+
+
+@kernel
+def set_surface_motion(bodies, pieces, pair):
+    """Compute the velocities of the material of both surfaces relative to their bodies, at a pair's levers.
+
+    Only the part along the contact plane acts: a belt that runs around a body does not push along its normal.
+    """
+    _surface_motion(bodies, pieces[pair["piece_a"]], pair["lever_a"], pair["normal"], pair["surface_a"])
+    _surface_motion(bodies, pieces[pair["piece_b"]], pair["lever_b"], pair["normal"], pair["surface_b"])
+
+
+@kernel
+def _surface_motion(bodies, piece, point, n, out_velocity):
+    body = bodies[piece["body"]]
+    v, w, m, c = piece["surface_velocity"], piece["surface_omega"], body["rotation"], body["center"]
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    # the arm in body axes
+    x, y, z = (
+        m[0, 0] * x + m[1, 0] * y + m[2, 0] * z,
+        m[0, 1] * x + m[1, 1] * y + m[2, 1] * z,
+        m[0, 2] * x + m[1, 2] * y + m[2, 2] * z,
+    )
+    x, y, z = v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x
+    along = 0.0
+    for i in range(3):
+        out_velocity[i] = m[i, 0] * x + m[i, 1] * y + m[i, 2] * z
+        along += n[i] * out_velocity[i]
+    for i in range(3):
+        out_velocity[i] -= along * n[i]
+
+
+@kernel
 def restore_normals(pairs, count):
     """Move normals back from the middle of a substep to its start."""
     for k in range(count):

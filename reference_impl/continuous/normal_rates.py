@@ -75,12 +75,14 @@ def rate_on_sphere(body, piece, n, u, v, w, distance, scratch):
 
 @kernel
 def has_turning_normal(body, piece, n):
-    """Whether the normal of a sphere on this piece can rotate, and `rate_on_sphere` computes its rate.
+    """Whether the normal of a sphere on this piece can rotate, or its surface moves at a velocity that varies
+    along it, and `rate_on_sphere` computes the rate of the normal.
 
     The normal on a face of a body that does not move is constant. Two spheres are excluded: large islands of
     spheres, whose solves do not converge, would reach more caps.
     """
-    if piece["kind"] != BOX or is_moving(body):
+    w = piece["surface_omega"]
+    if piece["kind"] != BOX or is_moving(body) or w[0] != 0 or w[1] != 0 or w[2] != 0:
         return piece["kind"] == BOX or piece["kind"] == CAPSULE
     free = 0
     for i in range(3):

@@ -64,6 +64,8 @@ IMPACT_SHARE = 0.4
 """Accepted deviation from `impact_gap`, relative to it [1]."""
 APPROACH_MIN = 1e-4
 """Approach speed below which a contact is not an impact [m/s]."""
+NO_MOTION = -0.0
+"""Component of the motion of a surface that does not move [m/s]: adding it keeps every number to the bit."""
 NO_FLOOR = -1e300
 """Floor of an open contact, which gets no impulse: below any speed [m/s]."""
 NEVER = 1e300

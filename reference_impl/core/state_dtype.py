@@ -53,6 +53,7 @@ STATE = record(
     driven_loop="i8",  # 1: drivers move in the simulated loop now
     lead="f8",  # of the law that the rows of drivers ask (`driver_motion`) [1]; 0 in impacts
     separates="i8",  # 1 while separation solves for the least motion
+    moving_surfaces="i8",  # 1: the material of a piece's surface moves
     # errors of a frame: each is 0 if the frame was resolved exactly
     missed="i8",  # 1: a warm start of this frame missed its target
     missed_before="i8",  # 1: one of the previous frame did

@@ -59,7 +59,7 @@ from touchstone.reference_impl.solver.islands import (
     load_limits,
     store_island,
 )
-from touchstone.reference_impl.solver.mobility import surface_velocity
+from touchstone.reference_impl.solver.mobility import surface_velocities
 from touchstone.reference_impl.solver.tolerances import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_DENSE,
@@ -89,8 +89,7 @@ def begin_row(bodies, pair, floor):
     pair["resting_impulse"][:] = 0.0
     pair["floor"] = floor
     pair["bias"][:] = 0.0
-    surface_velocity(bodies[pair["body_a"]], pair["point"], pair["before_a"])
-    surface_velocity(bodies[pair["body_b"]], pair["point"], pair["before_b"])
+    surface_velocities(bodies, pair, pair["before_a"], pair["before_b"])
 
 
 @kernel

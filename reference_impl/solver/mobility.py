@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from touchstone.reference_impl.continuous.contact_motion import set_surface_motion
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.hinge_response import push_hinges
@@ -36,11 +37,20 @@ def point_velocity(v, w, c, point):
 
 
 @kernel
+def surface_velocities(bodies, pair, out_a, out_b):
+    """World velocities of the material of both surfaces at a pair's levers."""
+    surface_velocity(bodies[pair["body_a"]], pair["lever_a"], out_a)
+    surface_velocity(bodies[pair["body_b"]], pair["lever_b"], out_b)
+    for i in range(3):
+        out_a[i] += pair["surface_a"][i]
+        out_b[i] += pair["surface_b"][i]
+
+
+@kernel
 def relative_velocity(bodies, pair, state):
     """Store both surface velocities and v, that of B relative to A, at a contact point; returns n . v."""
     a, b, v, n = state["velocity_a"], state["velocity_b"], state["velocity"], pair["normal"]
-    surface_velocity(bodies[pair["body_a"]], pair["lever_a"], a)
-    surface_velocity(bodies[pair["body_b"]], pair["lever_b"], b)
+    surface_velocities(bodies, pair, a, b)
     for i in range(3):
         v[i] = b[i] - a[i]
     return n[0] * v[0] + n[1] * v[1] + n[2] * v[2]
@@ -61,7 +71,8 @@ def meeting_velocity(bodies, pair):
     """Velocity of B relative to A at a pair's contact point."""
     x, y, z = _velocity_at(bodies[pair["body_b"]], pair["lever_b"])
     u, v, w = _velocity_at(bodies[pair["body_a"]], pair["lever_a"])
-    return x - u, y - v, z - w
+    p, q = pair["surface_a"], pair["surface_b"]
+    return x + q[0] - (u + p[0]), y + q[1] - (v + p[1]), z + q[2] - (w + p[2])
 
 
 @kernel
@@ -75,6 +86,14 @@ def place_contact(pair, level):
     for i in range(3):
         x = (1 - level) * pair["point_a"][i] + level * pair["point_b"][i]
         pair["point"][i] = pair["lever_a"][i] = pair["lever_b"][i] = x
+
+
+@kernel
+def place_surfaces(bodies, pieces, pairs, count):
+    """Compute the surface motion of the rows `pairs[:count]` at their contact points."""
+    for k in range(count):
+        place_contact(pairs[k], pairs[k]["level"])
+        set_surface_motion(bodies, pieces, pairs[k])
 
 
 @kernel

@@ -199,6 +199,16 @@ def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
     return [{"effect": one.effect, "plan": one.state, "because": one.reason} for one in decisions]
 
 
+def surface_lines(scenario: Scenario) -> Iterator[str]:
+    """The motion of each surface relative to its body, in words and numbers."""
+    for body in scenario.bodies:
+        for piece in body.pieces:
+            rates = ((piece.surface_velocity, "m/s"), (piece.surface_angular_velocity, "rad/s"))
+            shown = [f"{_numbers(rate)} {unit}" for rate, unit in rates if any(rate)]
+            if shown:
+                yield f"surface of {body.name}.{piece.name} moves at {' and '.join(shown)}"
+
+
 def truth_lines(scenario: Scenario) -> Iterator[str]:
     """The closed-form motion of each body, and the stated forces, in words and numbers."""
     for truth in scenario.truths:

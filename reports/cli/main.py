@@ -299,7 +299,7 @@ def show(
     output: FormatOption = Format.table,
 ) -> None:
     """Show what a scenario is made of."""
-    from touchstone.reports.cli.listing import effect_rows, show_rows, truth_lines
+    from touchstone.reports.cli.listing import effect_rows, show_rows, surface_lines, truth_lines
     from touchstone.scenarios.scenario import UNMOVED
 
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
@@ -337,7 +337,7 @@ def show(
         print(f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {declared}")
         for e in chosen.expectations:
             print(f"expects {e.event} {e.body}-{e.other} from {e.earliest:g} to {e.latest:g} s")
-        for line in truth_lines(chosen):
+        for line in (*surface_lines(chosen), *truth_lines(chosen)):
             print(line)
     show_rows(rows, output)
 

@@ -74,7 +74,7 @@ CAUSES: tuple[Cause, ...] = (
                 "friction.cone": "tower_20_jittered",
             },
             "equal-step": {
-                "friction.cone": "drag tip_falls",
+                "friction.cone": "belt belt_ramp drag tip_falls",
                 "friction.deficit": "ball_snip:table-ball",
             },
             "default": {
@@ -87,7 +87,9 @@ CAUSES: tuple[Cause, ...] = (
         BOX,
         {
             "recommended equal-step default": {
-                "friction.cone": "slide_seed0 slide_seed1 slide_seed2 slip slip_seed0 slip_seed1 slip_seed2",
+                "friction.cone": (
+                    "belt_across slide_seed0 slide_seed1 slide_seed2 slip slip_seed0 slip_seed1 slip_seed2"
+                ),
                 "friction.stop": "slide:box_22.5 slide:box_45",
                 "rolling.time": "slip:ball_22.5 slip:ball_45",
             },
@@ -126,10 +128,11 @@ CAUSES: tuple[Cause, ...] = (
             },
             "equal-step": {
                 "contact.gap": (
-                    "slide:plane-box_45 slide_seed0:plane-box_3.69 slide_seed0:plane-box_73.2 "
-                    "slide_seed1:plane-box_28.1 slide_seed2:plane-box_54"
+                    "belt:belt-against belt:belt-set belt_ramp slide:plane-box_45 "
+                    "slide_seed0:plane-box_3.69 slide_seed0:plane-box_73.2 slide_seed1:plane-box_28.1 "
+                    "slide_seed2:plane-box_54"
                 ),
-                "overlap.max": "slide_seed0 slide_seed2",
+                "overlap.max": "belt belt_ramp slide_seed0 slide_seed2",
                 "rest.moved": "incline_holds",
                 "symmetry.mirror": "dominoes",
             },

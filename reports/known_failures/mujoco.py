@@ -127,10 +127,10 @@ CAUSES: tuple[Cause, ...] = (
         {
             "recommended equal-step": {
                 "contact.gap": (
-                    "bounce_e0 brick_wall:floor-brick_1_1 brick_wall:floor-brick_1_2 "
-                    "brick_wall:floor-brick_1_3 brick_wall:floor-brick_1_4 drag:ground-box grip:cube-left "
-                    "grip:cube-right grip:ground-cube lift:ground-cube platform_lift platform_slip "
-                    "platform_stick press:ground-box pyramid:floor-box_1_1 "
+                    "belt belt_across belt_ramp bounce_e0 brick_wall:floor-brick_1_1 "
+                    "brick_wall:floor-brick_1_2 brick_wall:floor-brick_1_3 brick_wall:floor-brick_1_4 "
+                    "drag:ground-box grip:cube-left grip:cube-right grip:ground-cube lift:ground-cube "
+                    "platform_lift platform_slip platform_stick press:ground-box pyramid:floor-box_1_1 "
                     "pyramid:floor-box_1_2 pyramid:floor-box_1_3 pyramid:floor-box_1_4 "
                     "pyramid:floor-box_1_5 pyramid:floor-box_1_6 pyramid:floor-box_1_7 "
                     "pyramid:floor-box_1_8 shaker_along slide_seed0 slide_seed1 slide_seed2 "
@@ -199,7 +199,8 @@ CAUSES: tuple[Cause, ...] = (
                 "overlap.max": "slide",
             },
             "equal-step": {
-                "overlap.max": "slide_seed0 slip_seed1",
+                "force.error": "belt:belt-against",
+                "overlap.max": "belt belt_across slide_seed0 slip_seed1",
             },
         },
     ),

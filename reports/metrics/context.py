@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.reports.judge import fault_text
+from touchstone.scenarios.avatar.surface_motion import material_velocity, surface_moves
 from touchstone.scenarios.closed_form import Motion, motion
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import TRACKED, Scenario
 from touchstone.scenarios.truths.named_pairs import named_pairs
 
 if TYPE_CHECKING:
@@ -127,10 +128,22 @@ class Context:
         return r.position + turned.apply(local).reshape(frames, count, 3)
 
     def surface_velocity(self, body: int, point: Array) -> Array:
-        """Velocity (f, 3) of a body's surface at world points (f, 3)."""
+        """Velocity (f, 3) of a body at world points (f, 3), without the motion of its surface's material."""
         r = self.recording
         arm = point - self.mass_centers[:, body]
         return r.linear_velocity[:, body] + np.cross(r.angular_velocity[:, body], arm)
+
+    def material_velocity(self, body: int, point: Array, normal: Array) -> Array:
+        """Velocity (f, 3) of a body's material at points (f, 3) of contact planes with normals (f, 3)."""
+        r = self.recording
+        arm, turn = point - r.position[:, body], r.orientation[:, body]
+        motion = material_velocity(self.scenario.bodies[body], turn, arm, normal)
+        return self.surface_velocity(body, point) + motion
+
+    @cached_property
+    def drives(self) -> NDArray[np.bool_]:
+        """Per body, whether its contacts do work: it follows a tracker, or its surface moves."""
+        return np.array([body.kind in TRACKED or surface_moves(body) for body in self.scenario.bodies])
 
     @cached_property
     def restitution(self) -> Array:

@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.random import Generator
 
-from touchstone.scenarios.random_scenes import fast, piles, stacks
+from touchstone.scenarios.random_scenes import driven, fast, piles, stacks
 from touchstone.scenarios.random_scenes.bodies import MATERIAL
 from touchstone.scenarios.random_scenes.hands import HAND_MATERIAL
-from touchstone.scenarios.random_scenes.setup import Setup
+from touchstone.scenarios.random_scenes.setup import Driven, Setup
 from touchstone.scenarios.scenario import PairCoefficients, Scenario
 
 KINDS: Mapping[str, Callable[[Generator], Setup]] = {
@@ -36,7 +36,17 @@ KINDS: Mapping[str, Callable[[Generator], Setup]] = {
 """Kinds that a seed may choose: name, which is also the tag, and builder."""
 FAST_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"shot": fast.shots, "slap": fast.slaps}
 """Kinds that are used on request only: they need continuous collision detection."""
-ALL_KINDS = {**KINDS, **FAST_KINDS}
+DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
+    "grip": driven.grips,
+    "drag": driven.drags,
+    "lift": driven.lifts,
+    "shake": driven.shakes,
+    "belt": driven.belts,
+    "sweep": driven.sweeps,
+    "person": driven.persons,
+}
+"""Kinds with drivers of all masses and stiffnesses, that are used on request only."""
+ALL_KINDS = {**KINDS, **FAST_KINDS, **DRIVEN_KINDS}
 FRAME_RATE = 60
 FRAMES = (42, 73)
 """Range of the number of frames: 0.7 to 1.2 s, in which drops of a few centimetres land and settle."""
@@ -49,7 +59,7 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
         seed: 0 or more; names the scene `random_<seed>`.
         kind: one of ALL_KINDS; None: the seed chooses one of KINDS.
     Returns:
-        A scene of 1 to 30 simulated bodies, 0.7 to 1.2 s long, with the tags `random` and its kind; also
+        A scene of 0 to 30 simulated bodies, 0.7 to 1.2 s long, with the tags `random` and its kind; also
         `isolated` if no external force acts, and `conservative` if energy is conserved as well.
     """
     rng = np.random.default_rng(seed)
@@ -58,24 +68,32 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
     duration = int(rng.integers(*FRAMES)) / FRAME_RATE
     e, mu = _coefficient(rng), _coefficient(rng)
     setup = ALL_KINDS[kind](rng)
-    hand = setup.hand
+    hand, drivers = setup.hand, list(setup.driven)
+    if hand:
+        drivers.append(Driven(hand.bodies, hand.joints, hand.tracker(duration)))
+    chains = tuple(chain for driver in drivers for chain in driver.chains)
     tags = ["random", kind, *setup.tags]
     if "isolated" in tags and e == 1 and mu == 0:
         tags.append("conservative")
     materials = [(MATERIAL, MATERIAL)]
-    if hand:
+    if drivers:
         materials += [(MATERIAL, HAND_MATERIAL), (HAND_MATERIAL, HAND_MATERIAL)]
     return Scenario(
         name=f"random_{seed}",
         summary=f"{kind}: {setup.summary}; e = {e:.3g}, mu = {mu:.3g}",
         tags=tuple(tags),
-        bodies=(*setup.bodies, *(hand.bodies if hand else ())),
+        bodies=(*setup.bodies, *(body for driver in drivers for body in driver.bodies)),
         coefficients=tuple(PairCoefficients(a, b, e, mu) for a, b in materials),
         duration=duration,
-        joints=hand.joints if hand else (),
-        trackers=(hand.tracker(duration),) if hand else (),
+        joints=tuple(joint for driver in drivers for joint in driver.joints),
+        trackers=tuple(driver.tracker for driver in drivers),
+        chains=chains,
         frame_rate=FRAME_RATE,
-        effects=(*(("gravity",) if setup.gravity else ()), "restitution", "friction"),
+        effects=(
+            *(("gravity",) if setup.gravity else ()),
+            *("restitution", "friction"),
+            *(("self_collision",) if chains else ()),
+        ),
         seed=seed,
     )
 

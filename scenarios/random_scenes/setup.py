@@ -10,7 +10,18 @@ from numpy.random import Generator
 
 from touchstone.scenarios.random_scenes.bodies import support, turned
 from touchstone.scenarios.random_scenes.hands import Pressing
-from touchstone.scenarios.scenario import IDENTITY, Body, Box, Quaternion, Shape, Vector, vector
+from touchstone.scenarios.scenario import (
+    IDENTITY,
+    Body,
+    Box,
+    Chain,
+    Joint,
+    Quaternion,
+    Shape,
+    Tracker,
+    Vector,
+    vector,
+)
 
 Y: Vector = (0.0, 1.0, 0.0)
 Z: Vector = (0.0, 0.0, 1.0)
@@ -28,14 +39,26 @@ RATIOS = (1.0, 10.0, 1e2, 1e4)
 
 
 @dataclass(frozen=True, slots=True)
+class Driven:
+    """A driven or prescribed body and its path, which covers any random scene."""
+
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]
+    tracker: Tracker
+    chains: tuple[Chain, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Setup:
-    """Contents of a scene of some kind; `hand` is set if a driven body presses."""
+    """Contents of a scene of some kind, without the bodies of `hand`, which is set if a driven body presses,
+    and those of its other drivers."""
 
     summary: str
     bodies: Sequence[Body]
     tags: tuple[str, ...] = ()
     hand: Pressing | None = None
     gravity: bool = True
+    driven: Sequence[Driven] = ()
 
 
 def random_gap(rng: Generator, largest: float = DROP) -> float:

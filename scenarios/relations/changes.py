@@ -135,7 +135,13 @@ def _rescaled_tracker(one: Tracker, size: float, times: float, coupled: bool) ->
 
 def _rescaled_body(one: Body, size: float, times: float) -> Body:
     pieces = tuple(
-        replace(p, shape=_rescaled_shape(p.shape, size), position=_scaled(p.position, size))
+        replace(
+            p,
+            shape=_rescaled_shape(p.shape, size),
+            position=_scaled(p.position, size),
+            surface_velocity=_scaled(p.surface_velocity, times),
+            surface_angular_velocity=_scaled(p.surface_angular_velocity, 1 / times),
+        )
         for p in one.pieces
     )
     return replace(

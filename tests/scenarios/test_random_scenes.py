@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import State
-from touchstone.scenarios.random_scenes import KINDS, random_scene
+from touchstone.scenarios.avatar.surface_motion import surface_moves
+from touchstone.scenarios.random_scenes import DRIVEN_KINDS, KINDS, random_scene
 from touchstone.scenarios.random_scenes.bodies import SHAPES, random_orientation, random_shape, support
 from touchstone.scenarios.scenario import Capsule, Ellipsoid, Hull, Scenario
 
@@ -57,6 +58,23 @@ def test_a_kind_can_be_asked_for(kind: str) -> None:
     assert bool(scene.trackers) == (kind == "press")
 
 
+@pytest.mark.parametrize("kind", DRIVEN_KINDS)
+def test_drivers_are_of_all_couplings(kind: str) -> None:
+    """Build scenes with drivers whose path covers them, of many masses and stiffnesses, or a platform."""
+    scenes = [random_scene(seed, kind) for seed in range(20)]
+    if kind == "belt":
+        assert all(any(map(surface_moves, scene.bodies)) for scene in scenes)
+        return
+    assert all(scene.trackers[0].times[-1] >= scene.duration for scene in scenes)
+    roots = [scene.bodies[scene.body_index(scene.trackers[0].root)] for scene in scenes]
+    assert {root.kind for root in roots} == {"prescribed" if kind == "shake" else "driven"}
+    if kind not in ("shake", "person"):
+        rates = [scene.trackers[0].stiffness / root.mass for scene, root in zip(scenes, roots)]
+        assert max(rates) > 1000 * min(rates)
+    jumps = {scene.trackers[0].interpolation for scene in scenes}
+    assert jumps == ({"cubic", "held"} if kind == "person" else {"cubic"})
+
+
 def at_start(registry: SimpleNamespace, scene: Scenario) -> State:
     """The state before the first step, hands as their trackers show them."""
     world = registry.engine("reference").build(scene, registry.settings("reference"))
@@ -72,8 +90,9 @@ def test_nothing_overlaps_at_the_start(registry: SimpleNamespace, recordings: Si
         "touchstone.adapters.oracles.overlap", reason="not installed: coal or python-fcl"
     )
     touching = 0
-    for seed in SEEDS:
-        scene = random_scene(seed)
+    asked = [(seed, None) for seed in SEEDS] + [(seed, kind) for kind in DRIVEN_KINDS for seed in range(10)]
+    for seed, kind in asked:
+        scene = random_scene(seed, kind)
         state = at_start(registry, scene)
         whole = recordings.recording(scene)
         first = replace(

@@ -17,6 +17,7 @@ from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.relations.changes import heavier, rescaled, rotated
 from touchstone.scenarios.scenario import (
     HOLD_LAST,
+    UNMOVED,
     Body,
     Box,
     Capsule,
@@ -287,6 +288,25 @@ def test_a_prescribed_body_needs_neither_mass_nor_partners() -> None:
     assert {"bodies[4].position", "bodies[4].linear_velocity"} <= found.keys()
     hung = replace(fields["joints"][0], child="deck")
     assert "expected a driven body" in faults_of(fields | {"joints": (hung,)})["joints[0].child"]
+
+
+def test_faults_of_moving_surfaces() -> None:
+    """Accept them on fixed and prescribed bodies; refuse them on others, and what are not three numbers."""
+    fields = prescribed()
+    for k, body in enumerate(fields["bodies"]):
+        moved = replace(body.pieces[0], surface_velocity=(1.0, 0.0, 0.0)) if body.pieces else None
+        others = fields["bodies"][:k], fields["bodies"][k + 1 :]
+        changed = fields | {"bodies": (*others[0], replace(body, pieces=(moved,)), *others[1])}
+        if body.kind in UNMOVED:
+            scene = Scenario(**changed)
+            assert rescaled(scene, 2.0).bodies[k].pieces[0].surface_velocity == (2.0, 0.0, 0.0)
+        elif moved:
+            message = f"{body.name!r} is {body.kind}, expected fixed or prescribed"
+            assert message in faults_of(changed)[f"bodies[{k}].pieces[0].surface_velocity"]
+    bad = replace(fields["bodies"][0].pieces[0], surface_angular_velocity=(nan, 0.0, 0.0))
+    first = replace(fields["bodies"][0], pieces=(bad,))
+    found = faults_of(fields | {"bodies": (first, *fields["bodies"][1:])})
+    assert "nan" in found["bodies[0].pieces[0].surface_angular_velocity"]
 
 
 def test_changed_scenes_keep_prescribed_paths() -> None:

@@ -14,6 +14,7 @@ from touchstone.adapters.engines.bullet import tables
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
 from touchstone.adapters.registry import MAXIMAL
 from touchstone.adapters.servo import Drive, simulated_masses
+from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
@@ -45,7 +46,7 @@ class Bodies:
         arm: centres of mass in the body frames (n, 3) [m].
         colliders: per body its (id, link) pairs; `body_of` is the inverse.
         rigid: bodies in maximal coordinates.
-        free, driven: multibodies; kinematic: id per posed link and prescribed body.
+        free, driven: multibodies; kinematic: id per posed link, prescribed body and moving surface.
     """
 
     def __init__(
@@ -69,9 +70,10 @@ class Bodies:
 
     def add(self) -> None:
         """Create all bodies in their initial state."""
-        groups = self._scenario.groups()
-        self._weightless = [k for k, group in enumerate(groups) if group >= 0 and group not in self._drives]
-        self.free = [self._add_free(k) for k, group in enumerate(groups) if group < 0]
+        groups, moves = self._scenario.groups(), [surface_moves(body) for body in self._scenario.bodies]
+        posed = [moves[k] if group < 0 else group not in self._drives for k, group in enumerate(groups)]
+        self._weightless = [k for k, weightless in enumerate(posed) if weightless]
+        self.free = [self._add_free(k) for k, group in enumerate(groups) if group < 0 and not posed[k]]
         self.driven = [self._add_driven(k) for k in self._drives]
         self.kinematic = {link: self._create((link,), (), ORIGIN, IDENTITY) for link in self._weightless}
         self.body_of = {link: body for body, links in self.colliders.items() for link in links}
@@ -238,7 +240,7 @@ def _is_plain(body: Body) -> bool:
     It must be a fixed body of one shape, or a simulated ball or box whose inertia is that of its shape:
     Bullet accepts no other (`changeDynamics` of a rigid body's inertia gives NaN).
     """
-    if body.kind in TRACKED or not body.pieces:
+    if body.kind in TRACKED or surface_moves(body) or not body.pieces:
         return False
     hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
     if body.kind == "fixed":

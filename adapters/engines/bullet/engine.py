@@ -41,7 +41,7 @@ from touchstone.adapters.engines.bullet.tables import (
     Multibody,
 )
 from touchstone.adapters.material_combine import check_range, frictions, product_factors, restitutions
-from touchstone.adapters.posed_drive import coupled, posed_of
+from touchstone.adapters.posed_drive import coupled, moving_surfaces, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive, without_ballast
 from touchstone.adapters.vector_products import cross
@@ -78,7 +78,7 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings, factors: list[tuple[float, float]]) -> None:
         self._scenario, self._settings = scenario, settings
-        self._posed = posed_of(scenario, settings)
+        self._posed = posed_of(scenario, settings) + moving_surfaces("bullet", scenario, settings)
         self._moment = 0
         self._coupled = coupled(scenario, settings)
         driven = [scenario.trackers[k] for k in self._coupled]
@@ -155,7 +155,7 @@ class World:
 
     def _place_posed(self) -> None:
         """Set the poses of kinematic links at the current step's end, and of prescribed bodies at its start,
-        with their velocities."""
+        with the velocities of their surfaces."""
         for posed, _ in self._posed:
             step = max(self._moment - 1, 0)
             moment = step if posed.prescribed else self._moment
@@ -165,7 +165,9 @@ class World:
                 number = self._bodies.kinematic[link]
                 pybullet.resetBasePositionAndOrientation(number, center.tolist(), frame.tolist(), **self._on)
                 if posed.prescribed:
-                    rates = posed.velocity[k, step].tolist(), posed.omega[k, step].tolist()
+                    spin, arm = posed.surface_omega[k, step], posed.center[k, step] - posed.place[k, step]
+                    velocity = posed.velocity[k, step] + posed.surface_velocity[k, step] + cross(spin, arm)
+                    rates = velocity.tolist(), (posed.omega[k, step] + spin).tolist()
                     pybullet.resetBaseVelocity(number, *rates, **self._on)
 
     def _turn_hinges(self, step: int, multibody: Multibody, drive: Drive) -> None:

@@ -45,10 +45,10 @@ from touchstone.adapters.material_combine import (
     product_factors,
     restitutions,
 )
-from touchstone.adapters.posed_drive import coupled, posed_of
+from touchstone.adapters.posed_drive import coupled, moving_surfaces, posed_of
 from touchstone.adapters.registry import ACCURATE, ENGINES, require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
-from touchstone.scenarios.scenario import TRACKED, UNMOVED, Scenario
+from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 COEFFICIENT_MIN = 1e-3
 """Restitution and friction up to this value count as zero in DART (ContactSurface.hpp) [1]."""
@@ -144,9 +144,8 @@ class World:
             check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
         restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
         friction = minimum_factors("dart", "friction", scenario, asked["friction"])
-        self._posed = posed_of(scenario, settings)
-        self._moment = 0
-        self._coupled = coupled(scenario, settings)
+        self._posed = posed_of(scenario, settings) + moving_surfaces("dart", scenario, settings)
+        self._moment, self._coupled = 0, coupled(scenario, settings)
         self._trackers = [scenario.trackers[k] for k in self._coupled]
         self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in self._trackers]
         by_name = {joint.name: joint for joint in scenario.joints}
@@ -156,7 +155,7 @@ class World:
         for drive, tracker in zip(self._drives, self._trackers):
             nodes |= add_driven(self._world, scenario, drive, [by_name[name] for name in tracker.joints])
         for k, body in enumerate(scenario.bodies):
-            if body.kind not in TRACKED:
+            if k not in nodes:
                 nodes[k] = add_body(self._world, body)
         self._nodes = [nodes[k] for k in range(len(scenario.bodies))]
         self._moving = [(k, nodes[k]) for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
@@ -220,8 +219,9 @@ class World:
             for k, link in enumerate(posed.links):
                 joint = self._nodes[link].getParentJoint()
                 joint.setTransform(isometry(posed.place[k, step], posed.orientation[k, step]))
-                joint.setAngularVelocity(posed.omega[k, step])
-                joint.setLinearVelocity((posed.place[k, step + 1] - posed.place[k, step]) / self._settings.dt)
+                velocity = (posed.place[k, step + 1] - posed.place[k, step]) / self._settings.dt
+                joint.setAngularVelocity(posed.omega[k, step] + posed.surface_omega[k, step])
+                joint.setLinearVelocity(velocity + posed.surface_velocity[k, step])
                 joint.setCommands(joint.getVelocities())
 
     def step(self) -> None:

@@ -61,6 +61,7 @@ from touchstone.adapters.engines.drake.model import (
 from touchstone.adapters.material_combine import frictions
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
+from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -77,6 +78,8 @@ class DrakeEngine:
             raise Unsupported("drake: no kinematic links in a discrete plant; choose --drive native")
         if any(map(scenario.prescribes, scenario.trackers)):
             raise Unsupported("drake: no prescribed bodies in a discrete plant")
+        if any(map(surface_moves, scenario.bodies)):
+            raise Unsupported("drake: no moving surfaces in a discrete plant")
         if approximation_of(settings) == TAMSI and scenario.trackers and settings.drive == "native":
             raise Unsupported("drake: TAMSI has no position servos; choose the profile point")
         check_restitution(scenario)

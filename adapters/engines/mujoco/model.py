@@ -163,6 +163,11 @@ def _set_mass(target: Any, body: Body | BodyFacts) -> None:
 def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
     """Add a geom that touches nothing (contype and conaffinity 0) until contacts are added."""
     geom = body.add_geom(name=name, pos=piece.position, quat=piece.orientation, contype=0, conaffinity=0)
+    motion = (*piece.surface_velocity, *piece.surface_angular_velocity)
+    if any(motion):
+        if not hasattr(geom, "surfacevel"):
+            raise Unsupported("mujoco: no moving surfaces before 3.11")
+        geom.surfacevel = motion
     match piece.shape:
         case Sphere():
             _add_sphere(geom, piece.shape)

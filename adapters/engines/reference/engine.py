@@ -39,6 +39,7 @@ from touchstone.reference_impl.core.kernel import JIT, entry_point
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.paper import attraction, ccd_ik, impulses, overlap_avoidance
 from touchstone.reference_impl.paper import frame as paper_frame
+from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.relations.changes import heavier
 from touchstone.scenarios.scenario import UNMOVED, Scenario
@@ -97,6 +98,8 @@ class ReferenceEngine:
         """Translate a scenario to a world of the reference."""
         if settings.profile == PAPER and any(map(scenario.prescribes, scenario.trackers)):
             raise Unsupported("reference: the method of profile paper has no prescribed bodies")
+        if settings.profile == PAPER and any(map(surface_moves, scenario.bodies)):
+            raise Unsupported("reference: the method of profile paper has no moving surfaces")
         compile_seconds()
         return _World(scenario, settings, self.version())
 

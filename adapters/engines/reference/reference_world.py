@@ -17,6 +17,7 @@ from touchstone.reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CO
 from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
 from touchstone.reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VERTEX, World
 from touchstone.scenarios.avatar.chains import hinge_axes
+from touchstone.scenarios.avatar.surface_motion import surface_motion, surface_moves
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.scenario import (
     UNMOVED,
@@ -96,6 +97,8 @@ def body_order(scenario: Scenario) -> list[int]:
 def translate(scenario: Scenario) -> World:
     """Arrays of a scenario: driven bodies are posed as their trackers at time 0; settings are left unset."""
     pieces, vertices = _pieces(scenario)
+    for row, (body, piece) in zip(pieces, ((b, p) for b in scenario.bodies for p in b.pieces)):
+        row["surface_velocity"], row["surface_omega"] = surface_motion(piece, np.array(body.center_of_mass))
     joints = _joints(scenario)
     world = World(
         bodies=_bodies(scenario, pieces),
@@ -107,9 +110,11 @@ def translate(scenario: Scenario) -> World:
         contacts=np.zeros(contact_capacity(scenario), CONTACT),
         state=np.zeros(1, STATE),
     )
+    world.pairs["surface_a"] = world.pairs["surface_b"] = conventions.NO_MOTION
     world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
     world.state["self_collision"] = "self_collision" in scenario.effects
     others = world.bodies["kind"] != conventions.DRIVEN
+    world.state["moving_surfaces"] = any(map(surface_moves, scenario.bodies))
     world.state["least_width"] = world.bodies["width"][others].min(initial=np.inf)
     _set_chains(scenario, world)
     _set_links(scenario, world)

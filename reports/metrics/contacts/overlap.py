@@ -87,7 +87,8 @@ def _resting_gaps(context: Context) -> dict[str, float]:
             other = b if a == body else a
             if body not in (a, b) or context.kind[other] not in UNMOVED:
                 continue
-            carried = context.surface_velocity(other, context.mass_centers[:, body])
+            normal = context.distances.normal[a, b]
+            carried = context.material_velocity(other, context.mass_centers[:, body], normal)
             speed = np.linalg.norm(context.recording.linear_velocity[:, body] - carried, axis=1)
             resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
             if resting.sum() >= FEWEST:

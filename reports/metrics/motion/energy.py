@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.posture import limit_excess
-from touchstone.scenarios.scenario import TRACKED, UNMOVED
+from touchstone.scenarios.scenario import UNMOVED
 
 Mask = NDArray[np.bool_]
 
@@ -64,7 +64,7 @@ def energy_injected(context: Context) -> Values:
     driven bodies exert some: the same with the velocity of the driven body, as in `energy.drive`, so that a
     contact must not give more than its driver. Subject `all`, in scenes with driven bodies: every body; W is
     the work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
-    Prescribed bodies count as driven ones.
+    Prescribed bodies and those whose surface moves count as driven ones.
     """
     found: dict[str, float | Value] = {
         subject: float(np.max(rise)) for subject, rise in energy_rise(context).items()
@@ -100,8 +100,8 @@ def energy_ledger(context: Context) -> Values:
     """
     if context.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
-    rows, kind = context.recording.contacts, np.array(context.kind)
-    free = ~np.isin(kind[rows["body_a"]], TRACKED) & ~np.isin(kind[rows["body_b"]], TRACKED)
+    rows, drives = context.recording.contacts, context.drives
+    free = ~drives[rows["body_a"]] & ~drives[rows["body_b"]]
     normal, tangential = context.impulses
     mean = rows["velocity_b_before"] - rows["velocity_a_before"]
     mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
@@ -153,26 +153,32 @@ def spin(context: Context, body: int, orientation: Array, omega: Array) -> Array
 
 
 def energy_drive(context: Context) -> Values:
-    """Work of each driven or prescribed body on what it touches, the sum of J . (v- + v+) / 2 [J].
+    """Work of each driver, prescribed body and moving surface on what it touches, J . (v- + v+) / 2 [J].
 
     J is the impulse on the other body, v the velocity of the driven link's surface at the contact before and
     after it. Contacts between links of one body are excluded: they do no work on others.
     """
     found = {name: float(work[-1]) for name, work in drive_work(context).items()}
     if not found:
-        raise NotMeasured("the engine reports no impulse of a driven or prescribed body")
+        raise NotMeasured("the engine reports no impulse of a driven or prescribed body, or moving surface")
     return found
 
 
 def drive_work(context: Context) -> dict[str, Array]:
-    """Work of each driver's contacts by the end of each frame (f,) [J], by the name of its root."""
-    rows, groups = context.recording.contacts, np.array(context.scenario.groups())
+    """Work of each driver's or moving surface's contacts by the end of each frame (f,) [J], by the name of
+    its root or body."""
+    rows, scenario, groups = context.recording.contacts, context.scenario, np.array(context.scenario.groups())
+    # a body that only its surface drives is its own group
+    alone = context.drives & (groups < 0)
+    groups[alone] = len(scenario.trackers) + np.flatnonzero(alone)
     outside = groups[rows["body_a"]] != groups[rows["body_b"]]
+    names = {k: tracker.root for k, tracker in enumerate(scenario.trackers)}
+    names |= {int(groups[k]): scenario.bodies[k].name for k in np.flatnonzero(alone)}
     found = {}
-    for k, tracker in enumerate(context.scenario.trackers):
+    for k, name in names.items():
         of_a, of_b = (outside & (groups[rows[f"body_{side}"]] == k) for side in "ab")
         if (of_a | of_b).any():
-            found[tracker.root] = _contact_work(context, "a", of_a) + _contact_work(context, "b", of_b)
+            found[name] = _contact_work(context, "a", of_a) + _contact_work(context, "b", of_b)
     return found
 
 
@@ -181,7 +187,7 @@ def _work_of_driven_contacts(context: Context, at: Literal["simulated", "driven"
     rows, kind = context.recording.contacts, np.array(context.kind)
     work = np.zeros(len(context.recording.time))
     for free, driven in ("ab", "ba"):
-        chosen = (kind[rows[f"body_{free}"]] == "simulated") & np.isin(kind[rows[f"body_{driven}"]], TRACKED)
+        chosen = (kind[rows[f"body_{free}"]] == "simulated") & context.drives[rows[f"body_{driven}"]]
         side, sign = (driven, 1.0) if at == "driven" else (free, -1.0)
         work += sign * _contact_work(context, side, chosen)
     return work

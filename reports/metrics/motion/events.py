@@ -119,7 +119,8 @@ def _roll(context: Context, expectation: Expectation) -> float:
     pair = context.expected_pairs[(expectation.body, expectation.other)][0]
     d, r = context.distances, context.recording
     point, normal = d.point[pair], d.normal[pair]
-    slip = context.surface_velocity(pair[1], point) - context.surface_velocity(pair[0], point)
+    velocity = [context.material_velocity(k, point, normal) for k in pair]
+    slip = velocity[1] - velocity[0]
     slip -= np.einsum("fi,fi->f", slip, normal)[:, None] * normal
     speed = np.linalg.norm(slip, axis=1)
     touches = [_time(context, e) for e in context.scenario.expectations if e.event == "touch"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from matplotlib.figure import Figure
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.studies.robustness.play import EXACT
 from touchstone.reports.views.pictures import INK, PALE
-from touchstone.scenarios.random_scenes import KINDS
+from touchstone.scenarios.random_scenes import ALL_KINDS
 
 ACROSS = 2
 """Number of panels side by side."""
@@ -63,7 +64,7 @@ def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
 
 
 def _panel(axes: Axes, runs: pd.DataFrame) -> None:
-    for kind, hue in zip(KINDS, HUES):
+    for kind, hue in zip(ALL_KINDS, cycle(HUES)):
         part = runs[runs.kind == kind]
         if len(part):
             axes.plot(

@@ -2,6 +2,9 @@
 
 Energy of simulated bodies may only decrease, momentum of isolated ones is conserved, bodies do not overlap or
 pass through each other, and the run is finite and ends in time. U is the energy at the start (`available`).
+Drivers may add the work of their contacts, as `energy.injected` counts it, if the engine reports it; U then
+includes the largest of it. None is thrown: bodies are at most some times as fast as the trackers, and so are
+roots that follow no jumps.
 """
 
 from __future__ import annotations
@@ -22,11 +25,17 @@ from touchstone.reports.metrics.contacts.overlap import overlap_depth
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED
 from touchstone.reports.metrics.context import Context, NotMeasured
-from touchstone.reports.metrics.motion.energy import STORING, mechanical_energy
+from touchstone.reports.metrics.motion.energy import (
+    STORING,
+    drive_work,
+    energy_rise,
+    mechanical_energy,
+)
 from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
+from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.random_scenes.bodies import support
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import Scenario, Tracker
 from touchstone.scenarios.transforms import perturbed
 
 OUTCOMES = (
@@ -39,6 +48,7 @@ OUTCOMES = (
     "overlap",
     "momentum",
     "rise",
+    "work",
     "residual",
     "ok",
 )
@@ -51,8 +61,9 @@ PATIENCE = 300.0
 """Time without an answer after which the process is terminated [s]: longer than a cold compilation."""
 EXPLODED = 1.0
 """Energy gained since the start, over U, from which a run counts as exploded [1]: it has doubled."""
-EXPLODED_SPEED = 30.0
-"""Speed from which a run with a driven body counts as exploded [m/s]: ten times the fastest hand's."""
+EXPLODED_SPEED, EXPLODED_PACE = 30.0, 4.0
+"""Speed from which a run with a driven body counts as exploded [m/s], ten times the fastest hand's, or over
+the speed of the fastest tracker that does not jump [1]: an impact doubles it, and the next one again."""
 COUNTERS = ("gave_up", "unconverged", "dropped_time", "parted_energy", "solves", "solves.open")
 """Counters of the reference for frames that were not resolved exactly; dropped_time in s, parted_energy in
 J."""
@@ -61,18 +72,19 @@ J."""
 @dataclass(frozen=True, slots=True)
 class Bounds:
     """Largest values of an `ok` run: overlap [m], change of momentum over its sum [1], rise of energy in a
-    frame over U [1], residual of a frame [m/s]."""
+    frame over U [1], residual of a frame [m/s], rise of energy beyond the work of drivers over U [1]."""
 
     overlap: float
     momentum: float
     rise: float
     residual: float
+    given: float
 
 
-EXACT = Bounds(overlap=1.02e-6, momentum=1e-9, rise=1e-6, residual=1e-7)
+EXACT = Bounds(overlap=1.02e-6, momentum=1e-9, rise=1e-6, residual=1e-7, given=0.01)
 """Bounds of the reference: it detects touching within 1e-6 m, the oracle's tolerance is 1e-8 m; the rest is
-what the solver guarantees."""
-FIRST_ORDER = Bounds(overlap=1e-2, momentum=1e-6, rise=0.05, residual=inf)
+what the solver guarantees. The work of a stiff driver in a substep that ends early is known to a percent."""
+FIRST_ORDER = Bounds(overlap=1e-2, momentum=1e-6, rise=0.05, residual=inf, given=inf)
 """Bounds of DART, Bullet and MuJoCo: they detect contact after overlap, by v h at 2.4 m/s and 1/240 s; energy
 to 5 %."""
 
@@ -104,6 +116,7 @@ class Assessment:
     frames: int = 0
     rise: float = nan  # largest in a frame over U [1]
     gain: float = nan  # largest since the start over U [1]
+    given: float = nan  # largest over any window beyond the work of drivers, over U [1]
     overlap: float = nan  # deepest [m]
     passages: float = nan
     momentum: float = nan  # largest change, linear or angular, over its sum [1]
@@ -211,11 +224,15 @@ def _judged(
     depth = np.zeros(len(recording.time)) if alone else overlap_depth(context)
     depth = np.where(depth < UNBOUNDED, depth, inf)
     rise, gain = _energy(context, depth)
-    speed = float(np.abs(recording.linear_velocity[:, context.simulated]).max())
-    exploded = speed > EXPLODED_SPEED if scenario.trackers else gain > EXPLODED
+    given = _beyond_work(context)
+    steady = [tracker for tracker in scenario.trackers if tracker.interpolation == "cubic"]
+    moving = [*context.simulated, *(scenario.body_index(tracker.root) for tracker in steady)]
+    speed = float(np.abs(recording.linear_velocity[:, moving]).max(initial=0.0))
+    exploded = speed > _fastest(scenario, steady) if context.drives.any() else gain > EXPLODED
     found |= {
         "rise": rise,
         "gain": gain,
+        "given": given,
         "overlap": float(depth.max()),
         "passages": float(len(passages(context))),
         "momentum": _momentum(context),
@@ -227,6 +244,7 @@ def _judged(
         "overlap": found["overlap"] > bounds.overlap,  # type: ignore[operator]
         "momentum": found["momentum"] > bounds.momentum,  # type: ignore[operator]
         "rise": rise > bounds.rise,
+        "work": given > bounds.given,
         "residual": residual > bounds.residual,
     }
     classes = [name for name in OUTCOMES if name == outcome or breaks.get(name)]
@@ -239,12 +257,39 @@ def _energy(context: Context, depth: Array) -> tuple[float, float]:
 
     A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise.
     """
-    if context.scenario.trackers:
+    if context.drives.any():
         return nan, nan
     energy = mechanical_energy(context, context.simulated)
     rises = np.where(depth[:-1] > STORING, 0.0, np.diff(energy))
     u = available(context.scenario)
     return max(0.0, float(rises.max(initial=0.0))) / u, float((energy - energy[0]).max()) / u
+
+
+def _beyond_work(context: Context) -> float:
+    """Largest rise of energy over any window beyond the work of drivers, over U and that work [1]; NaN where
+    it is unknown. Impulses that did not converge, as in a jam, do work of unknown sign by the residual."""
+    if context.recording.facts["engine"] != "reference" or not (context.drives.any() and context.simulated):
+        return nan
+    u = available(context.scenario) + sum(np.abs(work).max() for work in drive_work(context).values())
+    found = energy_rise(context)
+    rise = float(found.get("driven", found["simulated"]).max()) - _unconverged_work(context)
+    return max(0.0, rise) / u
+
+
+def _unconverged_work(context: Context) -> float:
+    """Sum over frames of the residual times all impulses [J]."""
+    recording = context.recording
+    residual = recording.work[:, recording.work_names.tolist().index("residual")]
+    sizes = np.linalg.norm(recording.contacts["impulse"], axis=1)
+    return float(residual @ np.bincount(context.contact_frame, sizes, len(residual))[: len(residual)])
+
+
+def _fastest(scenario: Scenario, steady: list[Tracker]) -> float:
+    """Speed of a body from which a run with drivers counts as exploded [m/s]; `steady`: trackers that do not
+    jump."""
+    times = np.linspace(0.0, scenario.duration, 8 * scenario.frame_count + 1)  # a sweep may take a frame
+    paces = [float(np.abs(sample(tracker, times).linear_velocity).max()) for tracker in steady]
+    return max(EXPLODED_SPEED, EXPLODED_PACE * max(paces, default=0.0))
 
 
 def _momentum(context: Context) -> float:

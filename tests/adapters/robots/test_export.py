@@ -14,7 +14,7 @@ from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import TRACKED, UNMOVED, Capsule, Ellipsoid, Hull
 from touchstone.scenarios.solids import capsule, ellipsoid
 
-SCENES = ("ball_snip", "wall_push", "dominoes", "arch_stands", "fall", "platform_lift", "turntable")
+SCENES = ("ball_snip", "wall_push", "dominoes", "arch_stands", "fall", "platform_lift", "turntable", "belt")
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -37,6 +37,8 @@ def test_mujoco_reads_the_mjcf(name):
             assert own.mass[0] == body.mass
             assert np.allclose(np.sort(own.inertia), moments, rtol=1e-9)
         assert own.geomnum[0] == len(body.pieces)
+        moves = [(*piece.surface_velocity, *piece.surface_angular_velocity) for piece in body.pieces]
+        assert model.geom_surfacevel[model.geom_bodyid == own.id].tolist() == list(map(list, moves))
     for joint in scenario.joints:
         assert model.joint(joint.name).range.tolist() == [joint.lower, joint.upper]
     for tracker in scenario.trackers:

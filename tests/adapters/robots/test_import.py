@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.oracles.articulated import Articulated
-from touchstone.adapters.recorder import ready
+from touchstone.adapters.recorder import ready, record
 from touchstone.adapters.registry import ENGINES, installed, load
 from touchstone.adapters.robots.links import MassProperties, combined, world_pose
 from touchstone.adapters.robots.robot_error import RobotError
@@ -279,3 +279,27 @@ def test_foreign_models_import_and_weigh_the_same_in_every_engine(capsys):
     assert all(re.search(r":\d+: \w+", line) for line in refused)
     assert differ == []
     assert complete >= 25
+
+
+BELT = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1" pos="0 0 -1"/>
+<geom name="belt" type="box" size="2 .3 .1" pos="0 0 -.1" surfacevel="1 0 0 0 0 0"/>
+<geom name="disc" type="plane" size="1 1 1" pos="0 0 -3" surfacevel="0 0 0 0 2 0.5"/>
+<body name="load" pos="0 0 .1"><freejoint/>
+ <geom type="box" size=".1 .1 .1" mass="1" surfacevel="0 2 0 0 0 0"/></body></worldbody></mujoco>"""
+
+
+def test_belts_keep_their_surface_velocity(robot):
+    """Surfaces of fixed geoms move, each in a body of its own; those of bodies that can move are named."""
+    found = robot(BELT)
+    bodies = {body.name: body for body in found.scenario.bodies}
+    assert bodies.keys() == {"world", "belt", "disc", "load"}
+    (piece,) = bodies["belt"].pieces
+    assert (piece.surface_velocity, piece.surface_angular_velocity) == ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    # the slab of a plane has its origin 0.5 m below it
+    (piece,) = bodies["disc"].pieces
+    assert (piece.surface_velocity, piece.surface_angular_velocity) == ((-1.0, 0.0, 0.0), (0.0, 2.0, 0.5))
+    assert bodies["load"].pieces[0].surface_velocity == (0.0, 0.0, 0.0)
+    assert "left out: moving surfaces of 1 geoms whose bodies can move" in found.notes
+    seen = record(load("reference"), replace(found.scenario, duration=1.0), Settings("balanced", 1 / 60))
+    # it slides for 1 / g seconds, mu = 1
+    assert seen.position[-1, -1, 0] == pytest.approx(1 - 1 / (2 * 9.81), abs=1e-6)
