@@ -293,6 +293,8 @@ def _check_support(scenario: Scenario, truth: Truth, body: Body, path: str, repo
     trackers = list(filter(scenario.prescribes, scenario.trackers))
     if len(trackers) != 1 or not any(scenario.acting_gravity):
         report(path, f"found {len(trackers)} prescribed bodies, expected one, and gravity")
+    elif trackers[0].interpolation == "linear":
+        report(path, f"{trackers[0].root!r} is linear between keyframes, expected a velocity without jumps")
     elif truth.law == "carried" and (
         len(set(trackers[0].orientations)) > 1 or any((*body.linear_velocity, *body.angular_velocity))
     ):

@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -49,6 +49,7 @@ from touchstone.reports.cli.scenes.chosen import (
     limits_for,
     metrics_for,
     scenarios_for,
+    tracker_notes,
 )
 from touchstone.reports.cli.scenes.exporting import export
 from touchstone.reports.cli.scenes.importing import import_robot
@@ -174,7 +175,7 @@ def run(
         tracker=tracker,
         limits=limits_for(limits, scenarios),
     )
-    for line in [] if quiet else _held(scenarios):
+    for line in [] if quiet else tracker_notes(scenarios):
         print(line, file=sys.stderr)
     broken: list[BaseException] = []
     at_once = output is Format.table and not quiet and len(scenarios) <= SCENES_IN_FULL
@@ -256,17 +257,6 @@ def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenar
     return [noisy(scenario) for scenario in scenarios]
 
 
-def _held(scenarios: Iterable[Scenario]) -> Iterator[str]:
-    """One line per tracker that holds its last valid sample at some time."""
-    for scenario in scenarios:
-        for i, tracker in enumerate(scenario.trackers):
-            if tracker.held:
-                yield (
-                    f"{scenario.name}: trackers[{i}] holds its last good sample at {tracker.held} of "
-                    f"{len(tracker.times)} keyframes"
-                )
-
-
 def _step(text: str, scenarios: Iterable[Scenario]) -> float:
     """A step such as 1/240; it must divide the frame of every scene."""
     from touchstone.adapters.recorder import substeps
@@ -303,6 +293,8 @@ def show(
     from touchstone.scenarios.scenario import UNMOVED
 
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
+    for line in tracker_notes([chosen]):
+        print(line, file=sys.stderr)
     if others:
         stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
     if effects:

@@ -125,7 +125,7 @@ PRESCRIBED = [
     ({"stiffness": 500.0}, "trackers[1].stiffness", "'deck' is prescribed"),
     ({"damping": 4.0}, "trackers[1].damping", "found 4.0"),
     ({"hinge_frequency": 7.0}, "trackers[1].hinge_frequency", "'deck' is prescribed"),
-    ({"interpolation": "held"}, "trackers[1].interpolation", "splines"),
+    ({"interpolation": "held"}, "trackers[1].interpolation", "does not jump"),
     ({"joints": ("elbow",)}, "trackers[1].joints", "without joints"),
     ({"times": (0.0, 0.5, 0.5)}, "trackers[1].times[2]", "'deck' has two poses at 0.5 s"),
     ({"times": (0.0, 0.0, 1.0)}, "trackers[1].times[1]", "'deck' has two poses at 0 s"),
