@@ -45,7 +45,10 @@ from touchstone.scenarios.scenario import (
     Truth,
 )
 from touchstone.scenarios.truths.force_checks import check_forces
+from touchstone.scenarios.truths.pair_names import ambiguities
 
+LONGEST_NAME = 100
+"""Characters of a body's, joint's or piece's name: they stand in tables and pictures."""
 SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
 
 FLATNESS = 1e-6
@@ -115,8 +118,13 @@ def _check_names(scenario: Scenario, report: Report) -> None:
         for i, name in enumerate(names):
             if not name:
                 report(f"{path}[{i}].name", "found none, expected a name")
+            elif not name.isprintable() or len(name) > LONGEST_NAME:
+                expected = f"at most {LONGEST_NAME} printable characters"
+                report(f"{path}[{i}].name", f"found {name[:LONGEST_NAME]!r}, expected {expected}")
             elif name in names[:i]:
                 report(f"{path}[{i}].name", f"{name!r} is used twice")
+    for i, reason in ambiguities([body.name for body in scenario.bodies]):
+        report(f"bodies[{i}].name", reason)
     if not scenario.name:
         report("name", "found none, expected a name")
     if not scenario.bodies:
