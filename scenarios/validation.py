@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import isfinite
 from typing import get_args
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.chains import check_chains
 from touchstone.scenarios.avatar.number_checks import (
+    LARGEST,
     UNIT_TOLERANCE,
     Report,
     finite,
@@ -98,8 +98,8 @@ def _check_numbers(scenario: Scenario, report: Report) -> None:
             report(field, f"found {value!r}, expected a whole number from {least} on")
     positive([scenario.duration], "duration", report)
     frames = scenario.duration * min(scenario.frame_rate, MOST_FRAMES)
-    if frames > 0 and not (frames < MOST_FRAMES and abs(frames - round(frames)) <= WHOLE):
-        report("duration", f"found {frames:g} frames, expected a whole number of frames below {MOST_FRAMES}")
+    if frames > 0 and not (0.5 < frames < MOST_FRAMES and abs(frames - round(frames)) <= WHOLE):
+        report("duration", f"found {frames:g} frames, expected a whole number from 1 to {MOST_FRAMES - 1}")
     for i, effect in enumerate(scenario.effects):
         if effect not in EFFECTS:
             report(f"effects[{i}]", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
@@ -235,8 +235,8 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
         seen.add(pair_names)
         if not 0 <= pair.restitution <= 1:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
-        if not (isfinite(pair.friction) and pair.friction >= 0):
-            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
+        if not 0 <= pair.friction <= LARGEST:
+            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected 0 to {LARGEST:g}")
     materials = sorted({name for names in seen for name in names})
     missing = set()
     for i, body in enumerate(scenario.bodies):

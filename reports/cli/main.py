@@ -151,6 +151,7 @@ def run(
     ] = False,
     limits: LimitsOption = None,
     allow_paths: AllowPathsOption = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -159,6 +160,7 @@ def run(
     from touchstone.adapters.contract import DRIVES
     from touchstone.reports.judge import judge_faults
     from touchstone.reports.output_folder import OutputError
+    from touchstone.reports.run.cost import TooLargeError, check_memory, limited
     from touchstone.reports.run.study import run as run_study
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
@@ -180,11 +182,12 @@ def run(
     broken: list[BaseException] = []
     at_once = output is Format.table and not quiet and len(scenarios) <= SCENES_IN_FULL
     try:
+        check_memory(request.scenarios, len(request.columns))
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet, by_scene=True) as progress:
             shown = _show_at_once(progress, broken) if at_once else _ignore
-            results = run_study(request, progress, shown)
-    except OutputError as error:
+            results = run_study(request, progress if yes else limited(progress, frames), shown)
+    except (OutputError, TooLargeError) as error:
         stop(str(error), BAD_INPUT)
     if broken:
         raise broken[0]
