@@ -12,6 +12,7 @@ from math import inf
 from typing import Any
 
 from touchstone.adapters.contract import AdapterError
+from touchstone.scenarios.avatar.number_checks import number_of
 
 
 class SettingError(AdapterError):
@@ -66,7 +67,7 @@ class Range:
     def number(self, text: str) -> float:
         """Value in the engine for a number given as text."""
         try:
-            number = float(text)
+            number = number_of(text)
         except ValueError:
             number = inf
         if not self.least <= number <= self.most or (self.whole and number % 1):

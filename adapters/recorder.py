@@ -38,6 +38,8 @@ WARM_UP_FRAMES = 3
 TRIES = 10
 """Maximum number of tries for a measurement without preemption: frames of milliseconds are as long as a
 scheduler's time slice."""
+MOST_STEPS = 10**6
+"""Steps of a frame above which it never ends [1]: engines take a microsecond or more for one."""
 LEAST_SUGGESTED = 1e-9
 """Step below which an error suggests no steps next to it [s]."""
 CROSSINGS = 200
@@ -62,6 +64,8 @@ def substeps(scenario: Scenario, dt: float) -> int:
     if count < 1 or abs(count * dt - frame) > 1e-9 * frame:
         fault = f"dt = {dt:g} s does not divide the frame of 1/{scenario.frame_rate} s"
         raise ValueError(fault + _near_steps(dt, scenario.frame_rate))
+    if count > MOST_STEPS:
+        raise ValueError(f"dt = {dt:g} s is {count:.3g} steps a frame, expected at most {MOST_STEPS}")
     return count
 
 

@@ -82,6 +82,8 @@ COLUMNS = (
     "reason_code",
     "reproduce",
 )
+NUMBERS = ("dt", "seed", "repeat", "value", "low", "high", "limit")
+"""Columns of numbers; the others hold texts."""
 assert set(COLUMNS) == {field.name for field in fields(Row)}
 
 

@@ -31,7 +31,7 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 LAWS = ("arcs", "torque_free", "coupling", "carried", "turntable")
-INTERPOLATIONS = ("cubic", "held")
+INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
 GRAVITY = 9.81
 """Default magnitude of gravity [m/s^2]."""
 HOLD_LAST: ContextVar[bool] = ContextVar("HOLD_LAST", default=False)
@@ -194,8 +194,8 @@ class Tracker(ShortRepr):
     `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation the
     coupling is critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped
     servo of `hinge_frequency` [rad/s]; the reference sets them exactly. `held` counts keyframes that repeat
-    the last good sample. `interpolation`: cubic splines through the keyframes, or held: each time takes the
-    next keyframe. A prescribed body follows the splines exactly: no coupling, no joints, not held.
+    the last good sample. `interpolation`: pchip stays between keyframes; cubic, a spline, may leave them;
+    linear; or held: each time takes the next keyframe. A prescribed body follows its path exactly.
     """
 
     root: str
@@ -208,7 +208,7 @@ class Tracker(ShortRepr):
     damping: float = 40.0
     hinge_frequency: float = 70.0
     held: int = 0
-    interpolation: Literal["cubic", "held"] = "cubic"
+    interpolation: Literal["pchip", "cubic", "linear", "held"] = "pchip"
 
     def hold_last(self) -> Tracker:
         """Copy in which non-finite keyframes repeat the last good one, counted in `held`. Those before the

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import isfinite
 from typing import get_args
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.chains import check_chains
 from touchstone.scenarios.avatar.number_checks import (
+    LARGEST,
     UNIT_TOLERANCE,
     Report,
     finite,
@@ -45,7 +45,10 @@ from touchstone.scenarios.scenario import (
     Truth,
 )
 from touchstone.scenarios.truths.force_checks import check_forces
+from touchstone.scenarios.truths.pair_names import ambiguities
 
+LONGEST_NAME = 100
+"""Characters of a body's, joint's or piece's name: they stand in tables and pictures."""
 SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
 
 FLATNESS = 1e-6
@@ -95,8 +98,8 @@ def _check_numbers(scenario: Scenario, report: Report) -> None:
             report(field, f"found {value!r}, expected a whole number from {least} on")
     positive([scenario.duration], "duration", report)
     frames = scenario.duration * min(scenario.frame_rate, MOST_FRAMES)
-    if frames > 0 and not (frames < MOST_FRAMES and abs(frames - round(frames)) <= WHOLE):
-        report("duration", f"found {frames:g} frames, expected a whole number of frames below {MOST_FRAMES}")
+    if frames > 0 and not (0.5 < frames < MOST_FRAMES and abs(frames - round(frames)) <= WHOLE):
+        report("duration", f"found {frames:g} frames, expected a whole number from 1 to {MOST_FRAMES - 1}")
     for i, effect in enumerate(scenario.effects):
         if effect not in EFFECTS:
             report(f"effects[{i}]", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
@@ -115,8 +118,13 @@ def _check_names(scenario: Scenario, report: Report) -> None:
         for i, name in enumerate(names):
             if not name:
                 report(f"{path}[{i}].name", "found none, expected a name")
+            elif not name.isprintable() or len(name) > LONGEST_NAME:
+                expected = f"at most {LONGEST_NAME} printable characters"
+                report(f"{path}[{i}].name", f"found {name[:LONGEST_NAME]!r}, expected {expected}")
             elif name in names[:i]:
                 report(f"{path}[{i}].name", f"{name!r} is used twice")
+    for i, reason in ambiguities([body.name for body in scenario.bodies]):
+        report(f"bodies[{i}].name", reason)
     if not scenario.name:
         report("name", "found none, expected a name")
     if not scenario.bodies:
@@ -234,8 +242,8 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
         seen.add(pair_names)
         if not 0 <= pair.restitution <= 1:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
-        if not (isfinite(pair.friction) and pair.friction >= 0):
-            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
+        if not 0 <= pair.friction <= LARGEST:
+            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected 0 to {LARGEST:g}")
     materials = sorted({name for names in seen for name in names})
     missing = set()
     for i, body in enumerate(scenario.bodies):
@@ -300,6 +308,8 @@ def _check_support(scenario: Scenario, truth: Truth, body: Body, path: str, repo
     trackers = list(filter(scenario.prescribes, scenario.trackers))
     if len(trackers) != 1 or not any(scenario.acting_gravity):
         report(path, f"found {len(trackers)} prescribed bodies, expected one, and gravity")
+    elif trackers[0].interpolation == "linear":
+        report(path, f"{trackers[0].root!r} is linear between keyframes, expected a velocity without jumps")
     elif truth.law == "carried" and (
         len(set(trackers[0].orientations)) > 1 or any((*body.linear_velocity, *body.angular_velocity))
     ):

@@ -163,6 +163,7 @@ def finger(moving: bool = True) -> Scenario:
         ((0.0, 0.0, 1.0), (reach, 0.0, 1.0), (reach, 0.0, 1.0)),
         ((1.0, 0.0, 0.0, 0.0),) * 3,
         ((0.0, 0.0), (0.4, -0.2), (0.4, -0.2)),
+        interpolation="cubic",
     )
     return scene(
         "finger", palm, link("proximal"), link("distal"), joints=hinges, trackers=(tracker,), gravity=9.81

@@ -42,9 +42,13 @@ def left_out(source: Source, kept: Collection[str]) -> list[str]:
     equalities = [
         one for element in source.root.walk() if element.tag == "equality" for one in element.children
     ]
-    mimics = [one for one in source.root.walk() if one.tag == "mimic"]
+    mimics = [
+        one
+        for one in source.root.walk()
+        if one.tag == "joint" and any(child.tag == "mimic" for child in one.children)
+    ]
     for coupled in (*equalities, *mimics):
-        name = coupled.attributes.get("joint1") or coupled.attributes.get("joint") or coupled.tag
+        name = coupled.attributes.get("joint1") or coupled.attributes.get("name") or coupled.tag
         notes.append(f"left out: the coupling of joint {name!r}")
     hinges = np.flatnonzero(model.jnt_type == HINGE)
     dofs = model.jnt_dofadr[hinges]

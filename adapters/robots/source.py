@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -57,7 +60,7 @@ def compiled(path: Path, allow_paths: bool = False) -> Source:
         return Source("urdf", root, _compiled(root, _urdf_spec(root, path, allow_paths), path))
     if root.tag == "mujoco":
         _check_mjcf(root, path, allow_paths)
-        return Source("mjcf", root, _compiled(root, lambda: mujoco.MjSpec.from_file(str(path)), path))
+        return Source("mjcf", root, _compiled(root, lambda: _mjcf_spec(root, path), path))
     raise RobotError(f"{path}:{root.line}: found <{root.tag}>, expected <robot> (URDF) or <mujoco> (MJCF)")
 
 
@@ -67,6 +70,10 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool) -> Any:
         reason = REFUSED_JOINTS.get(joint.attributes.get("type", ""))
         if reason:
             faults.append(joint.named(f"type {joint.attributes['type']}: {reason}"))
+        for limit in (one for one in joint.children if one.tag == "limit"):
+            lower, upper = (_number(limit, name) for name in ("lower", "upper"))
+            if lower > upper:
+                faults.append(joint.named(f"limits from {lower:g} to {upper:g} are inverted"))
     root.children = [one for one in root.children if one.tag in ("link", "joint", "mujoco")]
     for link in (one for one in root.children if one.tag == "link"):
         link.children = [one for one in link.children if one.tag != "visual"]
@@ -80,15 +87,75 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool) -> Any:
             mesh.attributes["filename"] = str(file)
         except RobotError as error:
             faults.append(str(error))
+    faults += _massless(root)
     if faults:
         raise RobotError("\n".join(faults))
-    return lambda: mujoco.MjSpec.from_string(root.text())
+
+    def load() -> Any:
+        spec = mujoco.MjSpec.from_string(root.text())
+        # a link without <inertial> has no mass, whatever shape it has
+        spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+        return spec
+
+    return load
 
 
-def _check_mjcf(root: Element, path: Path, allow_paths: bool, seen: tuple[Path, ...] = ()) -> None:
-    """Refuse elements that cannot be kept; included files become part of the tree."""
+def _number(element: Element, name: str) -> float:
+    """A number of an attribute; 0 where it is absent, NaN where MuJoCo will refuse it."""
+    try:
+        return float(element.attributes.get(name, "0"))
+    except ValueError:
+        return nan
+
+
+def _has_inertia(link: Element) -> bool:
+    """Whether a link has a mass and moments, or what MuJoCo will refuse as numbers."""
+    found = {one.tag: one for one in link.walk()}
+    if "mass" not in found or "inertia" not in found:
+        return False
+    moments = [_number(found["inertia"], name) for name in ("ixx", "iyy", "izz")]
+    return _number(found["mass"], "value") != 0 and any(moments)
+
+
+def _massless(root: Element) -> list[str]:
+    """Links that a joint moves although neither they nor what is fixed to them have mass and inertia."""
+    links = {one.attributes.get("name"): one for one in root.children if one.tag == "link"}
+    joints = [one for one in root.children if one.tag == "joint"]
+    ends = {
+        id(joint): [
+            next((end.attributes.get("link") for end in joint.children if end.tag == tag), None)
+            for tag in ("parent", "child")
+        ]
+        for joint in joints
+    }
+    fixed = [ends[id(joint)] for joint in joints if joint.attributes.get("type") == "fixed"]
+    heavy = {name for name, link in links.items() if _has_inertia(link)}
+    for _ in fixed:  # one more level at a time
+        heavy |= {parent for parent, child in fixed if child in heavy}
+    moved = [(joint, ends[id(joint)][1]) for joint in joints if joint.attributes.get("type") != "fixed"]
+    return [
+        links[child].named(
+            f"joint {joint.attributes.get('name')!r} moves it, but it has no mass or no inertia"
+        )
+        for joint, child in moved
+        if child in links and child not in heavy
+    ]
+
+
+def _check_mjcf(
+    root: Element,
+    path: Path,
+    allow_paths: bool,
+    seen: tuple[Path, ...] = (),
+    inherited: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Refuse elements that cannot be kept; included files become part of the tree.
+
+    Args:
+        inherited: folders of files that the compiler of an including file names.
+    """
     faults: list[str] = []
-    folders: dict[str, str] = {}
+    folders = dict(inherited)
     for compiler in (one for one in root.walk() if one.tag == "compiler"):
         folders |= {key: value for key, value in compiler.attributes.items() if key.endswith("dir")}
     for element in list(root.walk()):
@@ -107,12 +174,26 @@ def _check_mjcf(root: Element, path: Path, allow_paths: bool, seen: tuple[Path, 
                 file = found_file(element, path.parent, str(Path(below) / name), allow_paths)
                 if element.tag == "include" and file not in seen and len(seen) < 20:
                     included = parsed(file)
-                    _check_mjcf(included, path, allow_paths, (*seen, file))
+                    _check_mjcf(included, path, allow_paths, (*seen, file), folders)
                     element.children = [included]
             except RobotError as error:
                 faults.append(str(error))
     if faults:
         raise RobotError("\n".join(faults))
+
+
+def _mjcf_spec(root: Element, path: Path) -> Any:
+    """Spec of an MJCF file whatever its suffix: MuJoCo opens .xml alone by its name."""
+    if path.suffix == ".xml":
+        return mujoco.MjSpec.from_file(str(path))
+    included = {
+        one.attributes["file"]: one.children[0].file.read_bytes()
+        for one in root.walk()
+        if one.tag == "include" and one.children
+    }
+    spec = mujoco.MjSpec.from_string(path.read_text("utf-8"), include=included)
+    spec.modelfiledir = str(path.parent)
+    return spec
 
 
 def _compiled(root: Element, load: Any, path: Path) -> Any:

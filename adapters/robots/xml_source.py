@@ -19,6 +19,9 @@ from touchstone.scenarios.files.safe_paths import PathRefused, allowed, regular
 SCHEME = re.compile(r"^(package|model|file)://")
 MOST_BYTES = 50_000_000
 """Largest XML file that is read: robots have some hundred kB."""
+LFS_POINTER = b"version https://git-lfs"
+"""Start of a file that stands in for one of Git LFS."""
+NOT_FETCHED = "a Git LFS pointer, not the file itself; fetch it by: git lfs pull"
 DEEPEST = 200
 """Deepest nesting of elements."""
 
@@ -63,6 +66,8 @@ def parsed(path: Path) -> Element:
         raise RobotError(f"{path}: {error.strerror or error}") from error
     if len(text) > MOST_BYTES:
         raise RobotError(f"{path}: {len(text)} bytes, expected at most {MOST_BYTES}")
+    if text.startswith(LFS_POINTER):
+        raise RobotError(f"{path}: {NOT_FETCHED}")
     parser = xml.parsers.expat.ParserCreate()
     stack: list[Element] = []
     roots: list[Element] = []
@@ -87,6 +92,8 @@ def parsed(path: Path) -> Element:
     except xml.parsers.expat.ExpatError as error:
         reason = xml.parsers.expat.ErrorString(error.code)
         raise RobotError(f"{path}:{error.lineno}: not XML: {reason}") from error
+    if macro := next((one for one in roots[0].walk() if one.tag.startswith("xacro:")), None):
+        raise RobotError(macro.named(f"not expanded; do it before: xacro {path.name} > expanded.urdf"))
     return roots[0]
 
 
@@ -102,6 +109,9 @@ def found_file(element: Element, folder: Path, name: str, allow_paths: bool) -> 
     path = next((path for path in tries if path.is_file()), None)
     if path is None:
         raise RobotError(element.named(f"file {name!r} is missing"))
+    with open(path, "rb") as file:
+        if file.read(len(LFS_POINTER)) == LFS_POINTER:
+            raise RobotError(element.named(f"file {name!r}: {NOT_FETCHED}"))
     try:
         return allowed(folder, str(path.resolve()), allow_paths)
     except PathRefused as error:

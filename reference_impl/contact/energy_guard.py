@@ -113,9 +113,21 @@ def _sum_up(bodies, drivers, pair, state):
 
 
 @kernel
-    if state["moving_surfaces"] == 1:
-        for k in range(first, state["contact_count"]):
-            _subtract_surface_work(bodies, world.contacts[k])
+def _subtract_surface_work(bodies, row):
+    """Subtract the work of a fixed body's moving surface from its island's rise."""
+    if bodies[row["body_a"]]["kind"] == FIXED:
+        m, sign, before, after = row["body_b"], 0.5, row["velocity_a_before"], row["velocity_a_after"]
+    elif bodies[row["body_b"]]["kind"] == FIXED:
+        m, sign, before, after = row["body_a"], -0.5, row["velocity_b_before"], row["velocity_b_after"]
+    else:
+        return
+    if bodies[m]["kind"] == SIMULATED:
+        island = bodies[island_of(bodies, m)]["guard"]
+        for i in range(3):
+            island["rise"] -= sign * row["impulse"][i] * (before[i] + after[i])
+
+
+@kernel
 def _slow_down(bodies, pair, island, state):
     """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained.
 

@@ -21,9 +21,6 @@ CONTACT_COLUMNS = ("time", "body_a", "body_b", "position", "normal", "distance",
 UNIT = 1e-3
 """Deviation of a quaternion's or a normal's length from 1 that is accepted [1]: single precision."""
 
-KNOWN_SCENARIOS: dict[str, Scenario] = {}
-"""Scenarios of recordings made here or played by fixtures, by their JSON text."""
-
 
 def recording(
     scenario: Scenario,
@@ -71,7 +68,6 @@ def recording(
     if not np.isfinite(step) or step <= 0:
         raise ValueError(f"dt: found {dt}, expected seconds, such as 1/240")
     text = scenario_json(scenario)
-    KNOWN_SCENARIOS[text] = scenario
     joints = sum(len(tracker.joints) for tracker in scenario.trackers)
     none = np.zeros(0)
     return Recording(

@@ -4,8 +4,7 @@ and raises InvariantError where a limit is broken or nothing could be judged.
     recording = touchstone.recording(scenario, position, orientation, velocity, omega, contacts)
     assert_no_overlap(recording)
 
-A run is a recording of this project or of `touchstone.recording`. The scenario may be left out where the
-recording was made by a fixture, by `touchstone.recording`, or from a scene of the catalogue. Without `limit`
+A run is a recording of this project or of `touchstone.recording`, which holds its scenario. Without `limit`
 that of the scene, tag and engine holds, or else that of the probes. All return the measured value.
 """
 
@@ -13,14 +12,14 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from functools import lru_cache
 from math import isfinite, isnan
 
 import numpy as np
 
-from touchstone.adapters.recorder import scenario_json
-from touchstone.adapters.recording import Recording
+from touchstone.adapters.recording import Recording, scene_of_text
 from touchstone.adapters.registry import asked_as
-from touchstone.reports.assertions.arrays import ARRAYS, KNOWN_SCENARIOS
+from touchstone.reports.assertions.arrays import ARRAYS
 from touchstone.reports.assertions.outcome import Finding, InvariantError, Place, settled
 from touchstone.reports.assertions.places import (
     Locate,
@@ -48,6 +47,7 @@ KEPT = 8
 VELOCITIES = ("linear_velocity", "angular_velocity")
 AUDITS = ("contact.impulse_balance", "contact.impulse_balance.driven")
 
+_scene_of_text = lru_cache(maxsize=KEPT)(scene_of_text)
 _recent: OrderedDict[int, tuple[Recording, Context]] = OrderedDict()
 
 
@@ -151,16 +151,15 @@ def context_of(run: Recording, scenario: Scenario | None = None) -> Context:
 
 
 def scenario_of(run: Recording) -> Scenario:
-    """The scenario of a recording, if it is known; raises ValueError otherwise."""
+    """The scenario that a recording holds; raises ValueError if it cannot be read."""
     if not isinstance(run, Recording):
         raise TypeError(
             f"expected a recording (touchstone.recording makes one of arrays), found {type(run).__name__}"
         )
-    if run.scenario not in KNOWN_SCENARIOS:
-        KNOWN_SCENARIOS.update({scenario_json(one): one for one in catalogue().values()})
-    if run.scenario not in KNOWN_SCENARIOS:
-        raise ValueError("the scenario of this recording is not in the catalogue: pass scenario=")
-    return KNOWN_SCENARIOS[run.scenario]
+    try:
+        return _scene_of_text(run.scenario)
+    except ValueError as error:
+        raise ValueError(f"scenario of the recording: {error}; pass scenario=") from error
 
 
 def unjudged(invariant: str, context: Context, reason: str) -> InvariantError:

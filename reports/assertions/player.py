@@ -16,7 +16,6 @@ from touchstone.adapters.recorder import scenario_json, substeps
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import installed, missing_reason, profiles_of, registered
 from touchstone.adapters.workers.children import Children, Job
-from touchstone.reports.assertions.arrays import KNOWN_SCENARIOS
 from touchstone.reports.assertions.play_cache import PlayCache
 from touchstone.reports.names import checked
 from touchstone.reports.sweep.content_hash import hash_of_run
@@ -79,7 +78,6 @@ class Player:
         if not installed(name):
             pytest.skip(f"{name}: {missing_reason(name)}")
         text = scenario_json(scenario)
-        KNOWN_SCENARIOS[text] = scenario
         key = (text, name, settings, again)
         if key not in self._played:
             self._played[key] = self._once(name, scenario, settings, again)

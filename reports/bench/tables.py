@@ -51,4 +51,4 @@ def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> 
         )
         style = "red" if row.verdict in ("fail", "error") else ""
         line = f"{row.verdict}: {row.engine}: {name}{value}: {row.reason}".replace(": :", ":")
-        out.print(line, highlight=False, markup=False, style=style)
+        out.print(line, highlight=False, style=style)

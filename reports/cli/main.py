@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -49,6 +49,7 @@ from touchstone.reports.cli.scenes.chosen import (
     limits_for,
     metrics_for,
     scenarios_for,
+    tracker_notes,
 )
 from touchstone.reports.cli.scenes.exporting import export
 from touchstone.reports.cli.scenes.importing import import_robot
@@ -150,6 +151,7 @@ def run(
     ] = False,
     limits: LimitsOption = None,
     allow_paths: AllowPathsOption = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
@@ -158,6 +160,7 @@ def run(
     from touchstone.adapters.contract import DRIVES
     from touchstone.reports.judge import judge_faults
     from touchstone.reports.output_folder import OutputError
+    from touchstone.reports.run.cost import TooLargeError, check_memory, limited
     from touchstone.reports.run.study import run as run_study
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
@@ -174,16 +177,17 @@ def run(
         tracker=tracker,
         limits=limits_for(limits, scenarios),
     )
-    for line in [] if quiet else _held(scenarios):
+    for line in [] if quiet else tracker_notes(scenarios):
         print(line, file=sys.stderr)
     broken: list[BaseException] = []
     at_once = output is Format.table and not quiet and len(scenarios) <= SCENES_IN_FULL
     try:
+        check_memory(request.scenarios, len(request.columns))
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet, by_scene=True) as progress:
             shown = _show_at_once(progress, broken) if at_once else _ignore
-            results = run_study(request, progress, shown)
-    except OutputError as error:
+            results = run_study(request, progress if yes else limited(progress, frames), shown)
+    except (OutputError, TooLargeError) as error:
         stop(str(error), BAD_INPUT)
     if broken:
         raise broken[0]
@@ -256,17 +260,6 @@ def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenar
     return [noisy(scenario) for scenario in scenarios]
 
 
-def _held(scenarios: Iterable[Scenario]) -> Iterator[str]:
-    """One line per tracker that holds its last valid sample at some time."""
-    for scenario in scenarios:
-        for i, tracker in enumerate(scenario.trackers):
-            if tracker.held:
-                yield (
-                    f"{scenario.name}: trackers[{i}] holds its last good sample at {tracker.held} of "
-                    f"{len(tracker.times)} keyframes"
-                )
-
-
 def _step(text: str, scenarios: Iterable[Scenario]) -> float:
     """A step such as 1/240; it must divide the frame of every scene."""
     from touchstone.adapters.recorder import substeps
@@ -303,6 +296,8 @@ def show(
     from touchstone.scenarios.scenario import UNMOVED
 
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
+    for line in tracker_notes([chosen]):
+        print(line, file=sys.stderr)
     if others:
         stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
     if effects:

@@ -279,6 +279,6 @@ def step_of(text: str) -> float:
     from fractions import Fraction
 
     try:
-        return float(Fraction(text))
+        return float(Fraction(text if text.isascii() and "_" not in text else ""))
     except (ValueError, ZeroDivisionError, OverflowError) as error:
         raise ValueError("expected a step in seconds, such as 1/240 or 0.005") from error

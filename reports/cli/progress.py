@@ -26,7 +26,7 @@ class ShownBar:
         from rich.progress import Progress as Bar
 
         columns = (
-            TextColumn("{task.description:34}"),
+            TextColumn("{task.description:34}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),

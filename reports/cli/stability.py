@@ -24,6 +24,8 @@ from touchstone.reports.cli.options import (
 )
 from touchstone.reports.cli.studies import study
 
+MOST_MINUTES = 100_000.0
+"""Longest soak [min]: seventy days."""
 STORE = Path("runs/stability")
 """Default store of the study `stability`."""
 
@@ -106,7 +108,9 @@ def relations(
 
 
 def soak(
-    minutes: Annotated[float, typer.Option(min=0.0, help="Time after which no scene is started.")] = 10.0,
+    minutes: Annotated[
+        float, typer.Option(min=0.0, max=MOST_MINUTES, help="Time after which no scene is started.")
+    ] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the first random scene.")] = 0,
     profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
     out: Annotated[Path | None, typer.Option(help="Folder of failures (default: runs/soak-<time>).")] = None,

@@ -23,12 +23,14 @@ from touchstone.reports.cli.options import (
     stop,
 )
 
+MOST = 10_000_000
+"""Largest number of scenes, pairs or goals of a study [1]: days."""
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
 
 
 @study.command("narrow-phase")
 def narrow_phase(
-    pairs: Annotated[int, typer.Option(help="Pairs of convex pieces, over all families.")] = 1000,
+    pairs: Annotated[int, typer.Option(max=MOST, help="Pairs of convex pieces, over all families.")] = 1000,
     seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/narrow-phase-<time>).")] = None,
     output: FormatOption = Format.table,
@@ -46,7 +48,7 @@ def narrow_phase(
 
 @study.command("ik")
 def inverse_kinematics(
-    goals: Annotated[int, typer.Option(help="Random reachable goals of the avatar's left arm.")] = 10_000,
+    goals: Annotated[int, typer.Option(max=MOST, help="Random reachable goals of the left arm.")] = 10_000,
     seed: Annotated[int, typer.Option(min=0, help="Of the random postures.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/ik-<time>).")] = None,
     output: FormatOption = Format.table,
@@ -148,10 +150,10 @@ def predictability(
 
 @study.command("robustness")
 def robustness(
-    scenes: Annotated[int, typer.Option(min=1, help="Random scenes, of seeds from --seed on.")] = 200,
+    scenes: Annotated[int, typer.Option(min=1, max=MOST, help="Random scenes, from --seed on.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="Of the first scene.")] = 0,
     kind: Annotated[str, typer.Option(help="Kind of all scenes (default: each as its seed says).")] = "",
-    perturbation: Annotated[float, typer.Option(min=0, help="Move each body by so many metres.")] = 0.0,
+    perturbation: Annotated[float, typer.Option(min=0, max=1, help="Move bodies by so many metres.")] = 0.0,
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: reference).")] = None,
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/robustness-<time>).")] = None,

@@ -148,7 +148,7 @@ def seeds_for(text: str) -> list[int]:
     """Seeds of "0,1,2"; anything but numbers from 0 on exits with one line."""
     found = [part.strip() for part in text.split(",")]
     for part in found:
-        if not part.isdecimal():
+        if not (part.isascii() and part.isdecimal()):
             stop(
                 f"--seed {' '.join(text.split())}: found {part!r}, expected numbers such as 0,1,2", BAD_INPUT
             )

@@ -10,10 +10,8 @@ import pandas as pd
 import pyarrow
 
 from touchstone.adapters.recording import Recording, RecordingError, load
-from touchstone.reports.results import COLUMNS
+from touchstone.reports.results import COLUMNS, NUMBERS
 
-NUMBERS = ("dt", "seed", "repeat", "value", "low", "high", "limit")
-"""Columns of numbers; the others hold texts."""
 NEEDED = (
     "study",
     "scenario",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import json
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
@@ -11,8 +10,10 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
+from touchstone.reports.compare.stored import table_of
 from touchstone.reports.docs.reference import NOTICE
-from touchstone.scenarios.files.safe_paths import regular
+from touchstone.reports.views.terminal import FittingConsole
+from touchstone.scenarios.files.safe_paths import fault_line, json_of
 
 WIDTH = 120
 """Width of tables in characters."""
@@ -32,18 +33,25 @@ def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
     """Name and text of the page of a results folder, and the pictures that it shows by their new names.
 
     Raises:
-        NoResults: the folder has no `results.parquet` with rows, or no manifest.
+        NoResults: the folder has no table with rows, no manifest, or a table of another study.
     """
     try:
-        frame = pd.read_parquet(regular(folder / "results.parquet"))
-        facts = json.loads(regular(folder / "manifest.json").read_text())
-        study = str(frame.study.iloc[0])
+        frame = table_of(folder)
+        facts = json_of(folder / "manifest.json")
+        study, origin = str(frame.study.iloc[0]), _origin(facts)
     except (OSError, ValueError, IndexError, AttributeError) as error:
-        raise NoResults(f"{folder}: no results of a run, study or bench ({error})") from error
+        raise NoResults(f"{folder}: no results of a run, study or bench ({fault_line(error)})") from error
+    try:
+        text = _text(study, frame)
+    except NoResults:
+        raise
+    except Exception as error:
+        reason = f"{type(error).__name__}: {fault_line(error)}"
+        raise NoResults(f"{folder}: cannot be shown as a table of {study!r} ({reason})") from error
     name = study.replace(" ", "-")
     pictures = {f"{name}-{path.name}": path for path in sorted(folder.glob("*.png"))}
-    parts = [NOTICE, f"# `touchstone {_command(study)}`", _origin(facts)]
-    parts += ["```text", _text(study, frame), "```"]
+    parts = [NOTICE, f"# `touchstone {_command(study)}`", origin]
+    parts += ["```text", text, "```"]
     parts += [f"![{picture.rpartition('.')[0]}](pictures/{picture})" for picture in pictures]
     return f"{name}.md", "\n\n".join(parts).replace("```text\n\n", "```text\n") + "\n", pictures
 
@@ -68,7 +76,7 @@ def _origin(facts: dict) -> str:
 def _text(study: str, frame: pd.DataFrame) -> str:
     """The table as the command prints it."""
     out = StringIO()
-    _show_of(study)(frame, Console(file=out, width=WIDTH, no_color=True, force_terminal=False))
+    _show_of(study)(frame, FittingConsole(file=out, width=WIDTH, no_color=True, force_terminal=False))
     return "\n".join(line.rstrip() for line in out.getvalue().strip("\n").splitlines())
 
 

@@ -210,9 +210,12 @@ class Context:
 
     def owner_pair(self, a: int, b: int) -> str:
         """Subject of a pair of bodies; the name of the root stands for any link of a driven body."""
-        trackers, groups = self.scenario.trackers, self._groups
-        names = [trackers[groups[k]].root if groups[k] >= 0 else self.scenario.bodies[k].name for k in (a, b)]
-        return "-".join(names)
+        return f"{self.owner(a)}-{self.owner(b)}"
+
+    def owner(self, body: int) -> str:
+        """Name of a body, or of the root of the driven body whose link it is."""
+        group = self._groups[body]
+        return self.scenario.trackers[group].root if group >= 0 else self.scenario.bodies[body].name
 
     @cached_property
     def _groups(self) -> tuple[int, ...]:

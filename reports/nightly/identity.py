@@ -44,10 +44,10 @@ def identity(settings: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def same_night(one: Mapping[str, Any], two: Mapping[str, Any]) -> bool:
+def same_night(one: object, two: Mapping[str, Any]) -> bool:
     """Whether a night that ended early may be continued: the same program, versions, machine and settings."""
     parts = ("commit", "dirty", "versions", "fingerprint", "settings")
-    return all(one.get(name) == two.get(name) for name in parts)
+    return isinstance(one, Mapping) and all(one.get(name) == two.get(name) for name in parts)
 
 
 def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow
 
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import locked, scratch_folder
@@ -22,16 +23,19 @@ from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.nightly.due import QUICK_SECONDS, due, rows_for_nights, studies
 from touchstone.reports.nightly.identity import identity, same_night
 from touchstone.reports.nightly.store import Night, cache_folder
-from touchstone.reports.results import table, write_beside
+from touchstone.reports.results import COLUMNS, table, write_beside
 from touchstone.reports.run.request import Request, Results
 from touchstone.reports.run.study import measure_scene
 from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.files.safe_paths import json_of, regular
 from touchstone.scenarios.scenario import Scenario
 
 QUICK_PROBES = ("fall", "bounce_e05", "slip", "slide", "incline_holds", "collide_oblique", "cradle", "stack")
 """Probes of a quick night: one of each kind."""
 QUICK_PROFILES = ("balanced", "recommended")
 """Profiles of a quick night: one of each engine."""
+UNIT: Mapping[str, Any] = {"playback": {}, "settings": {}, "faults": []}
+"""Facts of a finished scene, beside its rows."""
 OLDEST = 20 * 3600.0
 """Age up to which an unfinished night is continued [s]."""
 
@@ -72,7 +76,7 @@ def measure(
     folder, facts = work
     settings = facts["settings"]
     found = Measured(facts, table([]))
-    missing = [scene for scene in chosen if not (folder / f"{scene.name}.json").exists()]
+    missing = [scene for scene in chosen if _finished(folder, scene.name, UNIT) is None]
     found.continued = len(chosen) - len(missing)
     with Children() as children, scratch_folder() as scratch:
         for number, scenario in enumerate(missing, start=found.continued + 1):
@@ -80,8 +84,8 @@ def measure(
             _measure_scene(scenario, columns, scratch, folder, children, progress)
     frames = []
     for scenario in chosen:
-        unit = json.loads((folder / f"{scenario.name}.json").read_text("utf-8"))
-        frames.append(pd.read_parquet(folder / f"{scenario.name}.parquet"))
+        rows, unit = _finished(folder, scenario.name, UNIT) or (table([]), UNIT)
+        frames.append(rows)
         found.playback |= unit["playback"]
         found.settings |= unit["settings"]
         found.faults += unit["faults"]
@@ -97,8 +101,9 @@ def _measure_studies(
     left = QUICK_SECONDS - (time.monotonic() - start) if quick else inf
     frames, took = [], {}
     for study in due(studies(len(before), quick), before, str(found.identity["fingerprint"]), left):
-        kept, mark = folder / f"study-{study.name}.parquet", folder / f"study-{study.name}.json"
-        if not mark.exists():
+        name = f"study-{study.name}"
+        kept = _finished(folder, name, {"seconds": 0.0})
+        if kept is None:
             progress(f"{SCENE}study {study.name}", 0)
             began = time.monotonic()
             try:
@@ -108,12 +113,10 @@ def _measure_studies(
                 reason = f"{type(error).__name__}: {error}".splitlines()[0]
                 found.faults.append(f"study {study.name} failed: {reason}")
                 continue
-            rows = rows_for_nights(frame)
-            write_beside(kept, lambda part, rows=rows: rows.to_parquet(part, index=False))  # type: ignore[misc]
-            text = json.dumps({"seconds": round(time.monotonic() - began, 1)})
-            write_beside(mark, lambda part, text=text: part.write_text(text, "utf-8"))  # type: ignore[misc]
-        frames.append(pd.read_parquet(kept))
-        took[study.name] = json.loads(mark.read_text("utf-8"))["seconds"]
+            kept = rows_for_nights(frame), {"seconds": round(time.monotonic() - began, 1)}
+            _finish(folder, name, *kept)
+        frames.append(kept[0])
+        took[study.name] = kept[1]["seconds"]
     found.identity["studies"] = took
     return frames
 
@@ -132,15 +135,36 @@ def _measure_scene(
     request = Request((scenario,), columns, place)
     results = Results(table([]))
     rows = measure_scene(request, scenario, place, children, results, progress)
-    write_beside(folder / f"{scenario.name}.parquet", lambda part: table(rows).to_parquet(part, index=False))
     unit = {
         "playback": results.playback,
         "settings": {"/".join(key): r.facts for key, r in (results.recordings | results.ended).items()},
         "faults": results.faults,
     }
-    # The scene is finished when this file is there; the table is there before.
-    write_beside(folder / f"{scenario.name}.json", lambda part: part.write_text(json.dumps(unit), "utf-8"))
+    _finish(folder, scenario.name, table(rows), unit)
     shutil.rmtree(place)
+
+
+def _finish(folder: Path, name: str, rows: pd.DataFrame, facts: Mapping[str, Any]) -> None:
+    """Keep what a killed night need not measure again; the facts, written last, mark it as finished."""
+    write_beside(folder / f"{name}.parquet", lambda part: rows.to_parquet(part, index=False))
+    write_beside(folder / f"{name}.json", lambda part: part.write_text(json.dumps(facts), "utf-8"))
+
+
+def _finished(
+    folder: Path, name: str, kinds: Mapping[str, Any]
+) -> tuple[pd.DataFrame, Mapping[str, Any]] | None:
+    """What `_finish` kept; None if it is absent or damaged.
+
+    Args:
+        kinds: facts of the kinds that are expected.
+    """
+    try:
+        facts = json_of(folder / f"{name}.json")
+        rows = pd.read_parquet(regular(folder / f"{name}.parquet"))
+    except (OSError, ValueError, pyarrow.ArrowException):
+        return None
+    good = isinstance(facts, dict) and all(type(facts.get(key)) is type(kinds[key]) for key in kinds)
+    return (rows, facts) if good and list(rows.columns) == list(COLUMNS) else None
 
 
 @contextmanager
@@ -166,7 +190,7 @@ def _claimed(facts: dict[str, Any]) -> tuple[Path, dict[str, Any], int]:
             continue  # another night that is alive works there
         try:
             old = time.time() - mark.stat().st_mtime > OLDEST
-            kept = json.loads(mark.read_text("utf-8"))
+            kept = json_of(mark)
         except (OSError, ValueError):
             old, kept = False, {}
         if not old and same_night(kept, facts):

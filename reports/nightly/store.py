@@ -1,4 +1,4 @@
-"""Store of nights: one immutable Parquet file per night, queried by DuckDB without a database file.
+"""Store of nights: one immutable Parquet file per night.
 
     STORE/touchstone-store.json     marks the folder
     STORE/runs/SEQUENCE-RUN.parquet rows of a night; its identity is in the file's metadata
@@ -21,14 +21,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import AwareDatetime, BaseModel, Field
 
-from touchstone.reports.results import COLUMNS, write_beside
-from touchstone.scenarios.files.safe_paths import regular
+from touchstone.reports.results import COLUMNS, NUMBERS, write_beside
+from touchstone.scenarios.files.safe_paths import fault_line, json_of, json_value, regular
 
 FORMAT = 1
 """Version of the files."""
@@ -36,6 +37,28 @@ KEY = b"touchstone.night"
 """Key of the identity in a file's metadata."""
 MARK = "touchstone-store.json"
 STORED = tuple(name for name in COLUMNS if name not in ("seed", "repeat", "low", "high"))
+TEXTS = tuple(name for name in STORED if name not in NUMBERS)
+SCHEMA = pa.schema([(name, pa.string() if name in TEXTS else pa.float64()) for name in STORED])
+NEEDED = ("study", "scenario", "engine", "profile", "metric", "subject", "value", "verdict")
+"""Columns without which a night cannot be compared."""
+
+
+class Acceptance(BaseModel):
+    """What is read of the record of an accepted night."""
+
+    run: str
+    sequence: Annotated[int, Field(gt=0, lt=2**31)]
+
+
+class Identity(Acceptance):
+    """What is read of a night's identity."""
+
+    started: AwareDatetime | None = None
+    fingerprint: str = ""
+    versions: dict[str, str] = {}
+    machine: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
+    studies: dict[str, float] = {}
 
 
 class StoreError(Exception):
@@ -111,7 +134,7 @@ class Store:
     def check(self) -> None:
         """Raise StoreError if the store vanished or has another version."""
         try:
-            found = json.loads(regular(self.folder / MARK).read_text("utf-8"))["format"]
+            found = json_of(self.folder / MARK)["format"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise StoreError(
                 f"{self.place}: {MARK} cannot be read; the store vanished or is damaged"
@@ -125,19 +148,10 @@ class Store:
         for path in sorted((self.folder / "runs").glob("*")):
             if path.suffix == ".part":
                 continue  # another process writes it, or was killed while it did
-            reason = ""
             try:
-                facts = json.loads((pq.read_schema(regular(path)).metadata or {})[KEY])
-                if facts["format"] != FORMAT:
-                    reason = f"version {facts['format']}, this program reads {FORMAT}"
-                else:
-                    int(facts["sequence"]), str(facts["run"])
-            except KeyError:
-                reason = "not a night of touchstone"
-            except (OSError, ValueError, TypeError, pa.ArrowInvalid) as error:
-                reason = f"damaged: {str(error).splitlines()[0][:80]}"
-            if reason:
-                self._set_aside(path, reason)
+                facts = _checked_facts(path)
+            except (OSError, ValueError, pa.ArrowException) as error:
+                self._set_aside(path, error)
             else:
                 found.append(Night(path, facts))
         return sorted(found, key=lambda night: night.sequence)
@@ -159,46 +173,44 @@ class Store:
         self.push(path)
         return Night(path, facts)
 
-    def query(self, nights: Sequence[Night], sql: str, values: Sequence[object] = ()) -> pd.DataFrame:
-        """Run SQL over `nights` of the store: table `rows`, with the column `sequence`."""
-        duckdb = query_library()
-        if not nights:
-            return pd.DataFrame()
-        with duckdb.connect(":memory:") as database:
-            database.execute("set threads = 2")
-            files = [str(night.path) for night in nights]
-            database.execute(
-                "create view rows as select * exclude (filename), "
-                "cast(regexp_extract(filename, '(\\d{6,})-[^/]*$', 1) as bigint) as sequence "
-                f"from read_parquet({files!r}, filename = true, union_by_name = true)"
-            )
-            return database.execute(sql, list(values)).df()
+    def rows(self, nights: Sequence[Night], metric: str = "") -> pd.DataFrame:
+        """Rows of nights of the store, of one metric or of all, with the column `sequence`."""
+        chosen = [("metric", "==", metric)] if metric else None
+        found = [SCHEMA.empty_table().to_pandas().assign(sequence=0)]
+        for night in nights:
+            rows = pq.read_table(night.path, schema=SCHEMA, filters=chosen).to_pandas()
+            found.append(rows.fillna(dict.fromkeys(TEXTS, "")).assign(sequence=night.sequence))
+        return pd.concat(found[1:] or found, ignore_index=True)
 
     def accept(self, night: Night, reason: str) -> None:
         """Make a night the one that others are compared with."""
         record = {"run": night.run, "sequence": night.sequence, "reason": reason}
         record["when"] = datetime.now(UTC).isoformat(timespec="seconds")
-        path = self.folder / "accepted" / f"{len(self._accepted()) + 1:06d}.json"
+        number = max(self._accepted(), default=0) + 1
+        path = self.folder / "accepted" / f"{number:06d}.json"
         write_beside(path, lambda part: part.write_text(json.dumps(record, indent=1), "utf-8"))
         self.push(path)
 
     def accepted(self) -> Mapping[str, Any] | None:
         """The record of the last accepted night."""
-        return next(reversed(self._accepted()), None)
+        return next(reversed(self._accepted().values()), None)
 
-    def _accepted(self) -> list[dict[str, Any]]:
-        found = []
+    def _accepted(self) -> dict[int, dict[str, Any]]:
+        """Records of accepted nights by their number, in order."""
+        found = {}
         for path in sorted((self.folder / "accepted").glob("*.json")):
             try:
-                found.append(json.loads(regular(path).read_text("utf-8")))
+                record = json_of(path)
+                Acceptance.model_validate(record)
+                found[int(path.stem)] = record
             except (OSError, ValueError) as error:
-                self._set_aside(path, f"damaged: {error}")
-        return found
+                self._set_aside(path, error)
+        return dict(sorted(found.items()))
 
-    def _set_aside(self, path: Path, reason: str) -> None:
+    def _set_aside(self, path: Path, error: Exception) -> None:
         target = self.folder / "set-aside" / path.name
         os.replace(path, target)
-        self.notes.append(f"set aside {path.name}: {reason}")
+        self.notes.append(f"set aside {path.name}: {fault_line(error)}")
 
     def push(self, path: Path) -> None:
         """Copy a file to the URL of the store: beside, then renamed."""
@@ -246,10 +258,21 @@ def _filesystem(place: str) -> tuple[Any, str]:
     return found, str(root).rstrip("/")
 
 
-def query_library() -> Any:
-    """DuckDB; raises StoreError where it is not installed."""
-    try:
-        import duckdb
-    except ImportError as error:
-        raise StoreError("nights are queried by duckdb (pip install duckdb)") from error
-    return duckdb
+def _checked_facts(path: Path) -> dict[str, Any]:
+    """Identity of a night whose file is complete.
+
+    Raises:
+        OSError, ValueError, pyarrow.ArrowException: it is damaged, foreign or of another version.
+    """
+    schema = pq.read_schema(regular(path))
+    if KEY not in (schema.metadata or {}):
+        raise ValueError("not a night of touchstone")
+    facts = json_value(schema.metadata[KEY])
+    version = facts.get("format") if isinstance(facts, dict) else None
+    if version != FORMAT:
+        raise ValueError(f"version {version}, this program reads {FORMAT}")
+    Identity.model_validate(facts)
+    if missing := [name for name in NEEDED if name not in schema.names]:
+        raise ValueError(f"no columns {', '.join(missing)}")
+    pq.read_table(path, schema=SCHEMA)  # damaged pages
+    return facts

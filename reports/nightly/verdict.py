@@ -18,6 +18,7 @@ from touchstone.reports.nightly.timing_verdict import RECENT, WINDOW, step, warn
 from touchstone.reports.views.tables import quantity
 
 KEYS = ["study", "scenario", "engine", "profile", "metric", "subject"]
+COLUMN = ["scenario", "engine", "profile"]
 SAME = 1e-2
 """Relative change of a physical figure that counts as none [1]: platforms repeat figures to rounding."""
 FLOOR = 1e-9
@@ -168,7 +169,7 @@ def compared_with(
     for night in (accepted, *reversed(earlier), *later):
         if not wanted:
             break
-        rows = store.query([night], "select * from rows")
+        rows = store.rows([night])
         keys = pd.MultiIndex.from_frame(rows[["study", "scenario"]])
         kept = rows[keys.isin(list(wanted))]
         wanted -= set(kept[["study", "scenario"]].itertuples(index=False, name=None))
@@ -179,21 +180,16 @@ def compared_with(
 def histories(store: Store, nights: Sequence[Night], fingerprint: str) -> pd.DataFrame:
     """Times of the last nights on one hardware: columns of KEYS, `sequence`, `value` [s]."""
     mine = [night for night in nights if night.identity.get("fingerprint") == fingerprint][-NIGHTS:]
-    sql = (
-        "select scenario, engine, profile, sequence, any_value(value) as value from rows "
-        "where metric = ? and isfinite(value) group by all order by sequence"
-    )
-    found = store.query(mine, sql, [SERIES])
-    return (
-        found if len(found) else pd.DataFrame(columns=["scenario", "engine", "profile", "sequence", "value"])
-    )
+    rows = store.rows(mine, SERIES)
+    kept = rows[np.isfinite(rows.value)].drop_duplicates([*COLUMN, "sequence"])
+    return kept[[*COLUMN, "sequence", "value"]]
 
 
 def timing(history: pd.DataFrame, nights: Mapping[int, Night], accepted: int = 0) -> list[Finding]:
     """Findings of times of the last night in `history`: a warning, or a confirmed step with its first night
     and what changed then. Steps up to the sequence number `accepted` are accepted."""
     found = []
-    for (scene, engine, profile), series in history.groupby(["scenario", "engine", "profile"], sort=False):
+    for (scene, engine, profile), series in history.groupby(COLUMN, sort=False):
         values = series.value.to_numpy(dtype=float)
         place = (str(scene), str(engine), str(profile), SERIES, "")
         confirmed = step(values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from math import inf, isfinite, isnan
 
 from touchstone.adapters.recording import Recording
@@ -96,15 +97,15 @@ def _audited(rows: list[Row], context: Context) -> list[Row]:
     rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
     rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
     audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}
-    doubtful = set()
-    for pair in driven_pairs(context):
-        one, _, two = pair.partition("-")
-        # Impulses between links of one body cancel in the sum over its links.
-        if one == two or not {one, two} & audited:
-            doubtful.add(pair)
+    # Impulses between links of one body cancel in the sum over its links.
+    doubtful = {
+        pair: (one, two)
+        for pair, (one, two) in driven_pairs(context).items()
+        if one == two or not {one, two} & audited
+    }
     if not doubtful:
         return rows
-    marked = {"", *doubtful, *(name for pair in doubtful for name in pair.split("-"))}
+    marked = {"", *doubtful, *chain.from_iterable(doubtful.values())}
     remark = f"rests on impulses that nothing balances: {', '.join(sorted(doubtful))}"
     return [
         replace(row, basis=UNAUDITED, reason=f"{row.reason}; {remark}".removeprefix("; "))

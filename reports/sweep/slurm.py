@@ -44,7 +44,7 @@ def part_of(cells: Sequence[Cell], text: str) -> list[Cell]:
     """Every n-th cell from the k-th on, for "k/n"; raises PartError."""
     try:
         number, _, count = text.partition("/")
-        k, n = int(number), int(count)
+        k, n = (int(number), int(count)) if text.isascii() else (-1, 0)
     except ValueError:
         k, n = -1, 0
     if not 0 <= k < n:

@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 from touchstone.reports.results import COLUMNS, Row, write_beside
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.content_hash import FORMAT
-from touchstone.scenarios.files.safe_paths import regular
+from touchstone.scenarios.files.safe_paths import json_of, regular
 
 MOST_FILES = 64
 """Number of files above which they are merged."""
@@ -100,7 +100,7 @@ class Store:
                 raise StoreError(f"{self.folder}: is no store of a sweep (it holds {min(others)})")
             write_beside(path, lambda part: part.write_text(json.dumps({"format": FORMAT})))
         try:
-            found = json.loads(regular(path).read_text())["format"]
+            found = json_of(path)["format"]
         except (ValueError, KeyError, TypeError) as error:
             raise StoreError(f"{path}: not the description of a store; choose another folder") from error
         if found != FORMAT:
@@ -142,7 +142,8 @@ class Store:
     def table(self, *, series: bool = False) -> pd.DataFrame:
         """All rows, in the order in which they were measured; `series`: with the column of series."""
         names = [name for name in SCHEMA.names if series or name != "series"]
-        return self._table(self._files(), names).to_pandas()
+        found = self._table(self._files(), names).to_pandas()
+        return found.fillna({name: "" for name in names if SCHEMA.field(name).type == pa.string()})
 
     def _table(self, files: list[Path], columns: list[str] | None = None) -> pa.Table:
         """Rows of all files; a cell that two files hold, after an interrupted merge, is taken from the first.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from touchstone.reports.metrics import METRICS
@@ -28,7 +27,7 @@ def show(frame: pd.DataFrame, console: Console) -> None:
     for head in (*TEXTS, *(["seed"] if seeded else [])):
         table.add_column(head)
     for head in ("step [s]", *map(_head, metrics), *(["frame [us]"] if timed else [])):
-        table.add_column(escape(head), justify="right", overflow="fold")
+        table.add_column(head, justify="right", overflow="fold")
     table.add_column("outcome")
     for _, part in frame.groupby(list(KEYS), sort=False):
         first = part.iloc[0]
@@ -36,7 +35,7 @@ def show(frame: pd.DataFrame, console: Console) -> None:
         values += [_frame_time(part[part.measure == TIMING])] if timed else []
         label = f"{first.profile} {first.settings}".strip()
         texts = [first.scenario, first.engine, label, *([str(first.seed)] if seeded else [])]
-        table.add_row(*texts, step_text(first["dt"]), *values, escape(_outcome(part)))
+        table.add_row(*texts, step_text(first["dt"]), *values, _outcome(part))
     console.print(table)
 
 

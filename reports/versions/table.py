@@ -89,7 +89,7 @@ def show(found: Compared, out: Console) -> None:
         print_notes([NOTE], out)
     _show_figures(found, out)
     for line in sentences(found):
-        out.print(line, highlight=False, markup=False, soft_wrap=True)
+        out.print(line, highlight=False, soft_wrap=True)
 
 
 def _order(rows: list[Difference], one: Difference) -> int:

@@ -27,6 +27,7 @@ from touchstone.reports.views.losses import NOTE as LOSS_NOTE
 from touchstone.reports.views.losses import TITLE, loss_rows, unmeasured_lines
 from touchstone.reports.views.tables import LEGEND, Cell, cell_of, grid, number
 from touchstone.reports.views.terminal import RATIO_HEADS, RATIO_NOTE, RATIO_TITLE, ratio_rows, remark_lines
+from touchstone.scenarios.truths.pair_names import pair_of
 
 if TYPE_CHECKING:
     from touchstone.reports.run.request import Request, Results
@@ -206,7 +207,8 @@ def _bullets(lines: list[str]) -> list[str]:
 
 def _markdown(heads: list[str], rows: list[list[str]], left: int) -> list[str]:
     rule = ["---"] * left + ["---:"] * (len(heads) - left)
-    return ["| " + " | ".join(line) + " |" for line in (heads, rule, *rows)]
+    escaped = [[cell.replace("|", "\\|") for cell in line] for line in (heads, rule, *rows)]
+    return ["| " + " | ".join(line) + " |" for line in escaped]
 
 
 def _grid(frame: pd.DataFrame, scenario: str) -> list[str]:
@@ -227,8 +229,7 @@ def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
     wanted: dict[tuple[str, str], float] = {}
     for row in rows_of(achieved):
         kind = row.metric.partition(".")[0]
-        names = row.subject.partition(" ")[0].split("-")
-        asked = scenario.pair_coefficients(*map(scenario.body_index, names))[kind == "friction"]
+        asked = scenario.pair_coefficients(*pair_of(scenario, row.subject))[kind == "friction"]
         value = row.value if kind == "restitution" else asked * (1 - row.value)
         wanted[kind, row.subject] = asked
         lines.setdefault((kind, row.subject), {})[row.engine, row.profile] = number(value)

@@ -38,7 +38,11 @@ NARROW = 112
 
 
 class FittingConsole(Console):
-    """A console that prints tables which are too wide in parts (`fitted`)."""
+    """A console that prints tables which are too wide in parts (`fitted`), and texts as they are: names are
+    the user's."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, **options)
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print objects; tables fit the width."""
@@ -48,10 +52,10 @@ class FittingConsole(Console):
 
 def console(**options: bool) -> Console:
     """A console as wide as the terminal; where there is none, as COLUMNS says, or NARROW."""
-    probe = FittingConsole(**options)  # type: ignore[arg-type]
+    probe = FittingConsole(**options)
     if probe.is_terminal or os.environ.get("COLUMNS", "").isdigit():
         return probe
-    return FittingConsole(width=NARROW, **options)  # type: ignore[arg-type]
+    return FittingConsole(width=NARROW, **options)
 
 
 def table_of(title: str, heads: Sequence[str], left: int = 1, padding: Padding = (0, 1)) -> Table:
@@ -65,7 +69,7 @@ def table_of(title: str, heads: Sequence[str], left: int = 1, padding: Padding =
 def print_notes(notes: Iterable[str], out: Console) -> None:
     """Print the notes that explain a table."""
     for note in notes:
-        out.print(note, style="dim", highlight=False, markup=False)
+        out.print(note, style="dim", highlight=False)
 
 
 def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
@@ -118,7 +122,7 @@ def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Conso
 def _print_lines(lines: list[str], out: Console) -> None:
     for line in lines:
         style = "red" if line.startswith(("fail", "error")) else ""
-        out.print(line, highlight=False, markup=False, style=style)
+        out.print(line, highlight=False, style=style)
 
 
 def _show_overview(seen: Overview, out: Console) -> None:

@@ -9,8 +9,17 @@ import numpy as np
 
 Report = Callable[[str, str], None]
 """Takes the path of a field and what is wrong with it."""
+LARGEST = 1e15
+"""Magnitude of numbers in a scene [SI unit]: beyond it, sums lose all digits of a metre."""
 UNIT_TOLERANCE = 1e-9
 """Tolerance of the length of a unit quaternion or axis [1]: rounding."""
+
+
+def number_of(text: str) -> float:
+    """Number of a user's text; raises ValueError for Arabic digits, 1_0 and the like."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"found {text!r}, expected a number")
+    return float(text)
 
 
 def finite(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:
@@ -22,6 +31,9 @@ def finite(values: Iterable[float], path: str, report: Report, width: int | None
     for value in numbers:
         if not isinstance(value, (int, float, np.number)) or not isfinite(value):
             report(path, f"found {value!r}, expected finite numbers")
+            return False
+        if abs(value) > LARGEST:
+            report(path, f"found {value:g}, expected a magnitude of at most {LARGEST:g}")
             return False
     return True
 

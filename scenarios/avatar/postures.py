@@ -103,6 +103,7 @@ def person_tracker(times: Array, places: Array, heading: float, *angles: Angles)
         stiffness=mass * FREQUENCY**2,
         damping=2 * mass * FREQUENCY,
         hinge_frequency=HINGE_FREQUENCY,
+        interpolation="cubic",
     )
 
 

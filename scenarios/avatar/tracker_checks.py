@@ -10,7 +10,7 @@ from touchstone.scenarios.scenario import INTERPOLATIONS, TRACKED, Scenario, Tra
 
 WHOLE = 1e-9
 """Tolerance of the scene's end as a keyframe's time [s]: rounding."""
-COUPLING = ("joints", "stiffness", "damping", "hinge_frequency", "interpolation")
+COUPLING = ("joints", "stiffness", "damping", "hinge_frequency")
 """Fields of a tracker that a prescribed body does not use."""
 
 
@@ -83,5 +83,7 @@ def _check_path(tracker: Tracker, path: str, report: Report) -> None:
     for name, default in unused.items():
         found, expected = getattr(tracker, name), () if default is MISSING else default
         if found != expected:
-            reason = f"{tracker.root!r} is prescribed: it follows splines of its keyframes, without joints"
+            reason = f"{tracker.root!r} is prescribed: it follows its keyframes, without joints"
             report(f"{path}.{name}", f"found {found!r}, but {reason} or a coupling")
+    if tracker.interpolation == "held":
+        report(f"{path}.interpolation", f"found 'held', but {tracker.root!r} is prescribed: it does not jump")

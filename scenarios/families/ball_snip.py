@@ -69,4 +69,5 @@ def _glove(names: tuple[str, ...]) -> Tracker:
         positions=(PALM,) * len(times),
         orientations=((1.0, 0.0, 0.0, 0.0),) * len(times),
         angles=tuple(tuple(row) for row in angles.tolist()),
+        interpolation="cubic",
     )

@@ -69,6 +69,7 @@ def _tracker(
         stiffness=stiffness,
         damping=damping,
         hinge_frequency=hinge_frequency,
+        interpolation="cubic",
     )
 
 

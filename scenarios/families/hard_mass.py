@@ -112,6 +112,7 @@ def mass_links(level: float) -> Case:
         stiffness=ROOT_MASS * ROOT_FREQUENCY**2,
         damping=2 * ROOT_MASS * ROOT_FREQUENCY,
         hinge_frequency=30.0,
+        interpolation="cubic",
     )
     return Case(
         f"three links on hinges, the last of {level:g} kg",

@@ -90,6 +90,7 @@ def opposing_normals(level: float) -> Case:
         tuple(map(vector, path)),
         (IDENTITY,) * len(times),
         ((),) * len(times),
+        interpolation="cubic",
     )
     return Case(
         f"a driven box is led into a slot of {level:g} of its width",

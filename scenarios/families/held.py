@@ -142,6 +142,7 @@ def _tracker(root: str, times: np.ndarray, path: list[Vector]) -> Tracker:
         angles=((),) * len(times),
         stiffness=STIFFNESS,
         damping=2 * sqrt(STIFFNESS * MASS),
+        interpolation="cubic",
     )
 
 

@@ -102,6 +102,7 @@ def _platform(
         positions=tuple(vector(start + place * direction) for place in places),
         orientations=(IDENTITY,) * len(times),
         angles=((),) * len(times),
+        interpolation="cubic",
     )
     return Scenario(
         name=name,

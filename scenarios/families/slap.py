@@ -39,6 +39,7 @@ def slap(speed: float) -> Scenario:
         positions=tuple((0.0, 0.0, z) for z in height.tolist()),
         orientations=(IDENTITY,) * len(times),
         angles=(RELAXED * (len(names) // 3),) * len(times),
+        interpolation="cubic",
     )
     table = next(body for body in gallery() if body.name == "table")
     return Scenario(

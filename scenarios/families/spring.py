@@ -56,4 +56,5 @@ def _tracker(root: str, y: float) -> Tracker:
         tuple((x, y, 0.0) for x in way.tolist()),
         ((1.0, 0.0, 0.0, 0.0),) * len(times),
         ((),) * len(times),
+        interpolation="cubic",
     )

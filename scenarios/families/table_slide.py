@@ -58,6 +58,7 @@ def table_slide() -> Scenario:
         positions=tuple(map(vector, path)),
         orientations=(BACKWARDS,) * len(times),
         angles=(RELAXED * (len(names) // 3),) * len(times),
+        interpolation="cubic",
     )
     return Scenario(
         name="table_slide",

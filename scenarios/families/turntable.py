@@ -30,6 +30,7 @@ def turntable() -> Scenario:
         positions=(ORIGIN,) * KEYFRAMES,
         orientations=tuple(tuple(row) for row in turned.tolist()),
         angles=((),) * KEYFRAMES,
+        interpolation="cubic",
     )
     return Scenario(
         name="turntable",

@@ -11,19 +11,25 @@ from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
+import numpy as np
 from pydantic import BaseModel
 
+from touchstone.scenarios.avatar.number_checks import LARGEST
 from touchstone.scenarios.files.mass_properties import uniform
 from touchstone.scenarios.files.safe_paths import PathRefused, allowed, regular
 from touchstone.scenarios.files.schema import KEYFRAMES, SHAPE_TYPES, Fault, checked, model_of, shape_type
 from touchstone.scenarios.files.text_lines import Path as Place
 from touchstone.scenarios.files.text_lines import json_lines, line_of, toml_lines
 from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
-from touchstone.scenarios.scenario import UNMOVED, Piece, Scenario, ScenarioError, Shape
+from touchstone.scenarios.scenario import ORIGIN, UNMOVED, Piece, Scenario, ScenarioError, Shape
 
 NAME = re.compile(r"\w[\w .,+=-]{0,99}")
 """Names of scenes in files: they name files of results."""
+MOST_BYTES = 10**8
+"""Size of a document [bytes]: the largest scenes of ours take less than 1 MB."""
 UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+ARITHMETIC = (ValueError, ArithmeticError, IndexError)
+"""Exceptions of the inertia of a body whose mass or shape is wrong."""
 STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 """An index or a name in the path of a fault."""
 
@@ -39,7 +45,9 @@ def document(path: Path) -> tuple[dict[str, Any], Callable[[], dict[Place, int]]
         SceneFileError: the file cannot be read or is not of its format.
     """
     try:
-        text = regular(path).read_text(encoding="utf-8")
+        if (size := regular(path).stat().st_size) > MOST_BYTES:
+            raise SceneFileError(f"{path}: {size / 1e6:.3g} MB, expected at most {MOST_BYTES / 1e6:g} MB")
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise SceneFileError(f"{path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
@@ -137,9 +145,13 @@ def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:
         faults.append(((*place, "inertia"), "missing: a body with a centre of mass needs it"))
     try:
         pieces = tuple(_built(Piece, piece) for piece in body["pieces"])
-        body["center_of_mass"], body["inertia"] = uniform(pieces, body["mass"])
-    except (ValueError, ZeroDivisionError, IndexError):  # the checks of the scenario name the shape
-        body["inertia"] = UNIT_INERTIA
+        with np.errstate(all="ignore"):
+            center, inertia = uniform(pieces, body["mass"])
+        sound = bool((np.abs([center, *inertia]) <= LARGEST).all())
+    except ARITHMETIC:
+        sound = False
+    # the checks of the scenario name the mass or shape that is wrong
+    body["center_of_mass"], body["inertia"] = (center, inertia) if sound else (ORIGIN, UNIT_INERTIA)
     return faults
 
 

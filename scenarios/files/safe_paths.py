@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import errno
+import json
 import stat
 from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
 
 KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -30,6 +34,26 @@ def regular(path: Path) -> Path:
         kind = next(name for is_kind, name in KINDS if is_kind(mode))
         raise OSError(errno.EINVAL, f"is {kind}, expected a file", str(path))
     return path
+
+
+def json_value(text: str | bytes) -> Any:
+    """Value of a JSON text; raises ValueError if it is none, or one that cannot be read."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("JSON of too many levels") from error
+
+
+def json_of(path: Path) -> Any:
+    """Value of a JSON file; raises OSError or ValueError."""
+    return json_value(regular(path).read_text("utf-8"))
+
+
+def fault_line(error: Exception) -> str:
+    """What a file lacks, in one line of at most 100 characters."""
+    first = error.errors()[0] if isinstance(error, ValidationError) else None
+    text = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
+    return text.partition("\n")[0][:100]
 
 
 def allowed(folder: Path, name: str, allow_paths: bool) -> Path:

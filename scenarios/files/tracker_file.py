@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from touchstone.scenarios.avatar.number_checks import number_of
 from touchstone.scenarios.files.safe_paths import regular
 
 COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
@@ -68,7 +69,7 @@ def _of_csv(path: Path, joints: Sequence[str]) -> np.ndarray:
         if not row:
             continue
         try:
-            values = [float(text) for text in row]
+            values = [number_of(text) for text in row]
             table.append([values[k] for k in order])
         except (ValueError, IndexError) as error:
             raise TrackerFileError(f"{path.name}:{number}: expected {len(heads)} numbers") from error

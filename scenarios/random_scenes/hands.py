@@ -62,6 +62,7 @@ class Pressing:
             positions=tuple(map(vector, path)),
             orientations=(self.orientation,) * len(times),
             angles=tuple(map(tuple, angles.tolist())),
+            interpolation="cubic",
         )
 
 

@@ -100,8 +100,9 @@ def test_what_the_noise_changes() -> None:
 def test_an_unknown_interpolation_is_a_fault() -> None:
     """Name the field and the valid ways."""
     scene = catalogue()["spring"]
-    wrong = replace(scene.trackers[0], interpolation="linear")
+    wrong = replace(scene.trackers[0], interpolation="akima")
     with pytest.raises(
-        ScenarioError, match=r"trackers\[0\].interpolation: unknown 'linear'; valid: cubic, held"
+        ScenarioError,
+        match=r"trackers\[0\].interpolation: unknown 'akima'; valid: pchip, cubic, linear, held",
     ):
         replace(scene, trackers=(wrong, *scene.trackers[1:]))

@@ -37,14 +37,13 @@ def nightly(
 ) -> None:
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
-    from touchstone.reports.nightly.store import Store, StoreError, query_library
+    from touchstone.reports.nightly.store import Store, StoreError
     from touchstone.reports.run.request import DEFAULT_PROFILES, columns_of
 
     columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
     require_judge()
     try:
-        query_library()
         with Store(store).opened() as opened, working_folder(settings) as work:
             chosen = scenes(quick)
             with progress_for(
@@ -64,9 +63,8 @@ def nightly(
     lines = [one.line for one in findings if one.kind in ("regression", "warning")]
     for line in [*lines, *opened.notes, *measured.faults]:
         print(line, file=sys.stderr)
-    if quiet:
-        tell_failures(measured.frame)
-    else:
+    tell_failures(measured.frame)
+    if not quiet:
         print(sentence)
         print(f"page: {page}")
     if any(one.kind == "regression" for one in findings):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,6 +60,19 @@ def _nearest(name: str) -> list[str]:
 def _tell(lines: Iterable[str]) -> None:
     for line in lines:
         print(f"touchstone: {line}", file=sys.stderr)
+
+
+def tracker_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
+    """One line per tracker that holds its last valid sample, and per path that leaves its keyframes."""
+    from touchstone.scenarios.avatar.tracking import swings
+
+    for scenario in scenarios:
+        for i, tracker in enumerate(scenario.trackers):
+            place = f"{scenario.name}: trackers[{i}]"
+            if tracker.held:
+                count = len(tracker.times)
+                yield f"{place} holds its last good sample at {tracker.held} of {count} keyframes"
+            yield from (f'{place}: {line}; interpolation = "pchip" does not' for line in swings(tracker))
 
 
 def limits_for(path: Path | None, scenarios: Iterable[Scenario]) -> tuple[Limit, ...]:

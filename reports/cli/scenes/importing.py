@@ -52,4 +52,5 @@ def import_robot(
     mass = sum(body.mass for body in scenario.bodies if body.kind != "fixed")
     counts = f"{len(scenario.bodies)} bodies, {len(scenario.joints)} hinges, {pieces} pieces"
     print(f"{path}: {counts}, {mass:.6g} kg")
-    print(f"next: touchstone show {path} --model-card; touchstone run {path}")
+    card = " --model-card" if scenario.trackers else ""
+    print(f"next: touchstone show {path}{card}; touchstone run {path}")

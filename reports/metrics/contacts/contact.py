@@ -80,14 +80,15 @@ def impulse_balance_driven(context: Context) -> Values:
     return found
 
 
-def driven_pairs(context: Context) -> set[str]:
-    """Pairs with a driven body, or of two of its links, that press; links have their root's name."""
+def driven_pairs(context: Context) -> dict[str, tuple[str, str]]:
+    """Subjects and names of pairs with a driven body, or of two of its links, that press; links have their
+    root's name."""
     rows = context.recording.contacts
     driven = np.array([kind == "driven" for kind in context.kind])
     pressing = context.impulses[0] > 0
     mine = rows[(driven[rows["body_a"]] | driven[rows["body_b"]]) & pressing]
     met = set(zip(mine["body_a"].tolist(), mine["body_b"].tolist()))
-    return {context.owner_pair(*pair) for pair in met}
+    return {context.owner_pair(a, b): (context.owner(a), context.owner(b)) for a, b in sorted(met)}
 
 
 def _pace(context: Context, body: int) -> float:

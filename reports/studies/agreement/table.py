@@ -6,6 +6,7 @@ from math import isnan
 
 import pandas as pd
 from rich.console import Console
+from rich.text import Text
 
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.request import step_text
@@ -36,7 +37,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         if not (block[block.metric == "agreement.error"].value > ROUNDING).any():
             continue
         table.add_section()
-        table.add_row(f"[bold]{scenario}[/bold] {quantity}")
+        table.add_row(Text.assemble((str(scenario), "bold"), f" {quantity}"))
         outliers = rows_of(block[block.metric == "agreement.outlier"])
         lone = next((row.reason for row in outliers if row.value > ROUNDING), "")
         for order in rows_of(part):
@@ -44,7 +45,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     out.print(table)
     print_notes(NOTES, out)
     for row in rows_of(frame[frame.metric == "run"]):
-        out.print(f"{row.verdict}: {row.scenario}: {row.engine}: {row.reason}", highlight=False, markup=False)
+        out.print(f"{row.verdict}: {row.scenario}: {row.engine}: {row.reason}", highlight=False)
 
 
 def _cells(order: Row, mine: pd.DataFrame, lone: str) -> list[str]:

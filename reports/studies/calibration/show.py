@@ -21,7 +21,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     print_notes(NOTES, out)
     out.print()
     for line in findings(frame):
-        out.print(line, highlight=False, markup=False)
+        out.print(line, highlight=False)
     for line in remarks(frame):
         style = "red" if line.startswith(("fail", "error")) else ""
-        out.print(line, highlight=False, markup=False, style=style)
+        out.print(line, highlight=False, style=style)

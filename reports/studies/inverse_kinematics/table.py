@@ -36,7 +36,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     for row in rows_of(frame[frame.verdict.isin(["fail", "known", "error"])]):
         found, limit = exact_number(row.value), exact_number(row.limit)
         who = f"{row.verdict}: {row.engine} {row.profile}: {row.scenario} {row.metric}"
-        out.print(f"{who} {found}, limit {limit}: {row.reason}", highlight=False, markup=False, style="red")
+        out.print(f"{who} {found}, limit {limit}: {row.reason}", highlight=False, style="red")
 
 
 def _cells(part: pd.DataFrame) -> list[str]:

@@ -50,9 +50,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     out.print()
     out.print(_families(frame))
     for line in remarks(frame):
-        out.print(
-            line, highlight=False, markup=False, style="red" if line.startswith(("fail", "error")) else ""
-        )
+        out.print(line, highlight=False, style="red" if line.startswith(("fail", "error")) else "")
 
 
 def _cells(whole: pd.DataFrame, name: str) -> list[str]:

@@ -57,7 +57,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     count = sum(row.reason_code == REPRODUCED for row in judged)
     out.print(f"{count} of {len(judged)} claims are reproduced", highlight=False)
     for failed in rows_of(frame[frame.verdict == "error"]):
-        out.print(f"error: {failed.scenario}: {failed.reason}", highlight=False, markup=False, style="red")
+        out.print(f"error: {failed.scenario}: {failed.reason}", highlight=False, style="red")
 
 
 def _cells(mine: dict[tuple[str, str], float]) -> list[str]:

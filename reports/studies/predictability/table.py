@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 from rich.console import Console
+from rich.text import Text
 
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.predictability.definitions import CLOSED_FORM, DRAWS, METRIC, SIZES
@@ -25,14 +26,14 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     measured = frame[frame.metric == METRIC]
     for scenario, scene in measured.groupby("scenario", sort=False):
         table.add_section()
-        table.add_row(f"[bold]{scenario}[/bold]")
+        table.add_row(Text(str(scenario), "bold"))
         for engine, part in scene.groupby("engine", sort=False):
             style = "dim" if engine == CLOSED_FORM else ""
             table.add_row(str(engine), *map(_cell, rows_of(part)), style=style)
     out.print(table)
     print_notes(NOTES, out)
     for row in rows_of(frame[frame.metric == "run"]):
-        out.print(f"{row.verdict}: {row.scenario}: {row.engine}: {row.reason}", highlight=False, markup=False)
+        out.print(f"{row.verdict}: {row.scenario}: {row.engine}: {row.reason}", highlight=False)
 
 
 def _cell(row: Row) -> str:

@@ -43,7 +43,6 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             f"{row.verdict}: {row.engine} {row.profile} {row.scenario} {row.metric} {row.value:.1e}, "
             f"limit {row.limit:.1e} {row.reason}",
             highlight=False,
-            markup=False,
         )
 
 

@@ -67,12 +67,11 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             f"limit broken: {row.engine} {row.profile}: {row.metric} = {short(row.value)}, "
             f"limit {row.limit:g}: {row.reason}",
             highlight=False,
-            markup=False,
         )
     for row in rows_of(frame[frame.metric == "run"]):
         what = row.verdict or f"{row.subject} {short(row.value)} {row.scenario}"
         text = ": ".join(part for part in (what, row.reproduce, row.reason) if part)
-        out.print(text, highlight=False, markup=False, soft_wrap=True)
+        out.print(text, highlight=False, soft_wrap=True)
 
 
 def _cell(row: Row | None) -> str:

@@ -38,17 +38,14 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             f"reference {row.profile} survives all that any engine does in {row.value:.0%} of "
             f"{len(survived.scenario.unique())} families {row.reason}",
             highlight=False,
-            markup=False,
         )
     failed = frame[(frame.metric == OUTCOME) & (frame.verdict == "fail")]
     for row in rows_of(failed[:LISTED]):
-        out.print(
-            f"{row.subject}: {row.reproduce}: {row.reason}", highlight=False, markup=False, soft_wrap=True
-        )
+        out.print(f"{row.subject}: {row.reproduce}: {row.reason}", highlight=False, soft_wrap=True)
     if len(failed) > LISTED:
         out.print(f"and {len(failed) - LISTED} more in cells.csv", highlight=False)
     for row in rows_of(frame[frame.metric == "run"]):
-        out.print(f"{row.verdict}: {row.reason}", highlight=False, markup=False)
+        out.print(f"{row.verdict}: {row.reason}", highlight=False)
 
 
 def _cell(level: float, failure: str) -> str:

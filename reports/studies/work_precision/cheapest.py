@@ -9,6 +9,7 @@ from math import inf
 import pandas as pd
 
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+from touchstone.scenarios.avatar.number_checks import number_of
 
 UNITS = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
@@ -80,7 +81,7 @@ def tolerance(text: str, unit: str, option: str) -> float:
         found = f"unit {name!r}" if name else "no unit"
         raise ToleranceError(f"{option} {text}: {found}; valid: {valid}, such as 1{next(iter(UNITS[unit]))}")
     try:
-        value = float(number) * UNITS[unit][name]
+        value = number_of(number) * UNITS[unit][name]
     except ValueError:
         value = -1.0
     if not 0 <= value < inf:

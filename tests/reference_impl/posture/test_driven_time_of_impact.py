@@ -157,7 +157,11 @@ def behind_thin_wall(lab: SimpleNamespace, jump: str, farther: float = 0.0) -> t
         way, face, person = 1.0 + farther, 0.3, lab.person(arm_with_hand_parts())
         still = person.trackers[0]
         places = tuple((x, *still.positions[0][1:]) for x in (0.0, 0.0, way, way))
-        rest = {"orientations": still.orientations[:1] * 4, "angles": still.angles[:1] * 4}
+        rest = {
+            "orientations": still.orientations[:1] * 4,
+            "angles": still.angles[:1] * 4,
+            "interpolation": "cubic",
+        }
         tracker = replace(still, times=tuple(TIMES.tolist()), positions=places, **rest)
     else:
         way, before, after, face = JUMPS[jump]

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import touchstone as ts
+from touchstone.adapters.recorder import scenario_json
+from touchstone.adapters.recording import load
 from touchstone.reports.assertions.invariants import INVARIANTS, check
 from touchstone.reports.assertions.outcome import LISTENER
 from touchstone.scenarios.catalogue import catalogue
@@ -305,8 +307,12 @@ def test_findings_are_told_to_the_listener():
     assert reported == [("energy.injected", True), ("overlap.max", False)]
 
 
-def test_a_scenario_that_is_not_known_has_to_be_passed(registry):
-    """A recording of a scene that nobody knows needs its scenario."""
+def test_a_recording_holds_its_scenario(registry, tmp_path):
+    """A recording of one's own scene is judged, also from its file; a text that is none is named."""
+    slip = catalogue()["slip"]
+    own = replace(registry.played("slip", "reference"), scenario=scenario_json(replace(slip, name="mine")))
+    own.save(tmp_path / "mine.npz")
+    assert ts.assert_no_overlap(load(tmp_path / "mine.npz")) < 1e-6
     run = replace(registry.played("slip", "reference"), scenario="{}")
     with pytest.raises(ValueError, match="pass scenario="):
         ts.assert_no_overlap(run)

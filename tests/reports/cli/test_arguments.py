@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from touchstone.reports.compare.stored import NEEDED
 from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
@@ -51,6 +52,16 @@ def test_the_program_is_installed():
         (["--tag", "galery"], "unknown tag 'galery'; did you mean 'gallery'?"),
         (["--profile", "equal_step"], "unknown profile 'equal_step'; did you mean 'equal-step'?"),
         (["--engine", "dart", "--profile", "paper"], "no engine of dart has the profile paper"),
+        (
+            ["--dt", "1e-300"],
+            "--dt 1e-300: dt = 1e-300 s is 1.67e+298 steps a frame, expected at most 1000000",
+        ),
+        (
+            ["--dt", "\u0661/\u0666\u0660"],
+            "--dt \u0661/\u0666\u0660: expected a step in seconds, such as 1/240 or 0.005",
+        ),
+        (["--dt", "1_0/60"], "--dt 1_0/60: expected a step in seconds"),
+        (["--engine", "mujoco", "--set", "impratio=\u0661"], "--set mujoco: impratio: found '\u0661'"),
         (["--dt", "1/7"], "--dt 1/7: dt = 0.142857 s does not divide the frame of 1/60 s"),
         (["--set", "removel=eq1"], "--set reference: unknown setting 'removel'; did you mean 'removal'"),
         (["--set", "x"], "--set reference: unknown setting 'x' (valid: v_rest, "),
@@ -147,3 +158,38 @@ def test_no_command_is_answered_with_all(touchstone, arguments):
     code, out, err = touchstone(*arguments)
     assert (code, err) == (2, "")
     assert "Commands" in out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("soak", "--minutes", "inf"),
+        ("soak", "--minutes", "nan"),
+        ("soak", "--minutes", "1e300"),
+        ("study", "narrow-phase", "--pairs", "999999999999"),
+        ("study", "ik", "--goals", "999999999999"),
+        ("study", "robustness", "--scenes", "999999999999"),
+        ("study", "robustness", "--perturbation", "inf"),
+        ("sweep", "fall", "--seed", "\u0663"),
+        ("sweep", "fall", "--part", "\u0660/\u0663"),
+        ("cheapest", "fall", "--position", "\u0661mm"),
+    ],
+)
+def test_what_never_ends_is_refused(touchstone, tmp_path, arguments):
+    """Numbers that let a command run for ever, and digits that are none of ASCII, are one line and exit 2."""
+    code, out, err = touchstone(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert arguments[-2].strip("-") in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_endless_file_is_refused(touchstone, tmp_path):
+    """A document of 100 GB is not read."""
+    for name in ("old/results.csv", "huge.toml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / "old" / "results.csv").write_text(",".join(NEEDED) + "\n")
+    with open(tmp_path / "huge.toml", "wb") as file:
+        file.truncate(10**11)
+    line = "touchstone: huge.toml: 1e+05 MB, expected at most 100 MB\n"
+    assert touchstone("compare", "old", "old", "--tolerance", "huge.toml") == (2, "", line)
+    assert touchstone("show", "huge.toml") == (2, "", line)

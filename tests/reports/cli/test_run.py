@@ -13,6 +13,7 @@ import pytest
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, Row
+from touchstone.reports.run import cost, study
 from touchstone.reports.run.measure import NEEDED, measured
 from touchstone.scenarios.catalogue import catalogue
 
@@ -149,3 +150,23 @@ def test_asking_twice_is_asking_once(touchstone, quick):
     again = ("ball_snip", "--engine", "reference", "--profile", "balanced", "--metric", "overlap.max")
     _, out, _ = touchstone(*RUN, *again, "--out", "r", "--format", "json")
     assert len(json.loads(out)) == 1
+
+
+def test_a_long_run_is_refused_unless_it_is_asked_for(touchstone, quick, monkeypatch, tmp_path):
+    """Exit 2, one line and no folder; with --yes it plays."""
+    monkeypatch.setattr(cost, "LONGEST", -1.0)
+    monkeypatch.setattr(cost, "FIRST_SECONDS", 0.0)
+    play = study.Children.play
+
+    def slow(self, jobs, progress):
+        for _ in range(9):
+            progress("turn", 1)
+        return play(self, jobs, progress)
+
+    monkeypatch.setattr(study.Children, "play", slow)
+    run = ("run", "fall", "--engine", "reference", "--profile", "balanced", "--quiet", "--out", "new")
+    code, out, err = touchstone(*run)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "--yes plays them" in err
+    assert not list(tmp_path.iterdir())
+    assert touchstone(*run, "--yes")[0] == 0

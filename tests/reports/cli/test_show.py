@@ -15,6 +15,8 @@ from touchstone.reports.cli.listing import show_rows
 from touchstone.reports.metrics import METRICS
 from touchstone.scenarios.catalogue import catalogue
 
+BALL = [{"name": "ball", "shape": {"radius": 0.05}}]
+
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
 @pytest.mark.parametrize("what", ["scenarios", "engines", "metrics", "profiles"])
@@ -110,3 +112,26 @@ def test_a_narrow_terminal_cuts_no_word(capsys, monkeypatch):
         monkeypatch.setenv("COLUMNS", columns)
         show_rows([row], "table")
         assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == wanted
+
+
+def test_show_says_where_a_path_leaves_its_keyframes(touchstone, tmp_path):
+    """A spline through 0, 12.5 mm, 12.5 mm swings far out: a line names tracker, place and remedy."""
+    scene = {
+        "duration": 10.0,
+        "coefficients": [{"material_a": "wood", "material_b": "wood", "restitution": 0, "friction": 0}],
+        "bodies": [{"name": "hand", "kind": "driven", "material": "wood", "mass": 1.0, "pieces": BALL}],
+        "trackers": [
+            {
+                "root": "hand",
+                "times": [0.0, 0.05, 10.0],
+                "positions": [[0.0] * 3, [0.0125, 0.0, 0.0], [0.0125, 0.0, 0.0]],
+                "orientations": [[1.0, 0.0, 0.0, 0.0]] * 3,
+            }
+        ],
+    }
+    (tmp_path / "hand.json").write_text(json.dumps(scene))
+    assert touchstone("show", "hand.json")[::2] == (0, "")
+    scene["trackers"][0]["interpolation"] = "cubic"
+    (tmp_path / "hand.json").write_text(json.dumps(scene))
+    line = "hand: trackers[0]: hand leaves its keyframes by 548 mm from 0.05 to 10 s; "
+    assert touchstone("show", "hand.json")[2] == f'{line}interpolation = "pchip" does not\n'

@@ -7,14 +7,16 @@ import json
 import os
 import sys
 
+import pyarrow.parquet as pq
 import pytest
+from forged_tables import JSONS, WAYS, forge
 
 from touchstone.adapters.workers.scratch import locked
 from touchstone.reports.cli.nights import nightly
 from touchstone.reports.nightly import identity
 from touchstone.reports.nightly import night as module
 from touchstone.reports.nightly.due import Study
-from touchstone.reports.nightly.store import Store
+from touchstone.reports.nightly.store import KEY, Store
 from touchstone.reports.results import rows_of
 from touchstone.scenarios.catalogue import catalogue
 
@@ -133,6 +135,7 @@ def test_physics_is_compared_across_hardware(program, monkeypatch):
     grown = "mujoco recommended: deepest overlap (overlap.max): 1.00 -> 3.00 mm: pass -> fail"
     assert f"regression: slip {grown}" in err
     assert f"regression: random {grown}" in err
+    assert "fail: slip mujoco recommended: overlap.max 0.003, limit 0.002: a reason" in err
     assert "First night on this hardware: its times have nothing to compare with." in out
     _, out, err, _ = program("nightly", "--quick", frame=deep)
     assert ("First night" in out, "regression:" in err) == (False, False)
@@ -142,18 +145,13 @@ def test_physics_is_compared_across_hardware(program, monkeypatch):
 
 
 def test_what_is_missing_is_told_before_the_night(program, monkeypatch):
-    """Without DuckDB or a judge nothing is played: exit 2 or 4 and one line."""
-    for library, code, said in (
-        ("duckdb", 2, "nights are queried by duckdb"),
-        ("coal", 4, "cannot be judged"),
-    ):
-        with monkeypatch.context() as without:
-            for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
-                without.delitem(sys.modules, name)
-            without.setitem(sys.modules, library, None)
-            found = program("nightly", "--quick")
-        assert (found[0], found[1], found[2].count("\n"), found[3]) == (code, "", 1, [])
-        assert said in found[2]
+    """Without a judge nothing is played: exit 4 and one line."""
+    for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "coal", None)
+    code, out, err, played = program("nightly", "--quick")
+    assert (code, out, err.count("\n"), played) == (4, "", 1, [])
+    assert "cannot be judged" in err
 
 
 def test_a_night_that_nobody_reads_is_stored(program, monkeypatch):
@@ -228,3 +226,68 @@ def test_wrong_input_is_one_line(program, arguments, said):
     code, out, err, played = program(*arguments)
     assert (code, out, err.count("\n"), played) == (2, "", 1, [])
     assert said in err
+
+
+def survives(program, *arguments):
+    """Play a night; it is stored with every page, and nothing but lines on files is printed. Returns them."""
+    code, _, err, _ = program("nightly", "--quick", *arguments)
+    assert code in (0, 1), err
+    assert "Traceback" not in err
+    assert "could not be written" not in err
+    return err
+
+
+@pytest.fixture
+def stored(program, tmp_path):
+    """A store of two nights, the first one accepted; returns the program."""
+    assert program("nightly", "--quick")[0] == 0
+    assert program("accept", "last", "--reason", "good")[0] == 0
+    assert program("nightly", "--quick")[0] == 0
+    return program
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_forged_night_is_set_aside_or_read(stored, tmp_path, way):
+    """Whatever a night's file holds, the next night is compared, stored and shown."""
+    for path in sorted((tmp_path / "nights" / "runs").iterdir()):
+        forge(path, way)
+    survives(stored)
+    assert stored("accept", "last", "--reason", "good")[0] == 0
+
+
+@pytest.mark.parametrize("text", JSONS.values(), ids=JSONS)
+def test_forged_documents_of_a_store_are_set_aside(stored, tmp_path, text):
+    """So it is with the identity of a night, an acceptance, and what a killed night left."""
+    for path in sorted((tmp_path / "nights" / "runs").iterdir()):
+        table = pq.read_table(path)
+        pq.write_table(table.replace_schema_metadata({KEY: text.encode()}), path)
+    (tmp_path / "nights" / "accepted" / "000001.json").write_text(text)
+    assert stored("nightly", "--quick", dies="slip")[0] == 130
+    for path in (tmp_path / "cache").glob("touchstone/nightly/unfinished/*/fall.json"):
+        path.write_text(text)
+    survives(stored)
+    assert stored("accept", "last", "--reason", "good")[0] == 0
+    for path in (tmp_path / "cache").glob("touchstone/nightly/unfinished/*/*.json"):
+        path.write_text(text)
+    survives(stored)
+    (tmp_path / "nights" / "touchstone-store.json").write_text(text)
+    code, _, err, _ = stored("nightly", "--quick")
+    assert (code, err.count("\n")) == (2, 1) or '"format": 1' in text
+
+
+def test_an_acceptance_that_is_set_aside_replaces_no_other(stored, tmp_path):
+    """The number of a new acceptance follows from the last one."""
+    assert stored("accept", "last", "--reason", "two")[0] == 0
+    accepted = tmp_path / "nights" / "accepted"
+    (accepted / "000001.json").write_text("[]")
+    assert stored("accept", "last", "--reason", "three")[0] == 0
+    reasons = [json.loads(path.read_text())["reason"] for path in sorted(accepted.iterdir())]
+    assert reasons == ["two", "three"]
+
+
+@pytest.mark.parametrize("name", ["it's", 'a "b"', "[ab]", "*", "a b", "-a", "ö"])
+def test_a_store_may_have_any_name(program, name):
+    """Quotes, brackets and patterns in the name of a store are letters."""
+    for _ in range(3):
+        survives(program, f"--store={name}")
+    assert len(Store(name).nights()) == 3

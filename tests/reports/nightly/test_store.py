@@ -29,12 +29,10 @@ def test_nights_come_back_in_order(store, nights):
     found = store.nights()
     assert [night.run for night in found] == ["night0005", "night0003"]
     assert [night.sequence for night in found] == [1, 2]
-    rows = store.query(
-        found, "select sequence, value from rows where metric = 'time.frame.median' order by all"
-    )
-    assert rows.values.tolist() == [[1, 1e-4], [2, 2e-4]]
+    rows = store.rows(found, verdict.SERIES)
+    assert rows[["sequence", "value"]].values.tolist() == [[1, 1e-4], [2, 2e-4]]
     # what does not apply to an engine is not stored
-    assert set(store.query(found, "select distinct verdict from rows").verdict) == {"", "pass"}
+    assert set(store.rows(found).verdict) == {"", "pass"}
 
 
 def test_damaged_foreign_and_future_files_are_set_aside(store, nights):
@@ -137,8 +135,7 @@ def test_killed_writers_leave_a_store_that_reads(tmp_path):
         found = store.nights()
         assert store.notes == []
         assert [night.sequence for night in found] == list(range(1, len(found) + 1))
-    rows = store.query(found, "select count(*) as n from rows")
-    assert rows.n.tolist() == [2 * len(found)]
+    assert len(store.rows(found)) == 2 * len(found)
 
 
 @pytest.mark.slow

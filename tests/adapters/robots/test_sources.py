@@ -1,0 +1,121 @@
+"""Files of robots as others leave them: kept as they say, or refused by name, line and remedy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.adapters.robots.robot_scene import imported
+
+MOMENTS = 'ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"'
+INERTIAL = f'<inertial><mass value="1"/><inertia {MOMENTS}/></inertial>'
+SHAPE = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+TIP = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+MESHED = """<mujoco><asset><mesh name="tip" file="tip.obj"/></asset>
+<worldbody><body name="b" pos="0 0 1">
+<freejoint/><geom type="mesh" mesh="tip" density="500"/></body></worldbody></mujoco>"""
+
+
+def link(name, inertial=INERTIAL):
+    """A link with a shape."""
+    return f'<link name="{name}">{inertial}{SHAPE}</link>\n'
+
+
+def joint(name, parent, child, kind="revolute", more='<limit lower="-1" upper="1" effort="1" velocity="1"/>'):
+    """A joint half a metre above its parent."""
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{"" if kind == "fixed" else more}</joint>\n'
+
+
+def robot(*parts):
+    """Text of a URDF, one part a line from the second on."""
+    return f'<robot name="r">\n{"".join(parts)}</robot>\n'
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Import a text as a file; returns the scene and its notes."""
+
+    def make(text, name="robot.urdf"):
+        (tmp_path / name).write_text(text)
+        return imported(tmp_path / name, "robot")
+
+    return make
+
+
+def test_a_shape_without_inertial_has_no_mass(load):
+    """In URDF no <inertial> is no mass: the links that it is fixed to keep theirs, and their centre."""
+    found = load(robot(link("a"), link("guard", ""), joint("f", "a", "guard", "fixed"))).scenario
+    body = next(one for one in found.bodies if one.kind == "simulated")
+    assert (body.mass, len(body.pieces)) == (1.0, 2)
+    assert body.center_of_mass == pytest.approx((0, 0, 0), abs=1e-15)
+    assert np.array(body.inertia) == pytest.approx(0.01 * np.eye(3), abs=1e-15)
+    # a hinge moves what is fixed below it
+    text = robot(link("a"), link("b", ""), link("c"), joint("j", "a", "b"), joint("f", "b", "c", "fixed"))
+    masses = {one.name: one.mass for one in load(text).scenario.bodies if one.kind == "driven"}
+    assert masses == {"a": 1.0, "b": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (
+            robot(link("a"), link("b", INERTIAL.replace("0.01", "0")), joint("j", "a", "b")),
+            "robot.urdf:3: link 'b': joint 'j' moves it, but it has no mass or no inertia",
+        ),
+        (
+            robot(link("a"), link("b", ""), joint("j", "a", "b")),
+            "robot.urdf:3: link 'b': joint 'j' moves it, but it has no mass or no inertia",
+        ),
+        (
+            robot(
+                link("a"),
+                link("b"),
+                joint("j", "a", "b", more='<limit lower="1" upper="-1" effort="1" velocity="1"/>'),
+            ),
+            "robot.urdf:4: joint 'j': limits from 1 to -1 are inverted",
+        ),
+        (
+            '<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro">\n<xacro:macro name="leg"/></robot>',
+            "robot.urdf:2: xacro:macro 'leg': not expanded; do it before: xacro robot.urdf > expanded.urdf",
+        ),
+        (
+            "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
+            "robot.urdf: a Git LFS pointer, not the file itself; fetch it by: git lfs pull",
+        ),
+    ],
+)
+def test_what_cannot_be_kept_is_refused_by_name(load, text, line):
+    """File, line, element and remedy."""
+    with pytest.raises(RobotError) as refused:
+        load(text)
+    assert str(refused.value).endswith(line)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_mesh_that_was_not_fetched_is_named(load, tmp_path):
+    """A Git LFS pointer in place of a mesh."""
+    (tmp_path / "tip.obj").write_text("version https://git-lfs.github.com/spec/v1\n")
+    with pytest.raises(RobotError, match=r"robot\.xml:1: mesh 'tip': file 'tip\.obj': a Git LFS pointer"):
+        load(MESHED, "robot.xml")
+
+
+def test_a_note_names_the_joint_that_mimics(load):
+    """Not the one that it follows."""
+    limits = '<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="master" multiplier="-2"/>'
+    text = robot(
+        link("a"), link("b"), link("c"), joint("master", "a", "b"), joint("follower", "b", "c", more=limits)
+    )
+    assert "left out: the coupling of joint 'follower'" in load(text).notes
+
+
+@pytest.mark.parametrize("suffix", ["xml", "mjcf"])
+def test_an_included_file_has_the_folders_of_the_main_one(load, tmp_path, suffix):
+    """`meshdir` of the file that includes another holds in that one, whatever the suffix."""
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "tip.obj").write_text(TIP)
+    (tmp_path / "part.xml").write_text(MESHED)
+    text = '<mujoco><compiler meshdir="meshes"/><include file="part.xml"/></mujoco>'
+    masses = [one.mass for one in load(text, f"robot.{suffix}").scenario.bodies if one.kind == "simulated"]
+    assert masses == pytest.approx([500 * 0.1**3 / 6], rel=1e-6)

@@ -1,0 +1,88 @@
+"""Forged tables of results, wherever a command reads them: a result or one line, and no traceback."""
+
+from __future__ import annotations
+
+import shutil
+
+import pandas as pd
+import pytest
+from forged_tables import JSONS, WAYS, forge
+
+from touchstone.reports.results import save_manifest, table
+
+
+def ends_well(found):
+    """A command did its work (0, 1) or refused its input in one line (2)."""
+    code, out, err = found
+    assert code in (0, 1, 2), err
+    assert code != 2 or (out, err.removeprefix("finished before\n").count("\n")) == ("", 1), err
+    assert "Traceback" not in err + out
+    return code
+
+
+@pytest.fixture
+def run(touchstone, registry, tmp_path):
+    """A stored run, and what `touchstone docs` needs; returns the program."""
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "index.md").touch()
+    frame = table(registry.judged_rows("fall", "reference"))
+    for name in ("run", "other"):
+        (tmp_path / name).mkdir()
+        frame.to_parquet(tmp_path / name / "results.parquet", index=False)
+        save_manifest(tmp_path / name, {"command": "touchstone run fall"})
+    return touchstone
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_forged_run_is_refused_or_read(run, tmp_path, way):
+    """`compare`, `tolerances` and `docs` read what is there, or name the file."""
+    forge(tmp_path / "run" / "results.parquet", way)
+    ends_well(run("compare", "other", "run"))
+    ends_well(run("compare", "run", "other", "--all"))
+    ends_well(run("tolerances", "run", "other"))
+    ends_well(run("docs", "run"))
+
+
+@pytest.mark.parametrize("text", JSONS.values(), ids=JSONS)
+def test_a_forged_manifest_is_refused_or_read(run, tmp_path, text):
+    """`docs` reads the manifest."""
+    (tmp_path / "run" / "manifest.json").write_text(text)
+    ends_well(run("docs", "run"))
+
+
+@pytest.mark.parametrize("study", ["../x", "run.x", "bench x", "bench ", "effects", "ik", "", "a b", "[/x]"])
+def test_docs_name_a_study_that_they_cannot_show(run, tmp_path, study):
+    """A table of a study that does not exist, or of another study than its rows are of."""
+    path = tmp_path / "run" / "results.parquet"
+    pd.read_parquet(path).assign(study=study).to_parquet(path, index=False)
+    ends_well(run("docs", "run"))
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A store of a sweep, as the command below leaves it."""
+    return tmp_path_factory.mktemp("swept") / "store"
+
+
+SWEEP = ("sweep", "fall", "--engine", "reference", "--profile", "balanced", "--jobs", "1", "--out", "store")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_forged_store_of_a_sweep_is_refused_or_read(touchstone, swept, tmp_path, way):
+    """A sweep shows what its store holds, or names the file."""
+    if not swept.exists():
+        assert touchstone(*SWEEP)[0] == 0
+        shutil.copytree("store", swept)
+    shutil.rmtree("store", ignore_errors=True)
+    shutil.copytree(swept, "store")
+    for path in (tmp_path / "store" / "cells").iterdir():
+        forge(path, way)
+    ends_well(touchstone(*SWEEP))
+
+
+@pytest.mark.parametrize("text", JSONS.values(), ids=JSONS)
+def test_a_forged_description_of_a_store_is_refused(touchstone, tmp_path, text):
+    """`store.json` of a sweep."""
+    (tmp_path / "store").mkdir()
+    (tmp_path / "store" / "store.json").write_text(text)
+    assert ends_well(touchstone(*SWEEP)) == (0 if '"format": 1,' in text and "999" not in text else 2)

@@ -1,0 +1,150 @@
+"""Bodies with any printable name: every output of a run has them as they are."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import installed, load
+from touchstone.adapters.workers.children import Outcome
+from touchstone.reports.run import study
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.read import SceneFileError, read_scene
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.truths.pair_names import ambiguities, pair_of
+
+NAMES = (
+    *("my ball", "-ball", "ball", "ball 2", "ball-2", "[red]ball[/red]", "[/x]", "bäll 球", "a/b", "../x"),
+    *("$x^2$", "_hidden", "<b>&\"'", "all", "reference", "run", ":smile:", "%s {0}", "a|b", "`c`", "\\n"),
+    *("world", "None", "nan", "0", "a.b", "--out", "x" * 100),
+)
+
+
+def scene(names, fixed="floor [1]"):
+    """Document of a scene: balls of these names fall on a floor, a driven ball presses on it."""
+
+    def body(name, kind, shape, **fields):
+        piece = {"name": name, "shape": shape}
+        return {"name": name, "kind": kind, "material": "wood [a]", "pieces": [piece], **fields}
+
+    ball = {"radius": 0.05}
+    simulated = [
+        body(name, "simulated", ball, mass=0.2, position=[0.3 * k, 0, 0.12], linear_velocity=[0.5, 0, 0])
+        for k, name in enumerate(names)
+    ]
+    floor = body(fixed, "fixed", {"half_extents": [400, 400, 0.5]}, position=[0, 0, -0.5])
+    places = [[0, 0.3, 0.2], [0, 0.3, 0.04]]
+    tracker = {"root": "hand-1", "times": [0, 0.6], "positions": places, "orientations": [[1, 0, 0, 0]] * 2}
+    return {
+        "duration": 0.6,
+        "coefficients": [
+            {"material_a": "wood [a]", "material_b": "wood [a]", "restitution": 0.5, "friction": 0.3}
+        ],
+        "bodies": [floor, *simulated, body("hand-1", "driven", ball, mass=0.4)],
+        "trackers": [tracker],
+        "expectations": [
+            {"event": "touch", "body": fixed, "other": names[0], "earliest": 0.0, "latest": 0.5}
+        ],
+    }
+
+
+@pytest.fixture
+def here(touchstone, monkeypatch):
+    """The program, whose children play in this process."""
+
+    def play(self, jobs, progress):
+        for job in jobs:
+            dt = 1 / 60 if job.engine == "reference" else 1 / 480
+            settings = Settings(job.settings.profile, dt)
+            record(load(job.engine), job.scenario, settings).save(job.recording)
+        return [Outcome(job, "done") for job in jobs]
+
+    monkeypatch.setattr(study.Children, "play", play)
+    return touchstone
+
+
+def test_every_output_has_any_name(here, tmp_path):
+    """Tables, pages, comparisons and exports of a run whose bodies have all odd names at once."""
+    (tmp_path / "odd.json").write_text(json.dumps(scene(NAMES)))
+    engines = [name for name in ("reference", "mujoco", "dart", "bullet") if installed(name)]
+    options = [word for name in engines for word in ("--engine", name)]
+    code, _, err = here("run", "odd.json", *options, "--profile", "balanced", "--profile", "recommended")
+    assert code == 0, err
+    assert "could not be written" not in err
+    assert "is not written" not in err
+    run = next((tmp_path / "runs").iterdir())
+    assert "| restitution floor [1]-a\\|b #1 | 0.5" in (run / "report.md").read_text()
+    frame = pd.read_parquet(run / "results.parquet")
+    assert {f"floor [1]-{name} #1" for name in NAMES} <= set(frame.subject)
+    assert "error" not in set(frame.verdict)
+    recording = next((run / "recordings").glob("*.npz"))
+    for arguments in (
+        ("show", "odd.json"),
+        ("show", "odd.json", "--effects"),
+        ("judge", run),
+        ("compare", run, run, "--all"),
+        ("view", run, "--no-open"),
+        *(("export", "odd.json", "--format", form, "--out", form) for form in ("mjcf", "urdf", "toml")),
+        *(("export", recording, "--format", form, "--out", f"r.{form}") for form in ("glb", "csv")),
+    ):
+        code, _, err = here(*arguments)
+        assert code == 0, (arguments, err)
+
+
+@pytest.mark.parametrize(
+    ("names", "line"),
+    [
+        (("a\nb",), "bodies[1].name: found 'a\\nb', expected at most 100 printable characters"),
+        (("x" * 101,), f"bodies[1].name: found '{'x' * 100}', expected at most 100"),
+        (("\u202egnp",), "expected at most 100 printable characters"),
+        (("a", "b-c", "a-b", "c"), "'a' and 'b-c' make the same pair as 'a-b' and 'c'; rename one"),
+        (("ball", "ball #2"), "bodies[2].name: 'ball #2' reads as a numbered event of 'ball'; rename one"),
+    ],
+)
+def test_names_that_results_cannot_tell_apart_are_refused(tmp_path, names, line):
+    """Control characters, overlong names, and names that give two pairs one name, each with its body."""
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps(scene(names)))
+    with pytest.raises(SceneFileError) as refused:
+        read_scene(path)
+    assert line in str(refused.value)
+
+
+WORDS = st.lists(
+    st.text(st.sampled_from("ab-# 12"), min_size=1, max_size=6), min_size=2, max_size=6, unique=True
+)
+
+
+@given(WORDS)
+def test_a_pair_is_found_by_its_name(names):
+    """Whatever two bodies are called, the name of their pair leads to them; else the names are refused."""
+    pairs = [(a, b) for a in names for b in names if a != b]
+    texts = [f"{a}-{b}{number}" for a, b in pairs for number in ("", " #1", " #12")]
+    if list(ambiguities(names)):
+        return
+    assert len(set(texts)) == len(texts)
+    found = [pair_of(_Named(names), text) for text in texts]
+    assert found == [(names.index(a), names.index(b)) for a, b in pairs for _ in range(3)]
+
+
+class _Named:
+    """Bodies with names alone."""
+
+    def __init__(self, names):
+        self.bodies = [type("Body", (), {"name": name}) for name in names]
+
+
+def test_a_thousand_bodies_are_checked_at_once():
+    """Names of a thousand bodies cost no time, and no scene of ours is refused."""
+    start = time.process_time()
+    assert list(ambiguities([f"box-{k}-{k % 7}" for k in range(1000)])) == []
+    assert time.process_time() - start < 0.5
+    assert all(isinstance(one, Scenario) for one in catalogue().values())
+    assert not any(list(ambiguities([b.name for b in one.bodies])) for one in catalogue().values())

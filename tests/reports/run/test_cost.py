@@ -1,0 +1,51 @@
+"""Runs that take too long or too much memory are refused before they do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import count
+
+import pytest
+
+from touchstone.reports.run import cost
+from touchstone.reports.run.cost import TooLargeError, check_memory, limited
+from touchstone.scenarios.catalogue import catalogue
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that goes on by a second each time it is read."""
+    seconds = count(1.0)
+    monkeypatch.setattr(cost, "monotonic", lambda: next(seconds))
+
+
+def played(total, calls=40, frames=30):
+    """Labels that a progress passes on while frames are played, one turn a second."""
+    seen = []
+    step = limited(lambda label, count: seen.append((label, count)), total)
+    for k in range(calls):
+        step("compiling", 0)
+        step(f"turn {k}", frames)
+    return seen
+
+
+def test_a_long_run_is_told_by_its_first_frames(clock):
+    """30 frames a second: 9 days of them are refused after FIRST_SECONDS, an hour and a half too."""
+    with pytest.raises(TooLargeError, match=r"^23328000 frames would take about 9 days; --yes plays them$"):
+        played(30 * 9 * 86400)
+    with pytest.raises(TooLargeError, match=r"about 1\.5 hours"):
+        played(30 * 5400)
+
+
+def test_a_short_run_is_played(clock):
+    """What ends within the hour, or before FIRST_SECONDS, has all its progress."""
+    assert len(played(30 * 3000)) == 80
+    assert len(played(10**12, calls=5)) == 10
+
+
+def test_recordings_that_no_memory_holds_are_refused():
+    """The line names the scene, what it takes, and what there is."""
+    fall = catalogue()["fall"]
+    check_memory(list(catalogue().values()), 8)
+    with pytest.raises(TooLargeError, match=r"^fall: 4 recordings of 599999940 frames take \d+ GB, and this"):
+        check_memory([replace(fall, duration=9999999.0, expectations=())], 4)
