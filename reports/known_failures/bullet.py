@@ -200,9 +200,9 @@ CAUSES: tuple[Cause, ...] = (
         {
             "recommended equal-step default accurate maximal": {
                 "contact.gap": (
-                    "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
-                    "push_box:torso-box table_slide:table-palm two_arms:east_wall-torso "
-                    "volley:north_wall-torso"
+                    "arms_cross:torso-torso carry:torso-box corner_slide:east_wall-torso "
+                    "corner_slide:north_wall-torso hold:torso-box push_box:torso-box "
+                    "table_slide:table-palm two_arms:east_wall-torso volley:north_wall-torso"
                 ),
             },
             "recommended equal-step default maximal": {
@@ -248,6 +248,7 @@ CAUSES: tuple[Cause, ...] = (
         {
             "recommended equal-step default": {
                 "contact.gap": "lift:ground-cube",
+                "overlap.max": "hold",
             },
         },
     ),

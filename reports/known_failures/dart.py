@@ -65,9 +65,9 @@ CAUSES: tuple[Cause, ...] = (
         {
             "recommended equal-step default": {
                 "friction.cone": (
-                    "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall coin_falls "
-                    "coin_rolls coin_spins corner_slide dominoes push_box pyramid slap_2.5 slap_3 slap_6 "
-                    "slide table_slide two_arms volley wall_push"
+                    "arch_slides arch_stands arch_thin arms_cross ball_snip brick_wall carry coin_falls "
+                    "coin_rolls coin_spins corner_slide dominoes hold push_box pyramid slap_2.5 slap_3 "
+                    "slap_6 slide table_slide two_arms volley wall_push"
                 ),
             },
             "recommended equal-step": {

@@ -308,13 +308,13 @@ CAUSES: tuple[Cause, ...] = (
                 "force.error": "press:ground-box press:plate-box",
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
-                    "drag:plate-box lift:cube-left lift:cube-right press:plate-box "
+                    "drag:plate-box hold:torso-box lift:cube-left lift:cube-right press:plate-box "
                     "push_box:torso-box table_slide:table-palm two_arms:east_wall-torso "
                     "wall_push:east_wall-torso"
                 ),
                 "overlap.max": (
                     "arch_slides arch_thin arms_cross ball_snip balls_box bounce_e0 corner_slide dominoes "
-                    "push_box slap_2.5 slap_3 slap_6 table_slide two_arms volley wall_push"
+                    "hold push_box slap_2.5 slap_3 slap_6 table_slide two_arms volley wall_push"
                 ),
             },
             "recommended equal-step": {

@@ -1,4 +1,4 @@
-"""Persons and hinged drivers that hold, lift and carry boxes: still, exact in force, alike on both sides."""
+"""Boxes that persons and hinged drivers hold, lift and carry."""
 
 from __future__ import annotations
 
