@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import inf, isfinite
 from typing import get_args
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.chains import check_chains
 from touchstone.scenarios.avatar.number_checks import (
-    LARGEST,
+    LONGEST,
     UNIT_TOLERANCE,
     Report,
     finite,
@@ -136,7 +137,7 @@ def _check_body(body: Body, path: str, report: Report) -> None:
         report(f"{path}.kind", f"unknown kind {body.kind!r}; valid: {', '.join(get_args(Kind))}")
     unit(body.orientation, f"{path}.orientation", report, 4)
     for field in ("position", "linear_velocity", "angular_velocity", "center_of_mass"):
-        finite(getattr(body, field), f"{path}.{field}", report, 3)
+        finite(getattr(body, field), f"{path}.{field}", report, 3, inf if "velocity" in field else LONGEST)
     if body.kind not in UNMOVED:
         positive([body.mass], f"{path}.mass", report)
         if finite_rows(body.inertia, f"{path}.inertia", report, 3):
@@ -150,7 +151,7 @@ def _check_body(body: Body, path: str, report: Report) -> None:
     if body.kind != "driven" and not body.pieces:
         report(f"{path}.pieces", "found none, expected at least one")
     for k, piece in enumerate(body.pieces):
-        finite(piece.position, f"{path}.pieces[{k}].position", report, 3)
+        finite(piece.position, f"{path}.pieces[{k}].position", report, 3, LONGEST)
         unit(piece.orientation, f"{path}.pieces[{k}].orientation", report, 4)
         _check_shape(piece.shape, f"{path}.pieces[{k}].shape", report)
         for field in ("surface_velocity", "surface_angular_velocity"):
@@ -181,16 +182,16 @@ def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
 def _check_shape(shape: Shape, path: str, report: Report) -> None:
     match shape:
         case Sphere(radius):
-            positive([radius], f"{path}.radius", report)
+            positive([radius], f"{path}.radius", report, most=LONGEST)
         case Box(half_extents):
-            positive(half_extents, f"{path}.half_extents", report, 3)
+            positive(half_extents, f"{path}.half_extents", report, 3, LONGEST)
         case Capsule(radius, half_length):
-            positive([radius], f"{path}.radius", report)
-            positive([half_length], f"{path}.half_length", report)
+            positive([radius], f"{path}.radius", report, most=LONGEST)
+            positive([half_length], f"{path}.half_length", report, most=LONGEST)
         case Ellipsoid(half_axes):
-            positive(half_axes, f"{path}.half_axes", report, 3)
+            positive(half_axes, f"{path}.half_axes", report, 3, LONGEST)
         case Hull(vertices):
-            if finite_rows(vertices, f"{path}.vertices", report, 3):
+            if finite_rows(vertices, f"{path}.vertices", report, 3, LONGEST):
                 _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
         case _:
             report(path, f"unknown shape {type(shape).__name__}; valid: {', '.join(SHAPES)}")
@@ -225,7 +226,7 @@ def _check_joints(scenario: Scenario, report: Report) -> None:
                 report(f"{path}.{field}", f"{name!r} is {names[name].kind}, expected a driven body")
         if joint.parent == joint.child:
             report(f"{path}.child", f"{joint.child!r} is its own parent")
-        finite(joint.position, f"{path}.position", report, 3)
+        finite(joint.position, f"{path}.position", report, 3, LONGEST)
         unit(joint.axis, f"{path}.axis", report, 3)
         unit(joint.orientation, f"{path}.orientation", report, 4)
         limits_are_numbers = finite((joint.lower, joint.upper), f"{path}.lower", report)
@@ -242,8 +243,8 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
         seen.add(pair_names)
         if not 0 <= pair.restitution <= 1:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
-        if not 0 <= pair.friction <= LARGEST:
-            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected 0 to {LARGEST:g}")
+        if not (isfinite(pair.friction) and pair.friction >= 0):
+            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
     materials = sorted({name for names in seen for name in names})
     missing = set()
     for i, body in enumerate(scenario.bodies):

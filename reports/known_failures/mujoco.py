@@ -308,7 +308,7 @@ CAUSES: tuple[Cause, ...] = (
                 "force.error": "press:ground-box press:plate-box",
                 "contact.gap": (
                     "arms_cross:torso-torso corner_slide:east_wall-torso corner_slide:north_wall-torso "
-                    "drag:plate-box hold:torso-box lift:cube-left lift:cube-right press:plate-box "
+                    "drag:plate-box lift:cube-left lift:cube-right press:plate-box "
                     "push_box:torso-box table_slide:table-palm two_arms:east_wall-torso "
                     "wall_push:east_wall-torso"
                 ),
@@ -318,6 +318,7 @@ CAUSES: tuple[Cause, ...] = (
                 ),
             },
             "recommended equal-step": {
+                "contact.gap": "hold:torso-box",
                 "overlap.max": "lift",
             },
             "recommended": {

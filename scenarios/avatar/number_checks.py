@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 
 Report = Callable[[str, str], None]
 """Takes the path of a field and what is wrong with it."""
-LARGEST = 1e15
-"""Magnitude of numbers in a scene [SI unit]: beyond it, sums lose all digits of a metre."""
+LONGEST = 1e15
+"""Magnitude of lengths and coordinates of a scene [m]: beyond it, sums lose all digits of a metre."""
 UNIT_TOLERANCE = 1e-9
 """Tolerance of the length of a unit quaternion or axis [1]: rounding."""
 
@@ -22,8 +22,10 @@ def number_of(text: str) -> float:
     return float(text)
 
 
-def finite(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:
-    """Report numbers that are not finite, or not `width` many; whether there are none."""
+def finite(
+    values: Iterable[float], path: str, report: Report, width: int | None = None, most: float = inf
+) -> bool:
+    """Report numbers that are not finite, larger than `most`, or not `width` many; whether there are none."""
     numbers = list(values)
     if width is not None and len(numbers) != width:
         report(path, f"found {len(numbers)} numbers, expected {width}")
@@ -32,22 +34,26 @@ def finite(values: Iterable[float], path: str, report: Report, width: int | None
         if not isinstance(value, (int, float, np.number)) or not isfinite(value):
             report(path, f"found {value!r}, expected finite numbers")
             return False
-        if abs(value) > LARGEST:
-            report(path, f"found {value:g}, expected a magnitude of at most {LARGEST:g}")
+        if abs(value) > most:
+            report(path, f"found {value:g}, expected a magnitude of at most {most:g}")
             return False
     return True
 
 
-def finite_rows(rows: Iterable[Iterable[float]], path: str, report: Report, width: int) -> bool:
+def finite_rows(
+    rows: Iterable[Iterable[float]], path: str, report: Report, width: int, most: float = inf
+) -> bool:
     """Report rows of numbers that are not finite, or not `width` long; whether there are none."""
-    bad = [k for k, row in enumerate(rows) if not finite(row, f"{path}[{k}]", report, width)]
+    bad = [k for k, row in enumerate(rows) if not finite(row, f"{path}[{k}]", report, width, most)]
     return not bad
 
 
-def positive(values: Iterable[float], path: str, report: Report, width: int | None = None) -> None:
+def positive(
+    values: Iterable[float], path: str, report: Report, width: int | None = None, most: float = inf
+) -> None:
     """Report numbers that are not positive."""
     numbers = list(values)
-    if finite(numbers, path, report, width) and min(numbers) <= 0:
+    if finite(numbers, path, report, width, most) and min(numbers) <= 0:
         report(path, f"found {min(numbers)}, expected positive numbers")
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import MISSING, fields
 from itertools import pairwise
+from math import inf
 
-from touchstone.scenarios.avatar.number_checks import Report, finite, positive, unit
+from touchstone.scenarios.avatar.number_checks import LONGEST, Report, finite, positive, unit
 from touchstone.scenarios.scenario import INTERPOLATIONS, TRACKED, Scenario, Tracker
 
 WHOLE = 1e-9
@@ -66,7 +67,7 @@ def check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Repor
             if field == "orientations":
                 unit(row, f"{path}.{field}[{k}]", report, 4)
             else:
-                finite(row, f"{path}.{field}[{k}]", report)
+                finite(row, f"{path}.{field}[{k}]", report, most=LONGEST if field == "positions" else inf)
     if scenario.prescribes(tracker):
         _check_path(tracker, path, report)
     if tracker.interpolation not in INTERPOLATIONS:

@@ -14,7 +14,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 from pydantic import BaseModel
 
-from touchstone.scenarios.avatar.number_checks import LARGEST
+from touchstone.scenarios.avatar.number_checks import LONGEST
 from touchstone.scenarios.files.mass_properties import uniform
 from touchstone.scenarios.files.safe_paths import PathRefused, allowed, regular
 from touchstone.scenarios.files.schema import KEYFRAMES, SHAPE_TYPES, Fault, checked, model_of, shape_type
@@ -147,7 +147,7 @@ def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:
         pieces = tuple(_built(Piece, piece) for piece in body["pieces"])
         with np.errstate(all="ignore"):
             center, inertia = uniform(pieces, body["mass"])
-        sound = bool((np.abs([center, *inertia]) <= LARGEST).all())
+        sound = bool((np.abs([center, *inertia]) <= LONGEST).all())
     except ARITHMETIC:
         sound = False
     # the checks of the scenario name the mass or shape that is wrong

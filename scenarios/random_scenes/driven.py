@@ -163,7 +163,7 @@ def shakes(rng: Generator) -> Setup:
         tilt = rng.choice([0.0, 1.0]) * wave[1] / np.linalg.norm(wave[1])
         angles += np.outer(sine, tilt * rng.uniform(0, min(SWING / 2, ACCELERATION / rate**2)))
     rows = (tuple(map(vector, path)), _quaternions(Rotation.from_rotvec(angles)), ((),) * len(TIMES))
-    tracker = Tracker("platform", (), tuple(TIMES.tolist()), *rows)
+    tracker = Tracker("platform", (), tuple(TIMES.tolist()), *rows, interpolation="cubic")
     platform = Body("platform", "prescribed", MATERIAL, tuple(pieces))
     return Setup(f"a platform shakes {count} bodies", bodies, driven=[Driven((platform,), (), tracker)])
 
@@ -276,7 +276,8 @@ def _driver(
     mass, stiffness, damping = coupling
     own = replace(solid(name, shape, mass), kind="driven", material=HAND_MATERIAL)
     rows = (tuple(map(vector, path)), (orientation,) * len(TIMES), ((),) * len(TIMES))
-    return Driven((own,), (), Tracker(name, (), tuple(TIMES.tolist()), *rows, stiffness, damping))
+    tracker = Tracker(name, (), tuple(TIMES.tolist()), *rows, stiffness, damping, interpolation="cubic")
+    return Driven((own,), (), tracker)
 
 
 def _quaternions(turns: Rotation) -> tuple[Quaternion, ...]:

@@ -66,7 +66,6 @@ BODY = [
     (1, {"material": "glass"}, "bodies[1].material", "unknown 'glass'; valid: human, wood"),
     (1, {"mass": 0.0}, "bodies[1].mass", "positive"),
     (1, {"mass": nan}, "bodies[1].mass", "nan"),
-    (1, {"mass": 1e300}, "bodies[1].mass", "found 1e+300, expected a magnitude of at most 1e+15"),
     (1, {"position": (0.0, -1e300, 0.0)}, "bodies[1].position", "found -1e+300, expected a magnitude"),
     (1, {"mass": "heavy"}, "bodies[1].mass", "'heavy'"),
     (1, {"orientation": (1.0, 1.0, 0.0, 0.0)}, "bodies[1].orientation", "1.41421"),
@@ -140,7 +139,7 @@ PRESCRIBED = [
 PAIR = [
     ({"restitution": 1.1}, "coefficients[0].restitution", "0 to 1"),
     ({"restitution": nan}, "coefficients[0].restitution", "nan"),
-    ({"friction": -0.1}, "coefficients[0].friction", "expected 0 to 1e+15"),
+    ({"friction": -0.1}, "coefficients[0].friction", ">= 0"),
     ({"friction": inf}, "coefficients[0].friction", "inf"),
     ({"material_b": "human"}, "coefficients[1]", "named twice"),
     ({"material_a": "metal"}, "coefficients", "no coefficients for the pair wood and wood"),

@@ -22,7 +22,7 @@ def wedge(lab: SimpleNamespace, half_angle: float, mu: float):
         place = turn.apply((side * HALF[0], 0.0, HALF[2]))
         orientation = tuple(turn.as_quat(scalar_first=True).tolist())
         walls.append(lab.block(name, HALF, tuple(place), kind="fixed", orientation=orientation))
-    ball = lab.ball(RADIUS, (0.0, 0.0, RADIUS / sin(half_angle) + 0.01), linear_velocity=(0.0, 0.0, -SPEED))
+    ball = lab.ball("ball", (0.0, 0.0, RADIUS / sin(half_angle) + 0.01), linear_velocity=(0.0, 0.0, -SPEED))
     return lab.build(lab.scene(ball, *walls, e=0.5, mu=mu))
 
 
