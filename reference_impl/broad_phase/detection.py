@@ -130,7 +130,7 @@ def find_stops(world, first, kind):
     end = first
     for k in range(first, found):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        if a["kind"] == SIMULATED or b["kind"] == SIMULATED:
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or a["driver"] == b["driver"]:
             continue
         one, two = _pressed(drivers, a), _pressed(drivers, b)
         if (one == kind or two == kind) and (kind == PRESSED or (one != PRESSED and two != PRESSED)):
