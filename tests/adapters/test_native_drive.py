@@ -36,6 +36,7 @@ def slap(speed: float) -> Scenario:
         tuple((0.0, 0.0, float(z)) for z in heights),
         (PALM_DOWN,) * len(times),
         ((0.1,) * len(names),) * len(times),
+        interpolation="cubic",
     )
     table = Body("table", "fixed", "wood", (Piece("top", Box((0.6, 0.4, 0.02)), (0.0, 0.0, -0.02)),))
     return Scenario("slap", "a slap", (), (table, *links), 0.6, TABLE_1, joints=joints, trackers=(glove,))
