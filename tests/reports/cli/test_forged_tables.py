@@ -10,6 +10,8 @@ from forged_tables import JSONS, WAYS, forge
 
 from touchstone.reports.results import save_manifest, table
 
+pytestmark = pytest.mark.slow
+
 
 def ends_well(found):
     """A command did its work (0, 1) or refused its input in one line (2)."""
