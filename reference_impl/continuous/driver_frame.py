@@ -86,4 +86,7 @@ def leave_loop(bodies, joints, driver, dt):
 @kernel
 def _set_moving(bodies, joints, driver, moves):
     for k in range(driver["joint_count"] + 1):
-        bodies[link_of(joints, driver, k)]["moves"] = moves
+        link = bodies[link_of(joints, driver, k)]
+        link["moves"] = moves
+        # links outside the loop stand still within a frame
+        link["curve"][:] = 0.0

@@ -87,7 +87,7 @@ def return_hinges(joints, driver):
 
 @kernel
 def clear_twists(joints, driver, both):
-    """Set the changes by impulses to zero: of the law of velocities or, otherwise, of both laws."""
+    """Set the changes by impulses of the law of velocities to zero or, if `both`, those of both laws."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joints[k]["twist"] = 0.0
         if both:
