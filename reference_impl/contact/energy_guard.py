@@ -7,6 +7,9 @@ measures this rise body by body and removes it from the island's motion. An isla
 can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
 (`island_motion`). From the rise of an island on a moving surface of a fixed body the guard subtracts the work
 of that surface. It does not change islands that touch a driver.
+
+Of an island with curved contacts it knows more: normal forces do no work there, and the rest is the work of
+friction along the mean sliding. It changes the motion until the energy changes by that work, up or down.
 """
 
 from math import sqrt
@@ -24,6 +27,8 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
 
+MOST_RETURN = 1e-3
+"""Most relative increase of the velocities of an island that lost energy to the error of a substep [1]."""
 UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
 
@@ -45,13 +50,14 @@ def _height_energy(body, state):
 
 
 @inlined_kernel
-def guard_energy(world, count, parted, first):
+def guard_energy(world, count, parted, first, whole):
     """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
 
     Args:
         count: number of contact rows and, if separation moved bodies, of the pairs that touch afterwards.
         parted: separation may have lifted bodies; islands then include separating contacts.
         first: first row of `contacts` of this substep.
+        whole: the substep took its whole length.
     """
     bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
     if parted:
@@ -65,6 +71,12 @@ def guard_energy(world, count, parted, first):
     if state["moving_surfaces"] == 1:
         for k in range(first, state["contact_count"]):
             _subtract_surface_work(bodies, world.contacts[k])
+    if whole and not parted and state["led"] == 1:
+        for k in range(count):
+            if pairs[k]["island"] >= 0:
+                island = bodies[pairs[k]["island"]]["guard"]
+                island["work"] += pairs[k]["work"]
+                island["curved"] = max(island["curved"], pairs[k]["curved"])
     for k in range(count):
         free = free or (pairs[k]["island"] >= 0 and is_free(bodies[pairs[k]["island"]]["guard"]))
     if free:
@@ -72,8 +84,17 @@ def guard_energy(world, count, parted, first):
     for k in range(count):
         if pairs[k]["island"] >= 0:
             island = bodies[pairs[k]["island"]]["guard"]
-            if island["driven"] == 0 and island["rise"] > ENERGY_ROUNDING * island["scale"]:
+            excess, rounding = _excess(island), ENERGY_ROUNDING * island["scale"]
+            lacks = island["curved"] == 1 and excess < -rounding
+            if island["driven"] == 0 and (excess > rounding or lacks):
                 _slow_down(bodies, pairs[k], island, state)
+
+
+@kernel
+def _excess(island):
+    """Energy that an island gained beyond the work of its contacts; of one without curved contacts, beyond
+    0 [J]."""
+    return island["rise"] - (min(0.0, island["work"]) if island["curved"] == 1 else 0.0)
 
 
 @kernel
@@ -84,8 +105,8 @@ def _reset(bodies, drivers, pair):
         if m >= 0:
             guard = bodies[m]["guard"]
             guard["state"] = GUARD_UNVISITED
-            guard["grounded"] = guard["driven"] = guard["counted"] = 0
-            guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
+            guard["grounded"] = guard["driven"] = guard["counted"] = guard["curved"] = 0
+            guard["work"] = guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
             for i in range(3):
                 guard["momentum"][i] = guard["turning"][i] = 0.0
 
@@ -129,12 +150,14 @@ def _subtract_surface_work(bodies, row):
 
 @kernel
 def _slow_down(bodies, pair, island, state):
-    """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained.
+    """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained in
+    excess, or gains what it lost.
 
     The island loses less if its motion holds less energy; the rest counts as `unpaid_energy`.
     """
-    loose = island["motion"] - rigid_energy(island)
-    scale = sqrt(max(0.0, 1 - island["rise"] / loose)) if loose > 0 else 0.0
+    excess, loose = _excess(island), island["motion"] - rigid_energy(island)
+    scale = sqrt(max(0.0, 1 - excess / loose)) if loose > 0 else 0.0
+    scale = min(scale, 1 + MOST_RETURN)
     for side in range(2):
         body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
         if body["kind"] != SIMULATED or body["guard"]["state"] != GUARD_SUMMED:
@@ -145,8 +168,8 @@ def _slow_down(bodies, pair, island, state):
         p, q, r = island["turning"][0], island["turning"][1], island["turning"][2]
         v[0], v[1], v[2] = x + scale * (v[0] - x), y + scale * (v[1] - y), z + scale * (v[2] - z)
         w[0], w[1], w[2] = p + scale * (w[0] - p), q + scale * (w[1] - q), r + scale * (w[2] - r)
-    if island["counted"] == 0:
+    if island["counted"] == 0 and excess > 0:
         island["counted"] = 1
-        state["guarded_energy"] += island["rise"]
-        if island["rise"] - loose > UNPAID_ROUNDING * island["scale"]:
-            state["unpaid_energy"] += island["rise"] - loose
+        state["guarded_energy"] += excess
+        if excess - loose > UNPAID_ROUNDING * island["scale"]:
+            state["unpaid_energy"] += excess - loose

@@ -2,10 +2,13 @@
 
 from touchstone.reference_impl.contact.contact_events import first_stop, note_free_slip
 from touchstone.reference_impl.contact.contact_log import log_held
+from touchstone.reference_impl.contact.end_correction import END_ERROR, correct_ends, friction_work
 from touchstone.reference_impl.contact.impact import rest_speed
-from touchstone.reference_impl.contact.integrate import apply_forces, begin_again
+from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_motion import (
+    MOST_TURN,
     bias_share,
+    is_curved,
     move_surfaces,
     move_to_middle,
     restore_normals,
@@ -19,21 +22,26 @@ from touchstone.reference_impl.continuous.driver_motion import (
     weigh_for_impacts,
 )
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
-from touchstone.reference_impl.core.conventions import APPROACH_MIN, NEVER, NO_FLOOR, SINKING_DEPTH
+from touchstone.reference_impl.core.conventions import (
+    APPROACH_MIN,
+    GAP_LEFT,
+    NEVER,
+    NO_FLOOR,
+    SINKING_DEPTH,
+    TOUCH_DISTANCE,
+)
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
 from touchstone.reference_impl.solver.islands import join_islands, loops, mover_of
-from touchstone.reference_impl.solver.mobility import approach_speed, place_surfaces
+from touchstone.reference_impl.solver.mobility import approach_speed, final_velocity, place_surfaces
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
 VELOCITY_LEAD = 1 / 16
 """Lead of the law of velocities in rows with a driver [1]: enough for a mobility where its spring has no
 velocity left at the end of a substep. Relative speed falls to that share in a substep."""
-GAP_LEFT = 1e-9
-"""Gap to which a driver's contacts close [m]: the depth of coinciding faces has no unique normal."""
 SEPARATION_MIN = 1e-8
 """Speed of a touching pair that is no separation [m/s]: a weight of 10 N does 1e-9 J of work per frame."""
 STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
@@ -43,6 +51,10 @@ STOP_LATER = 1.0001
 """Ratio of the time to a stop and a shortened substep from which the substep is solved again, longer [1]."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
+HOP_HEIGHT = TOUCH_DISTANCE / 4
+"""Height of a hop that is an error of curved contact [m]."""
+CORRECTIONS = 4
+"""Most corrections of curved contacts in a substep."""
 RESTING_CONTACT_ROUNDS = 10
 """Attempts at a substep in which sliding contacts stop or bodies rotate; 1 or 2 are usual."""
 
@@ -61,18 +73,41 @@ def solve_resting_contacts(world, count, time, h):
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     h = _solve_velocities(world, count, h)
+    _solve_positions(world, count, h)
     if len(drivers) > 0:
-        _solve_positions(world, count, h)
         while _find_limits(world, h):
             begin_again(bodies, joints, drivers)
             restore_normals(pairs, count)
             h = _solve_velocities(world, count, h)
             _solve_positions(world, count, h)
+    _correct_curves(world, count, h)
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
     store_impulses(bodies, pairs, count, state, h)
     log_held(bodies, pairs, count, world.contacts, state, time)
     return h
+
+
+@kernel
+def _correct_curves(world, count, h):
+    """Solve again with the geometry of curved contacts at the end of the substep, until they touch there."""
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
+    if state["led"] == 0 or state["dense_substep"] == 1:
+        return
+    for _ in range(CORRECTIONS):
+        set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
+        if correct_ends(world, count, h) <= END_ERROR:
+            break
+        begin_again(bodies, joints, drivers)
+        apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state)
+        state["lead"] = VELOCITY_LEAD
+        solve_contacts(bodies, joints, drivers, pairs, count, True, state)
+        state["lead"] = 0.0
+        _accept_pushes(world, h)
+        _solve_positions(world, count, h)
+    for k in range(count):
+        pairs[k]["work"] = friction_work(bodies, pairs[k])
 
 
 @kernel
@@ -95,7 +130,11 @@ def _solve_velocities(world, count, h):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     most, extended = h, False
     for k in range(RESTING_CONTACT_ROUNDS):
-        _prepare_resting_contacts(world, count, h)
+        turn_share = _prepare_resting_contacts(world, count, h)
+        if turn_share < 1 and state["dense_substep"] == 0:
+            restore_normals(pairs, count)
+            h *= turn_share
+            _prepare_resting_contacts(world, count, h)
         apply_forces(bodies, world.joints, world.drivers, VELOCITY_LEAD, h, state)
         converged = _solve_together(world, count, h)
         # a stop time is meaningful only if the impulses converged
@@ -103,7 +142,7 @@ def _solve_velocities(world, count, h):
         if state["dense_substep"] == 0:
             share = min(share, bias_share(bodies, world.pieces, pairs, count, h, state))
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
-        if k >= DRIVEN_ROUNDS and share < 1 and _is_any_led(bodies):
+        if k >= DRIVEN_ROUNDS and share < 1 and state["driven_loop"] == 1 and _is_any_led(bodies):
             share = min(share, 0.5)
         later = min(most, STOP_SHORT * share * h)
         if share >= STOP_SHARE:
@@ -122,23 +161,36 @@ def _solve_velocities(world, count, h):
 
 @inlined_kernel
 def _prepare_resting_contacts(world, count, h):
-    """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses."""
+    """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses.
+
+    Returns:
+        Share of h in which no normal of a touching pair turns too far; NEVER if it is longer than h.
+    """
     bodies, pairs, state = world.bodies, world.pairs, world.state
-    if state["driven_loop"] == 1:
-        _mark_led(bodies, world.drivers, pairs, count)
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, world.pieces, pairs, count)
-    patch_flight = max(APPROACH_MIN, rest_speed(state))
+    curved, turned = False, 0.0
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
-        led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
-        flight = APPROACH_MIN if pair["manifold"] < 0 else patch_flight
-        begin_row(bodies, pair, _floor(pair, state, flight, led))
-        move_to_middle(bodies, world.pieces, pair, h)
+        begin_row(bodies, pair, 0.0)
+        pair["gap_error"] = 0.0
+        turned = max(turned, move_to_middle(bodies, world.pieces, pair, h))
+        pair["curved"] = 1 if is_curved(world.pieces, pair, h) else 0
+        curved = curved or pair["curved"] == 1
         if state["moving_surfaces"] == 1:
             move_surfaces(bodies, world.pieces, pair)
+    state["led"] = 1 if curved or state["driven_loop"] == 1 else 0
+    if state["led"] == 1:
+        _mark_led(bodies, world.drivers, pairs, count)
+    patch_flight = max(APPROACH_MIN, rest_speed(state))
+    for k in range(count):
+        pair = pairs[k]
+        led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
+        flight = APPROACH_MIN if pair["manifold"] < 0 else patch_flight
+        pair["floor"] = _floor(pair, state, flight, led)
+    return MOST_TURN / turned if turned > MOST_TURN else NEVER
 
 
 @kernel
@@ -165,6 +217,8 @@ def _solve_together(world, count, h):
     """Solve all rows together with a warm start; returns whether the impulses converged."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
     note_free_slip(bodies, pairs, count, state)
+    if state["led"] == 1:
+        _close_hops(bodies, pairs, count, h, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
     state["lead"] = VELOCITY_LEAD
@@ -172,6 +226,18 @@ def _solve_together(world, count, h):
     state["lead"] = 0.0
     _accept_pushes(world, h)
     return converged
+
+
+@kernel
+def _close_hops(bodies, pairs, count, h, state):
+    """Close curved contacts that separate at the start, but whose free flight would end within the substep at a
+    height of at most HOP_HEIGHT: they separate by the error of the last substep."""
+    for k in range(count):
+        pair = pairs[k]
+        if pair["curved"] == 1 and pair["floor"] == NO_FLOOR:
+            left, free = -pair["key"], final_velocity(bodies, pair, state)
+            if free > 0 or left * left * h <= 2 * HOP_HEIGHT * (left - free):
+                pair["floor"] = 0.0
 
 
 @kernel
@@ -189,7 +255,7 @@ def _solve_positions(world, count, h):
     sets the paths of their bodies, not their velocities."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    asked = _is_any_led(bodies)
+    asked = state["led"] == 1 and _is_any_led(bodies)
     for d in range(len(drivers)):
         asked = asked or (drivers[d]["loops"] == 1 and has_limits(joints, drivers[d]))
     if asked:
@@ -236,13 +302,14 @@ def _is_any_led(bodies):
 
 @kernel
 def _mark_led(bodies, drivers, pairs, count):
-    """Mark the movers of the islands of drivers in the loop as `led`."""
+    """Mark the movers of the islands of drivers in the loop, and of curved contacts, as `led`."""
     join_islands(bodies, drivers, pairs, count, True)
     for b in range(len(bodies)):
         bodies[b]["led"] = 0
     for k in range(count):
         a, b = pairs[k]["body_a"], pairs[k]["body_b"]
-        if pairs[k]["island"] >= 0 and (loops(bodies, drivers, a) or loops(bodies, drivers, b)):
+        led = pairs[k]["curved"] == 1 or loops(bodies, drivers, a) or loops(bodies, drivers, b)
+        if pairs[k]["island"] >= 0 and led:
             bodies[pairs[k]["island"]]["led"] = 1
     for k in range(count):
         if pairs[k]["island"] >= 0 and bodies[pairs[k]["island"]]["led"] == 1:
@@ -260,7 +327,7 @@ def _ask_positions(bodies, pair, h):
     if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
         pair["floor"] = NO_FLOOR
     if pair["floor"] != NO_FLOOR:
-        gap = max(pair["distance"], -SINKING_DEPTH)
+        gap = max(pair["distance"], -SINKING_DEPTH) + pair["gap_error"]
         a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
         for i in range(3):
             gap += n[i] * (b["curve"][i] - a["curve"][i])

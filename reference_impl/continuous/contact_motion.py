@@ -12,17 +12,8 @@ angular momentum is kept.
 
 from math import sqrt
 
-from touchstone.reference_impl.continuous.normal_rates import (
-    has_turning_normal,
-    is_moving,
-    rate_between_edges,
-    rate_on_face,
-    rate_on_sphere,
-    slip_along_edge,
-    squared_sine,
-    velocity_at,
-)
-from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SPHERE
+from touchstone.reference_impl.continuous.contact_kinematics import contact_rates, is_moving, velocity_at
+from touchstone.reference_impl.core.conventions import BOX, HULL, NEVER, OVERLAP_TOLERANCE, SPHERE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
@@ -30,8 +21,10 @@ BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
 share of it that a shortened substep allows [1]."""
 
-LEAST_CROSSING = 1e-3
-"""Squared sine of the angle between two edges below which their normal rotates too fast [1]."""
+STRAIGHT = 1e-12
+"""Motion along a normal by rotation within half a substep that is rounding [m]."""
+MOST_TURN = 0.5
+"""Turn of a normal within half a substep beyond which its geometry is not predicted [rad]."""
 
 
 @inlined_kernel
@@ -45,7 +38,7 @@ def bias_share(bodies, pieces, pairs, count, h, state):
     for k in range(count):
         pair = pairs[k]
         n, p, early, late = pair["normal"], pair["resting_impulse"], pair["bias"], state["velocity"]
-        if p[0] == 0 and p[1] == 0 and p[2] == 0:
+        if (p[0] == 0 and p[1] == 0 and p[2] == 0) or pair["curved"] == 1:
             continue
         a, b, turned = state["velocity_a"], state["velocity_b"], state["impulse"]
         _predict(bodies, pieces, pair, h / 2, a, b, turned, late)
@@ -56,8 +49,18 @@ def bias_share(bodies, pieces, pairs, count, h, state):
 
 @inlined_kernel
 def move_to_middle(bodies, pieces, pair, h):
-    """Move a row's levers and normal to the middle of a substep of length h [s], and compute its `bias`."""
-    _predict(bodies, pieces, pair, h / 2, pair["lever_a"], pair["lever_b"], pair["normal"], pair["bias"])
+    """Move a row's levers and normal to the middle of a substep of length h [s], and compute its `bias`; returns
+    the turn of the normal [rad]."""
+    return _predict(bodies, pieces, pair, h / 2, pair["lever_a"], pair["lever_b"], pair["normal"], pair["bias"])
+
+
+@kernel
+def is_curved(pieces, pair, h):
+    """Whether a row of a round piece approaches or parts by rotation within a substep of length h [s]."""
+    n, v = pair["normal"], pair["bias"]
+    if abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) * h <= STRAIGHT:
+        return False
+    return is_round(pieces[pair["piece_a"]]) or is_round(pieces[pair["piece_b"]])
 
 
 @kernel
@@ -115,82 +118,76 @@ def restore_normals(pairs, count):
 @kernel
 def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, out_bias):
     """Predict a row's levers and normal after `half` [s] of the present velocities, and the change of its
-    relative velocity until then.
+    relative velocity until then; returns the turn of the normal [rad].
 
-    Rows of other round pieces, and of nearly parallel edges, keep the geometry of the start.
+    Corners on corners, and what turns farther than MOST_TURN, keep the geometry of the start.
     """
     a, b, p, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["point"], pair["start_normal"]
-    one, two, level = pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair["level"]
     copy_vector(p, out_lever_a)
     copy_vector(p, out_lever_b)
     copy_vector(n, out_normal)
     out_bias[:] = 0.0
-    on_a, crossing = level != 0.0, level == 0.5 and squared_sine(pair) > LEAST_CROSSING
-    if level == 0.5 and not crossing:
-        on_a = one["kind"] == SPHERE
-        if not (on_a or two["kind"] == SPHERE):
-            return
-        if not has_turning_normal(b if on_a else a, two if on_a else one, n):
-            return
+    if _stays(a, b, pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair):
+        return 0.0
+    found, rate, way = contact_rates(bodies, pieces, pair)
+    turned = half * sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]) if found else 0.0
+    if not found or turned > MOST_TURN:
+        return turned
     u, v, w = velocity_at(b, p)
     x, y, z = velocity_at(a, p)
     out_bias[0], out_bias[1], out_bias[2] = x - u, y - v, z - w
-    # the contact follows a vertex, the centre of a sphere, or the point halfway between two edges
-    radius = _core(pair, one if on_a else two, on_a, out_lever_a)
-    u, v, w = velocity_at(a if on_a else b, out_lever_a)
-    if level != 0.5:
-        x, y, z = rate_on_face(b if on_a else a, n)
-    else:
-        # the velocity of the other core relative to it
-        r = _core(pair, two if on_a else one, not on_a, out_lever_b) - radius
-        u_b, v_b, w_b = velocity_at(b if on_a else a, out_lever_b)
-        u_b, v_b, w_b = u_b - u, v_b - v, w_b - w
-        if crossing:
-            x, y, z = rate_between_edges(a, b, pair)
-            u_b, v_b, w_b = u_b - r * x, v_b - r * y, w_b - r * z
-            s, t = slip_along_edge(pair, u_b, v_b, w_b), (u_b * n[0] + v_b * n[1] + w_b * n[2]) / 2
-            e, r = pair["edge_a"], r / 2
-            radius += r
-            u, v, w = u + s * e[0] + t * n[0], v + s * e[1] + t * n[1], w + s * e[2] + t * n[2]
-            u, v, w = u + r * x, v + r * y, w + r * z
-        else:
-            other, piece = b if on_a else a, two if on_a else one
-            x, y, z = rate_on_sphere(other, piece, n, u_b, v_b, w_b, r, out_normal)
-    x, y, z = n[0] + half * x, n[1] + half * y, n[2] + half * z
+    x, y, z = n[0] + half * rate[0], n[1] + half * rate[1], n[2] + half * rate[2]
     size = sqrt(x * x + y * y + z * z)
     x, y, z = x / size, y / size, z / size
     out_normal[0], out_normal[1], out_normal[2] = x, y, z
-    # n - n_mid, and the displacement of the contact point
+    # n - n_mid
     x, y, z = n[0] - x, n[1] - y, n[2] - z
     change = out_bias[0] * x + out_bias[1] * y + out_bias[2] * z
-    u, v, w = half * u + radius * x, half * v + radius * y, half * w + radius * z
-    _set_lever(a, p, half, u, v, w, out_lever_a)
-    _set_lever(b, p, half, u, v, w, out_lever_b)
+    _set_lever(a, p, half, way, out_lever_a)
+    _set_lever(b, p, half, way, out_lever_b)
     x, y, z = velocity_at(a, out_lever_a)
     u, v, w = velocity_at(b, out_lever_b)
     # the normal velocity at the start is that along the start's normal
     out_bias[0] += u - x + change * out_normal[0]
     out_bias[1] += v - y + change * out_normal[1]
     out_bias[2] += w - z + change * out_normal[2]
+    return turned
 
 
 @kernel
-def _core(pair, piece, of_a, out_core):
-    """Compute the witness point on a piece's core (3,) [m]; returns its distance from the contact point along
-    the normal [m]."""
-    q, p, n = pair["point_a"] if of_a else pair["point_b"], pair["point"], pair["start_normal"]
-    radius = -piece["radius"] if of_a else piece["radius"]
-    height = 0.0
+def _stays(a, b, one, two, pair):
+    """Whether neither the normal nor the place of a contact on its bodies changes the relative velocity: a
+    ball about its centre of mass on a face that does not move."""
+    if pair["flat_a"] == 2 and two["kind"] == SPHERE:
+        return not is_moving(a) and _is_central(b, two) and has_still_surface(one)
+    if pair["flat_b"] == 2 and one["kind"] == SPHERE:
+        return not is_moving(b) and _is_central(a, one) and has_still_surface(two)
+    return False
+
+
+@kernel
+def is_round(piece):
+    """Whether a piece has a curved surface."""
+    return piece["kind"] != BOX and piece["kind"] != HULL
+
+
+@kernel
+def _is_central(body, piece):
+    """Whether a piece's centre is its body's centre of mass."""
+    p, c = piece["position"], body["center_of_mass"]
+    return p[0] == c[0] and p[1] == c[1] and p[2] == c[2]
+
+
+@kernel
+def has_still_surface(piece):
+    """Whether the velocity of a piece's surface does not vary along it."""
+    w = piece["surface_omega"]
+    return w[0] == 0 and w[1] == 0 and w[2] == 0
+
+
+@kernel
+def _set_lever(body, p, half, way, out_lever):
+    """Set the point on which impulses act: p after `half` [s] at the velocity `way`, less the way of the body's
+    centre of mass."""
     for i in range(3):
-        out_core[i] = q[i] + radius * n[i]
-        height += (out_core[i] - p[i]) * n[i]
-    return height
-
-
-@kernel
-def _set_lever(body, p, half, x, y, z, out_lever):
-    """Set the point on which impulses act, p + (x, y, z) less the way of the body's centre of mass."""
-    out_lever[0], out_lever[1], out_lever[2] = p[0] + x, p[1] + y, p[2] + z
-    if is_moving(body):
-        for i in range(3):
-            out_lever[i] -= half * body["velocity"][i]
+        out_lever[i] = p[i] + half * (way[i] - (body["velocity"][i] if is_moving(body) else 0.0))

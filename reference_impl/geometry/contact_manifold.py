@@ -21,6 +21,8 @@ MANIFOLD_VERTICES = 64
 
 NEVER = 1e300
 """Larger than any height [m]."""
+LEAST_SLOPE = 1e-7
+"""Cosine of the angle between a normal and a capsule's axis below which they are perpendicular [1]."""
 EQUAL_AREA = 1e-9
 """Relative difference of two areas, and component of a normal, that count as zero [1]."""
 
@@ -44,9 +46,11 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
         a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
         pair["next_point"] = -1
         pair["level"] = 0.5
-        pair["edge_a"][:] = pair["edge_b"][:] = 0.0
         if not is_polyhedral(a, b):
             pair["manifold"] = -1
+            _frame(pair["normal"], state["mobility"])
+            pair["flat_a"] = _flatness(a, vertices, 1.0, pair, state, pair["edge_a"])
+            pair["flat_b"] = _flatness(b, vertices, -1.0, pair, state, pair["edge_b"])
             if rows < len(pairs) and are_alongside(a, b, max(0.0, pair["distance"]) + TOUCH_DISTANCE):
                 pair["manifold"] = k
                 pairs[rows] = pair
@@ -94,12 +98,17 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
     count_b = _feature(piece_b, vertices, -1.0, pair["point_a"], state["mobility"], height, upper)
     count_a, count_b = _order(lower, count_a), _order(upper, count_b)
     area_a, area_b = _plane(lower, count_a, plane), _plane(upper, count_b, plane)
+    pair["flat_a"] = pair["flat_b"] = 0
     if area_a == 0 and area_b == 0:
-        if count_a == 2 and count_b == 2:
+        if count_a == 2:
+            pair["flat_a"] = 1
             _write_edge(lower, state["mobility"], pair["edge_a"])
+        if count_b == 2:
+            pair["flat_b"] = 1
             _write_edge(upper, state["mobility"], pair["edge_b"])
         return 0, False
     face_on_a = _is_reference(area_a, area_b, pair["normal"])
+    pair["flat_a"], pair["flat_b"] = (2, 0) if face_on_a else (0, 2)
     if face_on_a:
         _plane(lower, count_a, plane)
         count = _clip(upper, count_b, lower, count_a, state["normal"])
@@ -115,6 +124,30 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
             lower[kept, 0], lower[kept, 1], lower[kept, 2] = x, y, gap
             kept += 1
     return kept, face_on_a
+
+
+@kernel
+def _flatness(piece, vertices, sign, pair, state, out_edge):
+    """Dimensions in which the touching feature of a piece extends, along sign * n: 2 of a face, 1 of an edge
+    or a capsule's side, whose direction it writes, 0 of a corner or a curved surface."""
+    m, n = piece["world_rotation"], pair["normal"]
+    if piece["kind"] == CAPSULE:
+        if abs(m[0, 2] * n[0] + m[1, 2] * n[1] + m[2, 2] * n[2]) > LEAST_SLOPE:
+            return 0
+        for i in range(3):
+            out_edge[i] = m[i, 2]
+        return 1
+    if piece["kind"] != BOX and piece["kind"] != HULL:
+        return 0
+    points = state["w"]
+    count = _feature(piece, vertices, sign, pair["point_a"], state["mobility"], MANIFOLD_HEIGHT, points)
+    count = _order(points, count)
+    if _plane(points, count, state["tangent"]) > 0:
+        return 2
+    if count < 2:
+        return 0
+    _write_edge(points, state["mobility"], out_edge)
+    return 1
 
 
 @kernel

@@ -124,8 +124,9 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         led = state["lead"] > 0 and (
             loops(bodies, drivers, pair["body_a"]) or loops(bodies, drivers, pair["body_b"])
         )
-        if led:
-            solver["led"] = 1
+        held = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
+        solver["led"] = 1 if led or held else solver["led"]
+        if led or (held and state["lead"] == 1):
             _add_lead(bodies, drivers, pair, state["lead"], u)
         contact_mobility(bodies, drivers, pair, row["mobility"])
         if row["link_a"] >= 0 or row["link_b"] >= 0:

@@ -1,0 +1,162 @@
+"""Correction of curved contacts by the geometry at the end of a substep.
+
+A resting contact is solved with the geometry that the velocities of the start predict for the middle of the
+substep (`contact_motion`). Where surfaces curve, this leaves a gap and a speed of second order. Here, bodies are
+posed at the end that the solution leads to, and distance and normal are measured there. The contact is solved
+again along the mean of both normals, at the mean of both contact points, for the speed and the gap at the end
+that were measured: a predictor and corrector whose fixed point touches, and does not approach, at the end.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.continuous.contact_kinematics import is_moving
+from touchstone.reference_impl.continuous.free_rotation import is_isotropic
+from touchstone.reference_impl.continuous.swept_motion import pose_along
+from touchstone.reference_impl.core.conventions import GAP_LEFT, SIMULATED
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import invert_symmetric, rotate
+from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.solver.mobility import point_velocity
+
+END_ERROR = GAP_LEFT / 10
+"""Error of a gap at the end of a substep that is not corrected [m]."""
+
+
+@kernel
+def correct_ends(world, count, h):
+    """Correct the curved rows of `pairs[:count]` by their geometry at the end of a substep of length h [s], to
+    which the motions of their bodies lead; poses them at its start.
+
+    Returns:
+        Largest error of a gap, or of its change by the speed at the end [m].
+    """
+    bodies, pieces, pairs = world.bodies, world.pieces, world.pairs
+    if count == len(pairs):
+        return 0.0
+    error, found = 0.0, pairs[count]
+    for k in range(count):
+        pair = pairs[k]
+        a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+        if pair["curved"] == 0 or pair["manifold"] >= 0 or not (_is_free(a) and _is_free(b)):
+            continue
+        found["piece_a"], found["piece_b"] = pair["piece_a"], pair["piece_b"]
+        for side in range(2):
+            body = b if side else a
+            if is_moving(body):
+                pose_along(body, 1.0)
+                place_piece(pieces[pair["piece_b"] if side else pair["piece_a"]], body, world.vertices, 0.0)
+        _, converged = convex_depth(
+            pieces[pair["piece_a"]], pieces[pair["piece_b"]], world.vertices, world.state, found
+        )
+        if converged:
+            error = max(error, _correct(a, b, pair, found, h))
+        for side in range(2):
+            pose_along(b if side else a, 0.0)
+    return error
+
+
+@kernel
+def _is_free(body):
+    """Whether a body is simulated, or does not move."""
+    return body["kind"] == SIMULATED or not is_moving(body)
+
+
+@kernel
+def _correct(a, b, pair, found, h):
+    """Correct a row by the pair `found` at the end of the substep; returns its error [m]."""
+    n, m, middle = pair["start_normal"], found["normal"], pair["normal"]
+    cos = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
+    if cos <= 0:
+        return 0.0
+    size = sqrt(2 + 2 * cos)
+    ux, uy, uz = _end_velocity(b, found)
+    vx, vy, vz = _end_velocity(a, found)
+    ux, uy, uz = ux - vx, uy - vy, uz - vz
+    closing = m[0] * ux + m[1] * uy + m[2] * uz
+    p, gap = pair["resting_impulse"], found["distance"] - GAP_LEFT
+    error = max(abs(gap), abs(closing) * h)
+    if p[0] == 0 and p[1] == 0 and p[2] == 0:
+        error = max(0.0, -gap)
+    for i in range(3):
+        middle[i] = (n[i] + m[i]) / size
+        end = (found["point_a"][i] + found["point_b"][i]) / 2
+        pair["lever_a"][i] = (pair["point"][i] + end + a["old_center"][i] - a["center"][i]) / 2
+        pair["lever_b"][i] = (pair["point"][i] + end + b["old_center"][i] - b["center"][i]) / 2
+    x, y, z = _velocity_on(b, b["velocity"], b["omega"], pair["lever_b"])
+    vx, vy, vz = _velocity_on(a, a["velocity"], a["omega"], pair["lever_a"])
+    along = closing - (middle[0] * ux + middle[1] * uy + middle[2] * uz)
+    bias = pair["bias"]
+    bias[0] = ux - (x - vx) + along * middle[0]
+    bias[1] = uy - (y - vy) + along * middle[1]
+    bias[2] = uz - (z - vz) + along * middle[2]
+    # the part of the gap's change that a mean velocity at the middle does not give
+    x, y, z = _mean_velocity(b, pair["lever_b"])
+    vx, vy, vz = _mean_velocity(a, pair["lever_a"])
+    way = middle[0] * (x - vx) + middle[1] * (y - vy) + middle[2] * (z - vz)
+    pair["gap_error"] = found["distance"] - pair["distance"] - h * way
+    return error
+
+
+@kernel
+def friction_work(bodies, pair):
+    """Work of a row's friction on its bodies over a substep [J]."""
+    n, p = pair["normal"], pair["resting_impulse"]
+    x, y, z = _mean_velocity(bodies[pair["body_b"]], pair["lever_b"])
+    u, v, w = _mean_velocity(bodies[pair["body_a"]], pair["lever_a"])
+    x, y, z = x - u, y - v, z - w
+    along = (n[0] * x + n[1] * y + n[2] * z) * (n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
+    return p[0] * x + p[1] * y + p[2] * z - along
+
+
+@kernel
+def _velocity_on(body, v, w, lever):
+    """Velocity of a body in its place at the start of the substep, at a lever; 0 if it does not move."""
+    if not is_moving(body):
+        return 0.0, 0.0, 0.0
+    return point_velocity(v, w, body["old_center"], lever)
+
+
+@kernel
+def _mean_velocity(body, lever):
+    """Mean of the velocities before and after the substep that set the path of a body."""
+    if body["kind"] != SIMULATED:
+        return 0.0, 0.0, 0.0
+    x, y, z = point_velocity(body["old_velocity"], body["old_omega"], body["old_center"], lever)
+    v, w = body["velocity"], body["omega"]
+    if body["led"] == 1:
+        v, w = body["path_velocity"], body["path_omega"]
+    p, q, r = point_velocity(v, w, body["old_center"], lever)
+    return (x + p) / 2, (y + q) / 2, (z + r) / 2
+
+
+@kernel
+def _end_velocity(body, found):
+    """Velocity of a body at the end of the substep, at a contact found there; its angular momentum is that of
+    the solution."""
+    if body["kind"] != SIMULATED:
+        return 0.0, 0.0, 0.0
+    c, v, w = body["center"], body["velocity"], body["omega"]
+    x, y, z = w[0], w[1], w[2]
+    if not is_isotropic(body["inertia"]):
+        own, r, m = body["scratch"], body["rotation"], body["end_omega"]
+        invert_symmetric(body["inverse_inertia"], own)
+        rotate(own, w, m)
+        x = r[0, 0] * m[0] + r[1, 0] * m[1] + r[2, 0] * m[2]
+        y = r[0, 1] * m[0] + r[1, 1] * m[1] + r[2, 1] * m[2]
+        z = r[0, 2] * m[0] + r[1, 2] * m[1] + r[2, 2] * m[2]
+        invert_symmetric(body["inertia"], own)
+        x, y, z = (
+            own[0, 0] * x + own[0, 1] * y + own[0, 2] * z,
+            own[1, 0] * x + own[1, 1] * y + own[1, 2] * z,
+            own[2, 0] * x + own[2, 1] * y + own[2, 2] * z,
+        )
+        x, y, z = (
+            r[0, 0] * x + r[0, 1] * y + r[0, 2] * z,
+            r[1, 0] * x + r[1, 1] * y + r[1, 2] * z,
+            r[2, 0] * x + r[2, 1] * y + r[2, 2] * z,
+        )
+    px = (found["point_a"][0] + found["point_b"][0]) / 2 - c[0]
+    py = (found["point_a"][1] + found["point_b"][1]) / 2 - c[1]
+    pz = (found["point_a"][2] + found["point_b"][2]) / 2 - c[2]
+    return v[0] + y * pz - z * py, v[1] + z * px - x * pz, v[2] + x * py - y * px

@@ -1,0 +1,180 @@
+"""Contact kinematics (Montana 1988): how a contact point and its normal n move with the two surfaces.
+
+The point of a surface whose outward normal is n is x(n), and H = dx/dn has the radii of curvature: 0 at a
+corner, r I on a sphere. On B the outward normal is -n. With u the velocity of B relative to A, both points stay
+at a distance s along n if
+
+    (H_A + H_B + s) n' = u + H_A (w_A x n) + H_B (w_B x n)          (tangential parts)
+
+A face or an edge along e has infinite radii along it, and n turns with it there: n'.e = (w x n).e.
+
+All vectors are in the world frame, as tuples; rates are in 1/s.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.core.conventions import ELLIPSOID, SIMULATED
+from touchstone.reference_impl.core.kernel import kernel
+
+LEAST_CROSSING = 1e-3
+"""Squared sine of the angle between two edges below which they count as parallel: where they cross moves too
+fast [1]."""
+LEAST_RADIUS = 1e-12
+"""Relative radius below which two surfaces are corners, whose normal is undefined [m]."""
+
+
+@kernel
+def is_moving(body):
+    """Whether a body moves within a substep: links of drivers outside the loop do not."""
+    return body["kind"] == SIMULATED or body["moves"] == 1
+
+
+@kernel
+def velocity_at(body, point):
+    """Velocity (3 floats) [m/s] of a body at a point (3,) [m]; 0 if it does not move within a substep."""
+    if not is_moving(body):
+        return 0.0, 0.0, 0.0
+    c, w, v = body["center"], body["omega"], body["velocity"]
+    x, y, z = point[0] - c[0], point[1] - c[1], point[2] - c[2]
+    return v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x
+
+
+@kernel
+def contact_rates(bodies, pieces, pair):
+    """Rates of a pair's normal and contact point.
+
+    Returns:
+        (found, n', x'): whether they are defined, as they are not where corners touch, and the rates [1/s, m/s].
+    """
+    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    n = _tuple(pair["start_normal"])
+    turn_a, turn_b = _cross(_omega(a), n), _cross(_omega(b), n)
+    v_a, v_b = velocity_at(a, pair["point_a"]), velocity_at(b, pair["point_b"])
+    flat_a, flat_b = pair["flat_a"], pair["flat_b"]
+    to_a, to_b = _height(pair["point_a"], pair["point"], n), _height(pair["point_b"], pair["point"], n)
+    if flat_a == 2:
+        x = _plus(v_b, -1.0, _bend(two, n, _plus(turn_a, -1.0, turn_b)))
+        return True, turn_a, _plus(x, -to_b, turn_a)
+    if flat_b == 2:
+        x = _plus(v_a, 1.0, _bend(one, n, _plus(turn_b, -1.0, turn_a)))
+        return True, turn_b, _plus(x, -to_a, turn_b)
+    e, f = _tuple(pair["edge_a"]), _tuple(pair["edge_b"])
+    apart = max(0.0, to_b - to_a)
+    cos = _dot(e, f)
+    sin2 = _dot(e, e) - cos * cos
+    crossing = flat_a + flat_b == 2 and sin2 > LEAST_CROSSING
+    if crossing:
+        along_a, along_b = _dot(turn_a, e), _dot(turn_b, f)
+        rate = _plus(_times((along_a - cos * along_b) / sin2, e), (along_b - cos * along_a) / sin2, f)
+    else:
+        u = _plus(v_b, -1.0, v_a)
+        pull = _plus(_plus(u, 1.0, _bend(one, n, turn_a)), 1.0, _bend(two, n, turn_b))
+        t = e if flat_a == 1 else (f if flat_b == 1 else _tangent(n))
+        s = _cross(n, t)
+        across = _plus(_plus(_times(apart, s), 1.0, _bend(one, n, s)), 1.0, _bend(two, n, s))
+        st, ss, pull_s = _dot(across, t), _dot(across, s), _dot(pull, s)
+        if flat_a + flat_b > 0:
+            if ss <= LEAST_RADIUS:
+                return False, n, n
+            along = _dot(turn_a if flat_a == 1 else turn_b, t)
+        else:
+            own = _plus(_plus(_times(apart, t), 1.0, _bend(one, n, t)), 1.0, _bend(two, n, t))
+            tt = _dot(own, t)
+            least = tt * ss - st * st
+            if least <= LEAST_RADIUS * (tt + ss):
+                return False, n, n
+            along = (_dot(pull, t) * ss - pull_s * st) / least
+        rate = _plus(_times(along, t), (pull_s - along * st) / ss, s)
+    x_a = _plus(v_a, 1.0, _bend(one, n, _plus(rate, -1.0, turn_a)))
+    x_b = _plus(v_b, -1.0, _bend(two, n, _plus(rate, -1.0, turn_b)))
+    if crossing:
+        # the points move along their edges too, so that they stay opposite to each other
+        way = _plus(_plus(x_b, -1.0, x_a), -apart, rate)
+        over_a, over_b = _dot(way, e), _dot(way, f)
+        x_a = _plus(x_a, (over_a - cos * over_b) / sin2, e)
+        x_b = _plus(x_b, -(over_b - cos * over_a) / sin2, f)
+    x_a, x_b = _plus(x_a, -to_a, rate), _plus(x_b, -to_b, rate)
+    # a point on an edge may be anywhere along it: the other surface tells
+    share = 0.5 * (1 + flat_a - flat_b)
+    x = _plus(_times(1 - share, x_a), share, x_b)
+    return True, rate, _plus(x, (_dot(v_a, n) + _dot(v_b, n)) / 2 - _dot(x, n), n)
+
+
+@kernel
+def _bend(piece, n, v):
+    """H v of a piece's surface: how its point moves as the normal n turns at the rate v, which is tangential."""
+    if piece["kind"] != ELLIPSOID:
+        return _times(piece["radius"], v)
+    # x(n) = S^2 n / |S n|, with S the half axes
+    m, s = piece["world_rotation"], piece["size"]
+    x, y, z = s[0] ** 2 * _column(m, 0, n), s[1] ** 2 * _column(m, 1, n), s[2] ** 2 * _column(m, 2, n)
+    u, v, w = _column(m, 0, v), _column(m, 1, v), _column(m, 2, v)
+    size = sqrt(x * _column(m, 0, n) + y * _column(m, 1, n) + z * _column(m, 2, n))
+    along = (x * u + y * v + z * w) / size**2
+    x, y, z = (
+        (s[0] ** 2 * u - along * x) / size,
+        (s[1] ** 2 * v - along * y) / size,
+        (s[2] ** 2 * w - along * z) / size,
+    )
+    return (
+        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
+        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
+        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
+    )
+
+
+@kernel
+def _height(q, p, n):
+    """Height of a witness q above the contact point p along n [m]."""
+    return n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2])
+
+
+@kernel
+def _omega(body):
+    """Angular velocity of a body; 0 if it does not move within a substep."""
+    if not is_moving(body):
+        return 0.0, 0.0, 0.0
+    return _tuple(body["omega"])
+
+
+@kernel
+def _tangent(n):
+    """A unit vector perpendicular to n."""
+    if abs(n[0]) < 0.6:
+        size = sqrt(n[1] * n[1] + n[2] * n[2])
+        return 0.0, -n[2] / size, n[1] / size
+    size = sqrt(n[0] * n[0] + n[1] * n[1])
+    return -n[1] / size, n[0] / size, 0.0
+
+
+@kernel
+def _column(m, j, v):
+    """Component of a world vector along axis j of a rotation."""
+    return m[0, j] * v[0] + m[1, j] * v[1] + m[2, j] * v[2]
+
+
+@kernel
+def _tuple(v):
+    return v[0], v[1], v[2]
+
+
+@kernel
+def _dot(u, v):
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@kernel
+def _cross(u, v):
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+@kernel
+def _times(s, v):
+    return s * v[0], s * v[1], s * v[2]
+
+
+@kernel
+def _plus(u, s, v):
+    """u + s v."""
+    return u[0] + s * v[0], u[1] + s * v[1], u[2] + s * v[2]
