@@ -27,7 +27,7 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
 
-MOST_RETURN = 1e-3
+MOST_RETURN = 0.01
 """Most relative increase of the velocities of an island that lost energy to the error of a substep [1]."""
 UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""

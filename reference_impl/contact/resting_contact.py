@@ -93,7 +93,7 @@ def _correct_curves(world, count, h):
     """Solve again with the geometry of curved contacts at the end of the substep, until they touch there."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    if state["led"] == 0 or state["dense_substep"] == 1:
+    if state["led"] == 0:
         return
     for _ in range(CORRECTIONS):
         set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
@@ -131,7 +131,7 @@ def _solve_velocities(world, count, h):
     most, extended = h, False
     for k in range(RESTING_CONTACT_ROUNDS):
         turn_share = _prepare_resting_contacts(world, count, h)
-        if turn_share < 1 and state["dense_substep"] == 0:
+        if turn_share < 1:
             restore_normals(pairs, count)
             h *= turn_share
             _prepare_resting_contacts(world, count, h)
@@ -169,16 +169,17 @@ def _prepare_resting_contacts(world, count, h):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, world.pieces, pairs, count)
-    curved, turned = False, 0.0
+    smooth, curved, turned = state["dense_substep"] == 0, False, 0.0
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, 0.0)
         pair["gap_error"] = 0.0
-        turned = max(turned, move_to_middle(bodies, world.pieces, pair, h))
-        pair["curved"] = 1 if is_curved(world.pieces, pair, h) else 0
-        curved = curved or pair["curved"] == 1
+        turn = move_to_middle(bodies, world.pieces, pair, h)
+        pair["curved"] = 1 if smooth and is_curved(world.pieces, pair, h) else 0
+        if pair["curved"] == 1:
+            curved, turned = True, max(turned, turn)
         if state["moving_surfaces"] == 1:
             move_surfaces(bodies, world.pieces, pair)
     state["led"] = 1 if curved or state["driven_loop"] == 1 else 0

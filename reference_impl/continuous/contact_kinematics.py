@@ -102,6 +102,18 @@ def contact_rates(bodies, pieces, pair):
 
 
 @kernel
+def fastest_turn(bodies, pieces, pair, rate):
+    """Speed at which a pair's normal turns at the rate n', or turns on an ellipsoid, if that is faster [rad/s]."""
+    n, most = _tuple(pair["start_normal"]), _dot(rate, rate)
+    for side in range(2):
+        body = bodies[pair["body_b"] if side else pair["body_a"]]
+        if pieces[pair["piece_b"] if side else pair["piece_a"]]["kind"] == ELLIPSOID:
+            over = _plus(rate, -1.0, _cross(_omega(body), n))
+            most = max(most, _dot(over, over))
+    return sqrt(most)
+
+
+@kernel
 def _bend(piece, n, v):
     """H v of a piece's surface: how its point moves as the normal n turns at the rate v, which is tangential."""
     if piece["kind"] != ELLIPSOID:

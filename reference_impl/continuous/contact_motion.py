@@ -12,7 +12,12 @@ angular momentum is kept.
 
 from math import sqrt
 
-from touchstone.reference_impl.continuous.contact_kinematics import contact_rates, is_moving, velocity_at
+from touchstone.reference_impl.continuous.contact_kinematics import (
+    contact_rates,
+    fastest_turn,
+    is_moving,
+    velocity_at,
+)
 from touchstone.reference_impl.core.conventions import BOX, HULL, NEVER, OVERLAP_TOLERANCE, SPHERE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
@@ -23,8 +28,10 @@ share of it that a shortened substep allows [1]."""
 
 STRAIGHT = 1e-12
 """Motion along a normal by rotation within half a substep that is rounding [m]."""
-MOST_TURN = 0.5
-"""Turn of a normal within half a substep beyond which its geometry is not predicted [rad]."""
+MOST_TURN = 0.1
+"""Turn of a normal of curved surfaces within half a substep that is exact enough [rad]."""
+LARGEST_TURN = 0.5
+"""The same beyond which the geometry is not predicted [rad]."""
 
 
 @inlined_kernel
@@ -33,18 +40,23 @@ def bias_share(bodies, pieces, pairs, count, h, state):
     solve; NEVER if that is longer than h.
 
     If J' v h changes linearly by d over the substep, a pair sinks or parts by d h / 6; `bias` is half of it.
+    Curved rows are corrected (`end_correction`), unless their normal turns farther than MOST_TURN.
     """
-    error = 0.0
+    error, most = 0.0, 0.0
     for k in range(count):
         pair = pairs[k]
         n, p, early, late = pair["normal"], pair["resting_impulse"], pair["bias"], state["velocity"]
-        if (p[0] == 0 and p[1] == 0 and p[2] == 0) or pair["curved"] == 1:
+        if p[0] == 0 and p[1] == 0 and p[2] == 0:
             continue
         a, b, turned = state["velocity_a"], state["velocity_b"], state["impulse"]
-        _predict(bodies, pieces, pair, h / 2, a, b, turned, late)
+        angle = _predict(bodies, pieces, pair, h / 2, a, b, turned, late)
+        if pair["curved"] == 1:
+            most = max(most, angle)
+            continue
         d = n[0] * (late[0] - early[0]) + n[1] * (late[1] - early[1]) + n[2] * (late[2] - early[2])
         error = max(error, abs(d) * h / 3)
-    return (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
+    share = (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
+    return min(share, BIAS_SHARE * MOST_TURN / most) if most > MOST_TURN else share
 
 
 @inlined_kernel
@@ -118,9 +130,9 @@ def restore_normals(pairs, count):
 @kernel
 def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, out_bias):
     """Predict a row's levers and normal after `half` [s] of the present velocities, and the change of its
-    relative velocity until then; returns the turn of the normal [rad].
+    relative velocity until then; returns the turn of the normal, `fastest_turn` [rad].
 
-    Corners on corners, and what turns farther than MOST_TURN, keep the geometry of the start.
+    Corners on corners, and what turns farther than LARGEST_TURN, keep the geometry of the start.
     """
     a, b, p, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["point"], pair["start_normal"]
     copy_vector(p, out_lever_a)
@@ -130,8 +142,10 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     if _stays(a, b, pieces[pair["piece_a"]], pieces[pair["piece_b"]], pair):
         return 0.0
     found, rate, way = contact_rates(bodies, pieces, pair)
-    turned = half * sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]) if found else 0.0
-    if not found or turned > MOST_TURN:
+    if not found:
+        return 0.0
+    turned = half * fastest_turn(bodies, pieces, pair, rate)
+    if half * sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]) > LARGEST_TURN:
         return turned
     u, v, w = velocity_at(b, p)
     x, y, z = velocity_at(a, p)

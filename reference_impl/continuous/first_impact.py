@@ -64,8 +64,8 @@ def earliest_impact(world, touching, end, until, fast):
         marked = is_marked(bodies, pieces, pairs, pair)
         if fast:
             sweeps = is_fast_pair(bodies, pieces, pair, 1.0)
-        # what a driver carries agrees with it at the end of a substep, not within
-        swept = sweeps and not (marked and (_is_carrier(a) or _is_carrier(b)))
+        # what a driver carries, and curved contacts, agree at the end of a substep, not within
+        swept = sweeps and not (marked and (_agrees_at_end(a) or _agrees_at_end(b)))
         if (fast or sweeps) and not swept:
             distance_at(moving, until)
         if not swept and pair["distance"] >= -OVERLAP_TOLERANCE:
@@ -83,9 +83,9 @@ def earliest_impact(world, touching, end, until, fast):
 
 
 @kernel
-def _is_carrier(body):
-    """Whether a body is a link of a driver that moves in the loop."""
-    return body["kind"] == DRIVEN and body["moves"] == 1
+def _agrees_at_end(body):
+    """Whether a body is a link of a driver that moves in the loop, or moves by the law of positions."""
+    return (body["kind"] == DRIVEN and body["moves"] == 1) or body["led"] == 1
 
 
 @kernel
