@@ -53,8 +53,10 @@ DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 HOP_HEIGHT = TOUCH_DISTANCE / 4
 """Height of a hop that is an error of curved contact [m]."""
-CORRECTIONS = 4
-"""Most corrections of curved contacts in a substep."""
+CORRECTIONS, LARGEST_ERROR = 4, 1e-8
+"""Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
+HALVINGS = 8
+"""Most halvings of such a substep."""
 RESTING_CONTACT_ROUNDS = 10
 """Attempts at a substep in which sliding contacts stop or bodies rotate; 1 or 2 are usual."""
 
@@ -72,15 +74,20 @@ def solve_resting_contacts(world, count, time, h):
     """
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    h = _solve_velocities(world, count, h)
-    _solve_positions(world, count, h)
-    if len(drivers) > 0:
-        while _find_limits(world, h):
-            begin_again(bodies, joints, drivers)
-            restore_normals(pairs, count)
-            h = _solve_velocities(world, count, h)
-            _solve_positions(world, count, h)
-    _correct_curves(world, count, h)
+    for halvings in range(HALVINGS + 1):
+        h = _solve_velocities(world, count, h)
+        _solve_positions(world, count, h)
+        if len(drivers) > 0:
+            while _find_limits(world, h):
+                begin_again(bodies, joints, drivers)
+                restore_normals(pairs, count)
+                h = _solve_velocities(world, count, h)
+                _solve_positions(world, count, h)
+        if _correct_curves(world, count, h) or halvings == HALVINGS:
+            break
+        begin_again(bodies, joints, drivers)
+        restore_normals(pairs, count)
+        h /= 2
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
     store_impulses(bodies, pairs, count, state, h)
@@ -90,14 +97,17 @@ def solve_resting_contacts(world, count, time, h):
 
 @kernel
 def _correct_curves(world, count, h):
-    """Solve again with the geometry of curved contacts at the end of the substep, until they touch there."""
+    """Solve again with the geometry of curved contacts at the end of the substep, until they touch there;
+    returns whether they do, nearly."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     if state["led"] == 0:
-        return
-    for _ in range(CORRECTIONS):
+        return True
+    error = 0.0
+    for k in range(CORRECTIONS + 1):
         set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
-        if correct_ends(world, count, h) <= END_ERROR:
+        error = correct_ends(world, count, h)
+        if error <= END_ERROR or k == CORRECTIONS:
             break
         begin_again(bodies, joints, drivers)
         apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state)
@@ -108,6 +118,7 @@ def _correct_curves(world, count, h):
         _solve_positions(world, count, h)
     for k in range(count):
         pairs[k]["work"] = friction_work(bodies, pairs[k])
+    return error <= LARGEST_ERROR
 
 
 @kernel
