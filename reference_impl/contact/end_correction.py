@@ -9,6 +9,7 @@ that were measured: a predictor and corrector whose fixed point touches, and doe
 
 from math import sqrt
 
+from touchstone.reference_impl.contact.contact_events import SLIDE_MIN
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
@@ -74,6 +75,7 @@ def _correct(a, b, pair, found, h):
     vx, vy, vz = _end_velocity(a, found)
     ux, uy, uz = ux - vx, uy - vy, uz - vz
     closing = m[0] * ux + m[1] * uy + m[2] * uz
+    pair["slides"] = 1 if _keeps_sliding(pair, ux, uy, uz) else 0
     p, gap = pair["resting_impulse"], found["distance"] - GAP_LEFT
     error = max(abs(gap), abs(closing) * h)
     if p[0] == 0 and p[1] == 0 and p[2] == 0:
@@ -96,6 +98,18 @@ def _correct(a, b, pair, found, h):
     way = middle[0] * (x - vx) + middle[1] * (y - vy) + middle[2] * (z - vz)
     pair["gap_error"] = found["distance"] - pair["distance"] - h * way
     return error
+
+
+@kernel
+def _keeps_sliding(pair, x, y, z):
+    """Whether a row slides at the start of the substep and, at the velocity (x, y, z) of B relative to A, along
+    that direction at its end."""
+    n, a, b = pair["start_normal"], pair["before_a"], pair["before_b"]
+    u, v, w = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    start, end, both = n[0] * u + n[1] * v + n[2] * w, n[0] * x + n[1] * y + n[2] * z, u * x + v * y + w * z
+    both -= start * end
+    before = u * u + v * v + w * w - start * start
+    return before > SLIDE_MIN * SLIDE_MIN and both > SLIDE_MIN * SLIDE_MIN
 
 
 @kernel

@@ -178,6 +178,7 @@ PAIR = record(
     edge_b=VECTOR,
     floor="f8",  # least speed along the normal after a contact solve [m/s]
     curved="i8",  # 1: a round surface parts or approaches by rotation within the substep
+    slides="i8",  # 1: it slides over the whole substep, and friction opposes the mean sliding
     bias=VECTOR,  # change of the relative velocity by rotation, from the middle of a substep to its end [m/s]
     resting_impulse=VECTOR,  # impulse on B of the resting contact [N s]
     island="i8",  # root mover of its island, or -1

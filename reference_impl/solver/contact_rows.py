@@ -186,14 +186,19 @@ def pushes_along(solver):
 
 @kernel
 def reverse_slip(solver):
-    """Make friction oppose the mean sliding of the substep: the sum of the sliding before and after."""
+    """Make friction of all rows oppose the mean sliding of the substep."""
     for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        n, f, before = row["normal"], row["free"], row["before"]
-        along = n[0] * before[0] + n[1] * before[1] + n[2] * before[2]
-        for i in range(3):
-            f[i] += before[i] - along * n[i]
-            before[i] = along * n[i]
+        oppose_mean_slip(solver["rows"][k])
+
+
+@kernel
+def oppose_mean_slip(row):
+    """Make friction of a row oppose the mean sliding of the substep: the sum of the sliding before and after."""
+    n, f, before = row["normal"], row["free"], row["before"]
+    along = n[0] * before[0] + n[1] * before[1] + n[2] * before[2]
+    for i in range(3):
+        f[i] += before[i] - along * n[i]
+        before[i] = along * n[i]
 
 
 @kernel

@@ -89,6 +89,7 @@ def begin_row(bodies, pair, floor):
     pair["resting_impulse"][:] = 0.0
     pair["floor"] = floor
     pair["bias"][:] = 0.0
+    pair["slides"] = 0
     surface_velocities(bodies, pair, pair["before_a"], pair["before_b"])
 
 

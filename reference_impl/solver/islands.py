@@ -13,7 +13,7 @@ from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.core.solver_dtypes import LINK_CAPACITY, MOVER_CAPACITY, ROW_CAPACITY
 from touchstone.reference_impl.kinematics.skeleton import move_links
-from touchstone.reference_impl.solver.contact_rows import prepare_row
+from touchstone.reference_impl.solver.contact_rows import oppose_mean_slip, prepare_row
 from touchstone.reference_impl.solver.hinge_response import (
     find_rates,
     set_limit_response,
@@ -126,6 +126,8 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         )
         held = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
         solver["led"] = 1 if led or held else solver["led"]
+        if pair["slides"] == 1 and state["lead"] < 1:
+            oppose_mean_slip(row)
         if led or (held and state["lead"] == 1):
             _add_lead(bodies, drivers, pair, state["lead"], u)
         contact_mobility(bodies, drivers, pair, row["mobility"])
