@@ -288,6 +288,8 @@ def _solve_positions(world, count, h):
         for k in range(count):
             copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
             pairs[k]["floor"] = pairs[k]["held_floor"]
+        # of all rows again: the islands of the law of positions are without the others
+        join_islands(bodies, drivers, pairs, count, False)
         for b in range(len(bodies)):
             for i in range(3):
                 v, w = bodies[b]["path_velocity"], bodies[b]["path_omega"]
