@@ -71,7 +71,7 @@ def guard_energy(world, count, parted, first, whole):
     if state["moving_surfaces"] == 1:
         for k in range(first, state["contact_count"]):
             _subtract_surface_work(bodies, world.contacts[k])
-    if whole and not parted and state["led"] == 1:
+    if whole and not parted and state["curved"] == 1:
         for k in range(count):
             if pairs[k]["island"] >= 0:
                 island = bodies[pairs[k]["island"]]["guard"]

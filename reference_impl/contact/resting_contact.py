@@ -101,7 +101,7 @@ def _correct_curves(world, count, h):
     returns whether they do, nearly."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    if state["led"] == 0:
+    if state["curved"] == 0:
         return True
     error = 0.0
     for k in range(CORRECTIONS + 1):
@@ -187,12 +187,16 @@ def _prepare_resting_contacts(world, count, h):
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, 0.0)
         pair["gap_error"] = 0.0
+        pair["curved"] = 0
+        if not smooth and pair["flat_a"] + pair["flat_b"] == 0:
+            continue
         turn = move_to_middle(bodies, world.pieces, pair, h)
         pair["curved"] = 1 if smooth and is_curved(world.pieces, pair, h) else 0
         if pair["curved"] == 1:
             curved, turned = True, max(turned, turn)
         if state["moving_surfaces"] == 1:
             move_surfaces(bodies, world.pieces, pair)
+    state["curved"] = 1 if curved else 0
     state["led"] = 1 if curved or state["driven_loop"] == 1 else 0
     if state["led"] == 1:
         _mark_led(bodies, world.drivers, pairs, count)
@@ -229,7 +233,7 @@ def _solve_together(world, count, h):
     """Solve all rows together with a warm start; returns whether the impulses converged."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
     note_free_slip(bodies, pairs, count, state)
-    if state["led"] == 1:
+    if state["curved"] == 1:
         _close_hops(bodies, pairs, count, h, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)

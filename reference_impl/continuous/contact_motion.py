@@ -26,8 +26,9 @@ BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
 share of it that a shortened substep allows [1]."""
 
-STRAIGHT = 1e-12
-"""Motion along a normal by rotation within half a substep that is rounding [m]."""
+STRAIGHT = 1e-10
+"""Motion along a normal by rotation within half a substep below which a contact is not curved [m]: a tenth of
+GAP_LEFT."""
 MOST_TURN = 0.1
 """Turn of a normal of curved surfaces within half a substep that is exact enough [rad]."""
 LARGEST_TURN = 0.5
