@@ -64,10 +64,11 @@ def _stop(bodies, pairs, k, h, state):
     Along the initial sliding direction, the speed u becomes f without friction and u' with the friction p.
     Friction at the cone's limit L changes it by (u' - f) L / p, so sliding stops after
     u / (u - f + (f - u') L / p) of the substep. Friction that stops the sliding exactly at the end is less
-    than L; friction that reverses it points forward. A stop whose position is exact to STOP_ERROR within h
+    than L. If other contacts reverse the sliding, it points forward, p < 0: at the limit against the sliding it
+    would change u' by p - L over the mass of both bodies. A stop whose position is exact to STOP_ERROR within h
     is no event.
     """
-    fastest, last, turns = 0.0, 0.0, False
+    first, fastest, last, turns = k, 0.0, 0.0, False
     u = f = end = p = limit = 0.0
     v = state["velocity"]
     while k >= 0:
@@ -87,13 +88,19 @@ def _stop(bodies, pairs, k, h, state):
         return NEVER
     if not (turns or last <= SLIP_MIN * SLIP_MIN):
         return u / (u - end) if end < u else NEVER
-    # p = 0 lies between braking and forward friction: halve the substep
-    time = u - f + (f - end) * limit / p if p != 0 else 2 * u
+    # where friction points forward, other contacts reverse the sliding: its own part is that on both masses
+    time = u - f + (f - end) * limit / p if p > 0 else u - end + (limit - p) * _inverse_mass(bodies, pairs[first])
     # the contact solve handles a stop within the first 1 / EVENT_CAP of the substep
     if time <= 0 or time >= EVENT_CAP * u:
         return 1.0
     share = min(1.0, u / time)
     return share if fastest * h * (1 - share) > STOP_ERROR else 1.0
+
+
+@kernel
+def _inverse_mass(bodies, pair):
+    """Change of the relative velocity of two bodies that do not turn, per impulse [1/kg]."""
+    return bodies[pair["body_a"]]["inverse_mass"] + bodies[pair["body_b"]]["inverse_mass"]
 
 
 @kernel
