@@ -30,7 +30,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
-LAWS = ("arcs", "torque_free", "coupling", "carried", "turntable")
+Law = Literal["arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact"]
 INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
 GRAVITY = 9.81
 """Default magnitude of gravity [m/s^2]."""
@@ -285,7 +285,7 @@ class Arc:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Truth(ShortRepr):
-    """Closed-form motion of `body`; `closed_form.py` evaluates it.
+    """Motion of `body` in closed form or integrated to rounding; `closed_form.py` evaluates it.
 
     arcs: piecewise motion by `arcs`, the first from 0 s. torque_free: motion from the initial state under
     gravity, with three different moments of inertia. coupling: Eq. 6 with a tracker that moves linearly
@@ -295,7 +295,7 @@ class Truth(ShortRepr):
     """
 
     body: str
-    law: Literal["arcs", "torque_free", "coupling", "carried", "turntable"]
+    law: Law
     arcs: tuple[Arc, ...] = ()
 
 
