@@ -22,6 +22,7 @@ from touchstone.scenarios.avatar.tracking import path, sample
 from touchstone.scenarios.scenario import Arc, Body, Scenario, Sphere, Tracker, Truth
 from touchstone.scenarios.truths.body_motion import Array, Motion
 from touchstone.scenarios.truths.smooth_contact import smooth_contact
+from touchstone.scenarios.truths.tipping import tipping
 
 EVENT_GRID = 1e-3
 """Spacing of the times between which a body on a prescribed one starts or stops to slide at most once [s]."""
@@ -50,6 +51,8 @@ def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
             return _on_turntable(scenario, body, times)
         case "smooth_contact":
             return smooth_contact(scenario, body, times)
+        case "tipping":
+            return tipping(scenario, body, times)
 
 
 def support(scenario: Scenario) -> tuple[int, Tracker]:

@@ -30,7 +30,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
-Law = Literal["arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact"]
+Law = Literal["arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping"]
 INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
 GRAVITY = 9.81
 """Default magnitude of gravity [m/s^2]."""

@@ -48,6 +48,7 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.truths.force_checks import check_forces
 from touchstone.scenarios.truths.pair_names import ambiguities
 from touchstone.scenarios.truths.smooth_contact import check_smooth_contact
+from touchstone.scenarios.truths.tipping import check_tipping
 
 LONGEST_NAME = 100
 """Characters of a body's, joint's or piece's name: they stand in tables and pictures."""
@@ -302,6 +303,8 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
             _check_support(scenario, truth, body, f"{path}.body", report)
         elif truth.law == "smooth_contact":
             check_smooth_contact(scenario, body, f"{path}.body", report)
+        elif truth.law == "tipping":
+            check_tipping(scenario, body, f"{path}.body", report)
         if truth.body in [other.body for other in scenario.truths[:i]]:
             report(f"{path}.body", f"{truth.body!r} has two truths")
         _check_arcs(truth, path, report)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import radians
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, Truth, Vector, vector
+from touchstone.scenarios.scenario import Body, PairCoefficients, Quaternion, Scenario, Truth, Vector, vector
 from touchstone.scenarios.solids import ellipsoid, slab
 
 MASS = 1.0
@@ -28,7 +29,7 @@ def rolling_scene(
         half_axes,
         MASS,
         (0.0, 0.0, -float(arm[2])),
-        tuple(turn.as_quat(scalar_first=True).tolist()),
+        quaternion(turn),
         velocity=vector(np.cross(arm, spin)),
         spin=spin,
     )
@@ -46,6 +47,12 @@ def on_floor(name: str, summary: str, body: Body, mu: float, duration: float) ->
         duration=duration,
         truths=(Truth(body.name, "smooth_contact"),),
     )
+
+
+def quaternion(turn: Rotation) -> Quaternion:
+    """A rotation as wxyz."""
+    w, x, y, z = turn.as_quat(scalar_first=True).tolist()
+    return (w, x, y, z)
 
 
 def contact_arm(half_axes: Vector, turn: Rotation) -> np.ndarray:
@@ -69,6 +76,18 @@ def ellipsoid_rolls() -> Scenario:
     turn = Rotation.from_rotvec((0.2, 0.3, 0.4))
     summary = "an ellipsoid of three different axes rolls in space without slip"
     return rolling_scene("ellipsoid_rolls", summary, (0.15, 0.12, 0.1), turn, (1.0, 6.0, 2.0))
+
+
+@scene
+def rattleback() -> Scenario:
+    """Its principal axes of inertia are turned against those of its shape: it spins, rattles, spins back."""
+    half_axes = (0.2, 0.06, 0.05)
+    turn, skew = Rotation.from_rotvec((0.0, 0.02, 0.0)), Rotation.from_rotvec((0.0, 0.0, 0.15)).as_matrix()
+    summary = "a rattleback spins, rattles and spins back, without slip"
+    plain = rolling_scene("rattleback", summary, half_axes, turn, (0.0, 0.0, -5.0), 2.5)
+    inertia = skew @ plain.bodies[1].inertia @ skew.T
+    x, y, z = (vector(row) for row in (inertia + inertia.T) / 2)
+    return replace(plain, bodies=(plain.bodies[0], replace(plain.bodies[1], inertia=(x, y, z))))
 
 
 DISC: Vector = (0.1, 0.1, 0.02)

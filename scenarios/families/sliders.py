@@ -56,7 +56,7 @@ def _scene(name: str, case: Case, seed: int) -> Scenario:
         coefficients=(
             PairCoefficients("lower", "floor", 0.0, case.below),
             PairCoefficients("upper", "lower", 0.0, case.between),
-            PairCoefficients("upper", "floor", 0.0, case.below),
+            PairCoefficients("upper", "floor", 0.0, case.between),
         ),
         duration=frames / 60,
         truths=(Truth("lower", "arcs", low), Truth("upper", "arcs", high)),
