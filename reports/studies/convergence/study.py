@@ -31,6 +31,7 @@ from touchstone.reports.studies.convergence.order import EXACT, order_of
 from touchstone.reports.studies.convergence.picture import draw
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.sweep import quietly, sweep
+from touchstone.reports.sweep.worker import DIVERGED
 from touchstone.reports.views.tables import number
 
 
@@ -40,6 +41,8 @@ def run(
     """Measure what the store lacks; the folder `out` appears complete or not at all."""
     with output_folder(out) as folder:
         measured = sweep(asked, store, jobs=jobs, progress=progress)
+        # a run that diverges at a coarse step is a measurement, not a fault
+        measured.loc[measured.outcome == DIVERGED, "verdict"] = ""
         errors = measured[measured.metric.isin((ERROR, "run"))][list(COLUMNS)].assign(study=STUDY)
         frame = pd.concat([errors, table(findings(errors))], ignore_index=True)
         save(frame, folder)

@@ -57,10 +57,10 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             totals.add_row(f"{engine} {profile}", *_totals(orders, mine[mine.metric == FLOOR], lost))
     out.print(totals)
     print_notes(NOTES, out)
-    ended = frame[(frame.metric == "run") & (frame.verdict != "")]
-    for _, part in ended.groupby(["scenario", "engine", "verdict", "reason"], sort=False):
+    for _, part in frame[frame.metric == "run"].groupby(["scenario", "engine", "reason"], sort=False):
         row, steps = rows_of(part)[0], " ".join(map(step_text, sorted(set(part.dt), reverse=True)))
-        out.print(f"{row.verdict}: {row.scenario}: {row.reason} ({row.engine} at {steps} s)", highlight=False)
+        verdict = f"{row.verdict}: " if row.verdict else ""
+        out.print(f"{verdict}{row.scenario}: {row.reason} ({row.engine} at {steps} s)", highlight=False)
 
 
 def _lost(frame: pd.DataFrame, engine: str) -> pd.DataFrame:
