@@ -30,7 +30,7 @@ def _scene(name: str, summary: str, mu: float) -> Scenario:
     return Scenario(
         name=name,
         summary=summary,
-        tags=("curved",),
+        tags=("curved",) if mu else ("curved", "conservative"),
         bodies=(
             Body("sphere", "fixed", "wood", (Piece("sphere", Sphere(SPHERE)),)),
             ball("ball", "wood", BALL, 1.0, place),

@@ -33,15 +33,17 @@ def rolling_scene(
         velocity=vector(np.cross(arm, spin)),
         spin=spin,
     )
-    return on_floor(name, summary, body, FRICTION, duration)
+    return on_floor(name, summary, body, FRICTION, duration, ("curved", "conservative"))
 
 
-def on_floor(name: str, summary: str, body: Body, mu: float, duration: float) -> Scenario:
+def on_floor(
+    name: str, summary: str, body: Body, mu: float, duration: float, tags: tuple[str, ...]
+) -> Scenario:
     """A scene of a body that touches a level floor with one smooth piece."""
     return Scenario(
         name=name,
         summary=summary,
-        tags=("curved",),
+        tags=tags,
         bodies=(slab("floor", "rubber"), body),
         coefficients=(PairCoefficients("rubber", "rubber", 0.0, mu),),
         duration=duration,

@@ -36,7 +36,8 @@ def top_precesses() -> Scenario:
         linear_velocity=vector(np.cross(arm, spin)),
         angular_velocity=vector(spin),
     )
-    return on_floor("top_precesses", "a top rolls on its tip, precesses and nutates", body, 1.0, 2.0)
+    summary = "a top rolls on its tip, precesses and nutates"
+    return on_floor("top_precesses", summary, body, 1.0, 2.0, ("curved", "conservative"))
 
 
 RADIUS, RISE = 0.05, 0.01
@@ -59,7 +60,7 @@ def tippe_top() -> Scenario:
         orientation=quaternion(turn),
         angular_velocity=(0.0, 0.0, 60.0),
     )
-    return on_floor("tippe_top", "a tippe top slides and turns over", body, 0.1, 3.0)
+    return on_floor("tippe_top", "a tippe top slides and turns over", body, 0.1, 3.0, ("curved",))
 
 
 def _arm(offset: float, radius: float, axis: np.ndarray) -> np.ndarray:
