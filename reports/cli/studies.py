@@ -107,7 +107,7 @@ def agreement(
 def convergence(
     scenario: Annotated[
         list[str] | None,
-        typer.Argument(help="Scenes with a truth (default: the curved and fourteen others)."),
+        typer.Argument(help="Scenes with a truth (default: the curved and thirteen others)."),
     ] = None,
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,

@@ -1,4 +1,4 @@
-"""`bowl`: a ball rolls to and fro in a hollow that is made of flat pieces."""
+"""`bowl` and `bowl_of_balls`: a ball rolls to and fro in a hollow of flat pieces, and over a row of balls."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from touchstone.scenarios.scenario import (
     PairCoefficients,
     Piece,
     Scenario,
+    Sphere,
     Truth,
     Vector,
 )
@@ -119,4 +120,35 @@ def _arc(roll: Roll) -> Arc:
         (roll.acceleration * c, 0.0, roll.acceleration * s),
         (0.0, roll.speed / BALL, 0.0),
         (0.0, roll.acceleration / BALL, 0.0),
+    )
+
+
+ROW, STONE = 1.0, 0.15
+"""Radii of the circle that the row's centres lie on, and of its balls [m]."""
+STONES, GAP = 11, radians(6.0)
+"""Number of balls in the row, and angle between neighbours about the circle's centre [rad]."""
+LEAN = radians(25.0)
+"""Angle at which the ball starts on its first ball, from the vertical towards the middle [rad]."""
+
+
+@scene
+def bowl_of_balls() -> Scenario:
+    """It rolls over each ball of the row and loses speed where it meets the next."""
+    middle = STONES // 2
+    angles = [GAP * k for k in range(-middle, middle + 1)]
+    row = tuple(
+        Piece(f"ball_{k + 1}", Sphere(STONE), (ROW * sin(a), 0.0, -ROW * cos(a)))
+        for k, a in enumerate(angles)
+    )
+    # on the last ball but one, towards the middle
+    start, inward = angles[-2], STONE + BALL
+    place = (ROW * sin(start) - inward * sin(LEAN), 0.0, -ROW * cos(start) + inward * cos(LEAN))
+    return Scenario(
+        name="bowl_of_balls",
+        summary="a ball rolls to and fro over a row of balls",
+        tags=("curved",),
+        bodies=(Body("row", "fixed", "wood", row), ball("ball", "wood", BALL, 1.0, place)),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, 0.8),),
+        duration=DURATION,
+        truths=(Truth("ball", "smooth_contact"),),
     )

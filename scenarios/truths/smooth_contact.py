@@ -2,11 +2,13 @@
 
 Conventions: n is the unit normal of the support at the contact, r the contact point from the centre of mass,
 F the contact force on the body; all in the world. The first piece of the body, an ellipsoid or a ball,
-touches the upper face (local +z) of a fixed box; a ball may touch a fixed ball instead.
+touches the upper face (local +z) of a box of the fixed body; a ball may touch balls of it instead.
 
 With the velocity of the contact point u = v + w x r, Newton's and Euler's laws give u' = K F + b. Rolling
 asks u' = 0. Sliding asks (n . u)' = 0 and Coulomb's force F = N (n - mu u / |u|). The modes change where
 friction cannot hold (|F_t| = mu N), where the slip ends (u = 0) and where the support would pull (N = 0).
+Where another piece of the fixed body is met, the impulse -K^-1 u stops the body's point there (e = 0, no
+slip), and the body leaves the piece before.
 
 Sources: Montana (1988), *The kinematics of contact and grasp*, for the rates of n and r; Hairer, Norsett and
 Wanner (1993), *Solving Ordinary Differential Equations I*, for DOP853.
@@ -14,16 +16,16 @@ Wanner (1993), *Solving Ordinary Differential Equations I*, for DOP853.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.integrate import OdeSolution, solve_ivp
 
 from touchstone.scenarios.avatar.number_checks import Report
-from touchstone.scenarios.scenario import Body, Box, Ellipsoid, Quaternion, Scenario, Shape, Sphere
+from touchstone.scenarios.scenario import Body, Box, Ellipsoid, Piece, Quaternion, Scenario, Shape, Sphere
 from touchstone.scenarios.truths.body_motion import Array, Motion
 
 Mode = Literal["roll", "slide", "fly"]
@@ -36,6 +38,8 @@ STOPPED = 1e-11
 """Slip at which a body rolls [m/s]: the integration's error of a velocity of some m/s."""
 ONSET = 1e-12
 """Slip below which friction has the direction that it had in rolling [m/s]: a tenth of STOPPED."""
+TOUCHING = 1e-9
+"""Distance at the start up to which a body touches [m]: rounding of its pose."""
 MOST_MODES = 100
 """Phases of a motion, above which it chatters between two of them."""
 
@@ -61,18 +65,19 @@ class SmoothContact:
     squares: Array  # (3, 3) squares of the piece's half axes as a matrix, body frame
     gravity: Array
     friction: float
-    normal: Array  # (3,) of a level support
-    centre: Array  # (3,) of a round support
-    reach: float  # distance of a ball's centre from that of a round support [m]; 0: a level support
+    normal: Array  # (3,) of a flat support
+    centre: Array  # (3,) of a round support, or of a flat one's face
+    reach: float  # distance of a ball's centre from that of a round support [m]; 0: a flat support
 
     @classmethod
-    def of(cls, scenario: Scenario, body: Body) -> SmoothContact:
-        """The contact of a body with the scene's fixed body."""
-        fixed = next(one for one in scenario.bodies if one.kind == "fixed")
+    def of(cls, scenario: Scenario, body: Body, fixed: Body, under: Piece) -> SmoothContact:
+        """The contact of a body with a piece of a fixed one."""
         pair = sorted((scenario.body_index(fixed.name), scenario.body_index(body.name)))
-        under, piece = fixed.pieces[0], body.pieces[0]
+        piece, shape = body.pieces[0], under.shape
         half = _half_axes(piece.shape)
         turn, place = _matrix(piece.orientation), _matrix(fixed.orientation)
+        normal = (place @ _matrix(under.orientation))[:, 2]
+        height = shape.half_extents[2] if isinstance(shape, Box) else 0.0
         return cls(
             mass=body.mass,
             inertia=np.array(body.inertia),
@@ -80,10 +85,19 @@ class SmoothContact:
             squares=turn @ np.diag(half**2) @ turn.T,
             gravity=np.array(scenario.acting_gravity),
             friction=scenario.pair_coefficients(*pair)[1],
-            normal=(place @ _matrix(under.orientation))[:, 2],
-            centre=fixed.position + place @ under.position,
-            reach=float(under.shape.radius + half[0]) if isinstance(under.shape, Sphere) else 0.0,
+            normal=normal,
+            centre=fixed.position + place @ under.position + height * normal,
+            reach=float(shape.radius + half[0]) if isinstance(shape, Sphere) else 0.0,
         )
+
+    def gap(self, state: Array) -> float:
+        """Distance of the body's piece from the support [m]."""
+        turn = _matrix(state[3:7])
+        away = state[:3] + turn @ self.arm - self.centre
+        if self.reach:
+            return float(np.linalg.norm(away)) - self.reach
+        n = self.normal
+        return float(n @ away - np.sqrt(n @ turn @ self.squares @ turn.T @ n))
 
     def contact(self, state: Array) -> Contact:
         """Contact at a state: its normal, slip and mobility."""
@@ -153,62 +167,90 @@ class SmoothContact:
         size = np.linalg.norm(friction)
         return np.asarray(ONSET * friction / size if size and self.friction else 0 * friction)
 
-    def phases(self, state: Array, end: float) -> Iterator[Phase]:
-        """Phases from 0 to `end` [s].
-
-        A slip that begins during the motion has a direction that does not turn, as in a plane motion: the
-        law is stiff across it.
-        """
-        time = 0.0
-        mode: Mode = "slide" if self.unstopped(state) > 0 else "roll"
-        for _ in range(MOST_MODES):
-            onset = self.onset(state)
-            ends: dict[Mode, tuple[Callable[[Array], float], ...]] = {
-                "roll": (self.margin,),
-                "slide": (lambda y: self.pressure(y, "slide", onset), self.unstopped),  # noqa: B023
-                "fly": (),
-            }
-            run = solve_ivp(
-                lambda _, y: self.rate(y, mode, onset),  # noqa: B023
-                (time, end),
-                state,
-                "DOP853",
-                events=[_event(end_of) for end_of in ends[mode]],
-                dense_output=True,
-                max_step=LONGEST_STEP,
-                rtol=RELATIVE_ERROR,
-                atol=ABSOLUTE_ERROR,
-            )
-            assert run.sol is not None
-            assert run.t_events is not None
-            yield Phase(time, mode, run.sol)
-            if run.status == 0:
-                return
-            time, state = float(run.t[-1]), run.y[:, -1]
-            if mode == "roll":
-                # the integration's error of the velocity is no slip
-                state[7:10] -= self.contact(state).u
-            left = mode == "slide" and len(run.t_events[0])
-            mode = "fly" if left else "slide" if mode == "roll" else "roll"
-        raise RuntimeError(f"more than {MOST_MODES} phases: the motion chatters at {time:g} s")
+    def landed(self, state: Array) -> Array:
+        """State after the impulse that stops the body's point at the support."""
+        at = self.contact(state)
+        impulse = np.asarray(np.linalg.solve(at.mobility, -at.u), dtype=float)
+        if np.linalg.norm(_tangent(at.n, impulse)) > self.friction * (at.n @ impulse):
+            raise RuntimeError("the body slips where it lands, which the law does not cover")
+        return np.concatenate(
+            [state[:7], state[7:10] + impulse / self.mass, state[10:] + at.turning[:, :3] @ impulse]
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """Part of a motion from `start` [s] in one mode."""
+    """Part of a motion from `start` [s] in one mode, on a support or after it."""
 
     start: float
     mode: Mode
+    support: SmoothContact
     solution: OdeSolution
 
 
 @lru_cache(maxsize=32)
 def phases(scenario: Scenario, body: Body) -> tuple[Phase, ...]:
     """Phases of a body's motion to one frame after the end of the scene."""
-    centre = body.position + _matrix(body.orientation) @ body.center_of_mass
-    state = np.concatenate([centre, body.orientation, body.linear_velocity, body.angular_velocity])
     end = scenario.duration + 1 / scenario.frame_rate
-    return tuple(SmoothContact.of(scenario, body).phases(state, end))
+    return tuple(_phases(supports(scenario, body), initial_state(body), end))
+
+
+def supports(scenario: Scenario, body: Body) -> tuple[SmoothContact, ...]:
+    """Contacts of a body with the pieces of the scene's fixed body."""
+    fixed = next(one for one in scenario.bodies if one.kind == "fixed")
+    return tuple(SmoothContact.of(scenario, body, fixed, piece) for piece in fixed.pieces)
+
+
+def initial_state(body: Body) -> Array:
+    """State of a body at the start."""
+    centre = body.position + _matrix(body.orientation) @ body.center_of_mass
+    return np.concatenate([centre, body.orientation, body.linear_velocity, body.angular_velocity])
+
+
+def _phases(pieces: Sequence[SmoothContact], state: Array, end: float) -> Iterator[Phase]:
+    """Phases from 0 to `end` [s].
+
+    A slip that begins during the motion has a direction that does not turn, as in a plane motion: the law is
+    stiff across it. What a body has left it does not meet again before it meets another piece.
+    """
+    time, here = 0.0, min(pieces, key=lambda piece: abs(piece.gap(state)))
+    mode: Mode = "slide" if here.unstopped(state) > 0 else "roll"
+    for _ in range(MOST_MODES):
+        onset = here.onset(state)
+        others = [piece for piece in pieces if piece is not here]
+        ends: dict[Mode, list[Callable[[Array], float]]] = {
+            "roll": [here.margin],
+            "slide": [partial(here.pressure, mode="slide", onset=onset), here.unstopped],
+            "fly": [],
+        }
+        run = solve_ivp(
+            lambda _, y: here.rate(y, mode, onset),  # noqa: B023
+            (time, end),
+            state,
+            "DOP853",
+            events=[_event(falls) for falls in (*ends[mode], *(other.gap for other in others))],
+            dense_output=True,
+            max_step=LONGEST_STEP,
+            rtol=RELATIVE_ERROR,
+            atol=ABSOLUTE_ERROR,
+        )
+        assert run.sol is not None
+        assert run.t_events is not None
+        yield Phase(time, mode, here, run.sol)
+        if run.status == 0:
+            return
+        time, state = float(run.t[-1]), run.y[:, -1]
+        met = next(k for k, times in enumerate(run.t_events) if len(times)) - len(ends[mode])
+        if met >= 0:
+            here, mode = others[met], "roll"
+            state = here.landed(state)
+        elif mode == "roll":
+            # the integration's error of the velocity is no slip
+            state[7:10] -= here.contact(state).u
+            mode = "slide"
+        else:
+            mode = "fly" if met == -2 else "roll"
+    raise RuntimeError(f"more than {MOST_MODES} phases: the motion chatters at {time:g} s")
 
 
 def smooth_contact(scenario: Scenario, body: Body, times: Array) -> Motion:
@@ -226,10 +268,15 @@ def smooth_contact(scenario: Scenario, body: Body, times: Array) -> Motion:
 def check_smooth_contact(scenario: Scenario, body: Body, path: str, report: Report) -> None:
     """Report what the law does not cover: other supports, other shapes, a first piece that does not touch."""
     fixed = [one for one in scenario.bodies if one.kind == "fixed"]
-    under = fixed[0].pieces[0].shape if len(fixed) == 1 and len(fixed[0].pieces) == 1 else None
-    shapes = (Sphere,) if isinstance(under, Sphere) else (Sphere, Ellipsoid)
-    if not isinstance(under, Box | Sphere) or not body.pieces or not isinstance(body.pieces[0].shape, shapes):
-        report(path, "expected a ball, or on a fixed box an ellipsoid, as its first piece; one fixed piece")
+    under = {type(piece.shape) for one in fixed for piece in one.pieces}
+    shapes = (Sphere,) if Sphere in under else (Sphere, Ellipsoid)
+    round_one = body.pieces and isinstance(body.pieces[0].shape, shapes)
+    if len(fixed) != 1 or not round_one or not under <= {Box, Sphere}:
+        report(path, "expected a ball, or on fixed boxes an ellipsoid, as its first piece; one fixed body")
+        return
+    gap = min(abs(one.gap(initial_state(body))) for one in supports(scenario, body))
+    if gap > TOUCHING:
+        report(path, f"starts {gap:.3g} m from its support, expected a body that touches")
 
 
 def _half_axes(shape: Shape) -> Array:

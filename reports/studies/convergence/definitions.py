@@ -20,7 +20,7 @@ NEAR = 1.02
 """Ratio of errors up to which two engines are equally near to the truth [1]."""
 MEASURE = "touchstone.reports.studies.convergence.measure:convergence_error"
 SOURCE = "touchstone.reports.studies.convergence.measure:at_frame_rate"
-SMOOTH = ("fall", "tumble_unstable", "spring", "roll", "incline_slides", "turntable", "shaker_along", "belt")
+SMOOTH = ("fall", "tumble_unstable", "spring", "incline_slides", "turntable", "shaker_along", "belt")
 EVENTS = ("bounce_e05", "collide_sticks", "slip", "slide", "platform_slip", "shaker_across")
 """Default scenes beside the curved ones: one or two of each family, without and with events."""
 
