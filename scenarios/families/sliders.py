@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
@@ -42,7 +43,6 @@ def _seeded(seed: int) -> Scenario:
 def _scene(name: str, case: Case, seed: int) -> Scenario:
     low, high = arcs(case)
     stop = max(low[-1].start, high[-1].start)
-    frames = int(np.ceil(stop * 60)) + 12
     start = (case.speed, 0.0, 0.0)
     return Scenario(
         name=name,
@@ -58,7 +58,7 @@ def _scene(name: str, case: Case, seed: int) -> Scenario:
             PairCoefficients("upper", "lower", 0.0, case.between),
             PairCoefficients("upper", "floor", 0.0, case.between),
         ),
-        duration=frames / 60,
+        duration=ceil(10 * stop + 2) / 10,
         truths=(Truth("lower", "arcs", low), Truth("upper", "arcs", high)),
         seed=seed,
     )
