@@ -87,7 +87,7 @@ def _totals(orders: list[Row], floors: pd.DataFrame, lost: pd.DataFrame) -> list
     return [
         str(len(orders)),
         *(str(sum(row.reason_code == kind for row in orders)) for kind in ("exact", "flat")),
-        f"{clear.median():.2f} ({clear.min():.2f} to {clear.max():.2f})" if len(clear) else "-",
+        _range(clear.median(), clear.min(), clear.max()) if len(clear) else "-",
         _number(floors.value.median()),
         _number(floors.value.max()),
         str(lost.scenario.nunique() or ""),
@@ -97,8 +97,13 @@ def _totals(orders: list[Row], floors: pd.DataFrame, lost: pd.DataFrame) -> list
 def _order(row: Row) -> str:
     if row.reason_code != "order":
         return "=" if row.reason_code == "exact" else row.reason_code
-    value, low, high = (round(x, 2) + 0.0 for x in (row.value, row.low, row.high))
-    return "unclear" if _wide(row) else f"{value:.2f} ({low:.2f} to {high:.2f})"
+    return "unclear" if _wide(row) else _range(row.value, row.low, row.high)
+
+
+def _range(*values: float) -> str:
+    """A value and its range; rounded to 0, it has no sign."""
+    value, low, high = (round(x, 2) + 0.0 for x in values)
+    return f"{value:.2f} ({low:.2f} to {high:.2f})"
 
 
 def _wide(row: Row) -> bool:
