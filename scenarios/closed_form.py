@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import count, pairwise, takewhile
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
@@ -21,8 +20,9 @@ from scipy.special import ellipj, ellipk, ellipkinc
 
 from touchstone.scenarios.avatar.tracking import path, sample
 from touchstone.scenarios.scenario import Arc, Body, Scenario, Sphere, Tracker, Truth
-
-Array = NDArray[np.float64]
+from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.truths.smooth_contact import smooth_contact
+from touchstone.scenarios.truths.tipping import tipping
 
 EVENT_GRID = 1e-3
 """Spacing of the times between which a body on a prescribed one starts or stops to slide at most once [s]."""
@@ -32,17 +32,6 @@ INTEGRATED = 1e-12
 """Relative tolerance of an integrated orientation [1]."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 """Quadrature of the precession over one interval: exact to rounding if the body turns less than once."""
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """State of a body at n times: centre of mass and its velocity, orientation wxyz, angular velocity;
-    world."""
-
-    position: Array  # (n, 3) [m]
-    velocity: Array  # (n, 3) [m/s]
-    orientation: Array  # (n, 4)
-    angular_velocity: Array  # (n, 3) [rad/s]
 
 
 def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
@@ -60,6 +49,10 @@ def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
             return _carried(scenario, body, times)
         case "turntable":
             return _on_turntable(scenario, body, times)
+        case "smooth_contact":
+            return smooth_contact(scenario, body, times)
+        case "tipping":
+            return tipping(scenario, body, times)
 
 
 def support(scenario: Scenario) -> tuple[int, Tracker]:

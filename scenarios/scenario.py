@@ -30,7 +30,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
-LAWS = ("arcs", "torque_free", "coupling", "carried", "turntable")
+Law = Literal["arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping"]
 INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
 GRAVITY = 9.81
 """Default magnitude of gravity [m/s^2]."""
@@ -285,17 +285,18 @@ class Arc:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Truth(ShortRepr):
-    """Closed-form motion of `body`; `closed_form.py` evaluates it.
+    """Motion of `body` in closed form or integrated to rounding; `closed_form.py` evaluates it.
 
     arcs: piecewise motion by `arcs`, the first from 0 s. torque_free: motion from the initial state under
     gravity, with three different moments of inertia. coupling: Eq. 6 with a tracker that moves linearly
     within a frame. carried: a body that sticks to or slides on the level top of the scene's prescribed body,
-    which moves in a vertical plane without turning. turntable: a ball that rolls on the scene's prescribed
-    body, which turns about the vertical at a constant rate.
+    which moves in a vertical plane without turning. turntable: a ball that rolls on a prescribed body, which
+    turns about the vertical at a constant rate. smooth_contact: a ball or an ellipsoid on fixed boxes, or a
+    ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope, e = 0.
     """
 
     body: str
-    law: Literal["arcs", "torque_free", "coupling", "carried", "turntable"]
+    law: Law
     arcs: tuple[Arc, ...] = ()
 
 

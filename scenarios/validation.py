@@ -28,7 +28,6 @@ from touchstone.scenarios.scenario import (
     EFFECTS,
     EVENTS,
     IDENTITY,
-    LAWS,
     ORIGIN,
     TRACKED,
     UNMOVED,
@@ -39,6 +38,7 @@ from touchstone.scenarios.scenario import (
     Hull,
     Joint,
     Kind,
+    Law,
     Piece,
     Scenario,
     Shape,
@@ -47,6 +47,8 @@ from touchstone.scenarios.scenario import (
 )
 from touchstone.scenarios.truths.force_checks import check_forces
 from touchstone.scenarios.truths.pair_names import ambiguities
+from touchstone.scenarios.truths.smooth_contact import check_smooth_contact
+from touchstone.scenarios.truths.tipping import check_tipping
 
 LONGEST_NAME = 100
 """Characters of a body's, joint's or piece's name: they stand in tables and pictures."""
@@ -281,8 +283,8 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
     for i, truth in enumerate(scenario.truths):
         path = f"truths[{i}]"
         body = bodies.get(truth.body)
-        if truth.law not in LAWS:
-            report(f"{path}.law", f"unknown law {truth.law!r}; valid: {', '.join(LAWS)}")
+        if truth.law not in get_args(Law):
+            report(f"{path}.law", f"unknown law {truth.law!r}; valid: {', '.join(get_args(Law))}")
         elif body is None:
             report(f"{path}.body", f"unknown body {truth.body!r}; valid: {', '.join(bodies)}")
         elif truth.law == "coupling" and truth.body not in trackers:
@@ -299,6 +301,10 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
             _check_top(body, f"{path}.body", report)
         elif truth.law in ("carried", "turntable"):
             _check_support(scenario, truth, body, f"{path}.body", report)
+        elif truth.law == "smooth_contact":
+            check_smooth_contact(scenario, body, f"{path}.body", report)
+        elif truth.law == "tipping":
+            check_tipping(scenario, body, f"{path}.body", report)
         if truth.body in [other.body for other in scenario.truths[:i]]:
             report(f"{path}.body", f"{truth.body!r} has two truths")
         _check_arcs(truth, path, report)

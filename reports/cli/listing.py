@@ -21,6 +21,8 @@ LAWS = {
     "coupling": "follows its tracker by Eq. 6, solved in closed form",
     "carried": "sticks to or slides on the prescribed body, by Coulomb's law",
     "turntable": "rolls on the turning body, its centre on a circle",
+    "smooth_contact": "rolls, slides and leaves, integrated to rounding",
+    "tipping": "tips from edge to edge, each of which takes the same share of the rate",
 }
 
 

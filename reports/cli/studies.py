@@ -91,7 +91,7 @@ def agreement(
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
 ) -> None:
-    """Play scenes at ever smaller steps: errors of step and of model, orders of convergence, the outlier."""
+    """Play scenes at ever smaller steps: errors of step and of model, and the outlier."""
     from touchstone.reports.studies.agreement.study import SCENES, NoTruth, run, steps
     from touchstone.reports.studies.agreement.table import show
     from touchstone.scenarios.catalogue import catalogue
@@ -101,6 +101,41 @@ def agreement(
     with measuring(steps(chosen), quiet, NoTruth) as progress:
         frame = run(chosen, folder, progress)
     ended(frame, show, folder, output, quiet)
+
+
+@study.command("convergence")
+def convergence(
+    scenario: Annotated[
+        list[str] | None,
+        typer.Argument(help="Scenes with a truth (default: the curved and thirteen others)."),
+    ] = None,
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
+    store: Annotated[Path, typer.Option(help="Folder of all cells; what it holds is skipped.")] = Path(
+        "runs/sweep"
+    ),
+    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/convergence-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Play scenes with a truth at seven steps: order of convergence and floor of every engine."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.studies.agreement.study import NoTruth
+    from touchstone.reports.studies.convergence.definitions import cells, scenes
+    from touchstone.reports.studies.convergence.study import run
+    from touchstone.reports.studies.convergence.table import show
+    from touchstone.reports.sweep.store import StoreError
+    from touchstone.scenarios.catalogue import catalogue
+
+    names = [known("scenario", name, catalogue()) for name in dict.fromkeys(scenario or scenes())]
+    folder = out or folder_of_now("convergence-")
+    try:
+        asked = cells(names, engines_named(engine or ENGINES))
+    except NoTruth as error:
+        stop(str(error), BAD_INPUT)
+    with resumable(store), measuring(len(asked), quiet, StoreError) as progress:
+        frame = run(asked, store, folder, jobs, progress)
+    ended(frame, show, folder, output, quiet, by_name=bool(engine))
 
 
 @study.command("effects")

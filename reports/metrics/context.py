@@ -16,8 +16,9 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.reports.judge import fault_text
 from touchstone.scenarios.avatar.surface_motion import material_velocity, surface_moves
-from touchstone.scenarios.closed_form import Motion, motion
+from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import TRACKED, Scenario
+from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.named_pairs import named_pairs
 
 if TYPE_CHECKING:

@@ -32,6 +32,7 @@ SHARED = (
     ("adapters/oracles", False),
     ("scenarios", False),
     ("scenarios/avatar", False),
+    ("scenarios/truths", False),
     ("reports/metrics", True),
 )
 """Sources that every cell depends on. Scenes themselves are hashed as data."""

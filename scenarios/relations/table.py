@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.relations import changes
+from touchstone.scenarios.relations.decomposition import decomposed, is_divisible
 from touchstone.scenarios.scenario import Box, Scenario
 from touchstone.scenarios.transforms import mirrored, permuted, translated
 
@@ -86,10 +87,16 @@ RELATIONS: dict[str, Relation] = {
         Relation("translation", "moved", _translated, offset=OFFSET),
         Relation("bodies", "bodies in reverse order", _reversed, applies=_loose),
         Relation(
-            "pieces",
+            "piece_order",
             "pieces in reverse order",
             changes.pieces_reversed,
             applies=lambda s: any(len(body.pieces) > 1 for body in s.bodies),
+        ),
+        Relation(
+            "pieces",
+            "boxes cut in two across an axis, hulls by a plane, both at random",
+            decomposed,
+            applies=lambda s: any(map(is_divisible, s.bodies)),
         ),
         Relation(
             "hulls",

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import State
+from touchstone.adapters.contract import State, Unsupported
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import UNMOVED, Body, Box, Capsule, Hull, Piece, Sphere
+from touchstone.scenarios.scenario import UNMOVED, Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 DEPTH = 5e-4
@@ -144,6 +144,11 @@ def test_gravity_is_the_scenarios(registry, lab, name):
 def test_the_manifest_is_the_scenario(registry, name, scene):
     """Masses, centres, inertias and pair coefficients, read back from the engine, are those of the scene."""
     scenario, settings = catalogue()[scene], registry.settings(name)
+    shapes = {type(piece.shape) for body in scenario.bodies for piece in body.pieces}
+    if name == "bullet" and Ellipsoid in shapes:
+        with pytest.raises(Unsupported, match="makes no ellipsoids"):
+            registry.engine(name).build(scenario, settings)
+        return
     world = registry.engine(name).build(scenario, settings)
     facts = asdict(world.describe())
     world.close()

@@ -70,7 +70,7 @@ def test_a_fault_breaks_its_relations(fault):
     assert bool(broken) == bool(fault)
 
 
-@pytest.mark.parametrize("name", ["stack", "bounce_e1", "arch_stands", "slap_3", "spring"])
+@pytest.mark.parametrize("name", ["stack", "bounce_e1", "arch_stands", "coin_rolls", "slap_3", "spring"])
 @pytest.mark.parametrize("relation", RELATIONS)
 def test_changed_scenes_are_valid(name, relation):
     """Every change of a scene passes the checks of scenes."""

@@ -15,9 +15,10 @@ from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import flips, motion
 from touchstone.scenarios.scenario import Arc, Scenario, Truth
 
+TAGS = ("probe", "seeded", "prescribed", "curved")
 ALL = [
     (scenario.name, truth.body)
-    for scenario in (*tagged("probe"), *tagged("seeded"), *tagged("prescribed"))
+    for scenario in {s.name: s for tag in TAGS for s in tagged(tag)}.values()
     for truth in scenario.truths
 ]
 

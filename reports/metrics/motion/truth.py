@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Values, worst
-from touchstone.scenarios.closed_form import Motion
+from touchstone.scenarios.truths.body_motion import Motion
 
 
 def truth_position(context: Context) -> Values:

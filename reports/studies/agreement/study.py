@@ -1,9 +1,9 @@
-"""The study `agreement`: convergence of engines to the closed form and to each other at decreasing steps.
+"""The study `agreement`: what the step of an engine and what its model adds to its error, and the outlier.
 
 Every engine plays a scene at its own step and at a ladder of halved steps. The *discretisation* error is the
 change of its result below its own step. The *model* error is the error of the ladder's limit (Richardson's,
-where there is an order). The order is the slope of the change from rung to rung. Errors are the largest over
-frames and bodies: of positions over the longest path of any body, of orientations in radians.
+where there is an order: the slope of the change from rung to rung). Errors are the largest over frames and
+bodies: of positions over the longest path of any body, of orientations in radians.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, illustrate, save, save_manifest, table
+from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.request import step_text
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
@@ -112,9 +112,6 @@ def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.Data
         frame = table(rows)
         save(frame, folder)
         _save_manifest(scenarios, folder)
-        from touchstone.reports.studies.agreement.picture import convergence
-
-        illustrate(folder / "agreement.png", lambda part: convergence(frame, part))
     return frame
 
 
@@ -199,44 +196,40 @@ def _changes(truth: Course, quantity: str) -> bool:
 
 
 def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, quantity: str) -> list[Row]:
-    """Rows of an engine: error at each step, its two parts, and the order."""
+    """Rows of an engine: error at each step, and its two parts."""
     unit = "1" if quantity == "position" else "rad"
     base = replace(base, subject=quantity, unit=unit)
     errors = {dt: path.apart(truth, quantity) for dt, path in paths.items()}
     rungs = [dt for dt in LADDER if dt in paths]
     if not rungs:
         reason = "it refuses all steps of the ladder"
-        return [replace(base, metric="agreement.order", unit="1", verdict="skipped", reason=reason)]
+        return [replace(base, metric="agreement.model", verdict="skipped", reason=reason)]
     changes = np.array([paths[a].apart(paths[b], quantity) for a, b in pairwise(rungs)])
-    slope, low, high = order_of(np.array(rungs[:-1]), changes)
+    slope, low = order_of(np.array(rungs[:-1]), changes)
     finest = paths[rungs[-1]]
     limit = finest.limit(paths[rungs[-2]], slope) if low > LEAST_ORDER else finest
-    rows = [replace(base, metric="agreement.error", dt=dt, value=error) for dt, error in errors.items()]
-    rows += [
-        replace(base, metric="agreement.discretisation", value=paths[base.dt].apart(limit, quantity)),
-        replace(base, metric="agreement.model", dt=rungs[-1], value=limit.apart(truth, quantity)),
-    ]
     coarsest, foot = errors[rungs[0]], errors[rungs[-1]]
-    if np.isnan(slope):
-        remark = "the step changes nothing but rounding"
-    elif foot > max(FALLS * coarsest, ROUNDING):
+    remark = ""
+    if foot > max(FALLS * coarsest, ROUNDING):
         remark = f"the error does not fall with the step: {coarsest:.2g} at {step_text(rungs[0])} s, "
         remark += f"{foot:.2g} at {step_text(rungs[-1])} s"
-    else:
-        remark = ""
-    order = replace(base, metric="agreement.order", unit="1", value=slope, low=low, high=high, reason=remark)
-    return [*rows, replace(order, verdict="skipped") if np.isnan(slope) else order]
+    apart, left = paths[base.dt].apart(limit, quantity), limit.apart(truth, quantity)
+    return [
+        *(replace(base, metric="agreement.error", dt=dt, value=error) for dt, error in errors.items()),
+        replace(base, metric="agreement.discretisation", value=apart),
+        replace(base, metric="agreement.model", dt=rungs[-1], value=left, reason=remark),
+    ]
 
 
-def order_of(dt: Array, changes: Array) -> tuple[float, float, float]:
-    """Slope of log change over log step with its interval (Student's t); NaN if fewer than three changes
-    exceed rounding."""
+def order_of(dt: Array, changes: Array) -> tuple[float, float]:
+    """Slope of log change over log step, and the low end of its interval (Student's t); NaN if fewer than
+    three changes exceed rounding."""
     kept = changes > ROUNDING
     if kept.sum() < 3:
-        return float("nan"), float("nan"), float("nan")
+        return float("nan"), float("nan")
     fit = linregress(np.log(dt[kept]), np.log(changes[kept]))
     half = float(t.ppf((1 + CONFIDENCE) / 2, kept.sum() - 2) * fit.stderr)
-    return float(fit.slope), float(fit.slope) - half, float(fit.slope) + half
+    return float(fit.slope), float(fit.slope) - half
 
 
 def _outlier(base: Row, played: Mapping[str, Mapping[float, Course]], quantity: str) -> list[Row]:

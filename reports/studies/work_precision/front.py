@@ -58,12 +58,3 @@ def deficit(ours: Array, theirs: Array, floor: float) -> Array:
     with np.errstate(invalid="ignore"):
         factors = np.maximum(a[None, :, 0] / b[:, None, 0], a[None, :, 1] / b[:, None, 1])
     return np.asarray(np.where(np.isnan(factors), np.inf, factors).min(axis=1))
-
-
-def order_of(steps: Array, errors: Array) -> float:
-    """Order of convergence: slope of log error over log step; NaN with fewer than two finite errors."""
-    kept = np.isfinite(errors) & (errors > 0)
-    if kept.sum() < 2:
-        return float("nan")
-    slope: float = np.polyfit(np.log(np.asarray(steps)[kept]), np.log(np.asarray(errors)[kept]), 1)[0]
-    return float(slope)

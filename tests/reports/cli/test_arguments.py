@@ -193,3 +193,20 @@ def test_an_endless_file_is_refused(touchstone, tmp_path):
     line = "touchstone: huge.toml: 1e+05 MB, expected at most 100 MB\n"
     assert touchstone("compare", "old", "old", "--tolerance", "huge.toml") == (2, "", line)
     assert touchstone("show", "huge.toml") == (2, "", line)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["ball_snip"], "no truth for ball_snip; valid: arch_stands, "),
+        (["sliderz"], "unknown scenario 'sliderz'; did you mean 'sliders'"),
+        (["fall", "--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
+    ],
+)
+def test_wrong_input_of_study_convergence_is_one_line(touchstone, tmp_path, arguments, said, left):
+    """It refuses scenes without a truth, and names that are wrong, before it plays."""
+    code, out, err = touchstone("study", "convergence", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"touchstone: {said}")
+    assert err.count("\n") == 1
+    assert left(tmp_path) == []

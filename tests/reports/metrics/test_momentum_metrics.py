@@ -10,7 +10,8 @@ import pytest
 from touchstone.reports.metrics.context import NotMeasured
 from touchstone.scenarios.catalogue import catalogue, tagged
 
-ROUNDING = 1e-12
+ROUNDING, INTEGRATED = 1e-12, 1e-10
+"""Energy over the largest kinetic one that closed forms and integrated truths may gain or lose [1]."""
 
 
 @pytest.mark.parametrize("scene", [scenario.name for scenario in tagged("isolated") if scenario.truths])
@@ -31,8 +32,9 @@ def test_the_closed_form_keeps_energy(recordings, known, scene):
     """What moves by the closed form of a conservative scene neither gains nor loses energy."""
     scenario = catalogue()[scene]
     recording = known.ideal(recordings, scenario)
-    assert 0 <= known.value("energy.gain", recording, scenario)[""] < ROUNDING
-    assert 0 >= known.value("energy.loss", recording, scenario)[""] > -ROUNDING
+    error = INTEGRATED if "curved" in scenario.tags else ROUNDING
+    assert 0 <= known.value("energy.gain", recording, scenario)[""] < error
+    assert 0 >= known.value("energy.loss", recording, scenario)[""] > -error
 
 
 def test_energy_without_a_closed_form_is_relative_to_the_start(recordings, known):

@@ -25,7 +25,7 @@ from touchstone.reports.studies.work_precision.definitions import (
     truth_cells,
 )
 from touchstone.reports.studies.work_precision.errors import distance
-from touchstone.reports.studies.work_precision.front import band, deficit, order_of, pareto
+from touchstone.reports.studies.work_precision.front import band, deficit, pareto
 from touchstone.reports.studies.work_precision.fronts import fronts
 from touchstone.reports.studies.work_precision.ladder_cells import changes, ladder_cells
 from touchstone.reports.studies.work_precision.picture import draw
@@ -72,16 +72,6 @@ def test_a_band_is_the_range_of_the_rounds():
     samples = RNG.random(5)
     assert band(samples) == (sorted(samples)[2], min(samples), max(samples))
     assert np.isnan(band([])).all()
-
-
-@pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 4.0])
-def test_an_order_is_recovered(order):
-    """The slope of an exact power law, with a point that is missing."""
-    steps = np.array([1 / 60, 1 / 120, 1 / 240, 1 / 480])
-    errors = 3.0 * steps**order
-    errors[1] = np.inf
-    assert order_of(steps, errors) == pytest.approx(order, abs=1e-12)
-    assert np.isnan(order_of(steps[:1], errors[:1]))
 
 
 def test_paths_are_compared_up_to_the_horizon():

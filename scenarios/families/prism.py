@@ -1,0 +1,44 @@
+"""`prism_rolls`: a prism of twelve sides tips from edge to edge down a slope."""
+
+from __future__ import annotations
+
+from math import cos, pi, radians, sin
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.scenario import PairCoefficients, Quaternion, Scenario, Truth, Vector, vector
+from touchstone.scenarios.solids import hull, slab
+
+SIDES = 12
+RADIUS, HALF_WIDTH = 0.1, 0.05
+"""Of the corners, and of the prism along its axis [m]."""
+SLOPE = radians(8.0)
+"""Angle of the slope [rad]: at most 7.4 rad/s, at which the prism still presses on the slope."""
+RATE = 5.0
+"""Angular velocity about its lower edge at the start [rad/s]: enough to tip over."""
+
+
+@scene
+def prism_rolls() -> Scenario:
+    """It starts on one side, about to tip; every edge that lands takes the same share of its rate."""
+    turn: Quaternion = (cos(SLOPE / 2), 0.0, sin(SLOPE / 2), 0.0)
+    angles = 2 * pi * (np.arange(SIDES) + 0.5) / SIDES
+    corners: list[Vector] = [
+        (RADIUS * sin(a), y, -RADIUS * cos(a)) for y in (-HALF_WIDTH, HALF_WIDTH) for a in angles
+    ]
+    slope, high = Rotation.from_quat(turn, scalar_first=True), RADIUS * cos(pi / SIDES)
+    up, place = (vector(slope.apply((0.0, 0.0, z))) for z in (1.0, high))
+    spin = (0.0, RATE, 0.0)
+    pace = vector(np.cross(spin, slope.apply((-RADIUS * sin(pi / SIDES), 0.0, high))))
+    body = hull("prism", "wood", corners, 1.0, place, turn, velocity=pace, spin=spin)
+    return Scenario(
+        name="prism_rolls",
+        summary="a prism of twelve sides tips from edge to edge down a slope",
+        tags=("curved",),
+        bodies=(slab("slope", "wood", up, turn), body),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, 1.0),),
+        duration=1.5,
+        truths=(Truth("prism", "tipping"),),
+    )

@@ -1,0 +1,68 @@
+"""Tops on a ball-shaped tip: one precesses and nutates without slip, a tippe top turns over by sliding."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.families.ellipsoid import on_floor, quaternion
+from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Sphere, Vector, vector
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
+
+HEAD: Vector = (0.05, 0.05, 0.01)
+"""Half extents of the head [m]; its two level moments of inertia are equal."""
+TIP, LEG = 0.02, 0.06
+"""Radius of the tip, and distance of its centre from the head's [m]."""
+
+
+@scene
+def top_precesses() -> Scenario:
+    """Released with a tilt and a spin about its axis, it rolls on its tip, precesses and nutates."""
+    turn = Rotation.from_rotvec((0.0, radians(20.0), 0.0))
+    axis = turn.apply((0.0, 0.0, 1.0))
+    arm, spin = _arm(-LEG, TIP, axis), 100.0 * axis
+    body = Body(
+        "top",
+        "simulated",
+        "rubber",
+        (Piece("tip", Sphere(TIP), (0.0, 0.0, -LEG)), Piece("head", Box(HEAD))),
+        mass=0.2,
+        inertia=box_inertia(0.2, HEAD),
+        position=(0.0, 0.0, -float(arm[2])),
+        orientation=quaternion(turn),
+        linear_velocity=vector(np.cross(arm, spin)),
+        angular_velocity=vector(spin),
+    )
+    summary = "a top rolls on its tip, precesses and nutates"
+    return on_floor("top_precesses", summary, body, 1.0, 2.0, ("curved", "conservative"))
+
+
+RADIUS, RISE = 0.05, 0.01
+"""Radius of the tippe top, and height of its centre above the centre of mass while it stands upright [m]."""
+
+
+@scene
+def tippe_top() -> Scenario:
+    """Sliding friction raises the centre of mass until the top stands on its head; Jellett's constant, the
+    angular momentum along the arm from the contact to the centre of mass, is kept."""
+    turn = Rotation.from_rotvec((0.0, 0.1, 0.0))
+    body = Body(
+        "top",
+        "simulated",
+        "rubber",
+        (Piece("top", Sphere(RADIUS), (0.0, 0.0, RISE)),),
+        mass=0.5,
+        inertia=sphere_inertia(0.5, RADIUS),
+        position=(0.0, 0.0, -float(_arm(RISE, RADIUS, turn.apply((0.0, 0.0, 1.0)))[2])),
+        orientation=quaternion(turn),
+        angular_velocity=(0.0, 0.0, 60.0),
+    )
+    return on_floor("tippe_top", "a tippe top slides and turns over", body, 0.1, 3.0, ("curved",))
+
+
+def _arm(offset: float, radius: float, axis: np.ndarray) -> np.ndarray:
+    """The lowest point of a ball whose centre lies `offset` along the axis, from the centre of mass [m]."""
+    return np.asarray(offset * axis - radius * np.array((0.0, 0.0, 1.0)))

@@ -1,0 +1,113 @@
+"""The truth of a prism that tips down a slope: quadrature, conservation laws and the law of friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.scenario import GRAVITY, ScenarioError
+from touchstone.scenarios.transforms import mirrored, translated
+from touchstone.scenarios.truths.body_motion import Motion
+from touchstone.scenarios.truths.tipping import phases
+
+SCENE = catalogue()["prism_rolls"]
+PRISM = SCENE.bodies[1]
+HALF_SIDE = np.pi / 12
+RADIUS, SLOPE = 0.1, np.radians(8.0)
+INERTIA = PRISM.inertia[1][1]
+DOWN, UP = np.array([np.cos(SLOPE), 0, -np.sin(SLOPE)]), np.array([np.sin(SLOPE), 0, np.cos(SLOPE)])
+STARTS = np.array([phase.start for phase in phases(SCENE, PRISM)])
+
+
+def played(times: np.ndarray) -> Motion:
+    """The truth at some times."""
+    return motion(SCENE, SCENE.truths[0], times)
+
+
+def test_each_edge_by_quadrature() -> None:
+    """The leg turns from -15 to 15 degrees about the normal; its energy gives the time that this takes."""
+    about_edge = INERTIA + PRISM.mass * RADIUS**2
+    kept = (INERTIA + PRISM.mass * RADIUS**2 * np.cos(2 * HALF_SIDE)) / about_edge
+    rate, start = 5.0, 0.0
+
+    def pace(angle: float) -> float:
+        # the leg leans back from the vertical by its angle less the slope
+        fall = np.cos(HALF_SIDE - SLOPE) - np.cos(angle + SLOPE)
+        return float(np.sqrt(rate**2 + 2 * PRISM.mass * GRAVITY * RADIUS * fall / about_edge))
+
+    for edge in STARTS[1:]:
+        start += quad(lambda a: 1 / pace(a), -HALF_SIDE, HALF_SIDE, epsabs=1e-14, epsrel=1e-13)[0]
+        assert edge == pytest.approx(start, abs=1e-11)
+        rate = kept * pace(HALF_SIDE)
+        assert played(np.array([edge])).angular_velocity[0, 1] == pytest.approx(rate, rel=1e-11)
+
+
+def test_the_edge_rests_and_energy_is_kept_between_landings() -> None:
+    """The corner that the prism turns about does not move; energy falls at landings only."""
+    place, scale = 0.0, PRISM.mass * GRAVITY * RADIUS
+    last = np.inf
+    side = 2 * RADIUS * np.sin(HALF_SIDE)
+    for start, end in zip(STARTS, [*STARTS[1:], SCENE.duration]):
+        m = played(np.linspace(start, end - 1e-12, 50))
+        speed, spin = np.linalg.norm(m.velocity, axis=1), m.angular_velocity[:, 1]
+        np.testing.assert_allclose(speed, RADIUS * spin, rtol=1e-10)
+        edge = side / 2 + place
+        away = np.linalg.norm(m.position - edge * DOWN, axis=1)
+        np.testing.assert_allclose(away, RADIUS, rtol=1e-10)
+        kinetic = (PRISM.mass * speed**2 + INERTIA * spin**2) / 2
+        energy = kinetic + PRISM.mass * GRAVITY * m.position[:, 2]
+        np.testing.assert_allclose(energy, energy[0], atol=1e-11 * scale)
+        assert energy[0] < last - 1e-3 * scale
+        place, last = place + side, energy[0]
+
+
+def test_it_presses_and_does_not_slip() -> None:
+    """Between and at landings the slope pushes, and friction of 0.25 would do."""
+    step = 1e-5
+    times = np.setdiff1d(np.linspace(step, SCENE.duration - step, 2000), STARTS)
+    times = times[np.abs(times[:, None] - STARTS).min(axis=1) > 3 * step]
+    pace = (played(times + step).velocity - played(times - step).velocity) / (2 * step)
+    forces = pace - np.array(SCENE.gravity)
+    jumps = played(STARTS[1:] + 1e-12).velocity - played(STARTS[1:] - 1e-12).velocity
+    for pushes in (forces, jumps):
+        assert (pushes @ UP > 0).all()
+        assert (np.abs(pushes @ DOWN) < 0.25 * (pushes @ UP)).all()
+
+
+def test_landings_keep_the_angular_momentum_about_the_new_edge() -> None:
+    """The impulse acts there."""
+    before, after = (played(STARTS[1:] + shift) for shift in (-1e-12, 1e-12))
+    edges = 2 * RADIUS * np.sin(HALF_SIDE) * (0.5 + np.arange(1, len(STARTS)))[:, None] * DOWN
+    about = [
+        INERTIA * m.angular_velocity + PRISM.mass * np.cross(m.position - edges, m.velocity)
+        for m in (before, after)
+    ]
+    np.testing.assert_allclose(about[1], about[0], atol=1e-10 * np.abs(about[0]).max())
+
+
+def test_the_motion_has_a_mirror_image() -> None:
+    """The truth of the mirrored and moved scene is the mirrored and moved truth."""
+    times, offset = np.linspace(0, SCENE.duration, 20), (1.0, 2.0, 3.0)
+    plain, other = played(times), mirrored(translated(SCENE, offset))
+    image = motion(other, other.truths[0], times)
+    np.testing.assert_allclose(image.position, (plain.position + offset) * (-1, 1, 1), atol=1e-9)
+    turned = Rotation.from_quat(image.orientation, scalar_first=True)
+    expected = Rotation.from_quat(plain.orientation * (1, 1, -1, -1), scalar_first=True)
+    assert (turned * expected.inv()).magnitude().max() < 1e-9
+
+
+def test_what_the_law_does_not_cover() -> None:
+    """A ball and a slope that is none are refused."""
+    ball = catalogue()["ball_off_sphere"].bodies
+    for bodies, message in (
+        ((SCENE.bodies[0], replace(ball[1], name="prism")), "a body of one hull"),
+        ((ball[0], PRISM), "one fixed box"),
+    ):
+        with pytest.raises(ScenarioError, match=message):
+            replace(SCENE, bodies=bodies)
