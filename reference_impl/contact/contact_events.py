@@ -64,11 +64,11 @@ def _stop(bodies, pairs, k, h, state):
     Along the initial sliding direction, the speed u becomes f without friction and u' with the friction p.
     Friction at the cone's limit L changes it by (u' - f) L / p, so sliding stops after
     u / (u - f + (f - u') L / p) of the substep. Friction that stops the sliding exactly at the end is less
-    than L. If other contacts reverse the sliding, it points forward, p < 0: at the limit against the sliding it
-    would change u' by p - L over the mass of both bodies. A stop whose position is exact to STOP_ERROR within h
-    is no event.
+    than L. If other contacts reverse the sliding, it points forward, p < 0: at the limit against the sliding,
+    it would change u' by p - L over the mass of both bodies. A stop whose position is exact to STOP_ERROR
+    within h is no event.
     """
-    first, fastest, last, turns = k, 0.0, 0.0, False
+    first, rows, fastest, last, turns = k, 0, 0.0, 0.0, False
     u = f = end = p = limit = 0.0
     v = state["velocity"]
     while k >= 0:
@@ -82,14 +82,17 @@ def _stop(bodies, pairs, k, h, state):
             fastest, last = max(fastest, slip), max(last, rest)
             turns = turns or along < -SLIP_MIN
             u, f, end = u + slip, f + pair["free_slip"], end + along
+            rows += 1
             p, limit = p - _along_slip(pair, held) / slip, limit + pair["friction"] * j
         k = pair["next_point"]
     if fastest <= SLIDE_MIN or limit == 0:
         return NEVER
     if not (turns or last <= SLIP_MIN * SLIP_MIN):
         return u / (u - end) if end < u else NEVER
-    # where friction points forward, other contacts reverse the sliding: its own part is that on both masses
-    time = u - f + (f - end) * limit / p if p > 0 else u - end + (limit - p) * _inverse_mass(bodies, pairs[first])
+    if p > 0:
+        time = u - f + (f - end) * limit / p
+    else:
+        time = u - end + rows * (limit - p) * _inverse_mass(bodies, pairs[first])
     # the contact solve handles a stop within the first 1 / EVENT_CAP of the substep
     if time <= 0 or time >= EVENT_CAP * u:
         return 1.0

@@ -6,7 +6,6 @@ from touchstone.reference_impl.contact.end_correction import END_ERROR, correct_
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_motion import (
-    MOST_TURN,
     bias_share,
     is_curved,
     move_surfaces,
@@ -175,7 +174,7 @@ def _prepare_resting_contacts(world, count, h):
     """Initialise the rows before forces act: contact points, surface velocities, floors and zero impulses.
 
     Returns:
-        Share of h in which no normal of a touching pair turns too far; NEVER if it is longer than h.
+        Share of h in which no curved contact turns too far; NEVER if it is longer than h.
     """
     bodies, pairs, state = world.bodies, world.pairs, world.state
     if state["moving_surfaces"] == 1:
@@ -206,7 +205,8 @@ def _prepare_resting_contacts(world, count, h):
         led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
         flight = APPROACH_MIN if pair["manifold"] < 0 else patch_flight
         pair["floor"] = _floor(pair, state, flight, led)
-    return MOST_TURN / turned if turned > MOST_TURN else NEVER
+    limit = state["contact_turn"]
+    return limit / turned if turned > limit else NEVER
 
 
 @kernel

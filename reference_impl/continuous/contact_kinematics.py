@@ -13,7 +13,7 @@ All vectors are in the world frame, as tuples; rates are in 1/s.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import ELLIPSOID, SIMULATED
+from touchstone.reference_impl.core.conventions import BOX, ELLIPSOID, HULL, SIMULATED, SPHERE
 from touchstone.reference_impl.core.kernel import kernel
 
 LEAST_CROSSING = 1e-3
@@ -103,14 +103,29 @@ def contact_rates(bodies, pieces, pair):
 
 @kernel
 def fastest_turn(bodies, pieces, pair, rate):
-    """Speed at which a pair's normal turns at the rate n', or turns on an ellipsoid, if that is faster [rad/s]."""
-    n, most = _tuple(pair["start_normal"]), _dot(rate, rate)
+    """Speed at which a pair's normal turns at the rate n', or at which a body turns that carries its round
+    surface along, if that is faster [rad/s]: a ball about its centre of mass does not."""
+    most = _dot(rate, rate)
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]
-        if pieces[pair["piece_b"] if side else pair["piece_a"]]["kind"] == ELLIPSOID:
-            over = _plus(rate, -1.0, _cross(_omega(body), n))
-            most = max(most, _dot(over, over))
+        piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
+        if is_round(piece) and not (piece["kind"] == SPHERE and is_central(body, piece)):
+            w = _omega(body)
+            most = max(most, _dot(w, w))
     return sqrt(most)
+
+
+@kernel
+def is_round(piece):
+    """Whether a piece has a curved surface."""
+    return piece["kind"] != BOX and piece["kind"] != HULL
+
+
+@kernel
+def is_central(body, piece):
+    """Whether a piece's centre is its body's centre of mass."""
+    p, c = piece["position"], body["center_of_mass"]
+    return p[0] == c[0] and p[1] == c[1] and p[2] == c[2]
 
 
 @kernel

@@ -15,10 +15,12 @@ from math import sqrt
 from touchstone.reference_impl.continuous.contact_kinematics import (
     contact_rates,
     fastest_turn,
+    is_central,
     is_moving,
+    is_round,
     velocity_at,
 )
-from touchstone.reference_impl.core.conventions import BOX, HULL, NEVER, OVERLAP_TOLERANCE, SPHERE
+from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SPHERE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
@@ -29,10 +31,8 @@ share of it that a shortened substep allows [1]."""
 STRAIGHT = 1e-10
 """Motion along a normal by rotation within half a substep below which a contact is not curved [m]: a tenth of
 GAP_LEFT."""
-MOST_TURN = 0.1
-"""Turn of a normal of curved surfaces within half a substep that is exact enough [rad]."""
 LARGEST_TURN = 0.5
-"""The same beyond which the geometry is not predicted [rad]."""
+"""Turn of a normal within half a substep beyond which its geometry is not predicted [rad]."""
 
 
 @inlined_kernel
@@ -41,7 +41,7 @@ def bias_share(bodies, pieces, pairs, count, h, state):
     solve; NEVER if that is longer than h.
 
     If J' v h changes linearly by d over the substep, a pair sinks or parts by d h / 6; `bias` is half of it.
-    Curved rows are corrected (`end_correction`), unless their normal turns farther than MOST_TURN.
+    Curved rows are corrected (`end_correction`), unless they turn farther than `contact_turn`.
     """
     error, most = 0.0, 0.0
     for k in range(count):
@@ -57,7 +57,8 @@ def bias_share(bodies, pieces, pairs, count, h, state):
         d = n[0] * (late[0] - early[0]) + n[1] * (late[1] - early[1]) + n[2] * (late[2] - early[2])
         error = max(error, abs(d) * h / 3)
     share = (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
-    return min(share, BIAS_SHARE * MOST_TURN / most) if most > MOST_TURN else share
+    limit = state["contact_turn"]
+    return min(share, BIAS_SHARE * limit / most) if most > limit else share
 
 
 @inlined_kernel
@@ -174,23 +175,10 @@ def _stays(a, b, one, two, pair):
     """Whether neither the normal nor the place of a contact on its bodies changes the relative velocity: a
     ball about its centre of mass on a face that does not move."""
     if pair["flat_a"] == 2 and two["kind"] == SPHERE:
-        return not is_moving(a) and _is_central(b, two) and has_still_surface(one)
+        return not is_moving(a) and is_central(b, two) and has_still_surface(one)
     if pair["flat_b"] == 2 and one["kind"] == SPHERE:
-        return not is_moving(b) and _is_central(a, one) and has_still_surface(two)
+        return not is_moving(b) and is_central(a, one) and has_still_surface(two)
     return False
-
-
-@kernel
-def is_round(piece):
-    """Whether a piece has a curved surface."""
-    return piece["kind"] != BOX and piece["kind"] != HULL
-
-
-@kernel
-def _is_central(body, piece):
-    """Whether a piece's centre is its body's centre of mass."""
-    p, c = piece["position"], body["center_of_mass"]
-    return p[0] == c[0] and p[1] == c[1] and p[2] == c[2]
 
 
 @kernel

@@ -44,6 +44,7 @@ STATE = record(
     least_width="f8",  # least width of the pieces of fixed and simulated bodies [m]
     impact_gap="f8",  # gap at which an impact is found [m]
     v_rest="f8",  # upper limit of the approach speed without bounce [m/s]
+    contact_turn="f8",  # largest turn of a curved contact within half a substep [rad]
     event_rows="i8",  # contact rows of a frame's event-driven substeps, beyond which substeps are dense
     rows="i8",  # contact rows of the frame's substeps so far
     last_rows="i8",  # contact rows of the last substep
