@@ -7,6 +7,7 @@ from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_motion import (
     bias_share,
+    curved_share,
     is_curved,
     move_surfaces,
     move_to_middle,
@@ -206,7 +207,7 @@ def _prepare_resting_contacts(world, count, h):
         flight = APPROACH_MIN if pair["manifold"] < 0 else patch_flight
         pair["floor"] = _floor(pair, state, flight, led)
     limit = state["contact_turn"]
-    return limit / turned if turned > limit else NEVER
+    return curved_share(limit / turned, h, state) if turned > limit else NEVER
 
 
 @kernel

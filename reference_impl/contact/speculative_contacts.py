@@ -82,7 +82,7 @@ def gather_contacts(world, left):
     # per frame is limited too
     expected = (1 + state["dense_substep"]) * state["last_rows"]
     crowded = state["rows"] + expected > state["event_rows"]
-    crowded = crowded or state["counters"][COUNT_EVENTS] >= DENSE_EVENTS
+    crowded = crowded or state["counters"][COUNT_EVENTS] - state["calm_events"] >= DENSE_EVENTS
     end, h = 0, left
     if not crowded:
         end, _ = detect(world, SIMULATED, 0)

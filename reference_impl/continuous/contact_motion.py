@@ -31,6 +31,8 @@ share of it that a shortened substep allows [1]."""
 STRAIGHT = 1e-10
 """Motion along a normal by rotation within half a substep below which a contact is not curved [m]: a tenth of
 GAP_LEFT."""
+CURVED_PARTS = 64
+"""Most substeps of a frame for the accuracy of curved contacts."""
 LARGEST_TURN = 0.5
 """Turn of a normal within half a substep beyond which its geometry is not predicted [rad]."""
 
@@ -58,7 +60,15 @@ def bias_share(bodies, pieces, pairs, count, h, state):
         error = max(error, abs(d) * h / 3)
     share = (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
     limit = state["contact_turn"]
-    return min(share, BIAS_SHARE * limit / most) if most > limit else share
+    return min(share, curved_share(BIAS_SHARE * limit / most, h, state)) if most > limit else share
+
+
+@inlined_kernel
+def curved_share(share, h, state):
+    """A share of a substep of length h [s] for the accuracy of curved contacts, not below 1 / CURVED_PARTS of a
+    frame; NEVER if that is longer than h."""
+    share = max(share, state["dt"] / (CURVED_PARTS * h))
+    return share if share < 1 else NEVER
 
 
 @inlined_kernel
