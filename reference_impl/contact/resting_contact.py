@@ -197,8 +197,9 @@ def _prepare_resting_contacts(world, count, h):
         if state["moving_surfaces"] == 1:
             move_surfaces(bodies, world.pieces, pair)
     state["curved"] = 1 if curved else 0
-    state["led"] = 1 if curved or state["driven_loop"] == 1 else 0
-    if state["led"] == 1:
+    # an attempt before this one may have marked bodies
+    marked, state["led"] = state["led"], 1 if curved or state["driven_loop"] == 1 else 0
+    if state["led"] == 1 or marked == 1:
         _mark_led(bodies, world.drivers, pairs, count)
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     for k in range(count):
