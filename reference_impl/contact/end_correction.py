@@ -1,10 +1,11 @@
 """Correction of curved contacts by the geometry at the end of a substep.
 
-A resting contact is solved with the geometry that the velocities of the start predict for the middle of the
-substep (`contact_motion`). Where surfaces curve, this leaves a gap and a speed of second order. Here, bodies are
-posed at the end that the solution leads to, and distance and normal are measured there. The contact is solved
-again along the mean of both normals, at the mean of both contact points, for the speed and the gap at the end
-that were measured: a predictor and corrector whose fixed point touches, and does not approach, at the end.
+A resting contact is solved with the geometry that the velocities of the start predict for the middle of
+the substep (`contact_motion`). Where surfaces curve, a speed of second order and a gap of third order are
+left at its end. Here, bodies are posed at the end that the solution leads to, and distance and normal are
+measured there. The contact is solved again along the mean of both normals, at the mean of both contact
+points, for the measured speed and gap: a corrector whose fixed point touches, and does not approach, at the
+end.
 """
 
 from math import sqrt
@@ -25,12 +26,15 @@ END_ERROR = GAP_LEFT / 10
 
 
 @kernel
-def correct_ends(world, count, h):
-    """Correct the curved rows of `pairs[:count]` by their geometry at the end of a substep of length h [s], to
-    which the motions of their bodies lead; poses them at its start.
+def correct_ends(world, count, h, last):
+    """Correct the curved rows of `pairs[:count]` by their geometry at the end of a substep of length h [s],
+    to which the motions of their bodies lead; poses the bodies at its start.
 
+    Args:
+        last: measure the errors alone.
     Returns:
-        Largest error of a gap, or of its change by the speed at the end [m].
+        Largest error of a gap, or of its change by the speed at the end [m]. Rows up to END_ERROR stay as they
+        are.
     """
     bodies, pieces, pairs = world.bodies, world.pieces, world.pairs
     if count == len(pairs):
@@ -51,7 +55,7 @@ def correct_ends(world, count, h):
             pieces[pair["piece_a"]], pieces[pair["piece_b"]], world.vertices, world.state, found
         )
         if converged:
-            error = max(error, _correct(a, b, pair, found, h))
+            error = max(error, _correct(a, b, pair, found, h, last))
         for side in range(2):
             pose_along(b if side else a, 0.0)
     return error
@@ -64,7 +68,7 @@ def _is_free(body):
 
 
 @kernel
-def _correct(a, b, pair, found, h):
+def _correct(a, b, pair, found, h, last):
     """Correct a row by the pair `found` at the end of the substep; returns its error [m]."""
     n, m, middle = pair["start_normal"], found["normal"], pair["normal"]
     cos = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
@@ -75,11 +79,14 @@ def _correct(a, b, pair, found, h):
     vx, vy, vz = _end_velocity(a, found)
     ux, uy, uz = ux - vx, uy - vy, uz - vz
     closing = m[0] * ux + m[1] * uy + m[2] * uz
-    pair["slides"] = 1 if _keeps_sliding(pair, ux, uy, uz) else 0
     p, gap = pair["resting_impulse"], found["distance"] - GAP_LEFT
     error = max(abs(gap), abs(closing) * h)
     if p[0] == 0 and p[1] == 0 and p[2] == 0:
         error = max(0.0, -gap)
+    elif pair["slides"] == 0 and _keeps_sliding(pair, ux, uy, uz) and not last:
+        pair["slides"], error = 1, max(error, 2 * END_ERROR)
+    if last or error <= END_ERROR:
+        return error
     for i in range(3):
         middle[i] = (n[i] + m[i]) / size
         end = (found["point_a"][i] + found["point_b"][i]) / 2
@@ -102,8 +109,8 @@ def _correct(a, b, pair, found, h):
 
 @kernel
 def _keeps_sliding(pair, x, y, z):
-    """Whether a row slides at the start of the substep and, at the velocity (x, y, z) of B relative to A, along
-    that direction at its end."""
+    """Whether a row slides at the start of the substep and, at the velocity (x, y, z) of B relative to A,
+    along that direction at its end."""
     n, a, b = pair["start_normal"], pair["before_a"], pair["before_b"]
     u, v, w = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     start, end, both = n[0] * u + n[1] * v + n[2] * w, n[0] * x + n[1] * y + n[2] * z, u * x + v * y + w * z

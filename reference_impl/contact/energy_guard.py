@@ -150,8 +150,8 @@ def _subtract_surface_work(bodies, row):
 
 @kernel
 def _slow_down(bodies, pair, island, state):
-    """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained in
-    excess, or gains what it lost.
+    """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained
+    in excess, or gains what it lost.
 
     The island loses less if its motion holds less energy; the rest counts as `unpaid_energy`.
     """

@@ -106,7 +106,7 @@ def _correct_curves(world, count, h):
     error = 0.0
     for k in range(CORRECTIONS + 1):
         set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
-        error = correct_ends(world, count, h)
+        error = correct_ends(world, count, h, k == CORRECTIONS)
         if error <= END_ERROR or k == CORRECTIONS:
             break
         begin_again(bodies, joints, drivers)
@@ -248,8 +248,8 @@ def _solve_together(world, count, h):
 
 @kernel
 def _close_hops(bodies, pairs, count, h, state):
-    """Close curved contacts that separate at the start, but whose free flight would end within the substep at a
-    height of at most HOP_HEIGHT: they separate by the error of the last substep."""
+    """Close curved contacts that separate at the start, but whose flight would return within the substep
+    from at most HOP_HEIGHT: they separate by the error of the last substep."""
     for k in range(count):
         pair = pairs[k]
         if pair["curved"] == 1 and pair["floor"] == NO_FLOOR:

@@ -1,8 +1,8 @@
 """Contact kinematics (Montana 1988): how a contact point and its normal n move with the two surfaces.
 
 The point of a surface whose outward normal is n is x(n), and H = dx/dn has the radii of curvature: 0 at a
-corner, r I on a sphere. On B the outward normal is -n. With u the velocity of B relative to A, both points stay
-at a distance s along n if
+corner, r I on a sphere. On B the outward normal is -n. With u the velocity of B relative to A, both points
+stay at a distance s along n if
 
     (H_A + H_B + s) n' = u + H_A (w_A x n) + H_B (w_B x n)          (tangential parts)
 
@@ -44,7 +44,7 @@ def contact_rates(bodies, pieces, pair):
     """Rates of a pair's normal and contact point.
 
     Returns:
-        (found, n', x'): whether they are defined, as they are not where corners touch, and the rates [1/s, m/s].
+        (found, n', x'): whether they are defined, as they are not where corners touch; the rates [1/s, m/s].
     """
     a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
@@ -130,7 +130,7 @@ def is_central(body, piece):
 
 @kernel
 def _bend(piece, n, v):
-    """H v of a piece's surface: how its point moves as the normal n turns at the rate v, which is tangential."""
+    """H v of a piece's surface: velocity of its point as the normal n turns at the tangential rate v."""
     if piece["kind"] != ELLIPSOID:
         return _times(piece["radius"], v)
     # x(n) = S^2 n / |S n|, with S the half axes

@@ -1,13 +1,14 @@
 """Motion of contacts within a substep.
 
 Over a substep bodies rotate, and contact points and normals move with them. Impulses at the points of its
-start do work on a body that pivots, and let a touching pair sink or part by h^2 / 2 times J' v. Rows of
-polyhedra therefore act at the geometry that the velocities of the start predict for the middle of the
+start do work on a body that pivots, and let a touching pair sink or part by h^2 / 2 times J' v. Rows
+therefore act at the geometry that the velocities of the start predict for the middle of the
 substep (midpoint rule), and add `bias`, the change of the relative velocity from there to the end. The pair
 then stays in contact to third order in h, and both bodies receive the impulse at one place, so their total
 angular momentum is kept.
 
-`normal_rates.py` computes how the normal moves with the features that touch.
+`contact_kinematics.py` computes how contact point and normal move with the surfaces that touch;
+`contact/end_correction.py` corrects both where these curve.
 """
 
 from math import sqrt
@@ -65,17 +66,18 @@ def bias_share(bodies, pieces, pairs, count, h, state):
 
 @inlined_kernel
 def curved_share(share, h, state):
-    """A share of a substep of length h [s] for the accuracy of curved contacts, not below 1 / CURVED_PARTS of a
-    frame; NEVER if that is longer than h."""
+    """A share of a substep of length h [s] for the accuracy of curved contacts, not below 1 / CURVED_PARTS
+    of a frame; NEVER if that is longer than h."""
     share = max(share, state["dt"] / (CURVED_PARTS * h))
     return share if share < 1 else NEVER
 
 
 @inlined_kernel
 def move_to_middle(bodies, pieces, pair, h):
-    """Move a row's levers and normal to the middle of a substep of length h [s], and compute its `bias`; returns
-    the turn of the normal [rad]."""
-    return _predict(bodies, pieces, pair, h / 2, pair["lever_a"], pair["lever_b"], pair["normal"], pair["bias"])
+    """Move a row's levers and normal to the middle of a substep of length h [s], and compute its `bias`;
+    returns the turn of the normal [rad]."""
+    a, b = pair["lever_a"], pair["lever_b"]
+    return _predict(bodies, pieces, pair, h / 2, a, b, pair["normal"], pair["bias"])
 
 
 @kernel
@@ -200,7 +202,7 @@ def has_still_surface(piece):
 
 @kernel
 def _set_lever(body, p, half, way, out_lever):
-    """Set the point on which impulses act: p after `half` [s] at the velocity `way`, less the way of the body's
-    centre of mass."""
+    """Set the point on which impulses act: p after `half` [s] at the velocity `way`, less the way of the
+    body's centre of mass."""
     for i in range(3):
         out_lever[i] = p[i] + half * (way[i] - (body["velocity"][i] if is_moving(body) else 0.0))

@@ -193,7 +193,7 @@ def reverse_slip(solver):
 
 @kernel
 def oppose_mean_slip(row):
-    """Make friction of a row oppose the mean sliding of the substep: the sum of the sliding before and after."""
+    """Make friction of a row oppose the mean sliding of the substep: the sum of that before and after."""
     n, f, before = row["normal"], row["free"], row["before"]
     along = n[0] * before[0] + n[1] * before[1] + n[2] * before[2]
     for i in range(3):
