@@ -103,14 +103,18 @@ def contact_rates(bodies, pieces, pair):
 
 @kernel
 def fastest_turn(bodies, pieces, pair, rate):
-    """Speed at which a pair's normal turns at the rate n', or at which a body turns that carries its round
-    surface along, if that is faster [rad/s]: a ball about its centre of mass does not."""
+    """Speed at which a pair's normal turns at the rate n', or at which a body turns its round surface, if that
+    is faster [rad/s]. A ball turns only where its centre does, about the centre of mass."""
     most = _dot(rate, rate)
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]
         piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
-        if is_round(piece) and not (piece["kind"] == SPHERE and is_central(body, piece)):
+        if is_round(piece):
             w = _omega(body)
+            if piece["kind"] == SPHERE:
+                arm = _plus(_tuple(piece["world_position"]), -1.0, _tuple(body["center"]))
+                size = _dot(arm, arm)
+                w = _times(1 / sqrt(size) if size > 0 else 0.0, _cross(w, arm))
             most = max(most, _dot(w, w))
     return sqrt(most)
 

@@ -13,7 +13,7 @@ ALWAYS_MU = (
 )
 AMPLIFIES = (
     "the scene multiplies an error of second order in the substep: a tip that turns back, a rattleback that "
-    "reverses, a top that turns over; 0.054 of the size of `rattleback` with `contact_turn` 0.02 rad, 0.0099 "
+    "reverses, a top that turns over; 0.093 of the size of `rattleback` with `contact_turn` 0.03 rad, 0.0099 "
     "with 0.005"
 )
 ATTRACTED = (

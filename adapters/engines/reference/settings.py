@@ -58,7 +58,7 @@ _TABLE: tuple[Setting, ...] = (
         1e-3,
         0.5,
         "rad",
-        ("0.02", "0.005"),
+        ("0.03", "0.005"),
         "largest turn of a curved contact within half a substep",
         whole=False,
     ),
