@@ -34,6 +34,11 @@ REFUSED_MJCF = {
 }
 LOOPS = ("connect", "weld", "flex", "distance")
 """Equality constraints that close a loop of bodies."""
+PLAIN_WORDS = {
+    "inertia must have positive eigenvalues": "its inertia has a moment of zero or less, which no body has",
+    "inertia must satisfy A + B >= C": "a moment of inertia exceeds the sum of the others, as in no body",
+}
+"""Faults that MuJoCo names by how it computes -> what is wrong in the file."""
 FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": "", "include": ""}
 """MJCF elements that name a file, and the compiler's attribute with its folder."""
 
@@ -212,7 +217,10 @@ def _compiled(root: Element, load: Any, path: Path) -> Any:
         named = (one for one in root.walk() if found and one.attributes.get("name") == found[1])
         element = next(named, None)
         reason = re.sub(r",? ?(Element (name )?'[^']*'(, (id|line) -?\d+)?|line \d+)", "", text).strip()
+        reason = next((plain for words, plain in PLAIN_WORDS.items() if words in reason), reason)
         if element is not None:
             raise RobotError(element.named(reason)) from error
-        place = f"{path}:{line[1]}" if line and root.tag == "mujoco" else f"{path}"
+        tag = re.search(r"Element '([^']*)'", text)
+        place = f"{path}:{line[1]}" if line else f"{path}"
+        reason = f"{tag[1]}: {reason}" if tag and line else reason
         raise RobotError(f"{place}: {reason}") from error

@@ -288,6 +288,9 @@ def show(
     model_card: Annotated[
         bool, typer.Option("--model-card", help="The driven bodies as every engine holds them.")
     ] = False,
+    file: Annotated[
+        Path | None, typer.Option(help="With --model-card, compare the scene with the robot's file.")
+    ] = None,
     allow_paths: AllowPathsOption = False,
     output: FormatOption = Format.table,
 ) -> None:
@@ -303,12 +306,15 @@ def show(
     if effects:
         show_rows(effect_rows(chosen), output)
         return
+    if file is not None and not model_card:
+        stop("--file is compared by --model-card; name both", BAD_INPUT)
     if model_card:
+        from touchstone.adapters.robots.robot_error import RobotError
         from touchstone.reports.views.model_card import NotDriven, card_rows
 
         try:
-            show_rows(card_rows(chosen), output)
-        except NotDriven as error:
+            show_rows(card_rows(chosen, file), output)
+        except (NotDriven, RobotError) as error:
             stop(str(error), BAD_INPUT)
         return
     if output is Format.json:
