@@ -7,6 +7,8 @@ from dataclasses import replace
 from itertools import chain
 from math import inf, isfinite, isnan
 
+import numpy as np
+
 from touchstone.adapters.recording import Recording
 from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
@@ -39,6 +41,7 @@ def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence
     return measured_of(base, Context(recording, scenario), only)
 
 
+@np.errstate(all="ignore")  # what overflows is infinite or NaN in its row, and warns nobody
 def measured_of(
     base: Row, context: Context, only: Sequence[str] = (), needed: Sequence[str] = NEEDED
 ) -> list[Row]:

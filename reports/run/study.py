@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import nan
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import MISSING
@@ -110,6 +111,7 @@ def _play(
     return children.play(jobs, progress), missing
 
 
+@np.errstate(all="ignore")  # what overflows is infinite or NaN in its row, and warns nobody
 def judge_outcomes(
     request: Request,
     scenario: Scenario,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from math import nan
 
@@ -213,3 +214,15 @@ def test_rows_on_unaudited_impulses_are_marked(pressed, judged):
     for metric, subject in (("energy.drive", "box"), ("force.contact.mean", "ground-box")):
         assert found["mujoco", metric, subject].basis == "unaudited"
     assert found["reference", "friction.cone", ""].basis == ""
+
+
+def test_figures_beyond_floating_point_warn_nobody(resting, judged):
+    """Products that overflow are infinite or NaN in their rows; NumPy prints nothing."""
+    scenario, sound = resting
+    ball = replace(scenario.bodies[1], mass=1e300)
+    heavy = replace(scenario, bodies=(scenario.bodies[0], ball))
+    fast = replace(sound, linear_velocity=sound.linear_velocity + 1e20 * np.arange(31)[:, None, None])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = judged(heavy, ours=fast, theirs=sound)
+    assert [row.reason for row in found.values() if row.verdict == "error"] == []
