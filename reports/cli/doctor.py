@@ -6,8 +6,8 @@ The module is imported by every command: what it needs of engines is imported on
 from __future__ import annotations
 
 import sys
-from importlib.metadata import PackageNotFoundError, version
 
+from touchstone.reports.cli.listing import package_version, show_rows
 from touchstone.reports.cli.options import (
     Format,
     FormatOption,
@@ -18,14 +18,6 @@ from touchstone.reports.cli.options import (
 )
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")
-
-
-def package_version(package: str) -> str | None:
-    """Version of an installed distribution, or None."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def imports() -> list[tuple[str, str, str]]:
@@ -39,19 +31,6 @@ def imports() -> list[tuple[str, str, str]]:
     rows = [(name, one.status, one.text) for name, one in try_imports(available()).items()]
     faults = judge_faults()
     return [*rows, *(("judge", UNJUDGED, fault) for fault in faults)]
-
-
-def engines() -> list[tuple[str, str, str]]:
-    """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
-    from touchstone.adapters.registry import ENGINES, available, distribution, installed, missing_reason
-
-    rows = []
-    for name in available():
-        # The module of a plug-in that is merely declared is not imported.
-        there = name not in ENGINES or installed(name)
-        found = package_version(distribution(name)) if there else None
-        rows.append((name, found or "-", "" if there else missing_reason(name)))
-    return rows
 
 
 def libraries() -> list[tuple[str, str]]:
@@ -82,7 +61,6 @@ def doctor(
 ) -> None:
     """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
     from touchstone.adapters.engines.reference.compile_progress import announcement
-    from touchstone.reports.cli.listing import show_rows
     from touchstone.reports.machine import machine
 
     found = [(str(key), str(value), "") for key, value in machine().items()]
