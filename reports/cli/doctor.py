@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 
-from touchstone.reports.cli.listing import package_version, show_rows
 from touchstone.reports.cli.options import (
     Format,
     FormatOption,
@@ -35,6 +34,8 @@ def imports() -> list[tuple[str, str, str]]:
 
 def libraries() -> list[tuple[str, str]]:
     """(library, version) of the libraries on which results depend."""
+    from touchstone.reports.cli.listing import package_version
+
     return [(name, package_version(name) or "not installed") for name in LIBRARIES]
 
 
@@ -61,6 +62,7 @@ def doctor(
 ) -> None:
     """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
     from touchstone.adapters.engines.reference.compile_progress import announcement
+    from touchstone.reports.cli.listing import show_rows
     from touchstone.reports.machine import machine
 
     found = [(str(key), str(value), "") for key, value in machine().items()]

@@ -26,10 +26,12 @@ NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.dri
 def excused(row: Row, recording: Recording, scenario: Scenario, limits: Sequence[Limit] = ()) -> Row:
     """The row, judged; its verdict is `known` where it breaks a limit because a needed effect was disabled on
     request."""
+    found = judged(row, scenario, limits)
+    if found.verdict != "fail":
+        return row
     states: dict[str, str] = recording.facts.get("effects", {})
     removed = [effect for effect, state in states.items() if state.startswith("forced off")]
-    found = judged(row, scenario, limits)
-    if not removed or found.verdict != "fail":
+    if not removed:
         return row
     reason = f"played without {', '.join(removed)}, as asked for; limit: {found.reason}"
     return replace(found, verdict="known", reason=reason)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Settings
+from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.workers.children import Job, Outcome
 from touchstone.reports import metrics
@@ -226,3 +227,14 @@ def test_figures_beyond_floating_point_warn_nobody(resting, judged):
         warnings.simplefilter("error")
         found = judged(heavy, ours=fast, theirs=sound)
     assert [row.reason for row in found.values() if row.verdict == "error"] == []
+
+
+def test_a_manifest_is_read_by_no_row(resting, judged, monkeypatch):
+    """A manifest of many bodies takes milliseconds to parse: no row parses it."""
+    scenario, sound = resting
+    parsed = []
+    facts = Recording.facts
+    monkeypatch.setattr(Recording, "facts", property(lambda self: parsed.append(1) or facts.fget(self)))
+    rows = len(judged(scenario, ours=sound, theirs=sound))
+    assert rows > 100
+    assert len(parsed) < 40
