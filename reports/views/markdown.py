@@ -11,7 +11,7 @@ from touchstone.reports.results import rows_of
 from touchstone.reports.run.farthest_apart import HEADS as APART_HEADS
 from touchstone.reports.run.farthest_apart import TITLE as APART
 from touchstone.reports.run.farthest_apart import apart_table
-from touchstone.reports.run.request import SPREAD
+from touchstone.reports.run.request import HORIZON, SPREAD
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
     Columns,
@@ -273,7 +273,7 @@ def _budget(scene: pd.DataFrame) -> list[str]:
 def _spreads(scene: pd.DataFrame) -> list[str]:
     rows = [
         [f"`{row.metric}` {row.subject}", f"{number(row.value)} {row.unit}", row.verdict, row.reason]
-        for row in rows_of(scene[(scene.engine == "all") & (scene.metric != SPREAD)])
+        for row in rows_of(scene[(scene.engine == "all") & ~scene.metric.isin([SPREAD, HORIZON])])
         if np.isfinite(row.value)
     ]
     return _markdown(["event", "spread", "verdict", "remark"], rows, 4) if rows else ["none"]

@@ -177,6 +177,7 @@ def test_the_first_line_of_an_own_scene_names_the_farthest_body(touchstone, tmp_
     assert "m: reference balanced and reference paper at 2 s; above 1 mm from 0.0167 s on" in first
     report = (tmp_path / "run" / "report.md").read_text()
     assert "| squeeze | cube |" in report.partition("## Differences")[0]
+    assert "position." not in report.partition("### Spread of the events")[2].partition("###")[0]
     assert "farthest apart: cube" in (tmp_path / "run" / "report.html").read_text()
     code, _, err = touchstone("judge", "run", "--out", "again", "--quiet")
     assert code == 0, err
