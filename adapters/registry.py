@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import shlex
+import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -81,10 +82,14 @@ def installed(name: str) -> bool:
 
 def missing_reason(name: str) -> str:
     """Why an engine is skipped if it is not installed."""
-    requirement = _entry(name).requirement
+    requirement, last = _entry(name).requirement, _entry(name).last_wheel
     if not requirement:
         return f"not installed (no module {_entry(name).package!r})"
-    return f"not installed (pip install {shlex.quote(requirement)})"
+    compiled = ""
+    if last is not None and sys.version_info[:2] > last:
+        newest, mine = ".".join(map(str, last)), ".".join(map(str, sys.version_info[:2]))
+        compiled = f"; wheels end with Python {newest}, on {mine} pip compiles it for minutes in silence"
+    return f"not installed (pip install {shlex.quote(requirement)}{compiled})"
 
 
 def load(name: str) -> Engine:

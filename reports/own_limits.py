@@ -19,6 +19,7 @@ from touchstone.reports.bootstrap import RATIOS
 from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, is_undecided
+from touchstone.reports.run.request import HORIZON, SPREAD
 from touchstone.scenarios.catalogue import tags
 from touchstone.scenarios.files.read import SceneFileError, data_of_file, placed
 from touchstone.scenarios.scenario import Scenario
@@ -55,7 +56,7 @@ def judged(row: Row, scenario: Scenario, of_file: Iterable[Limit] = ()) -> Row:
 def valid_metrics() -> tuple[str, ...]:
     """Names of all metrics of a run, those that compare engines included."""
     spreads = (f"{name}.spread" for name in METRICS if name.startswith("events."))
-    return (*METRICS, *spreads, *RATIOS)
+    return (*METRICS, *spreads, SPREAD, HORIZON, *RATIOS)
 
 
 def check_limits(scenarios: Iterable[Scenario]) -> None:

@@ -89,7 +89,7 @@ assert set(COLUMNS) == {field.name for field in fields(Row)}
 
 def is_undecided(row: Row, limit: float) -> bool:
     """Whether a ratio of times is beyond a limit that its interval includes: it gets no verdict."""
-    return row.metric.startswith("ratio.time") and row.low <= limit < row.value
+    return row.metric.startswith(("ratio.time", "time.left")) and row.low <= limit < row.value
 
 
 def table(rows: Iterable[Row]) -> pd.DataFrame:

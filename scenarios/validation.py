@@ -153,9 +153,7 @@ def _check_body(body: Body, path: str, report: Report) -> None:
     if body.kind != "driven" and not body.pieces:
         report(f"{path}.pieces", "found none, expected at least one")
     for k, piece in enumerate(body.pieces):
-        finite(piece.position, f"{path}.pieces[{k}].position", report, 3, LONGEST)
-        unit(piece.orientation, f"{path}.pieces[{k}].orientation", report, 4)
-        _check_shape(piece.shape, f"{path}.pieces[{k}].shape", report)
+        check_piece(piece, f"{path}.pieces[{k}]", report)
         for field in ("surface_velocity", "surface_angular_velocity"):
             finite(getattr(piece, field), f"{path}.pieces[{k}].{field}", report, 3)
             if body.kind not in UNMOVED and any(getattr(piece, field)):
@@ -163,6 +161,13 @@ def _check_body(body: Body, path: str, report: Report) -> None:
                     f"{path}.pieces[{k}].{field}",
                     f"{body.name!r} is {body.kind}, expected {' or '.join(UNMOVED)}",
                 )
+
+
+def check_piece(piece: Piece, path: str, report: Report) -> None:
+    """Report what is wrong with a piece's pose and shape."""
+    finite(piece.position, f"{path}.position", report, 3, LONGEST)
+    unit(piece.orientation, f"{path}.orientation", report, 4)
+    _check_shape(piece.shape, f"{path}.shape", report)
 
 
 def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:

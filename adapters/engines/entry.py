@@ -27,6 +27,7 @@ class Entry:
         color, marker: of the engine in pictures, as matplotlib writes them.
         rounding: what the engine stores in lower precision; "" if nothing.
         requirement: what pip installs to get the engine; "" for an engine that is not of this project.
+        last_wheel: last version of Python for which a package index has a wheel of it; beyond, pip compiles.
         compiles: "module:function" that says in words how far a compiler is for which the engine's first
             scene waits; "" if it has none.
         settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
@@ -47,6 +48,7 @@ class Entry:
     marker: str = "P"
     rounding: str = ""
     requirement: str = ""
+    last_wheel: tuple[int, int] | None = None
     compiles: str = ""
     settings: str = ""
 

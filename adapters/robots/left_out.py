@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from touchstone.adapters.robots.links import HINGE
+from touchstone.adapters.robots.links import HINGE, UNLIMITED
 from touchstone.adapters.robots.pieces import surface_velocity
 from touchstone.adapters.robots.source import Source
 
@@ -75,7 +75,9 @@ def left_out(source: Source, kept: Collection[str]) -> list[str]:
     if unlimited:
         names = ", ".join(repr(model.joint(joint).name) for joint in unlimited[:5])
         more = f" and {len(unlimited) - 5} more" if len(unlimited) > 5 else ""
-        notes.append(f"joints {names}{more}: without limits; the scene has 1000 rad")
+        notes.append(
+            f"joints {names}{more}: without limits, or with equal ones; the scene has {UNLIMITED:g} rad"
+        )
     return notes
 
 

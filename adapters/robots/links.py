@@ -197,26 +197,30 @@ class TreeBuilder:
                 f"body {name!r}: its hinges have different anchors; mass and inertia are kept at the start, "
                 f"and up to {LEAST_SHARE:g} of them moves otherwise than in the model"
             )
-            self._shared(name, first, last, LEAST_SHARE)
+            self._shared(name, first, anchors, LEAST_SHARE)
             return
-        self._shared(name, first, last, SHARE)
+        self._shared(name, first, anchors, SHARE)
 
-    def _shared(self, name: str, first: int, last: int, share: float) -> None:
-        whole, count = self.links[last].mass, last - first
+    def _shared(self, name: str, first: int, anchors: Array, share: float) -> None:
+        """Take balls at the `anchors` from the mass of the last of several links, so that all weigh the same
+        at the start."""
+        count, origin = len(anchors) - 1, np.zeros(3)
+        last = first + count
+        whole = self.links[last].mass
         if whole.mass <= 0:
             raise RobotError(f"body {name!r}: has no mass, but {count + 1} hinges")
-        center = self.links[last].place * 0.0
-        about = whole.about(center)
+        about = whole.about(origin)
         moment = float(np.linalg.eigvalsh(about)[0])
         while share >= LEAST_SHARE:
-            mass = whole.mass * (1 - share)
-            rest = MassProperties(mass, whole.center * whole.mass / mass, np.zeros((3, 3)))
-            inertia = about - share * moment * np.eye(3) - rest.about(center)
+            part, mass = share / count, whole.mass * (1 - share)
+            ball = MassProperties(part * whole.mass, origin, part * moment * np.eye(3))
+            placed = [replace(ball, center=anchor - anchors[-1]) for anchor in anchors[:-1]]
+            center = (whole.center * whole.mass - sum(one.mass * one.center for one in placed)) / mass
+            rest = MassProperties(mass, center, np.zeros((3, 3)))
+            inertia = about - sum(one.about(origin) for one in placed) - rest.about(origin)
             low, middle, high = np.linalg.eigvalsh(inertia)
             if low > 0 and high <= low + middle:
                 self.links[last].mass = replace(rest, inertia=inertia)
-                part = share / count
-                ball = MassProperties(part * whole.mass, center, part * moment * np.eye(3))
                 for k in range(first, last):
                     self.links[k].mass = ball
                 return

@@ -43,6 +43,10 @@ from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, Scen
 
 BASE = MassProperties(1.0, np.zeros(3), 0.4 * 0.1**2 * np.eye(3))
 """Ball of 1 kg and 10 cm for a base that has no mass in the model."""
+BASE_END = "_base"
+"""Ending of the name of a base on which a root turns."""
+LEFT_OUT = "left out: body"
+BASE_NOTE = "has no mass; as the root it gets"
 LEAST = 1e-12
 """Mass [kg] and moment [kg m^2] below which a link counts as massless: no engine divides by it."""
 
@@ -143,7 +147,7 @@ def _add_tree(source: Source, body: int, maker: PieceMaker, parts: Parts, notes:
             _add_fixed(model, other, model.body(other).name or f"body_{other}", maker, parts)
         return
     # A root that only turns hangs on a base; any other joint of it gives way to the tracker's pose.
-    base = f"{model.body(body).name or 'root'}_base" if own and set(own) == {HINGE} else ""
+    base = f"{model.body(body).name or 'root'}{BASE_END}" if own and set(own) == {HINGE} else ""
     builder = TreeBuilder(model, source.form, notes)
     builder.add_root(body, base)
     if own and not base and any(kind != 0 for kind in own):
@@ -159,7 +163,7 @@ def _add_tree(source: Source, body: int, maker: PieceMaker, parts: Parts, notes:
         add_hinges(links, parts)
         return
     if not bodies[0].pieces:
-        notes.append(f"left out: body {bodies[0].name!r}, which has neither hinges nor a shape that collides")
+        notes.append(f"{LEFT_OUT} {bodies[0].name!r}, which has neither hinges nor a shape that collides")
         return
     pose = {
         "position": vector(links[0].place),
@@ -179,7 +183,7 @@ def _body(link: Link, maker: PieceMaker, notes: list[str], is_root: bool) -> Bod
     if whole.mass <= LEAST or np.linalg.eigvalsh(whole.inertia)[0] <= LEAST**2:
         if not is_root:
             raise RobotError(f"body {link.name!r}: has no mass or no inertia, but a hinge")
-        notes.append(f"body {link.name!r}: has no mass; as the root it gets {BASE.mass:g} kg")
+        notes.append(f"body {link.name!r}: {BASE_NOTE} {BASE.mass:g} kg")
         whole = link.mass = combined([whole, BASE])
     one, two, three = (vector(row) for row in whole.inertia)
     return Body(

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
@@ -17,8 +18,9 @@ from touchstone.adapters.engines.mujoco.model import write_no_log_file
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.xml_source import Element, found_file, parsed
 
-MESH_SUFFIXES = (".stl", ".obj", ".msh")
-"""Meshes that MuJoCo reads."""
+COLLADA = ".dae"
+MESH_SUFFIXES = (".stl", ".obj", ".msh", COLLADA)
+"""Meshes of URDF: MuJoCo reads all but the last, which is converted."""
 REFUSED_JOINTS = {
     "floating": "six degrees of freedom cannot be kept; a tracker places the root of a robot",
     "planar": "three degrees of freedom in a plane cannot be kept",
@@ -34,6 +36,11 @@ REFUSED_MJCF = {
 }
 LOOPS = ("connect", "weld", "flex", "distance")
 """Equality constraints that close a loop of bodies."""
+PLAIN_WORDS = {
+    "inertia must have positive eigenvalues": "its inertia has a moment of zero or less, which no body has",
+    "inertia must satisfy A + B >= C": "a moment of inertia exceeds the sum of the others, as in no body",
+}
+"""Faults that MuJoCo names by how it computes -> what is wrong in the file."""
 FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": "", "include": ""}
 """MJCF elements that name a file, and the compiler's attribute with its folder."""
 
@@ -57,14 +64,17 @@ def compiled(path: Path, allow_paths: bool = False) -> Source:
     """
     root = parsed(path)
     if root.tag == "robot":
-        return Source("urdf", root, _compiled(root, _urdf_spec(root, path, allow_paths), path))
+        with TemporaryDirectory() as scratch:
+            load = _urdf_spec(root, path, allow_paths, Path(scratch))
+            return Source("urdf", root, _compiled(root, load, path))
     if root.tag == "mujoco":
         _check_mjcf(root, path, allow_paths)
         return Source("mjcf", root, _compiled(root, lambda: _mjcf_spec(root, path), path))
     raise RobotError(f"{path}:{root.line}: found <{root.tag}>, expected <robot> (URDF) or <mujoco> (MJCF)")
 
 
-def _urdf_spec(root: Element, path: Path, allow_paths: bool) -> Any:
+def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> Any:
+    """A function that makes the spec of a URDF file; `scratch` holds converted meshes until then."""
     faults: list[str] = []
     for joint in (one for one in root.children if one.tag == "joint"):
         reason = REFUSED_JOINTS.get(joint.attributes.get("type", ""))
@@ -84,6 +94,8 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool) -> Any:
                 raise RobotError(
                     mesh.named(f"{file.name}: found {file.suffix}, expected {', '.join(MESH_SUFFIXES)}")
                 )
+            if file.suffix.lower() == COLLADA:
+                file = _converted(mesh, file, scratch)
             mesh.attributes["filename"] = str(file)
         except RobotError as error:
             faults.append(str(error))
@@ -98,6 +110,21 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool) -> Any:
         return spec
 
     return load
+
+
+def _converted(mesh: Element, file: Path, scratch: Path) -> Path:
+    """A Collada mesh as OBJ in `scratch`, with the same name; raises RobotError if it cannot be read."""
+    from touchstone.adapters.oracles.collada import obj_of
+
+    target = scratch / file.relative_to(file.anchor).with_suffix(".obj")
+    if not target.exists():
+        try:
+            text = obj_of(file)
+        except ValueError as error:
+            raise RobotError(mesh.named(f"{file.name}: {error}")) from error
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(text, encoding="ascii")
+    return target
 
 
 def _number(element: Element, name: str) -> float:
@@ -212,7 +239,10 @@ def _compiled(root: Element, load: Any, path: Path) -> Any:
         named = (one for one in root.walk() if found and one.attributes.get("name") == found[1])
         element = next(named, None)
         reason = re.sub(r",? ?(Element (name )?'[^']*'(, (id|line) -?\d+)?|line \d+)", "", text).strip()
+        reason = next((plain for words, plain in PLAIN_WORDS.items() if words in reason), reason)
         if element is not None:
             raise RobotError(element.named(reason)) from error
-        place = f"{path}:{line[1]}" if line and root.tag == "mujoco" else f"{path}"
+        tag = re.search(r"Element '([^']*)'", text)
+        place = f"{path}:{line[1]}" if line else f"{path}"
+        reason = f"{tag[1]}: {reason}" if tag and line else reason
         raise RobotError(f"{place}: {reason}") from error

@@ -48,10 +48,21 @@ class Element:
         return f"{self.file}:{self.line}: {self.tag}{f' {name!r}' if name else ''}: {reason}"
 
     def text(self) -> str:
-        """XML text of the element; texts between elements are left out, since robots have none."""
-        inside = "".join(child.text() for child in self.children)
+        """XML text of the element, each tag on its own line of the file, so that MuJoCo names the file's
+        lines; texts between elements are left out, since robots have none."""
+        parts: list[str] = []
+        self._write(parts, 1)
+        return "".join(parts)
+
+    def _write(self, parts: list[str], line: int) -> int:
+        """Append the element's text, which begins at `line` or later; returns the line of its end."""
         given = "".join(f" {key}={quoteattr(value)}" for key, value in self.attributes.items())
-        return f"<{escape(self.tag)}{given}>{inside}</{escape(self.tag)}>"
+        parts.append("\n" * (self.line - line) + f"<{escape(self.tag)}{given}>")
+        line = max(line, self.line)
+        for child in self.children:
+            line = child._write(parts, line)
+        parts.append(f"</{escape(self.tag)}>")
+        return line
 
 
 def parsed(path: Path) -> Element:

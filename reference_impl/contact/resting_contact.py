@@ -55,6 +55,9 @@ HOP_HEIGHT = TOUCH_DISTANCE / 4
 """Height of a hop that is an error of curved contact [m]."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
+CURVED_ROWS = 64
+"""Most rows of a substep whose curved contacts are corrected: in a heap, the friction of many contacts errs by
+more than their curvature."""
 HALVINGS = 8
 """Most halvings of such a substep."""
 RESTING_CONTACT_ROUNDS = 10
@@ -180,7 +183,7 @@ def _prepare_resting_contacts(world, count, h):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, world.pieces, pairs, count)
-    smooth, curved, turned = state["dense_substep"] == 0, False, 0.0
+    smooth, curved, turned = state["dense_substep"] == 0 and count <= CURVED_ROWS, False, 0.0
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])
@@ -188,7 +191,7 @@ def _prepare_resting_contacts(world, count, h):
         begin_row(bodies, pair, 0.0)
         pair["gap_error"] = 0.0
         pair["curved"] = 0
-        if not smooth and pair["flat_a"] + pair["flat_b"] == 0:
+        if state["dense_substep"] == 1 and pair["flat_a"] + pair["flat_b"] == 0:
             continue
         turn = move_to_middle(bodies, world.pieces, pair, h)
         pair["curved"] = 1 if smooth and is_curved(world.pieces, pair, h) else 0

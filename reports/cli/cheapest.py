@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,9 +11,13 @@ import typer
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     LIMIT_BROKEN,
+    Format,
+    FormatOption,
+    PrintedOutOption,
     QuietOption,
     known,
     measuring,
+    output_to,
     require_judge,
     resumable,
     stop,
@@ -36,6 +41,8 @@ def cheapest(
     store: Annotated[
         Path, typer.Option(help="Folder of all cells; what it holds is not measured again.")
     ] = Path("runs/sweep"),
+    out: PrintedOutOption = None,
+    output: FormatOption = Format.table,
     quiet: QuietOption = False,
 ) -> None:
     """Name the cheapest measured setting within tolerances, the runner-up, and the line that plays it.
@@ -44,6 +51,7 @@ def cheapest(
     apart from it: all are named.
     """
     from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.cli.listing import show_rows
     from touchstone.reports.studies.work_precision.cheapest import (
         TIME,
         ToleranceError,
@@ -86,10 +94,38 @@ def cheapest(
     answer = find(settings_of_scene(table, scene.frame_rate), limits, engine)
     if answer is None:
         stop(f"{scene.name}: no setting was measured in all of {', '.join(limits)}", BAD_INPUT)
-    for line in lines(answer, limits):
-        print(line)
+    with output_to(out):
+        if output is Format.table:
+            print("\n".join(lines(answer, limits)))
+        else:
+            show_rows(rows(answer, limits), output)
     if not answer.met:
         raise typer.Exit(LIMIT_BROKEN)
+
+
+def rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
+    """The settings of the answer, the cheapest first, each with its place, times [s], errors and limits [SI],
+    and the command that plays it. An infinite error, such as that of a passage, is None: JSON has none."""
+    places: tuple[tuple[str, tuple[Setting | None, ...]], ...] = (
+        ("cheapest" if answer.met else "nearest miss", (answer.best,)),
+        ("cannot tell apart", answer.tied),
+        ("runner-up" if answer.met else "next", (answer.runner_up,)),
+        ("next engine", (answer.other_engine,)),
+    )
+    found: dict[tuple[object, ...], dict[str, object]] = {}
+    for place, settings in places:
+        for one in settings:
+            if one is None:
+                continue
+            key = (one.engine, one.profile, one.settings, one.dt)
+            times = {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
+            named = dict(zip(("engine", "profile", "settings", "dt"), key))
+            measured = {name: one.errors[name] for name in limits if name in one.errors}
+            errors = {f"error {name}": value if isfinite(value) else None for name, value in measured.items()}
+            asked = {f"limit {name}": limit for name, limit in limits.items()}
+            row = {"place": place, **named, **times, **errors, **asked, "command": one.command}
+            found.setdefault(key, row)
+    return list(found.values())
 
 
 def lines(answer: Answer, limits: dict[str, float]) -> list[str]:

@@ -1,46 +1,41 @@
-"""Facts of this machine: engines and their versions, processor, the compile cache and compile times."""
+"""`touchstone doctor`: engines and their versions, processor, the compile cache and compile times.
+
+The module is imported by every command: what it needs of engines is imported on demand.
+"""
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
+import sys
 
-from touchstone.adapters.registry import ENGINES, available, distribution, installed, missing_reason
-from touchstone.adapters.workers.import_check import try_imports
-from touchstone.reports.judge import judge_faults
-from touchstone.reports.results import UNJUDGED
+from touchstone.reports.cli.options import (
+    Format,
+    FormatOption,
+    PrintedOutOption,
+    QuietOption,
+    exit_for,
+    output_to,
+)
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")
-
-
-def package_version(package: str) -> str | None:
-    """Version of an installed distribution, or None."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def imports() -> list[tuple[str, str, str]]:
     """(engine, status, message) of every engine and then of every oracle, imported in a child process each;
     the message is the version if the import succeeded."""
+    from touchstone.adapters.registry import available
+    from touchstone.adapters.workers.import_check import try_imports
+    from touchstone.reports.judge import judge_faults
+    from touchstone.reports.results import UNJUDGED
+
     rows = [(name, one.status, one.text) for name, one in try_imports(available()).items()]
     faults = judge_faults()
     return [*rows, *(("judge", UNJUDGED, fault) for fault in faults)]
 
 
-def engines() -> list[tuple[str, str, str]]:
-    """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
-    rows = []
-    for name in available():
-        # The module of a plug-in that is merely declared is not imported.
-        there = name not in ENGINES or installed(name)
-        found = package_version(distribution(name)) if there else None
-        rows.append((name, found or "-", "" if there else missing_reason(name)))
-    return rows
-
-
 def libraries() -> list[tuple[str, str]]:
     """(library, version) of the libraries on which results depend."""
+    from touchstone.reports.cli.listing import package_version
+
     return [(name, package_version(name) or "not installed") for name in LIBRARIES]
 
 
@@ -60,3 +55,33 @@ def compile_facts() -> dict[str, str]:
         "kernel cache": "; ".join((place, *notes)),
         "compile time": f"{seconds:.1f} s cold, once per version of the sources",
     }
+
+
+def doctor(
+    out: PrintedOutOption = None, output: FormatOption = Format.table, quiet: QuietOption = False
+) -> None:
+    """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
+    from touchstone.adapters.engines.reference.compile_progress import announcement
+    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.machine import machine
+
+    found = [(str(key), str(value), "") for key, value in machine().items()]
+    tried = imports()
+    found += [
+        (name, text if status == "done" else f"{status}: {text}", status) for name, status, text in tried
+    ]
+    found += [(name, text, "") for name, text in libraries()]
+    if note := announcement():
+        print(note, file=sys.stderr)
+    found += [(key, value, "") for key, value in compile_facts().items()]
+    with output_to(out):
+        if output is Format.table and quiet:
+            for name, text, status in found:
+                if status not in ("", "done"):
+                    print(f"{name}: {text}", file=sys.stderr)
+        elif output is Format.table:
+            for name, text, _ in found:
+                print(f"{name:14} {text}")
+        else:
+            show_rows([dict(zip(("name", "value", "status"), row)) for row in found], output)
+    exit_for((status for _, status, _ in tried), by_name=False)

@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
 from math import inf
 from typing import Literal
 
@@ -24,6 +25,27 @@ LAWS = {
     "smooth_contact": "rolls, slides and leaves, integrated to rounding",
     "tipping": "tips from edge to edge, each of which takes the same share of the rate",
 }
+
+
+def package_version(package: str) -> str | None:
+    """Version of an installed distribution, or None."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def engines() -> list[tuple[str, str, str]]:
+    """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
+    from touchstone.adapters.registry import ENGINES, available, distribution, installed, missing_reason
+
+    rows = []
+    for name in available():
+        # The module of a plug-in that is merely declared is not imported.
+        there = name not in ENGINES or installed(name)
+        found = package_version(distribution(name)) if there else None
+        rows.append((name, found or "-", "" if there else missing_reason(name)))
+    return rows
 
 
 def show_rows(rows: Sequence[Mapping[str, object]], output: str) -> None:
@@ -103,8 +125,6 @@ def scenario_rows() -> list[dict[str, object]]:
 
 def engine_rows() -> list[dict[str, object]]:
     """Engines with their versions."""
-    from touchstone.reports.cli.doctor import engines
-
     return [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
 
 

@@ -16,12 +16,14 @@ from touchstone.reports.cli import stability
 from touchstone.reports.cli.cheapest import cheapest
 from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
+from touchstone.reports.cli.doctor import doctor
 from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.nights.nightly import accept, nightly
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     Format,
     FormatOption,
+    PrintedOutOption,
     QuietOption,
     changes_for,
     columns_for,
@@ -29,6 +31,7 @@ from touchstone.reports.cli.options import (
     exit_for,
     folder_of_now,
     known,
+    output_to,
     printed,
     progress_for,
     step_of,
@@ -274,11 +277,12 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
 
 
 @app.command("list")
-def list_things(what: Listing, output: FormatOption = Format.table) -> None:
+def list_things(what: Listing, out: PrintedOutOption = None, output: FormatOption = Format.table) -> None:
     """List scenarios, engines, metrics, profiles, settings of every engine, or known failings."""
     from touchstone.reports.cli.listing import LISTS, show_rows
 
-    show_rows(LISTS[what](), output)
+    with output_to(out):
+        show_rows(LISTS[what](), output)
 
 
 @app.command()
@@ -288,27 +292,39 @@ def show(
     model_card: Annotated[
         bool, typer.Option("--model-card", help="The driven bodies as every engine holds them.")
     ] = False,
+    file: Annotated[
+        Path | None, typer.Option(help="With --model-card, compare the scene with the robot's file.")
+    ] = None,
     allow_paths: AllowPathsOption = False,
+    out: PrintedOutOption = None,
     output: FormatOption = Format.table,
 ) -> None:
     """Show what a scenario is made of."""
-    from touchstone.reports.cli.listing import effect_rows, show_rows, surface_lines, truth_lines
-    from touchstone.scenarios.scenario import UNMOVED
-
+    if file is not None and not model_card:
+        stop("--file is compared by --model-card; name both", BAD_INPUT)
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     for line in tracker_notes([chosen]):
         print(line, file=sys.stderr)
     if others:
         stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
+    with output_to(out):
+        _show(chosen, effects, model_card, file, output)
+
+
+def _show(chosen: Scenario, effects: bool, model_card: bool, file: Path | None, output: Format) -> None:
+    from touchstone.reports.cli.listing import effect_rows, show_rows, surface_lines, truth_lines
+    from touchstone.scenarios.scenario import UNMOVED
+
     if effects:
         show_rows(effect_rows(chosen), output)
         return
     if model_card:
+        from touchstone.adapters.robots.robot_error import RobotError
         from touchstone.reports.views.model_card import NotDriven, card_rows
 
         try:
-            show_rows(card_rows(chosen), output)
-        except NotDriven as error:
+            show_rows(card_rows(chosen, file), output)
+        except (NotDriven, RobotError) as error:
             stop(str(error), BAD_INPUT)
         return
     if output is Format.json:
@@ -338,25 +354,4 @@ def show(
 
 
 app.command("check-engine")(check_engine)
-
-
-@app.command()
-def doctor() -> None:
-    """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
-    from touchstone.adapters.engines.reference.compile_progress import announcement
-    from touchstone.reports.cli.doctor import compile_facts, imports, libraries
-    from touchstone.reports.machine import machine
-
-    for key, value in machine().items():
-        print(f"{key:14} {value}")
-    verdicts = []
-    for name, status, text in imports():
-        print(f"{name:14} {text if status == 'done' else f'{status}: {text}'}")
-        verdicts.append(status)
-    for name, found in libraries():
-        print(f"{name:14} {found}")
-    if note := announcement():
-        print(note, file=sys.stderr)
-    for key, value in compile_facts().items():
-        print(f"{key:14} {value}")
-    exit_for(verdicts, by_name=False)
+app.command()(doctor)

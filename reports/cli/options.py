@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from enum import StrEnum
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -38,6 +39,10 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
 ]
 
+PrintedOutOption = Annotated[
+    Path | None, typer.Option("--out", help="New file to write (default: standard output).")
+]
+
 
 def stop(message: str, code: int) -> NoReturn:
     """Exit with one line on standard error."""
@@ -59,6 +64,22 @@ def write_file(path: Path, write: Callable[[Path], object], option: str = "--out
         write_beside(path, write)
     except OSError as error:
         stop(f"{option} {path}: {error.strerror or error}", BAD_INPUT)
+
+
+@contextmanager
+def output_to(path: Path | None) -> Iterator[None]:
+    """Write what goes to standard output to a new file; also where the command ends with a verdict."""
+    if path is None:
+        yield
+        return
+    require_new(path)
+    text = StringIO()
+    try:
+        with redirect_stdout(text):
+            yield
+    finally:
+        if not isinstance(sys.exc_info()[1], (SystemExit, KeyboardInterrupt)):
+            write_file(path, lambda part: part.write_text(text.getvalue(), "utf-8"))
 
 
 def known(kind: str, name: str, valid: Iterable[str]) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +24,9 @@ from touchstone.reports.cli.options import (
     stop,
 )
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 MOST = 10_000_000
 """Largest number of scenes, pairs or goals of a study [1]: days."""
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
@@ -30,7 +34,9 @@ study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
 
 @study.command("narrow-phase")
 def narrow_phase(
-    pairs: Annotated[int, typer.Option(max=MOST, help="Pairs of convex pieces, over all families.")] = 1000,
+    pairs: Annotated[
+        str, typer.Option(help="Number of random pairs over all families, or a file of pairs (JSON, TOML).")
+    ] = "1000",
     seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/narrow-phase-<time>).")] = None,
     output: FormatOption = Format.table,
@@ -41,9 +47,31 @@ def narrow_phase(
     from touchstone.reports.studies.narrow_phase.table import show
 
     folder = out or folder_of_now("narrow-phase-")
-    with measuring(steps(pairs), quiet, PairsError) as progress:
-        frame = run(pairs, seed, folder, progress)
+    if not re.fullmatch(r"[+-]?[0-9]+", pairs):
+        ended(_of_file(Path(pairs), folder, quiet), show, folder, output, quiet)
+        return
+    if (count := int(pairs)) > MOST:
+        stop(f"--pairs {pairs}: expected at most {MOST}", BAD_INPUT)
+    with measuring(steps(count), quiet, PairsError) as progress:
+        frame = run(count, seed, folder, progress)
     ended(frame, show, folder, output, quiet)
+
+
+def _of_file(path: Path, folder: Path, quiet: bool) -> pd.DataFrame:
+    """What all detectors say of the pairs of a file."""
+    from touchstone.adapters.detectors import DETECTORS
+    from touchstone.reports.studies.narrow_phase.given_pairs import UnknownTruth, run
+    from touchstone.scenarios.files.pair_file import read_pairs
+    from touchstone.scenarios.files.read import SceneFileError
+
+    if path.suffix not in (".json", ".toml"):
+        stop(f"--pairs {path}: expected a number of pairs, or a file .json or .toml", BAD_INPUT)
+    try:
+        given = read_pairs(path)
+    except SceneFileError as error:
+        stop(str(error), BAD_INPUT)
+    with measuring(len(given) * len(DETECTORS), quiet, UnknownTruth) as progress:
+        return run(given, folder, progress)
 
 
 @study.command("ik")

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
+from math import nan
 from pathlib import Path
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import scene_of_text
 from touchstone.adapters.workers.children import Job, Outcome
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.compare.stored import label_of, recordings_of
+from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
 from touchstone.reports.limits import Limit
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
-from touchstone.reports.run.request import Request, Results
+from touchstone.reports.run.request import HORIZON, Request, Results
 from touchstone.reports.run.study import judge_outcomes
 from touchstone.scenarios.scenario import Scenario
 
@@ -31,6 +33,15 @@ def outcomes_of(folder: Path) -> dict[str, list[Outcome]]:
         status = "error" if recording.ended else "done"
         found.setdefault(scenario.name, []).append(Outcome(job, status, recording.ended))
     return found
+
+
+def _stored_horizon(folder: Path, scene: str) -> float:
+    """Horizon of a scene in the table of a run, which recordings do not tell; NaN without one."""
+    try:
+        frame = table_of(folder)
+    except RunError:
+        return nan
+    return float(frame.value[(frame.scenario == scene) & (frame.metric == HORIZON)].max())
 
 
 def judge(
@@ -59,7 +70,8 @@ def judge(
     results = Results(table(rows))
     with output_folder(out) as part:
         for scenario in scenarios:
-            rows += judge_outcomes(request, scenario, outcomes[scenario.name], results, progress)
+            found = partial(_stored_horizon, folder, scenario.name)
+            rows += judge_outcomes(request, scenario, outcomes[scenario.name], results, progress, found)
         results.frame = table([row for row in rows if not metrics or row.metric in (*metrics, "run")])
         save(results.frame, part)
         save_manifest(part, {"command": command, "judged": str(folder)})

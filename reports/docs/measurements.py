@@ -19,6 +19,7 @@ WIDTH = 120
 """Width of tables in characters."""
 SHOWN_BY = {
     "run": "touchstone.reports.views.terminal",
+    "import": "touchstone.reports.studies.robots.table",
     "ik": "touchstone.reports.studies.inverse_kinematics.table",
     "calibration": "touchstone.reports.studies.calibration.show",
 }
@@ -57,7 +58,7 @@ def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
 
 
 def _command(study: str) -> str:
-    return study if study == "run" or study.startswith("bench ") else f"study {study}"
+    return study if study in ("run", "import") or study.startswith("bench ") else f"study {study}"
 
 
 def _origin(facts: dict) -> str:

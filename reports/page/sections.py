@@ -11,6 +11,7 @@ from touchstone.reports.page.content import Column, Content
 from touchstone.reports.page.findings import metric_part, remarks, scene_part, valued
 from touchstone.reports.page.html import Cell, figure, fold, plain_table
 from touchstone.reports.results import NOT_RUN, Row
+from touchstone.reports.run.farthest_apart import headlines
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
 from touchstone.reports.views.tables import MARKS, grid
@@ -77,6 +78,7 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
         if full or any(cell.verdict in MARKS for cell in line)
     ]
     text = remarks(r for r in rows if r.metric == "run" and r.verdict in (*NOT_RUN, "error", "known"))
+    apart = "".join(f"<p>{escape(line)}</p>" for line in headlines(rows))
     play = ""
     if scene in content.playback:
         play = f'<p><button type="button" data-play="{escape(scene)}">Play this scene</button></p>'
@@ -84,7 +86,9 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
     drawn = figure(FORCES, content.forces[scene]) if scene in content.forces else ""
     rest = "" if full else "<p>Figures that miss a limit; the command prints all.</p>"
     again = f"<p class=again><code>touchstone run {escape(scene)}</code></p>"
-    body = summary + play + text + drawn + rest + (plain_table(heads, lines, 2) if lines else "") + again
+    body = (
+        summary + apart + play + text + drawn + rest + (plain_table(heads, lines, 2) if lines else "") + again
+    )
     return fold(scene, body, f"scene-{scene}", level=3)
 
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 from itertools import chain
 from math import inf, isfinite, isnan
 
+import numpy as np
+
 from touchstone.adapters.recording import Recording
 from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
@@ -24,10 +26,12 @@ NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.dri
 def excused(row: Row, recording: Recording, scenario: Scenario, limits: Sequence[Limit] = ()) -> Row:
     """The row, judged; its verdict is `known` where it breaks a limit because a needed effect was disabled on
     request."""
+    found = judged(row, scenario, limits)
+    if found.verdict != "fail":
+        return row
     states: dict[str, str] = recording.facts.get("effects", {})
     removed = [effect for effect, state in states.items() if state.startswith("forced off")]
-    found = judged(row, scenario, limits)
-    if not removed or found.verdict != "fail":
+    if not removed:
         return row
     reason = f"played without {', '.join(removed)}, as asked for; limit: {found.reason}"
     return replace(found, verdict="known", reason=reason)
@@ -39,6 +43,7 @@ def measured(base: Row, scenario: Scenario, recording: Recording, only: Sequence
     return measured_of(base, Context(recording, scenario), only)
 
 
+@np.errstate(all="ignore")  # what overflows is infinite or NaN in its row, and warns nobody
 def measured_of(
     base: Row, context: Context, only: Sequence[str] = (), needed: Sequence[str] = NEEDED
 ) -> list[Row]:

@@ -24,6 +24,8 @@ STUDY = "run"
 REFERENCE = "reference"
 EVERY_ENGINE = "all"
 """Engine of a row that is about all of them."""
+SPREAD, HORIZON = "position.spread", "position.horizon"
+"""Metrics of all engines: largest distance between two columns [m], and until when they are compared [s]."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
 DEFAULT_PROFILES = ("balanced", "paper", "recommended")
 

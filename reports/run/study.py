@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import MISSING
@@ -20,8 +22,9 @@ from touchstone.reports.own_limits import judged
 from touchstone.reports.page.run_page import packed_scene, write_page
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.run.comparisons import ratios_of, spreads_of
+from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon
 from touchstone.reports.run.measure import excused, measured_of
-from touchstone.reports.run.request import STUDY, Request, Results
+from touchstone.reports.run.request import SPREAD, STUDY, Request, Results
 from touchstone.reports.views.comparison_pictures import draw, draw_forces
 from touchstone.reports.views.frame_budget_picture import write_picture
 from touchstone.reports.views.markdown import report
@@ -84,7 +87,12 @@ def measure_scene(
 ) -> list[Row]:
     """Play and judge one scene; `folder` has `recordings` and `output`; `results` collects recordings."""
     outcomes, missing = _play(request, scenario, folder, children, progress)
-    return judge_outcomes(request, scenario, outcomes, results, progress) + missing
+
+    def horizon() -> float:
+        played = next(outcome.job for outcome in outcomes if outcome.status == "done")
+        return measured_horizon(scenario, played, children, progress)
+
+    return judge_outcomes(request, scenario, outcomes, results, progress, horizon) + missing
 
 
 def _play(
@@ -103,15 +111,17 @@ def _play(
     return children.play(jobs, progress), missing
 
 
+@np.errstate(all="ignore")  # what overflows is infinite or NaN in its row, and warns nobody
 def judge_outcomes(
     request: Request,
     scenario: Scenario,
     outcomes: list[Outcome],
     results: Results,
     progress: Progress,
+    horizon: Callable[[], float] = lambda: nan,
 ) -> list[Row]:
     """Rows of all metrics of one scene, with the comparisons of several engines; stores recordings in
-    `results`."""
+    `results`. `horizon` measures the scene's horizon [s], where it is needed."""
     rows: list[Row] = []
     played: dict[tuple[str, str], Recording] = {}
     seen: dict[tuple[str, str], Context] = {}
@@ -137,4 +147,6 @@ def judge_outcomes(
         results.warn(base, context)
     results.write("playback", lambda: results.playback.update(packed_scene(scenario, seen)))
     rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
+    if not request.metrics or SPREAD in request.metrics:
+        rows += apart_rows(scenario, {column: seen[column] for column in played}, horizon)
     return [judged(row, scenario, request.limits) for row in rows]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -16,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.detectors import Pair
-from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.adapters.oracles.minkowski import core, signed_distance
 from touchstone.scenarios.scenario import Box, Hull, Piece, Shape
 from touchstone.scenarios.solids import elliptic_hull
 
@@ -29,20 +28,11 @@ NEEDLE = 0.01
 """Thickness of a needle over its length [1]."""
 RATIO_POWERS = (3.0, 6.0)
 """Range of the powers of ten of the size of the large piece over the small one's [1]."""
-CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 def corners(piece: Piece) -> Array:
     """World vertices (n, 3) of a box or a hull [m]."""
-    match piece.shape:
-        case Box(half_extents):
-            local = CORNERS * half_extents
-        case Hull(vertices):
-            local = np.array(vertices)
-        case _:
-            raise TypeError(f"{type(piece.shape).__name__} has no corners")
-    turned = Rotation.from_quat(np.array(piece.orientation), scalar_first=True).apply(local)
-    return np.asarray(turned + piece.position)
+    return core(piece)[0]
 
 
 def size_of(pair: Pair) -> float:

@@ -8,6 +8,10 @@ import numpy as np
 import pandas as pd
 
 from touchstone.reports.results import rows_of
+from touchstone.reports.run.farthest_apart import HEADS as APART_HEADS
+from touchstone.reports.run.farthest_apart import TITLE as APART
+from touchstone.reports.run.farthest_apart import apart_table
+from touchstone.reports.run.request import HORIZON, SPREAD
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
     Columns,
@@ -39,6 +43,7 @@ BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")
 def report(request: Request, results: Results) -> str:
     """The whole page."""
     parts = ["# touchstone run", "", f"`{request.command}`" if request.command else ""]
+    parts += _apart(results.frame)
     parts += _differences(request, results)
     parts += _forces(request, results)
     parts += _losses(results.frame)
@@ -60,6 +65,12 @@ def report(request: Request, results: Results) -> str:
         parts += ["", "## Frame budget of the scenes", "", *_markdown(heads, budget_rows(found), 1)]
         parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
     return "\n".join(parts).rstrip() + "\n"
+
+
+def _apart(frame: pd.DataFrame) -> list[str]:
+    """The section on the bodies that are farthest apart; nothing where one column played."""
+    rows = apart_table(rows_of(frame))
+    return ["", f"## {APART.capitalize()}", "", *_markdown(list(APART_HEADS), rows, 4)] if rows else []
 
 
 FORCE_NOTE = (
@@ -262,7 +273,7 @@ def _budget(scene: pd.DataFrame) -> list[str]:
 def _spreads(scene: pd.DataFrame) -> list[str]:
     rows = [
         [f"`{row.metric}` {row.subject}", f"{number(row.value)} {row.unit}", row.verdict, row.reason]
-        for row in rows_of(scene[scene.engine == "all"])
+        for row in rows_of(scene[(scene.engine == "all") & ~scene.metric.isin([SPREAD, HORIZON])])
         if np.isfinite(row.value)
     ]
     return _markdown(["event", "spread", "verdict", "remark"], rows, 4) if rows else ["none"]

@@ -32,8 +32,13 @@ class NotDriven(ValueError):
     """A scene without driven bodies has no card; the message says so."""
 
 
-def card_rows(scenario: Scenario) -> list[dict[str, object]]:
-    """A row per driven body and engine, the referee's first."""
+def card_rows(scenario: Scenario, file: Path | None = None) -> list[dict[str, object]]:
+    """A row per driven body and engine, the referee's first; then one of the robot's file, if it is given.
+
+    Raises:
+        NotDriven: the scene has no driven bodies.
+        RobotError: the file is no robot.
+    """
     driven = _driven(scenario)
     if not driven:
         valid = ", ".join(s.name for s in catalogue().values() if _driven(s))
@@ -53,7 +58,29 @@ def card_rows(scenario: Scenario) -> list[dict[str, object]]:
             rows.append(row)
         blank: dict[str, object] = dict.fromkeys(rows[0], "")
         rows += [blank | {"body": tracker.root, "model": e, "remark": r} for e, r in reasons.items()]
-    return rows
+    return [*rows, _file_row(scenario, file, rows[0])] if file is not None else rows
+
+
+def _file_row(scenario: Scenario, file: Path, first: Mapping[str, object]) -> dict[str, object]:
+    """What an independent reader has of the robot's file, beside the scene that was imported from it."""
+    from touchstone.adapters.oracles.robot_file import READERS, deviations, trees_of
+    from touchstone.adapters.robots.robot_scene import imported
+    from touchstone.adapters.robots.source import compiled
+
+    source = compiled(file, allow_paths=True)
+    trees = trees_of(file, source, scenario)
+    noted = replace(imported(file, scenario.name, allow_paths=True), scenario=scenario)
+    off = deviations(noted, trees)
+    apart = [f"{name} by {value:.1e}" for name, value in off.items() if value > AGREED]
+    found: dict[str, object] = {
+        "body": first["body"],
+        "model": f"{file.name} ({READERS[source.form]})",
+        "mass [kg]": f"{sum(tree.whole({}).mass for tree in trees):.6g}",
+        "hinges": sum(len(tree.hinges) for tree in trees),
+        "deviation": f"{max(off.values()):.1e}",
+        "remark": f"the scene differs: {', '.join(apart)}" if apart else "the scene agrees",
+    }
+    return dict.fromkeys(first, "") | found
 
 
 def _driven(scenario: Scenario) -> list[Tracker]:

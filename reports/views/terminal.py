@@ -15,6 +15,8 @@ from rich.text import Text
 from touchstone.adapters.recording import Recording
 from touchstone.reports.console.fitted import fitted
 from touchstone.reports.results import NOT_RUN, UNJUDGED, rows_of
+from touchstone.reports.run.farthest_apart import TITLE as APART
+from touchstone.reports.run.farthest_apart import apart_table, headlines
 from touchstone.reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
 from touchstone.reports.views.losses import HEADS as LOSS_HEADS
 from touchstone.reports.views.losses import NOTE as LOSS_NOTE
@@ -77,6 +79,7 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
     overview if there are more than SCENES_IN_FULL scenes."""
     if frame.scenario.nunique() > SCENES_IN_FULL:
         _show_overview(overview(frame, shown), out)
+        show_apart(frame, out)
         show_losses(frame, out)
         return
     for scenario in dict.fromkeys(frame.scenario):
@@ -87,14 +90,28 @@ def show(frame: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] =
 def show_scene(scene: pd.DataFrame, out: Console, shown: Collection[tuple[str, str]] = ()) -> None:
     """Print the table of the scene with the rows `scene`, its ratios, and every verdict other than pass."""
     name = scene.scenario.iloc[0]
+    for line in headlines(rows_of(scene)):
+        out.print(line, highlight=False, soft_wrap=True)
     out.print(_table(name, grid(scene, name, shown)))
     out.print(Text(LEGEND, style="dim"))
     out.print()
+    show_apart(scene, out)
     ratios = ratio_rows(scene)
     if ratios:
         out.print(_ratio_table(ratios))
         print_notes([RATIO_NOTE], out)
     _print_lines(remark_lines(scene, shown), out)
+
+
+def show_apart(frame: pd.DataFrame, out: Console) -> None:
+    """Print how far columns are apart, of several bodies."""
+    rows = apart_table(rows_of(frame))
+    if len(rows) > 1:
+        out.print(f"{APART}:")
+        for scene, body, distance, text in rows:
+            place = " ".join(filter(None, (scene * (frame.scenario.nunique() > 1), body)))
+            out.print(f"  {place}, {distance}" + f": {text}" * bool(text), highlight=False, soft_wrap=True)
+        out.print()
 
 
 def show_losses(frame: pd.DataFrame, out: Console) -> None:

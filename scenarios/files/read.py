@@ -144,7 +144,7 @@ def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:
     if "center_of_mass" in body:
         faults.append(((*place, "inertia"), "missing: a body with a centre of mass needs it"))
     try:
-        pieces = tuple(_built(Piece, piece) for piece in body["pieces"])
+        pieces = tuple(built(Piece, piece) for piece in body["pieces"])
         with np.errstate(all="ignore"):
             center, inertia = uniform(pieces, body["mass"])
         sound = bool((np.abs([center, *inertia]) <= LONGEST).all())
@@ -178,24 +178,24 @@ def _tracked(tracker: dict[str, Any], place: Place, folder: Path, allow_paths: b
 
 def scenario_of(data: dict[str, Any]) -> Scenario:
     """The scenario of checked data, such as the JSON text in a recording; raises ScenarioError."""
-    scenario: Scenario = _built(Scenario, data)
+    scenario: Scenario = built(Scenario, data)
     return scenario
 
 
 _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
 
 
-def _built(kind: Any, data: Any) -> Any:
+def built(kind: Any, data: Any) -> Any:
     """A value of a dataclass's field from plain data: dataclasses from tables, tuples from arrays."""
     if kind == Shape:
         name = shape_type(data)
-        return _built(SHAPE_TYPES[str(name)], {key: value for key, value in data.items() if key != "type"})
+        return built(SHAPE_TYPES[str(name)], {key: value for key, value in data.items() if key != "type"})
     if is_dataclass(kind):
         hints = _hints(kind)
-        return kind(**{name: _built(hints[name], value) for name, value in data.items()})  # type: ignore[operator]
+        return kind(**{name: built(hints[name], value) for name, value in data.items()})  # type: ignore[operator]
     if get_origin(kind) is tuple:
         inner = get_args(kind)
         if len(inner) == 2 and inner[1] is Ellipsis:
-            return tuple(_built(inner[0], one) for one in data)
-        return tuple(_built(one, value) for one, value in zip(inner, data))
+            return tuple(built(inner[0], one) for one in data)
+        return tuple(built(one, value) for one, value in zip(inner, data))
     return float(data) if kind is float else data

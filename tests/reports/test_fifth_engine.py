@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from touchstone.adapters.registry import ENGINES, Entry
-from touchstone.reports.cli.doctor import engines
+from touchstone.reports.cli.listing import engines
 from touchstone.reports.results import Row, table
 from touchstone.reports.run.request import Request, Results, columns_of
 from touchstone.reports.views.comparison_pictures import draw

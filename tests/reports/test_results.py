@@ -8,7 +8,7 @@ from math import isnan
 import pandas as pd
 import pytest
 
-from touchstone.reports.results import COLUMNS, Row, save, table, write_beside
+from touchstone.reports.results import COLUMNS, Row, is_undecided, save, table, write_beside
 
 ROW = Row(
     "run", "scene", "mujoco", "recommended", 1 / 540, "overlap.max", 1 / 3, "m", "a, b", reason='so "so"\n'
@@ -62,3 +62,18 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path):
     assert path.read_text() == "old"
     write_beside(path, lambda part: part.write_text("new"))
     assert path.read_text() == "new"
+
+
+@pytest.mark.parametrize(
+    ("metric", "low", "value", "undecided"),
+    [
+        ("ratio.time", 0.7, 0.8, True),
+        ("time.left", 0.7, 0.8, True),
+        ("time.left", 0.76, 0.8, False),
+        ("time.left", 0.6, 0.7, False),
+        ("overlap.max", 0.7, 0.8, False),
+    ],
+)
+def test_an_interval_that_includes_the_limit_decides_nothing(metric, low, value, undecided):
+    """Of ratios of times, those beyond a limit that their interval includes get no verdict."""
+    assert is_undecided(Row("run", "scene", "reference", "", 1.0, metric, value, low=low), 0.75) == undecided

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from math import nan
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Settings
+from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.workers.children import Job, Outcome
 from touchstone.reports import metrics
@@ -213,3 +215,26 @@ def test_rows_on_unaudited_impulses_are_marked(pressed, judged):
     for metric, subject in (("energy.drive", "box"), ("force.contact.mean", "ground-box")):
         assert found["mujoco", metric, subject].basis == "unaudited"
     assert found["reference", "friction.cone", ""].basis == ""
+
+
+def test_figures_beyond_floating_point_warn_nobody(resting, judged):
+    """Products that overflow are infinite or NaN in their rows; NumPy prints nothing."""
+    scenario, sound = resting
+    ball = replace(scenario.bodies[1], mass=1e300)
+    heavy = replace(scenario, bodies=(scenario.bodies[0], ball))
+    fast = replace(sound, linear_velocity=sound.linear_velocity + 1e20 * np.arange(31)[:, None, None])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = judged(heavy, ours=fast, theirs=sound)
+    assert [row.reason for row in found.values() if row.verdict == "error"] == []
+
+
+def test_a_manifest_is_read_by_no_row(resting, judged, monkeypatch):
+    """A manifest of many bodies takes milliseconds to parse: no row parses it."""
+    scenario, sound = resting
+    parsed = []
+    facts = Recording.facts
+    monkeypatch.setattr(Recording, "facts", property(lambda self: parsed.append(1) or facts.fget(self)))
+    rows = len(judged(scenario, ours=sound, theirs=sound))
+    assert rows > 100
+    assert len(parsed) < 40

@@ -16,5 +16,6 @@ ENTRY = Entry(
     marker="s",
     rounding="corners of hulls rounded to about 1e-4 of their size",
     requirement="pybullet",
+    last_wheel=(3, 11),
     settings="touchstone.adapters.engines.bullet.settings:SETTINGS",
 )

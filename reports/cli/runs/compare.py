@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, LIMIT_BROKEN, Format, FormatOption, printed, stop
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    LIMIT_BROKEN,
+    Format,
+    FormatOption,
+    PrintedOutOption,
+    QuietOption,
+    output_to,
+    printed,
+    stop,
+)
+
+PLACE = ("scenario", "engine", "profile", "metric", "subject")
 
 
 class Matching(StrEnum):
@@ -40,7 +53,9 @@ def compare(
     every: Annotated[
         bool, typer.Option("--all", help="Show changes within limits and new rows too.")
     ] = False,
+    out: PrintedOutOption = None,
     output: FormatOption = Format.table,
+    quiet: QuietOption = False,
 ) -> None:
     """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse or gone."""
     from touchstone.reports.cli.scenes.chosen import metrics_for
@@ -58,11 +73,16 @@ def compare(
     except (RunError, SceneFileError) as error:
         stop(str(error), BAD_INPUT)
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
-    if not printed(found, output):
-        from touchstone.reports.compare.show import show_changes
+    failing = ["worse"] if allow_gone else FAILING
+    with output_to(out):
+        if not printed(found, output) and not quiet:
+            from touchstone.reports.compare.show import show_changes
 
-        show_changes(found if every else found[found.kind.isin([*FAILING, "better"])])
-        listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
-        print(f"{len(one)} and {len(two)} rows: {listed}")
+            show_changes(found if every else found[found.kind.isin([*FAILING, "better"])])
+            listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+            print(f"{len(one)} and {len(two)} rows: {listed}")
+    for row in found[found.kind.isin(failing)].to_dict("records") if quiet else ():
+        place = " ".join(filter(None, (row[name] for name in PLACE)))
+        print(f"{row['kind']}: {place}: {row['reason']}", file=sys.stderr)
     if counts["worse"] or (counts["gone"] and not allow_gone):
         raise typer.Exit(LIMIT_BROKEN)

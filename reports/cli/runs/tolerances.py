@@ -9,7 +9,16 @@ from typing import Annotated, Any
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, require_new, stop, write_file
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    Format,
+    FormatOption,
+    QuietOption,
+    printed,
+    require_new,
+    stop,
+    write_file,
+)
 
 
 def tolerances(
@@ -17,6 +26,8 @@ def tolerances(
     out: Annotated[
         Path | None, typer.Option(help="TOML file to write for `compare --tolerance` (default: none).")
     ] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
 ) -> None:
     """Measure how far apart times are between runs of one program: the tolerances of `compare` here."""
     from touchstone.reports.cli.listing import show_rows
@@ -34,9 +45,10 @@ def tolerances(
         stop(str(error), BAD_INPUT)
     if out is not None:
         write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
-    show_rows([_shown(row) for row in found.to_dict("records")], "table")
-    if out is not None:
-        print(out)
+    if not printed(found, output) and not quiet:
+        show_rows([_shown(row) for row in found.to_dict("records")], "table")
+        if out is not None:
+            print(out)
 
 
 def _shown(row: Mapping[Hashable, Any]) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""`touchstone import`: a robot of others as a scene file."""
+"""`touchstone import`: a robot of others as a scene file, and the check of many robots."""
 
 from __future__ import annotations
 
@@ -8,30 +8,81 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, ENGINE_MISSING, stop, write_file
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    ENGINE_MISSING,
+    LIMIT_BROKEN,
+    Format,
+    FormatOption,
+    QuietOption,
+    ended,
+    folder_of_now,
+    measuring,
+    require_judge,
+    stop,
+    write_file,
+)
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption
 
 
 def import_robot(
-    robot: Annotated[Path, typer.Argument(help="File of a robot: URDF or MJCF.")],
-    name: Annotated[str, typer.Option("--as", help="Name of the scene.")],
+    robot: Annotated[Path | None, typer.Argument(help="File of a robot: URDF or MJCF.")] = None,
+    name: Annotated[str, typer.Option("--as", help="Name of the scene.")] = "",
+    check: Annotated[
+        list[Path] | None,
+        typer.Option(help="Compare every robot below a folder with its file; write no scene."),
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="File to write, .toml or .json (default: NAME.toml).")
+        Path | None,
+        typer.Option(help="File to write, .toml or .json (default: NAME.toml); with --check, a folder."),
     ] = None,
     allow_paths: AllowPathsOption = False,
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
 ) -> None:
-    """Write a robot as a scene, held in its start posture by a tracker; name what could not be kept."""
+    """Write a robot as a scene, held in its start posture by a tracker; name what could not be kept.
+
+    An independent reader of the file (pinocchio for URDF, MuJoCo for MJCF) confirms mass, centre, inertia,
+    axes and limits.
+    """
     from touchstone.adapters.registry import installed, missing_reason
 
     if not installed("mujoco"):
         stop(f"import needs MuJoCo: {missing_reason('mujoco')}", ENGINE_MISSING)
+    if check:
+        if robot is not None or name:
+            stop("--check takes folders; leave out the robot's file and --as", BAD_INPUT)
+        _check(check, out or folder_of_now("import-"), allow_paths, output, quiet)
+    elif robot is None or not name:
+        stop("expected a robot's file and --as NAME, or --check FOLDER", BAD_INPUT)
+    else:
+        _import(robot, name, out or Path(f"{name}.toml"), allow_paths, force, quiet)
+
+
+def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, quiet: bool) -> None:
+    require_judge()
+    from touchstone.reports.studies.robots.study import SUFFIXES, robots_below, run
+    from touchstone.reports.studies.robots.table import show
+
+    for folder in folders:
+        if not folder.is_dir():
+            stop(f"--check {folder}: no such folder", BAD_INPUT)
+    robots = robots_below(folders)
+    if not robots:
+        stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}", BAD_INPUT)
+    with measuring(len(robots), quiet) as progress:
+        frame = run(robots, out, allow_paths, progress)
+    ended(frame, show, out, output, quiet)
+
+
+def _import(robot: Path, name: str, path: Path, allow_paths: bool, force: bool, quiet: bool) -> None:
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.adapters.robots.robot_scene import imported
+    from touchstone.reports.judge import judge_faults
     from touchstone.scenarios.files.read import NAME
     from touchstone.scenarios.files.write import scene_json, scene_toml
 
-    path = out or Path(f"{name}.toml")
     if not NAME.fullmatch(name):
         stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter", BAD_INPUT)
     if path.suffix not in (".toml", ".json"):
@@ -46,11 +97,36 @@ def import_robot(
     comment = "\n".join([f"{robot.name}, imported by touchstone", *found.notes])
     text = scene_json(scenario) if path.suffix == ".json" else scene_toml(scenario, comment)
     write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
-    for line in found.notes:
+    for line in found.notes if not quiet else ():
         print(f"note: {line}", file=sys.stderr)
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     mass = sum(body.mass for body in scenario.bodies if body.kind != "fixed")
     counts = f"{len(scenario.bodies)} bodies, {len(scenario.joints)} hinges, {pieces} pieces"
-    print(f"{path}: {counts}, {mass:.6g} kg")
+    if not quiet:
+        print(f"{path}: {counts}, {mass:.6g} kg")
+    if faults := judge_faults():
+        print(f"note: not compared with the file: {'; '.join(faults)}", file=sys.stderr)
+    else:
+        _tell_check(robot, found, allow_paths, quiet)
     card = " --model-card" if scenario.trackers else ""
-    print(f"next: touchstone show {path}{card}; touchstone run {path}")
+    if not quiet:
+        print(f"next: touchstone show {path}{card}; touchstone run {path}")
+
+
+def _tell_check(robot: Path, found, allow_paths: bool, quiet: bool) -> None:  # type: ignore[no-untyped-def]
+    """Say whether an independent reader has the same robot; one that differs exits with 1."""
+    from touchstone.adapters.oracles.robot_file import EQUAL
+    from touchstone.adapters.robots.robot_error import RobotError
+    from touchstone.adapters.robots.source import compiled
+    from touchstone.reports.studies.robots.study import checked, verdict_line
+
+    try:
+        off = checked(robot, found, allow_paths)
+    except RobotError as error:
+        print(f"note: not compared with the file: {error}", file=sys.stderr)
+        return
+    line = verdict_line(compiled(robot, allow_paths).form, off)
+    if max(off.values()) > EQUAL:
+        stop(line, LIMIT_BROKEN)
+    if not quiet:
+        print(line)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from touchstone.reports.cli.options import PrintedOutOption, output_to
 
-def schema() -> None:
+
+def schema(out: PrintedOutOption = None) -> None:
     """Print the JSON Schema of scene files, for editors and validators."""
     import json
 
     from touchstone.scenarios.files.schema import json_schema
 
-    print(json.dumps(json_schema(), indent=1))
+    with output_to(out):
+        print(json.dumps(json_schema(), indent=1))

@@ -82,18 +82,29 @@ def _carried_gaps(context: Context) -> dict[str, Value]:
 
 def _resting_gaps(context: Context) -> dict[str, float]:
     found = {}
-    for body in context.simulated:
-        for (a, b), distance in context.distances.distance.items():
-            other = b if a == body else a
-            if body not in (a, b) or context.kind[other] not in UNMOVED:
-                continue
-            normal = context.distances.normal[a, b]
-            carried = context.material_velocity(other, context.mass_centers[:, body], normal)
-            speed = np.linalg.norm(context.recording.linear_velocity[:, body] - carried, axis=1)
-            resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
-            if resting.sum() >= FEWEST:
-                found[context.pair_name(a, b)] = float(np.median(distance[resting]))
+    for pair, distance in sorted(
+        context.distances.distance.items(), key=lambda item: _mover(context, item[0])
+    ):
+        body = _mover(context, pair)
+        if body < 0:
+            continue
+        other = sum(pair) - body
+        normal = context.distances.normal[pair]
+        carried = context.material_velocity(other, context.mass_centers[:, body], normal)
+        speed = np.linalg.norm(context.recording.linear_velocity[:, body] - carried, axis=1)
+        resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
+        if resting.sum() >= FEWEST:
+            found[context.pair_name(*pair)] = float(np.median(distance[resting]))
     return found
+
+
+def _mover(context: Context, pair: tuple[int, int]) -> int:
+    """The simulated body of a pair with one that no contact moves; -1 for other pairs."""
+    a, b = pair
+    for body, other in ((a, b), (b, a)):
+        if context.kind[body] == "simulated" and context.kind[other] in UNMOVED:
+            return body
+    return -1
 
 
 def _pressed_gaps(context: Context) -> dict[str, float]:

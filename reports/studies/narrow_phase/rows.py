@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,8 @@ Mask = NDArray[np.bool_]
 @dataclass(frozen=True, slots=True)
 class Truth:
     """Pairs with the world vertices of each [m], families, sizes [m] and signed distances [m] (n,), and
-    normals from A to B (n, 3)."""
+    normals from A to B (n, 3). `radii` (n,) [m]: by how much the pieces exceed the hulls of their vertices,
+    both together; 0 for boxes and hulls."""
 
     pairs: Sequence[Pair]
     corners: Sequence[tuple[Array, Array]]
@@ -48,6 +49,7 @@ class Truth:
     size: Array
     distance: Array
     normal: Array
+    radii: Array = field(default_factory=lambda: np.zeros(1))
 
 
 def rows_of_study(truth: Truth, measured: Mapping[str, Measured]) -> list[Row]:
@@ -122,11 +124,11 @@ def normal_errors(truth: Truth, mine: Measured) -> Array:
     Where the translation along the normal exceeds the depth by less than EQUALLY_DEEP of the size, the
     detector found an equally deep face. The error is then that excess over the size, if it is smaller.
     """
-    errors = np.full(len(truth.pairs), np.nan)
+    errors, radii = np.full(len(truth.pairs), np.nan), np.broadcast_to(truth.radii, len(truth.pairs))
     for k in np.flatnonzero(np.isfinite(mine.normal).all(axis=1)).tolist():
         n, true, (a, b) = mine.normal[k], truth.normal[k], truth.corners[k]
         errors[k] = 2 * np.arctan2(np.linalg.norm(n - true), np.linalg.norm(n + true))
-        longer = (a @ n).max() - (b @ n).min() + truth.distance[k]
+        longer = (a @ n).max() - (b @ n).min() + radii[k] + truth.distance[k]
         if longer < EQUALLY_DEEP * truth.size[k]:
             errors[k] = min(errors[k], max(0.0, longer / truth.size[k]))
     return errors

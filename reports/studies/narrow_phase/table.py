@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from touchstone.reports.results import NOT_RUN, rows_of
+from touchstone.reports.studies.narrow_phase import pair_table
+from touchstone.reports.studies.narrow_phase.given_pairs import TRUTH
 from touchstone.reports.studies.poses import FAMILIES
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import print_notes, table_of
@@ -40,6 +42,9 @@ NOTES = (
 
 def show(frame: pd.DataFrame, out: Console) -> None:
     """Print one row per detector over all families, the best of each family, and every remark."""
+    if (frame.engine == TRUTH).any():
+        pair_table.show(frame, out)
+        return
     whole = frame[frame.scenario == "all"]
     title = "narrow-phase: all families against the explicit Minkowski difference"
     table = table_of(title, HEADS, padding=(0, 0))

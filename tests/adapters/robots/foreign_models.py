@@ -41,7 +41,7 @@ ROBOT_DATA = (
     "xarm_description/urdf/xarm7.urdf",
     "double_pendulum_description/urdf/double_pendulum.urdf",
     "allegro_hand_description/urdf/allegro_right_hand.urdf",  # refused: an inertia that no body has
-    "romeo_description/urdf/romeo.urdf",  # refused: Collada meshes
+    "romeo_description/urdf/romeo.urdf",  # refused: fingers without mass
 )
 
 

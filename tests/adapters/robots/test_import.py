@@ -177,8 +177,14 @@ def test_every_engine_has_its_masses(robot, engine, text):
         ("r.urdf", '"revolute"', '"floating"', "r.urdf:10: joint 'hinge': type floating: six degrees"),
         ("r.urdf", "tip.obj", "none.obj", "r.urdf:9: mesh: file 'none.obj' is missing"),
         ("r.urdf", "tip.obj", "/etc/passwd", "r.urdf:9: mesh: file '/etc/passwd' lies outside the robot's"),
-        ("r.urdf", "tip.obj", "tip.dae", "r.urdf:9: mesh: tip.dae: found .dae, expected .stl, .obj, .msh"),
-        ("r.urdf", 'ixx="0.01"', 'ixx="0.1"', "r.urdf:4: link 'rod': inertia must satisfy A + B >= C"),
+        ("r.urdf", "tip.obj", "tip.dae", "r.urdf:9: mesh: tip.dae: Collada: File came out empty"),
+        (
+            "r.urdf",
+            "tip.obj",
+            "tip.ply",
+            "r.urdf:9: mesh: tip.ply: found .ply, expected .stl, .obj, .msh, .dae",
+        ),
+        ("r.urdf", 'ixx="0.01"', 'ixx="0.1"', "r.urdf:4: link 'rod': a moment of inertia exceeds the sum"),
         ("r.urdf", "</robot>", "", "r.urdf:15: not XML: no element found"),
         ("r.urdf", "robot", "rebot", "r.urdf:1: found <rebot>, expected <robot> (URDF) or <mujoco> (MJCF)"),
         (
@@ -205,7 +211,12 @@ def test_every_engine_has_its_masses(robot, engine, text):
             '<include file="../x.xml"/><worldbody>',
             "r.xml:1: include: file '../x.xml' is",
         ),
-        ("r.xml", 'type="capsule" size="0.1', 'type="blob" size="0.1', "r.xml:2: invalid keyword: 'blob'"),
+        (
+            "r.xml",
+            'type="capsule" size="0.1',
+            'type="blob" size="0.1',
+            "r.xml:2: geom: invalid keyword: 'blob'",
+        ),
     ],
 )
 def test_what_no_scene_holds_is_refused_by_name(robot, tmp_path, name, old, new, line):
@@ -213,6 +224,7 @@ def test_what_no_scene_holds_is_refused_by_name(robot, tmp_path, name, old, new,
     text = ARM if name == "r.urdf" else BODY
     assert old in text
     (tmp_path / "tip.dae").write_text("<COLLADA/>")
+    (tmp_path / "tip.ply").write_text("ply")
     with pytest.raises(RobotError, match=re.escape(line)):
         robot(text.replace(old, new), name)
 

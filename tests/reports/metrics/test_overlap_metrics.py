@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from touchstone.reports.metrics.context import NotMeasured
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.scenarios.scenario import Tracker
 
 EXACT = 1e-7
@@ -58,6 +59,25 @@ def test_the_gap_of_a_body_at_rest_is_signed(lab, recordings, known, gap):
     columns["position"][:20, 1, 2] += 2e-3
     recording = recordings.recording(scenario, **columns)
     assert known.value("contact.gap", recording, scenario) == {"ground-ball": pytest.approx(gap, abs=EXACT)}
+
+
+def test_pairs_at_rest_are_visited_once(lab, recordings):
+    """A thousand bodies on a floor have a thousand pairs: a visit of all of them per body takes minutes."""
+
+    class Visited(dict):
+        visits = 0
+
+        def items(self):
+            self.visits += 1
+            return super().items()
+
+    balls = [lab.ball(f"ball {k}", position=(k, 0.0, 0.05)) for k in range(6)]
+    scenario = lab.scene(lab.ground(), *balls, duration=0.5)
+    context = Context(recordings.recording(scenario), scenario)
+    object.__setattr__(context.distances, "distance", Visited(context.distances.distance))
+    found = dict(METRICS["contact.gap"].measure(context))
+    assert list(found) == [f"ground-ball {k}" for k in range(6)]
+    assert context.distances.distance.visits == 1
 
 
 def test_what_never_rests_has_no_gap(lab, recordings, known):

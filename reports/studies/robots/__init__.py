@@ -1,0 +1,1 @@
+"""`touchstone import --check`: robots of folders, compared with their files by independent readers."""

@@ -1,0 +1,110 @@
+"""Import every robot below some folders, and compare each scene with its file."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import pandas as pd
+
+from touchstone.adapters.oracles.robot_file import EQUAL, READERS, deviations, trees_of
+from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.adapters.robots.robot_scene import Imported, imported
+from touchstone.adapters.robots.source import compiled
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, save, save_manifest, table
+
+STUDY = "import"
+SUFFIXES = (".urdf", ".mjcf", ".xml")
+ROOTS = {"urdf": b"<robot", "mjcf": b"<mujoco"}
+"""Start of the root element of each form."""
+MOST_HEAD = 65536
+"""Bytes in which a root element must begin: comments precede it."""
+FOLDERS = re.compile(r"(?<![\w.-])/[^':]*/")
+"""Absolute folders in a message, which a table for others leaves out."""
+REASON = "the file says so"
+
+
+def robots_below(folders: Iterable[Path]) -> dict[str, tuple[Path, str]]:
+    """Name -> path and form of each robot below the folders: folder and file, with what is between where
+    several files have one name."""
+    found: list[tuple[Path, Path, str]] = []
+    for folder in folders:
+        for path in sorted(
+            one for one in folder.rglob("*") if one.suffix.lower() in SUFFIXES and one.is_file()
+        ):
+            head = path.open("rb").read(MOST_HEAD)
+            form = next((form for form, root in ROOTS.items() if root in head), "")
+            if form:
+                found.append((Path(folder.name) / path.relative_to(folder), path, form))
+    short = Counter(Path(name.parts[0]) / name.name for name, _, _ in found)
+    names = ((Path(name.parts[0]) / name.name, name) for name, _, _ in found)
+    return {
+        str(brief if short[brief] == 1 else name): (path, form)
+        for (brief, name), (_, path, form) in zip(names, found)
+    }
+
+
+def run(
+    robots: dict[str, tuple[Path, str]], out: Path, allow_paths: bool, progress: Progress
+) -> pd.DataFrame:
+    """Check all robots; the folder appears complete or not at all."""
+    rows: list[Row] = []
+    with output_folder(out) as folder:
+        for name, (path, form) in robots.items():
+            progress(name, 1)
+            rows += rows_of_robot(name, path, form, allow_paths)
+        frame = table(rows)
+        save(frame, folder)
+        save_manifest(folder, {"study": STUDY})
+    return frame
+
+
+def rows_of_robot(name: str, path: Path, form: str, allow_paths: bool) -> list[Row]:
+    """A row per quantity with its deviation, or one with the reason why the file is refused."""
+    base = Row(STUDY, name, READERS[form], form, nan, "run")
+    try:
+        found = imported(path, "robot", allow_paths)
+        off = checked(path, found, allow_paths)
+    except RobotError as error:
+        lines = FOLDERS.sub("", str(error).replace(f"{path.parent}/", "")).splitlines()
+        more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
+        return [replace(base, verdict="skipped", reason=lines[0] + more)]
+    except Exception as error:  # one file must not take the table with it
+        return [replace(base, verdict="error", reason=f"{type(error).__name__}: {error}".splitlines()[0])]
+    mass = sum(body.mass for body in found.scenario.bodies if body.kind != "fixed")
+    facts = (
+        ("hinges", len(found.scenario.joints), "1"),
+        ("mass", mass, "kg"),
+        ("notes", len(found.notes), "1"),
+    )
+    rows = [
+        replace(base, metric="robot", subject=name, value=value, unit=unit) for name, value, unit in facts
+    ]
+    for quantity, value in off.items():
+        verdict = "pass" if value <= EQUAL else "fail"
+        row = replace(base, metric=f"robot.{quantity}", value=value, unit="1", limit=EQUAL)
+        rows.append(replace(row, verdict=verdict, reason=REASON))
+    return rows
+
+
+def checked(path: Path, found: Imported, allow_paths: bool) -> dict[str, float]:
+    """Deviation of an imported scene from its file per quantity [1]; raises RobotError where a reader
+    refuses it."""
+    return deviations(found, trees_of(path, compiled(path, allow_paths), found.scenario))
+
+
+def verdict_line(form: str, off: dict[str, float]) -> str:
+    """What the comparison of one robot found, as a sentence."""
+    differs: Sequence[str] = [f"{name} by {value:.1e}" for name, value in off.items() if value > EQUAL]
+    if differs:
+        return f"differs from what {READERS[form]} reads in the file: {', '.join(differs)}"
+    names = ", ".join(off)
+    return (
+        f"checked: {names} as {READERS[form]} reads them in the file, to {max(max(off.values()), 1e-17):.0e}"
+    )

@@ -1,0 +1,156 @@
+"""Every command of README and of the pages parses; the slow test runs it in a folder with what it names, and
+compares the exit code with that of the page: 0, or N of a comment `# exit N`.
+
+`docs/tour.md` and `docs/your_scene.md` have tests of their own, which compare what their commands print.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import typer
+
+from touchstone.adapters.registry import installed, missing_reason
+from touchstone.reports.cli import main
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+ELSEWHERE = ("tour.md", "your_scene.md")
+COMMAND = re.compile(r"^(?:    |\$ )\s*(?:\$ )?(touchstone .*)$|^\| `(touchstone [^`]*)` \|")
+"""A line of a block, or the first cell of a table."""
+EXIT = re.compile(r"# exit (\d+)$")
+OPTIONAL = re.compile(r"\[[^]]*\b[A-Z]+\b[^]]*\](\.\.\.)?")
+"""An optional part with a placeholder, which is left out; others are taken without their brackets."""
+STANDS_FOR = {
+    "mypkg.adapter:MyEngine": "toy_engine:ToyEngine",
+    "runs/TIME": "runs/a",
+    "runs/soak-.../soak_123_overlap.toml": "my_scene.toml",
+    "SCENE": "slip",
+    "FILE": "detector_reports.json",
+}
+NOT_RUN = {
+    "touchstone versions": "downloads wheels; tests/reports/versions",
+    "touchstone view runs/versions-TIME": "needs the versions of a package index; tests/reports/versions",
+    "touchstone sweep --tag probe --dask": "needs a cluster; tests/reports/sweep",
+    "touchstone docs": "writes the pages of a checkout; tests/reports/cli/test_docs.py",
+    "touchstone nightly --store nights ": "half an hour; its --quick is run",
+    "touchstone accept last": "needs two nights; tests/reports/nightly",
+    "touchstone study stability [": "an hour; its --quick is run",
+    "touchstone soak": "plays as long as it is asked to; tests/reports/soak",
+}
+"""Start of a command that the slow test leaves out, and why."""
+LONGEST = 1800
+"""Time of a command [s]: three times the longest on an idle machine."""
+
+
+class Documented(NamedTuple):
+    """A command, the page that has it, and its exit code there."""
+
+    page: str
+    text: str
+    code: int
+
+    @property
+    def arguments(self) -> list[str]:
+        """Its words, with what stands for placeholders."""
+        text = OPTIONAL.sub("", self.text).replace("[", "").replace("]", "")
+        for name, value in STANDS_FOR.items():
+            text = text.replace(name, value)
+        words = shlex.split(re.split(r" && | > ", text)[0])
+        return words[1:]
+
+
+def documented() -> Iterator[Documented]:
+    """Commands of all pages, each once."""
+    seen: set[str] = set()
+    for page in PAGES:
+        lines = page.read_text("utf-8").splitlines() if page.name not in ELSEWHERE else []
+        for line, follows in zip(lines, [*lines[1:], ""]):
+            if not (found := COMMAND.match(line)):
+                continue
+            more = f" {follows.strip()}" if follows.strip().startswith("--") else ""
+            text, _, remark = ((found[1] or found[2]) + more).partition(" #")
+            if text.strip() not in seen:
+                seen.add(text.strip())
+                code = EXIT.search(f"#{remark}".strip())
+                yield Documented(page.name, text.strip(), int(code[1]) if code else 0)
+
+
+ALL = list(documented())
+
+
+def test_the_pages_have_commands():
+    """What is left out is documented: no reason outlives its command."""
+    assert len(ALL) > 40
+    for start in NOT_RUN:
+        assert any(one.text.startswith(start.rstrip()) for one in ALL), start
+
+
+@pytest.mark.parametrize("one", ALL, ids=lambda one: f"{one.page} {one.text[:60]}")
+def test_a_documented_command_parses(one, monkeypatch, tmp_path):
+    """Its command, options and the kinds of their values exist."""
+    monkeypatch.chdir(tmp_path)
+    command = typer.main.get_command(main.app)
+    name, arguments, context = "touchstone", one.arguments, None
+    while hasattr(command, "commands"):
+        name, *arguments = arguments
+        command = command.commands[name]
+    context = command.make_context(name, arguments, resilient_parsing=False)
+    assert context.params
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory) -> Path:
+    """A folder with what the pages name: a scene, a robot, an engine, pairs of shapes, and two runs."""
+    folder = tmp_path_factory.mktemp("home")
+    page = (ROOT / "docs" / "your_scene.md").read_text("utf-8")
+    for name, target in (("drop.toml", "my_scene.toml"), ("arm.urdf", "robot.urdf")):
+        block = re.search(rf"```\w+\n(?:#|<!--) file: {re.escape(name)}.*?\n(.*?)```", page, re.DOTALL)
+        assert block is not None
+        (folder / target).write_text(block[1], "utf-8")
+    shutil.copy(ROOT / "docs" / "toy_engine.py", folder)
+    shutil.copy(ROOT / "tests" / "reports" / "studies" / "detector_reports.json", folder)
+    for name in ("a", "b"):
+        code, text = call(folder, ["run", "slip", "--out", f"runs/{name}"])
+        assert code == 0, text
+    return folder
+
+
+def call(folder: Path, arguments: list[str]) -> tuple[int, str]:
+    """Exit code of the program in a folder, and the end of what it said."""
+    program = "import sys; from touchstone.reports.cli.main import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments],
+        cwd=folder,
+        env=os.environ | {"BROWSER": "true"},  # a program that opens nothing
+        capture_output=True,
+        text=True,
+        timeout=LONGEST,
+        check=False,
+    )
+    return done.returncode, f"{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+
+
+@pytest.mark.slow
+@pytest.mark.engines
+@pytest.mark.timeout(LONGEST + 60)
+@pytest.mark.parametrize("one", ALL, ids=lambda one: f"{one.page} {one.text[:60]}")
+def test_a_documented_command_exits_as_its_page_says(one, home):
+    """In a folder with the files that it names; without a traceback."""
+    for start, reason in NOT_RUN.items():
+        if f"{one.text} ".startswith(start) and "--quick" not in one.text:
+            pytest.skip(reason)
+    if "drake" in one.arguments and not installed("drake"):
+        pytest.skip(missing_reason("drake"))
+    code, text = call(home, one.arguments)
+    assert code == one.code, f"exit {code}\n{text}"
+    assert "Traceback" not in text

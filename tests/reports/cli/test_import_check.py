@@ -1,0 +1,96 @@
+"""`touchstone import`: the comparison with the file, of one robot and of folders."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+
+pytest.importorskip("mujoco", reason="not installed (pip install mujoco)")
+
+INERTIAL = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+ARM = f"""<robot name="arm"><link name="base">{INERTIAL}</link>
+<link name="upper">{INERTIAL}</link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.fixture
+def robots(tmp_path):
+    """A folder with two robots of one file name, one that is refused, and a file that is no robot."""
+    for name, text in {
+        "a/arm.urdf": ARM,
+        "b/arm.urdf": ARM.replace('value="2"', 'value="3"'),
+        "c/planar.urdf": ARM.replace("revolute", "planar"),
+        "d/other.xml": "<note/>",
+    }.items():
+        path = tmp_path / "robots" / name
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+
+
+def test_robots_of_a_folder_are_listed_by_result(touchstone, robots, tmp_path):
+    """Equal ones with their deviation, refused ones with element and line; results have a page."""
+    code, out, err = touchstone("import", "--check", "robots", "--out", "found")
+    assert code == 0, err
+    assert "2 equal, 1 refused" in out
+    assert "refused: robots/planar.urdf: planar.urdf:3: joint 'shoulder': type planar" in out
+    code, out, _ = touchstone("import", "--check", "robots", "--out", "again", "--format", "csv")
+    found = {(row["scenario"], row["metric"]): row for row in csv.DictReader(io.StringIO(out))}
+    assert {scene for scene, _ in found} == {"robots/a/arm.urdf", "robots/b/arm.urdf", "robots/planar.urdf"}
+    assert float(found["robots/b/arm.urdf", "robot.mass"]["value"]) <= 1e-9
+    from touchstone.reports.docs.measurements import page_of
+
+    name, text, _ = page_of(tmp_path / "found")
+    assert name == "import.md"
+    assert "# `touchstone import`" in text
+
+
+def test_a_scene_that_differs_from_its_file_is_exit_1(touchstone, robots, monkeypatch):
+    """A comparison that fails names its quantities, for one robot and for many."""
+    from touchstone.adapters.oracles import robot_file
+    from touchstone.reports.studies.robots import study
+
+    assert touchstone("import", "robots/a/arm.urdf", "--as", "arm")[0] == 0
+    off = dict.fromkeys(robot_file.QUANTITIES, 0.0) | {"axes": 1e-3}
+    monkeypatch.setattr(study, "deviations", lambda *_: off)
+    code, _, err = touchstone("import", "robots/a/arm.urdf", "--as", "arm", "--force")
+    assert (code, "differs from what pinocchio reads in the file: axes by 1.0e-03" in err) == (1, True), err
+    code, out, _ = touchstone("import", "--check", "robots", "--out", "found")
+    assert (code, "differs: robots/a/arm.urdf: axes by 1.0e-03" in out) == (1, True), out
+
+
+def test_the_model_card_has_the_file(touchstone, robots):
+    """The card of an imported scene names the file's figures; another file's differ."""
+    code, out, err = touchstone("import", "robots/a/arm.urdf", "--as", "arm")
+    assert "checked: mass, centre, inertia, axes, limits as pinocchio reads them in the file" in out, err
+    card = ("show", "arm", "--model-card", "--format", "csv", "--file")
+    for file, mass, remark in (("a", "4", "the scene agrees"), ("b", "6", "the scene differs: mass by")):
+        code, out, err = touchstone(*card, f"robots/{file}/arm.urdf")
+        assert code == 0, err
+        last = list(csv.DictReader(io.StringIO(out)))[-1]
+        assert (last["model"], last["mass [kg]"]) == ("arm.urdf (pinocchio)", mass)
+        assert last["remark"].startswith(remark)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ((), "expected a robot's file and --as NAME, or --check FOLDER"),
+        (("robots/a/arm.urdf",), "expected a robot's file and --as NAME, or --check FOLDER"),
+        (("--check", "robots", "--as", "arm"), "--check takes folders"),
+        (("--check", "nowhere"), "--check nowhere: no such folder"),
+        (("--check", "robots/d"), "no robots (.urdf, .mjcf, .xml) below robots/d"),
+    ],
+)
+def test_wrong_arguments_are_one_line(touchstone, robots, arguments, line):
+    """Each exits with 2, and names what was expected."""
+    code, _, err = touchstone("import", *arguments)
+    assert (code, line in err, err.count("\n")) == (2, True, 1), err
+
+
+def test_a_file_without_a_card_is_refused(touchstone, robots):
+    """`--file` alone compares nothing."""
+    code, _, err = touchstone("show", "ball_snip", "--file", "robots/a/arm.urdf")
+    assert (code, "--file is compared by --model-card" in err) == (2, True), err

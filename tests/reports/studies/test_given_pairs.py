@@ -1,0 +1,190 @@
+"""Pairs of a file: their truth in closed form, what detectors say of them, and files that are wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.detectors import DETECTORS
+from touchstone.adapters.oracles.minkowski import piece_distance
+from touchstone.reports.studies.interleaved_timing import Measured
+from touchstone.reports.studies.narrow_phase import given_pairs
+from touchstone.scenarios.files.pair_file import read_pairs
+from touchstone.scenarios.files.read import SceneFileError
+from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Piece, Sphere
+
+REPORTS = Path(__file__).with_name("detector_reports.json")
+"""Pairs of public reports about detectors; `source` is the report. Numbers are those of the reports, or of
+regression tests that cite them."""
+HALF = 0.5**0.5
+TURNED = (HALF, 0.0, HALF, 0.0)  # a capsule along x
+CUBE = Box((1.0, 1.0, 1.0))
+
+
+def piece(shape, position=(0.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0)) -> Piece:
+    return Piece("piece", shape, position, orientation)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "distance", "normal"),
+    [
+        (piece(Sphere(2.0)), piece(Sphere(1.0), (0, 5, 0)), 2.0, (0, 1, 0)),
+        (piece(Sphere(2.0)), piece(Sphere(1.0), (0, 0, -2.5)), -0.5, (0, 0, -1)),
+        (piece(CUBE), piece(Sphere(0.1), (0, 0, 0.7)), -0.4, (0, 0, 1)),
+        (piece(Sphere(0.1), (3, 0, 0)), piece(CUBE), 1.9, (-1, 0, 0)),
+        (piece(CUBE), piece(Capsule(0.3, 1.0), (0, 0, 2.5), TURNED), 1.2, (0, 0, 1)),
+        (piece(CUBE), piece(Capsule(0.3, 1.0), (0, 0, 0.9), TURNED), -0.4, (0, 0, 1)),
+        (piece(Capsule(0.3, 1.0)), piece(Capsule(0.2, 1.0), (0, 1, 0), TURNED), 0.5, (0, 1, 0)),
+        (piece(Capsule(0.3, 1.0)), piece(Sphere(0.2), (0, 0, 2)), 0.5, (0, 0, 1)),
+    ],
+)
+def test_the_truth_of_round_pieces_is_their_closed_form(a, b, distance, normal):
+    """Balls and capsules are points and segments less their radii, apart and overlapping."""
+    found, along = piece_distance(a, b)
+    assert found == pytest.approx(distance, abs=1e-14)
+    assert np.allclose(along, normal, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        (piece(Sphere(0.3)), piece(Sphere(0.2))),
+        (piece(Capsule(0.3, 1.0)), piece(Sphere(0.2), (0, 0, 0.5))),
+        (piece(Capsule(0.3, 1.0)), piece(Capsule(0.2, 1.0), (0.5, 0, 0), TURNED)),
+    ],
+)
+def test_segments_that_meet_overlap_by_both_radii(a, b):
+    """The normal is across the segments, where there is one."""
+    distance, normal = piece_distance(a, b)
+    assert distance == pytest.approx(-0.5, abs=1e-14)
+    assert np.linalg.norm(normal) == pytest.approx(1)
+    if isinstance(a.shape, Capsule):
+        assert normal[2] == pytest.approx(0, abs=1e-12)
+
+
+def test_an_ellipsoid_has_no_truth():
+    """It is refused by name."""
+    with pytest.raises(Unsupported, match="no Minkowski difference of ellipsoids"):
+        piece_distance(piece(CUBE), piece(Ellipsoid((1, 2, 3))))
+
+
+def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):
+    """Every pair has a source and a name of its own; the reference is exact to rounding."""
+    for name in DETECTORS.keys() - {"reference.exact"}:
+        monkeypatch.delitem(DETECTORS, name)
+    pairs = read_pairs(REPORTS)
+    assert len(pairs) == 25
+    assert all(pair.source.startswith("https://github.com/") for pair in pairs)
+    frame = given_pairs.run(pairs, tmp_path / "out", lambda *_: None)
+    mine = frame[frame.engine == "reference.exact"]
+    assert sorted(mine.scenario[mine.metric == "distance"]) == sorted(pair.name for pair in pairs)
+    assert mine.value[mine.metric == "depth.error"].max() < 1e-10
+    assert set(mine.reason) == {""}
+    stated = {"fcl_508": 3.0, "fcl_275": 10.0, "libccd_25": -0.1, "mujoco_2206": -0.01, "mujoco_1473": 0.6}
+    truth = frame[frame.engine == "minkowski"].set_index("scenario").value
+    for name, distance in stated.items():
+        assert truth[name] == pytest.approx(distance, abs=1e-9)
+
+
+def answers(*distances: float) -> Measured:
+    """What a detector says of pairs along x."""
+    n = len(distances)
+    normal = np.tile([1.0, 0.0, 0.0], (n, 1))
+    return Measured(np.array(distances), normal, np.full(n, 1e-6), [np.ones((1, 2)) * 1e-7], {}, {})
+
+
+@pytest.fixture
+def spheres(tmp_path):
+    """A file with a pair of balls that overlap, one that touches, and one that is apart by 1 m."""
+    ball = {"shape": {"radius": 0.5}}
+    pairs = [
+        {"name": name, "a": ball, "b": {**ball, "position": [x, 0, 0]}}
+        for name, x in (("over", 0.5), ("touch", 1.0), ("apart", 2.0))
+    ]
+    path = tmp_path / "pairs.json"
+    path.write_text(json.dumps({"pairs": pairs}))
+    return path
+
+
+def test_answers_wrong_in_kind_are_named(monkeypatch, spheres, touchstone):
+    """A gap for an overlap, a contact that is missed, and an answer that is right; each beside its pair."""
+    said = {"reference.exact": (0.1, 0.0, 1.0), "coal": (np.nan, 0.0, np.nan), "bullet": (-0.5, 0.0, 1.0)}
+    monkeypatch.setattr(
+        given_pairs, "measure", lambda *_: {name: answers(*each) for name, each in said.items()}
+    )
+    code, out, err = touchstone("study", "narrow-phase", "--pairs", spheres, "--out", "out")
+    assert code == 0, err
+    lines = [line for line in out.splitlines() if line.startswith(("over", "touch", "apart"))]
+    assert lines == [
+        "over: -0.5 m: reference.exact 1.20 wrong sign, coal 1.00 missed",
+        "touch: 0 m: all agree",
+        "apart: 1 m: all agree",
+    ]
+
+
+def test_a_detector_that_dies_is_asked_one_by_one(monkeypatch, spheres, tmp_path):
+    """It loses the pair of which it dies, and no other."""
+
+    def measure(names, pairs, *_):
+        found = answers(*(float(b.position[0]) - 1 for _, b in pairs))
+        if any(b.position[0] == 0.5 for _, b in pairs):
+            found.distance[:], found.ended = np.nan, ("error", "died: signal SIGABRT")
+        return {"coal": found}
+
+    monkeypatch.setattr(given_pairs, "measure", measure)
+    frame = given_pairs.run(read_pairs(spheres), tmp_path / "out", lambda *_: None)
+    rows = frame[(frame.engine == "coal") & (frame.metric == "distance")].set_index("scenario")
+    assert rows.value[["touch", "apart"]].tolist() == [0.0, 1.0]
+    assert rows.reason["over"] == "threw: died: signal SIGABRT"
+    assert "run" not in set(frame.metric)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ('{"pairs": []}', "p.json:1: pairs: found none, expected at least one"),
+        ('{"pairs": [{"name": "x", "a": {"shape": {"radius": 1}}}]}', "p.json:1: pairs[0].b: missing"),
+        (
+            '{"pairs": [{"name": "x",\n "a": {"shape": {"radius": -1}},\n "b": {"shape": {"radius": 1}}}]}',
+            "p.json:2: pairs[0].a.shape.radius: found -1",
+        ),
+        (
+            '{"pairs": [{"name": "x",\n "a": {"shape": {"radius": 1}, "orientation": [1, 1, 0, 0]},\n'
+            ' "b": {"shape": {"half_extent": [1, 1, 1]}}}]}',
+            "p.json:3: pairs[0].b.shape: found no shape; valid: sphere (radius), box (half_extents)",
+        ),
+        ('{"pairs": [', "p.json:1: not JSON"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_its_line(text, line, tmp_path):
+    """File, line, field, what was found and what is valid."""
+    (tmp_path / "p.json").write_text(text)
+    with pytest.raises(SceneFileError) as error:
+        read_pairs(tmp_path / "p.json")
+    assert line in str(error.value)
+
+
+def test_names_are_unique(spheres):
+    """Rows of two pairs with one name could not be told apart."""
+    spheres.write_text(spheres.read_text().replace("touch", "over"))
+    with pytest.raises(SceneFileError, match=r"pairs\[1\]\.name: found 'over', expected a name of its own"):
+        read_pairs(spheres)
+
+
+@pytest.mark.parametrize(
+    ("pairs", "line"),
+    [
+        ("many", "--pairs many: expected a number of pairs, or a file .json or .toml"),
+        ("missing.json", "missing.json: No such file or directory"),
+        ("-3", "--pairs -3: expected at least"),
+        ("99999999999", "--pairs 99999999999: expected at most 10000000"),
+    ],
+)
+def test_wrong_pairs_are_one_line(touchstone, pairs, line):
+    """Neither a number nor a file."""
+    code, _, err = touchstone("study", "narrow-phase", "--pairs", pairs)
+    assert (code, line in err) == (2, True), err
