@@ -173,8 +173,7 @@ EFFECTS: tuple[Limit, ...] = (
         )
         for effect in PLANNED
     ),
-    Limit("time.left", 0.7, "a plan saves 30 % of the time with all effects", "reference", "gallery"),
-    Limit("time.left", 0.85, "a probe's frame is short: a plan saves 15 % of it", "reference", "probe"),
+    Limit("time.left", 0.75, "a plan saves a quarter of the time with all effects", "reference"),
     Limit("time.slower", 0.02, "a plan costs nothing, whatever it saves", "reference"),
     Limit("time.plan", 0.05, "a plan is made before anybody waits for it", "reference"),
 )

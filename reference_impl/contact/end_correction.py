@@ -33,8 +33,8 @@ def correct_ends(world, count, h, last):
     Args:
         last: measure the errors alone.
     Returns:
-        Largest error of a gap, or of its change by the speed at the end [m]. Rows up to END_ERROR stay as they
-        are.
+        Largest error of a gap, or of its change by the speed at the end [m]. Rows up to END_ERROR stay as
+        they are.
     """
     bodies, pieces, pairs = world.bodies, world.pieces, world.pairs
     if count == len(pairs):

@@ -56,8 +56,8 @@ HOP_HEIGHT = TOUCH_DISTANCE / 4
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 CURVED_ROWS = 64
-"""Most rows of a substep whose curved contacts are corrected: in a heap, the friction of many contacts errs by
-more than their curvature."""
+"""Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this
+takes."""
 HALVINGS = 8
 """Most halvings of such a substep."""
 RESTING_CONTACT_ROUNDS = 10

@@ -103,8 +103,8 @@ def contact_rates(bodies, pieces, pair):
 
 @kernel
 def fastest_turn(bodies, pieces, pair, rate):
-    """Speed at which a pair's normal turns at the rate n', or at which a body turns its round surface, if that
-    is faster [rad/s]. A ball turns only where its centre does, about the centre of mass."""
+    """Speed at which a pair's normal turns at the rate n', or a body turns its round surface, if that is
+    faster [rad/s]. A ball turns only where its centre does, about the centre of mass."""
     most = _dot(rate, rate)
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]

@@ -153,8 +153,8 @@ CAUSES: tuple[Cause, ...] = (
                 "contact.at_distance": "rod_e03",
                 "energy.injected": (
                     "ball_off_sphere_rough ball_snip bowl bowl_of_balls collide_sticks disc_rolls "
-                    "ellipsoid_rocks ellipsoid_rolls prism_rolls rattleback rod_e03 slip slip_seed0 slip_seed1 slip_seed2 table_slide "
-                    "volley"
+                    "ellipsoid_rocks ellipsoid_rolls prism_rolls rattleback rod_e03 slip slip_seed0 "
+                    "slip_seed1 slip_seed2 table_slide volley"
                 ),
                 "friction.direction": "ball_snip:table-ball",
                 "restitution.error": "volley",
