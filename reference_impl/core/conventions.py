@@ -79,6 +79,8 @@ GUARD_UNVISITED, GUARD_SUMMED, GUARD_SLOWED = 0, 1, 2
 SINKING_SHARE, SINKING_DEPTH = 0.1, 1e-5
 """Fraction of the thinner piece's width that a touching pair may sink before separation [1], and the depth
 that it may sink where no driver squeezes it [m]."""
+FACE_CORNERS = 512
+"""Most corners of a face that touches another [1]."""
 MANIFOLD_HEIGHT = 4e-6
 """Height over the support plane below which a vertex belongs to the touching feature, and least extent of a
 manifold [m]: some TOUCH_DISTANCE, because a slightly tilted face still touches at its far end."""

@@ -5,6 +5,7 @@ from touchstone.reference_impl.core.conventions import (
     DEPTH_CACHE_SIZE,
     EPA_FACES,
     EPA_VERTICES,
+    FACE_CORNERS,
     WARM_START_CAPACITY,
 )
 from touchstone.reference_impl.core.counters import COUNTERS, STAGES
@@ -124,6 +125,9 @@ STATE = record(
     w=("f8", (EPA_VERTICES, 3)),
     a=("f8", (EPA_VERTICES, 3)),
     corner=("i8", (EPA_VERTICES, 2)),
+    # corners of the features of A and B, clipped by each other, in the contact frame (`contact_manifold`)
+    lower=("f8", (2 * FACE_CORNERS, 3)),
+    upper=("f8", (2 * FACE_CORNERS, 3)),
     # EPA's polytope (`epa.py`); unsigned 16-bit indices spare Numba's check for negative indices
     start=("u2", (4 * EPA_FACES,)),
     twin=("u2", (4 * EPA_FACES,)),

@@ -9,16 +9,20 @@ the reference face is z = p[0] x + p[1] y + p[2].
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import BOX, CAPSULE, HULL, MANIFOLD_HEIGHT, TOUCH_DISTANCE
+from touchstone.reference_impl.core.conventions import (
+    BOX,
+    CAPSULE,
+    FACE_CORNERS,
+    HULL,
+    MANIFOLD_HEIGHT,
+    TOUCH_DISTANCE,
+)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.geometry.capsule_distance import are_alongside, contact_at_end
 
 DENSE_HEIGHT = 2e-5
 """The same height in a dense substep and where separation moves bodies together, and the largest gap of
 manifold points there [m]: what may land."""
-MANIFOLD_VERTICES = 64
-"""Most vertices of a face that manifold clipping uses."""
-
 NEVER = 1e300
 """Larger than any height [m]."""
 LEAST_SLOPE = 1e-7
@@ -61,7 +65,7 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
             continue
         pair["manifold"] = k
         count, face_on_a = _clipped_feature(a, b, vertices, pair, wide, state)
-        count = _keep_four(state["w"], count)
+        count = _keep_four(state["lower"], count)
         # in reverse: the appended rows start as copies of the pair's row, which the deepest point overwrites
         for c in range(count - 1, -1, -1):
             row = k
@@ -71,7 +75,7 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
                 pairs[rows] = pair
                 row = pair["next_point"] = rows
                 rows += 1
-            _write_point(state["w"][c], face_on_a, pair["point_a"], state, pairs[row])
+            _write_point(state["lower"][c], face_on_a, pair["point_a"], state, pairs[row])
     return rows
 
 
@@ -88,10 +92,10 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
     """Clip the incident feature (face, edge or corner) of one piece by the reference face of the other.
 
     Returns:
-        (count, face_on_a): number of points (x, y, gap) in `state["w"]`, 0 if neither feature is a face, and
-        whether the reference face is A's; its plane is in `state["tangent"]`.
+        (count, face_on_a): number of points (x, y, gap) in `state["lower"]`, 0 if neither feature is a face,
+        and whether the reference face is A's; its plane is in `state["tangent"]`.
     """
-    lower, upper, plane = state["w"], state["a"], state["tangent"]
+    lower, upper, plane = state["lower"], state["upper"], state["tangent"]
     height, reach = (DENSE_HEIGHT, DENSE_HEIGHT) if wide else (MANIFOLD_HEIGHT, TOUCH_DISTANCE)
     _frame(pair["normal"], state["mobility"])
     count_a = _feature(piece_a, vertices, 1.0, pair["point_a"], state["mobility"], height, lower)
@@ -139,7 +143,7 @@ def _flatness(piece, vertices, sign, pair, state, out_edge):
         return 1
     if piece["kind"] != BOX and piece["kind"] != HULL:
         return 0
-    points = state["w"]
+    points = state["lower"]
     count = _feature(piece, vertices, sign, pair["point_a"], state["mobility"], MANIFOLD_HEIGHT, points)
     count = _order(points, count)
     if _plane(points, count, state["tangent"]) > 0:
@@ -217,7 +221,7 @@ def _feature(piece, vertices, sign, origin, frame, depth, out_points):
             height = sign * point[2]
             if gather == 0:
                 top = max(top, height)
-            elif height >= top - depth and kept < MANIFOLD_VERTICES:
+            elif height >= top - depth and kept < FACE_CORNERS:
                 kept += 1
     return kept
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Unsupported, contact_capacity
-from touchstone.adapters.engines.reference.support_table import hull_rows, hull_width
+from touchstone.adapters.engines.reference.support_table import distinct, hull_rows, hull_width
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
 from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
@@ -191,7 +191,8 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
             case Ellipsoid(half_axes):
                 row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
                 row["width"], row["reach"] = 2 * min(half_axes), max(half_axes)
-            case Hull(corners):
+            case Hull(given):
+                corners = distinct(given)
                 rows, row["cells"], row["size"] = hull_rows(corners)
                 if corners not in first:
                     first[corners] = count

@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 
 from touchstone.adapters.contract import Array
 from touchstone.reference_impl.core.world import VERTEX
@@ -30,6 +30,8 @@ LARGEST_CELL_COUNT = 64
 chained lists and vertices."""
 CROWDED = 1 / 16
 """Share of cells with more than four candidates at which refinement stops [1]."""
+MERGED = 1e-7
+"""Distance over a hull's extent up to which corners are one [1]: rounding of single precision."""
 MARGIN = 1e-12
 """Height, relative to the largest coordinate, by which another vertex must be farther [1]: thousands of
 rounding errors. The table therefore returns bitwise the result of brute force, including the lowest index of
@@ -39,6 +41,16 @@ PAIRWISE_COUNT = 16
 farthest vertices only."""
 NUMBERS = 2**16
 SIGNS = np.array([[1 - 2 * (k >> axis & 1) for axis in range(3)] for k in range(8)])
+
+
+@cache
+def distinct(corners: tuple[Vector, ...]) -> tuple[Vector, ...]:
+    """Corners of a hull without those within MERGED of an earlier one, as files in single precision have
+    them: faces between two such corners have no direction."""
+    points = np.array(corners)
+    close = cKDTree(points).query_pairs(MERGED * float(np.ptp(points, axis=0).max()))
+    dropped = {max(pair) for pair in close}
+    return tuple(corner for k, corner in enumerate(corners) if k not in dropped)
 
 
 @cache
