@@ -212,10 +212,10 @@ def _simulate(world):
                 enter_loop(bodies, joints, drivers[d], state["dt"])
                 state["driven_loop"] = 1
     # a crowded frame mostly follows another: do not try event by event again
-    state["calm_events"] = state["curved"] = 0
+    state["calm_events"] = state["curved"] = state["halvings"] = 0
     state["rows"] = state["event_rows"] if state["dense_frame"] == 1 else 0
     for _ in range(EVENT_CAP):
-        time = state["dt"] - left
+        time, halvings = state["dt"] - left, state["halvings"]
         touching, h = gather_contacts(world, left)
         # the inertia of a driver affects only its contacts
         for d in range(len(drivers)):
@@ -245,7 +245,7 @@ def _simulate(world):
         if left <= TIME_MIN:
             break
         state["counters"][COUNT_EVENTS] += 1
-        if fraction == 1 and state["curved"] == 1:
+        if fraction == 1 and state["curved"] == 1 and state["halvings"] == halvings:
             state["calm_events"] += 1
     busy = state["counters"][COUNT_DENSE] > 0 and state["counters"][COUNT_EVENTS] >= DENSE_CALM
     state["dense_frame"] = 1 if busy else 0

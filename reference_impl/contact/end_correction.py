@@ -43,7 +43,7 @@ def correct_ends(world, count, h, last):
     for k in range(count):
         pair = pairs[k]
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
-        if pair["curved"] == 0 or pair["manifold"] >= 0 or not (_is_free(a) and _is_free(b)):
+        if pair["curved"] == 0:
             continue
         found["piece_a"], found["piece_b"] = pair["piece_a"], pair["piece_b"]
         for side in range(2):
@@ -59,12 +59,6 @@ def correct_ends(world, count, h, last):
         for side in range(2):
             pose_along(b if side else a, 0.0)
     return error
-
-
-@kernel
-def _is_free(body):
-    """Whether a body is simulated, or does not move."""
-    return body["kind"] == SIMULATED or not is_moving(body)
 
 
 @kernel

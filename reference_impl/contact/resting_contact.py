@@ -58,8 +58,8 @@ CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 CURVED_ROWS = 64
 """Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this
 takes."""
-HALVINGS = 8
-"""Most halvings of such a substep."""
+HALVINGS = 16
+"""Most halvings of such substeps in a frame."""
 RESTING_CONTACT_ROUNDS = 10
 """Attempts at a substep in which sliding contacts stop or bodies rotate; 1 or 2 are usual."""
 
@@ -77,7 +77,7 @@ def solve_resting_contacts(world, count, time, h):
     """
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    for halvings in range(HALVINGS + 1):
+    while True:
         h = _solve_velocities(world, count, h)
         _solve_positions(world, count, h)
         if len(drivers) > 0:
@@ -86,8 +86,9 @@ def solve_resting_contacts(world, count, time, h):
                 restore_normals(pairs, count)
                 h = _solve_velocities(world, count, h)
                 _solve_positions(world, count, h)
-        if _correct_curves(world, count, h) or halvings == HALVINGS:
+        if _correct_curves(world, count, h) or state["halvings"] == HALVINGS:
             break
+        state["halvings"] += 1
         begin_again(bodies, joints, drivers)
         restore_normals(pairs, count)
         h /= 2
@@ -194,7 +195,7 @@ def _prepare_resting_contacts(world, count, h):
         if state["dense_substep"] == 1 and pair["flat_a"] + pair["flat_b"] == 0:
             continue
         turn = move_to_middle(bodies, world.pieces, pair, h)
-        pair["curved"] = 1 if smooth and is_curved(world.pieces, pair, h) else 0
+        pair["curved"] = 1 if smooth and is_curved(bodies, world.pieces, pair, h) else 0
         if pair["curved"] == 1:
             curved, turned = True, max(turned, turn)
         if state["moving_surfaces"] == 1:

@@ -21,7 +21,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_round,
     velocity_at,
 )
-from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SPHERE
+from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SIMULATED, SPHERE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
@@ -81,9 +81,12 @@ def move_to_middle(bodies, pieces, pair, h):
 
 
 @kernel
-def is_curved(pieces, pair, h):
-    """Whether a row of a round piece approaches or parts by rotation within a substep of length h [s]."""
+def is_curved(bodies, pieces, pair, h):
+    """Whether a row of a round piece, of no manifold and no link of a driver, approaches or parts by rotation
+    within a substep of length h [s]."""
     n, v = pair["normal"], pair["bias"]
+    if pair["manifold"] >= 0 or _is_driven(bodies[pair["body_a"]]) or _is_driven(bodies[pair["body_b"]]):
+        return False
     if abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) * h <= STRAIGHT:
         return False
     return is_round(pieces[pair["piece_a"]]) or is_round(pieces[pair["piece_b"]])
@@ -191,6 +194,12 @@ def _stays(a, b, one, two, pair):
     if pair["flat_b"] == 2 and one["kind"] == SPHERE:
         return not is_moving(b) and is_central(a, one) and has_still_surface(two)
     return False
+
+
+@kernel
+def _is_driven(body):
+    """Whether a body moves within a substep by its driver."""
+    return body["kind"] != SIMULATED and is_moving(body)
 
 
 @kernel

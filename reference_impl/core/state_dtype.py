@@ -47,6 +47,7 @@ STATE = record(
     v_rest="f8",  # upper limit of the approach speed without bounce [m/s]
     contact_turn="f8",  # largest turn of a curved contact within half a substep [rad]
     event_rows="i8",  # contact rows of a frame's event-driven substeps, beyond which substeps are dense
+    halvings="i8",  # halvings of substeps of the frame so far, whose curved contacts did not close
     calm_events="i8",  # substeps of the frame so far that ended early for the accuracy of curved contacts
     rows="i8",  # contact rows of the frame's substeps so far
     last_rows="i8",  # contact rows of the last substep

@@ -68,8 +68,11 @@ CAUSES: tuple[Cause, ...] = (
         "reference",
         AMPLIFIES,
         {
+            "balanced": {
+                "truth.position": "ellipsoid_rocks",
+            },
             "balanced accurate": {
-                "truth.position": "ellipsoid_rocks rattleback tippe_top",
+                "truth.position": "rattleback tippe_top",
             },
         },
     ),
