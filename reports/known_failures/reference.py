@@ -127,8 +127,10 @@ CAUSES: tuple[Cause, ...] = (
         "reference",
         SLIDING,
         {
-            "balanced accurate": {
+            "balanced accurate equal-step": {
                 "symmetry.mirror": "dominoes",
+            },
+            "balanced accurate": {
                 "solver.caps": "arch_thin",
             },
             "accurate": {
