@@ -73,7 +73,7 @@ def tumbling(count: int, seed: int) -> Scenario:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("transform", ["mirrored", "reordered", "translated"])
 @pytest.mark.parametrize(
-    # the last six ended up to 3e-5 m apart: whether a landing was found depended on the order of pairs
+    # the last five ended up to 3e-5 m apart: whether a landing was found depended on the order of pairs
     ("count", "seed"),
     [(1, 1), (2, 2), (2, 102), (2, 104), (4, 101), (4, 102), (4, 105)],
 )
@@ -96,8 +96,8 @@ def test_tumbling_boxes_end_alike(registry, transform: str, count: int, seed: in
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_most_tumbles_of_four_end_alike_elsewhere(registry, profile: str) -> None:
-    """Of twelve throws, all but one end at the translated place, half of them to rounding; in one, rounding may
-    decide which corner lands first."""
+    """Of twelve throws, all but one end at the translated place, half of them to rounding; in one, rounding
+    may decide which corner lands first."""
     apart = []
     for seed in range(1, 13):
         scene = tumbling(4, seed)
