@@ -15,6 +15,7 @@ from math import sqrt
 
 from touchstone.reference_impl.core.conventions import BOX, ELLIPSOID, HULL, SIMULATED, SPHERE
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import cross, dot
 
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which they count as parallel: where they cross moves too
@@ -49,7 +50,7 @@ def contact_rates(bodies, pieces, pair):
     a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     n = _tuple(pair["start_normal"])
-    turn_a, turn_b = _cross(_omega(a), n), _cross(_omega(b), n)
+    turn_a, turn_b = cross(_omega(a), n), cross(_omega(b), n)
     v_a, v_b = velocity_at(a, pair["point_a"]), velocity_at(b, pair["point_b"])
     flat_a, flat_b = pair["flat_a"], pair["flat_b"]
     to_a, to_b = _height(pair["point_a"], pair["point"], n), _height(pair["point_b"], pair["point"], n)
@@ -61,51 +62,51 @@ def contact_rates(bodies, pieces, pair):
         return True, turn_b, _plus(x, -to_a, turn_b)
     e, f = _tuple(pair["edge_a"]), _tuple(pair["edge_b"])
     apart = max(0.0, to_b - to_a)
-    cos = _dot(e, f)
-    sin2 = _dot(e, e) - cos * cos
+    cos = dot(e, f)
+    sin2 = dot(e, e) - cos * cos
     crossing = flat_a + flat_b == 2 and sin2 > LEAST_CROSSING
     if crossing:
-        along_a, along_b = _dot(turn_a, e), _dot(turn_b, f)
+        along_a, along_b = dot(turn_a, e), dot(turn_b, f)
         rate = _plus(_times((along_a - cos * along_b) / sin2, e), (along_b - cos * along_a) / sin2, f)
     else:
         u = _plus(v_b, -1.0, v_a)
         pull = _plus(_plus(u, 1.0, _bend(one, n, turn_a)), 1.0, _bend(two, n, turn_b))
         t = e if flat_a == 1 else (f if flat_b == 1 else _tangent(n))
-        s = _cross(n, t)
+        s = cross(n, t)
         across = _plus(_plus(_times(apart, s), 1.0, _bend(one, n, s)), 1.0, _bend(two, n, s))
-        st, ss, pull_s = _dot(across, t), _dot(across, s), _dot(pull, s)
+        st, ss, pull_s = dot(across, t), dot(across, s), dot(pull, s)
         if flat_a + flat_b > 0:
             if ss <= LEAST_RADIUS:
                 return False, n, n
-            along = _dot(turn_a if flat_a == 1 else turn_b, t)
+            along = dot(turn_a if flat_a == 1 else turn_b, t)
         else:
             own = _plus(_plus(_times(apart, t), 1.0, _bend(one, n, t)), 1.0, _bend(two, n, t))
-            tt = _dot(own, t)
+            tt = dot(own, t)
             least = tt * ss - st * st
             if least <= LEAST_RADIUS * (tt + ss):
                 return False, n, n
-            along = (_dot(pull, t) * ss - pull_s * st) / least
+            along = (dot(pull, t) * ss - pull_s * st) / least
         rate = _plus(_times(along, t), (pull_s - along * st) / ss, s)
     x_a = _plus(v_a, 1.0, _bend(one, n, _plus(rate, -1.0, turn_a)))
     x_b = _plus(v_b, -1.0, _bend(two, n, _plus(rate, -1.0, turn_b)))
     if crossing:
         # the points move along their edges too, so that they stay opposite to each other
         way = _plus(_plus(x_b, -1.0, x_a), -apart, rate)
-        over_a, over_b = _dot(way, e), _dot(way, f)
+        over_a, over_b = dot(way, e), dot(way, f)
         x_a = _plus(x_a, (over_a - cos * over_b) / sin2, e)
         x_b = _plus(x_b, -(over_b - cos * over_a) / sin2, f)
     x_a, x_b = _plus(x_a, -to_a, rate), _plus(x_b, -to_b, rate)
     # a point on an edge may be anywhere along it: the other surface tells
     share = 0.5 * (1 + flat_a - flat_b)
     x = _plus(_times(1 - share, x_a), share, x_b)
-    return True, rate, _plus(x, (_dot(v_a, n) + _dot(v_b, n)) / 2 - _dot(x, n), n)
+    return True, rate, _plus(x, (dot(v_a, n) + dot(v_b, n)) / 2 - dot(x, n), n)
 
 
 @kernel
 def fastest_turn(bodies, pieces, pair, rate):
     """Speed at which a pair's normal turns at the rate n', or a body turns its round surface, if that is
     faster [rad/s]. A ball turns only where its centre does, about the centre of mass."""
-    most = _dot(rate, rate)
+    most = dot(rate, rate)
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]
         piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
@@ -113,9 +114,9 @@ def fastest_turn(bodies, pieces, pair, rate):
             w = _omega(body)
             if piece["kind"] == SPHERE:
                 arm = _plus(_tuple(piece["world_position"]), -1.0, _tuple(body["center"]))
-                size = _dot(arm, arm)
-                w = _times(1 / sqrt(size) if size > 0 else 0.0, _cross(w, arm))
-            most = max(most, _dot(w, w))
+                size = dot(arm, arm)
+                w = _times(1 / sqrt(size) if size > 0 else 0.0, cross(w, arm))
+            most = max(most, dot(w, w))
     return sqrt(most)
 
 
@@ -188,16 +189,6 @@ def _column(m, j, v):
 @kernel
 def _tuple(v):
     return v[0], v[1], v[2]
-
-
-@kernel
-def _dot(u, v):
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-@kernel
-def _cross(u, v):
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
 @kernel

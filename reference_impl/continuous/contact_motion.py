@@ -2,10 +2,10 @@
 
 Over a substep bodies rotate, and contact points and normals move with them. Impulses at the points of its
 start do work on a body that pivots, and let a touching pair sink or part by h^2 / 2 times J' v. Rows
-therefore act at the geometry that the velocities of the start predict for the middle of the
-substep (midpoint rule), and add `bias`, the change of the relative velocity from there to the end. The pair
-then stays in contact to third order in h, and both bodies receive the impulse at one place, so their total
-angular momentum is kept.
+therefore act at the geometry that the velocities of the start predict for the middle of the substep (midpoint
+rule), and add `bias`, the change of the relative velocity from there to the end. The pair then stays in
+contact to third order in h, and both bodies receive the impulse at one place, so their total angular momentum
+is kept.
 
 `contact_kinematics.py` computes how contact point and normal move with the surfaces that touch;
 `contact/end_correction.py` corrects both where these curve.

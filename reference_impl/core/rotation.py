@@ -135,3 +135,15 @@ def invert_symmetric(m, out_matrix):
     out_matrix[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]) * inverse
     out_matrix[1, 2] = out_matrix[2, 1] = (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]) * inverse
     out_matrix[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]) * inverse
+
+
+@kernel
+def dot(u, v):
+    """Scalar product of two vectors (3,), arrays or tuples."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@kernel
+def cross(u, v):
+    """Vector product of two vectors (3,), arrays or tuples, as a tuple."""
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]

@@ -14,6 +14,7 @@ from touchstone.reference_impl.core.conventions import (
     TOUCHING_DISTANCE_SHARE,
 )
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import cross, dot
 
 
 @kernel
@@ -29,8 +30,8 @@ def segment_distance(piece_a, piece_b, out_pair):
     u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
     s, t = _nearest_places(u, v, c)
     w = _core_vector(u, v, c, s, t)
-    gap = sqrt(_dot(w, w))
-    if gap <= TOUCHING_DISTANCE_SHARE * (sqrt(_dot(u, u)) + sqrt(_dot(v, v)) + sqrt(_dot(c, c))):
+    gap = sqrt(dot(w, w))
+    if gap <= TOUCHING_DISTANCE_SHARE * (sqrt(dot(u, u)) + sqrt(dot(v, v)) + sqrt(dot(c, c))):
         w = _across(u, v, w)
     _write_contact(piece_a, piece_b, u, v, s, t, w, out_pair)
     out_pair["distance"] = gap - piece_a["radius"] - piece_b["radius"]
@@ -45,11 +46,11 @@ def are_alongside(piece_a, piece_b, within):
         return False
     u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
     (s, t), (p, q) = _facing_end(u, v, c, 1.0), _facing_end(u, v, c, -1.0)
-    if min(abs(s - p) * sqrt(_dot(u, u)), abs(t - q) * sqrt(_dot(v, v))) <= MANIFOLD_HEIGHT:
+    if min(abs(s - p) * sqrt(dot(u, u)), abs(t - q) * sqrt(dot(v, v))) <= MANIFOLD_HEIGHT:
         return False
     for x, y in ((s, t), (p, q)):
         w = _core_vector(u, v, c, x, y)
-        gap = sqrt(_dot(w, w))
+        gap = sqrt(dot(w, w))
         if gap == 0 or gap - piece_a["radius"] - piece_b["radius"] > within:
             return False
     return True
@@ -91,7 +92,7 @@ def _core_vector(u, v, c, s, t):
 def _write_contact(piece_a, piece_b, u, v, s, t, w, out_pair):
     """Write the distance, normal and witnesses of core points with the vector w, or parallel to it, between
     them; the distance is that of w."""
-    a, b, length = piece_a["world_position"], piece_b["world_position"], sqrt(_dot(w, w))
+    a, b, length = piece_a["world_position"], piece_b["world_position"], sqrt(dot(w, w))
     n, r_a, r_b = out_pair["normal"], piece_a["radius"], piece_b["radius"]
     n[0], n[1], n[2] = w[0] / length, w[1] / length, w[2] / length
     for i in range(3):
@@ -107,26 +108,16 @@ def _half_core(piece):
 
 
 @kernel
-def _dot(p, q):
-    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
-
-
-@kernel
-def _cross(p, q):
-    return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
-
-
-@kernel
 def _foot(p, x, y, z):
     """Parameter in [-1, 1] of the point on the core with half vector p that is nearest to (x, y, z)."""
-    square = _dot(p, p)
-    return min(1.0, max(-1.0, _dot(p, (x, y, z)) / square)) if square > 0 else 0.0
+    square = dot(p, p)
+    return min(1.0, max(-1.0, dot(p, (x, y, z)) / square)) if square > 0 else 0.0
 
 
 @kernel
 def _are_parallel(u, v):
-    n = _cross(u, v)
-    return _dot(n, n) <= PARALLEL_SINE * PARALLEL_SINE * _dot(u, u) * _dot(v, v)
+    n = cross(u, v)
+    return dot(n, n) <= PARALLEL_SINE * PARALLEL_SINE * dot(u, u) * dot(v, v)
 
 
 @kernel
@@ -138,14 +129,14 @@ def _nearest_places(u, v, c):
         s += _foot(u, -v[0] - c[0], -v[1] - c[1], -v[2] - c[2]) / 2
         return s, _foot(v, c[0] + s * u[0], c[1] + s * u[1], c[2] + s * u[2])
     # candidates: the lines' closest points (cross products lose half the digits of a determinant), and ends
-    n = _cross(u, v)
-    cross = min(1.0, max(-1.0, _dot(_cross(v, c), n) / _dot(n, n)))
+    n = cross(u, v)
+    nearest = min(1.0, max(-1.0, dot(cross(v, c), n) / dot(n, n)))
     best_s = best_t = 0.0
     least = -1.0
     for k in range(5):
         end = 1.0 if k % 2 == 0 else -1.0
         if k < 3:
-            s = cross if k == 2 else end
+            s = nearest if k == 2 else end
             t = _foot(v, c[0] + s * u[0], c[1] + s * u[1], c[2] + s * u[2])
         else:
             s, t = _foot(u, end * v[0] - c[0], end * v[1] - c[1], end * v[2] - c[2]), end
@@ -160,16 +151,16 @@ def _nearest_places(u, v, c):
 def _across(u, v, w):
     """A direction perpendicular to both cores, on the side of w."""
     if _are_parallel(u, v):
-        p = u if _dot(u, u) >= _dot(v, v) else v
+        p = u if dot(u, u) >= dot(v, v) else v
         x, y, z = abs(p[0]), abs(p[1]), abs(p[2])
         if x + y + z == 0.0:
             return 0.0, 0.0, 1.0
         ex = 1.0 if x <= y and x <= z else 0.0
         ey = 1.0 if ex == 0.0 and y <= z else 0.0
-        n = _cross(p, (ex, ey, 1.0 - ex - ey))
+        n = cross(p, (ex, ey, 1.0 - ex - ey))
     else:
-        p, n = u, _cross(u, v)
+        p, n = u, cross(u, v)
     # remove the component along a core that rounding leaves: it matters for nearly parallel cores
-    along = _dot(n, p) / _dot(p, p)
+    along = dot(n, p) / dot(p, p)
     n = (n[0] - along * p[0], n[1] - along * p[1], n[2] - along * p[2])
-    return n if _dot(n, w) >= 0 else (-n[0], -n[1], -n[2])
+    return n if dot(n, w) >= 0 else (-n[0], -n[1], -n[2])

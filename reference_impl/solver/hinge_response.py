@@ -19,8 +19,8 @@ are taken at the driver's centre of mass.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import invert_symmetric, rotate
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import cross, dot, invert_symmetric, rotate
 from touchstone.reference_impl.kinematics.skeleton import composite_inertia
 
 
@@ -75,11 +75,11 @@ def _set_inertia(bodies, joints, driver):
         a, arm, m, inertia = joint["world_axis"], joint["arm"], joint["moved_moment"], joint["moved_inertia"]
         rotate(bodies[joint["parent"]]["rotation"], joint["axis"], a)
         o, c, mass = bodies[joint["child"]]["position"], driver["center"], joint["moved_mass"]
-        arm[0], arm[1], arm[2] = _cross(a, (c[0] - o[0], c[1] - o[1], c[2] - o[2]))
-        x, y, z = _cross(a, m)
+        arm[0], arm[1], arm[2] = cross(a, (c[0] - o[0], c[1] - o[1], c[2] - o[2]))
+        x, y, z = cross(a, m)
         p = joint["push"]
         p[0], p[1], p[2] = x + mass * arm[0], y + mass * arm[1], z + mass * arm[2]
-        x, y, z = _cross(m, arm)
+        x, y, z = cross(m, arm)
         rotate(inertia, a, joint["spin"])
         spin = joint["spin"]
         spin[0], spin[1], spin[2] = spin[0] + x, spin[1] + y, spin[2] + z
@@ -94,11 +94,11 @@ def _set_inertia(bodies, joints, driver):
         for j in range(first, k + 1):
             column = joints[j]["coordinate"]
             if column >= 0:
-                s[row, column] = -_dot(p, joints[j]["recoil"]) - _dot(spin, joints[j]["recoil_turn"])
+                s[row, column] = -dot(p, joints[j]["recoil"]) - dot(spin, joints[j]["recoil_turn"])
         j = k
         while j >= 0:
             if joints[j]["coordinate"] >= 0:
-                s[row, joints[j]["coordinate"]] += _dot(joints[j]["arm"], p) + _dot(
+                s[row, joints[j]["coordinate"]] += dot(joints[j]["arm"], p) + dot(
                     joints[j]["world_axis"], spin
                 )
             j = joints[j]["inner"]
@@ -113,16 +113,6 @@ def _factorise(s, count):
             for k in range(j):
                 total -= s[i, k] * s[j, k]
             s[i, j] = sqrt(total) if i == j else total / s[j, j]
-
-
-@inlined_kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inlined_kernel
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
@@ -194,16 +184,16 @@ def push_hinges(joints, driver, k, point, px, py, pz):
     """Change the rates of a driver's hinges by an impulse (px, py, pz) [N s] at a point moved by hinge k."""
     s, count, x, c = driver["hinge_factor"], driver["hinge_count"], driver["hinge_response"], driver["center"]
     p = (px, py, pz)
-    moment = _cross((point[0] - c[0], point[1] - c[1], point[2] - c[2]), p)
+    moment = cross((point[0] - c[0], point[1] - c[1], point[2] - c[2]), p)
     x[:] = 0.0
     while k >= 0:
         joint = joints[k]
         if joint["coordinate"] >= 0:
-            x[joint["coordinate"]] = _dot(joint["arm"], p) + _dot(joint["world_axis"], moment)
+            x[joint["coordinate"]] = dot(joint["arm"], p) + dot(joint["world_axis"], moment)
         k = joint["inner"]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         if joints[k]["coordinate"] >= 0:
-            recoil = _dot(joints[k]["recoil"], p) + _dot(joints[k]["recoil_turn"], moment)
+            recoil = dot(joints[k]["recoil"], p) + dot(joints[k]["recoil_turn"], moment)
             x[joints[k]["coordinate"]] -= recoil
     for i in range(count):
         for j in range(i):
@@ -225,7 +215,7 @@ def turn_at_once(joints, driver):
         rate, r = driver["hinge_response"][joint["coordinate"]], joint["recoil_turn"]
         joint["rate"] += rate
         joint["offset_rate"] += rate
-        x, y, z = _cross(r, away)
+        x, y, z = cross(r, away)
         v[0] -= rate * (joint["recoil"][0] + x)
         v[1] -= rate * (joint["recoil"][1] + y)
         v[2] -= rate * (joint["recoil"][2] + z)
