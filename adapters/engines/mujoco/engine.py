@@ -90,16 +90,7 @@ class MujocoEngine:
         """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""
         require_profile(self.name, settings)
         write_no_log_file()
-        spec = mujoco.MjSpec()
-        set_options(spec, scenario, settings)
-        posed = settings.drive == "posed"
-        driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
-        drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
-        bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), posed)
-        add_contacts(spec, bodies, scenario, settings)
-        if settings.drive == "native":
-            for drive, tracker in zip(drives, driven):
-                add_servos(spec, tracker.joints, drive)
+        spec, bodies, drives = translated(scenario, settings)
         try:
             model = spec.compile()
         except ValueError as error:
@@ -110,6 +101,21 @@ class MujocoEngine:
     def version(self) -> str:
         """Version of the loaded library."""
         return mujoco.mj_versionString()
+
+
+def translated(scenario: Scenario, settings: Settings) -> tuple[Any, dict[int, Any], list[Drive]]:
+    """The spec of a scenario, its bodies by the scenario's index, and the drives of its trackers."""
+    spec = mujoco.MjSpec()
+    set_options(spec, scenario, settings)
+    posed = settings.drive == "posed"
+    driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
+    drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
+    bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), posed)
+    add_contacts(spec, bodies, scenario, settings)
+    if settings.drive == "native":
+        for drive, tracker in zip(drives, driven):
+            add_servos(spec, tracker.joints, drive)
+    return spec, bodies, drives
 
 
 class World:

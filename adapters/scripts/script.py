@@ -1,0 +1,165 @@
+"""A script in an engine's own API that plays a scene as its adapter does, and the lines that set its settings.
+
+Each engine writes `Parts` (`script.py` beside its adapter); the text is the same for all engines. The lines of
+settings are taken from what the adapter has set, so that a line to paste does what the recording shows.
+"""
+
+from __future__ import annotations
+
+import base64
+import textwrap
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from touchstone.adapters.contract import Array, Settings, Unsupported
+from touchstone.adapters.recorder import substeps
+from touchstone.scenarios.avatar.kinematics import matrix
+from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.scenario import UNMOVED, Scenario
+
+MOST_LINES = 60
+"""Lines of a script."""
+MOST_COMMANDS = 2**19
+"""Largest text of the recorded commands of driven bodies [characters]."""
+WIDTH = 110
+MOMENTS = 10
+"""Times that a script prints."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What an engine writes for a scene.
+
+    Attributes:
+        requirement: what pip installs.
+        imports: statements.
+        settings: lines that set the engine's settings.
+        scene: lines that build all else.
+        step: lines that advance by one native step; `row` is that of `commands`.
+        bodies: name of a moving body -> expression of it in the script.
+        position: expression of the position of `body`; what is printed.
+        read: lines before positions are read.
+        commands: numbers of all steps (s, n) for driven bodies; None without any.
+        of_mass: whether `position` is the centre of mass instead of the body's origin.
+    """
+
+    requirement: str
+    imports: Sequence[str]
+    settings: Sequence[str]
+    scene: Sequence[str]
+    step: Sequence[str]
+    bodies: Mapping[str, str]
+    position: str
+    read: Sequence[str] = ()
+    commands: Array | None = None
+    of_mass: bool = False
+    notes: Sequence[str] = field(default_factory=tuple)
+
+
+def moments(scenario: Scenario) -> list[int]:
+    """Displayed frames at which a script prints positions, the last one included."""
+    return sorted({round(k) for k in np.linspace(0, scenario.frame_count, MOMENTS + 1)[1:]})
+
+
+def moving(scenario: Scenario) -> list[int]:
+    """Indices of the bodies that a script prints."""
+    return [k for k, body in enumerate(scenario.bodies) if body.kind not in UNMOVED]
+
+
+def text_of(parts: Parts, scenario: Scenario, settings: Settings, head: Sequence[str]) -> str:
+    """The script.
+
+    Args:
+        head: lines of its docstring.
+    Raises:
+        Unsupported: it would have more than MOST_LINES lines.
+    """
+    dt, each = settings.dt, substeps(scenario, settings.dt)
+    lines = ['"""' + head[0], *head[1:], '"""', "", *parts.imports, ""]
+    lines += [*parts.settings, *parts.scene]
+    if parts.commands is not None:
+        lines.append(f"commands = {packed(parts.commands)}")
+    pairs = ", ".join(f"{name!r}: {one}" for name, one in parts.bodies.items())
+    lines += [f"bodies = {{{pairs}}}", f"shown = {moments(scenario)!r}  # of {scenario.frame_rate} frames a second"]
+    lines += [*_truth(scenario, parts.of_mass), f"for frame in range(1, {scenario.frame_count + 1}):"]
+    lines += [f"    for step in range({each} * (frame - 1), {each} * frame):  # {dt:.9g} s each"]
+    if parts.commands is not None:
+        lines.append("        row = commands[step]")
+    lines += [f"        {line}" for line in parts.step]
+    lines += ["    if frame in shown:", *(f"        {line}" for line in parts.read)]
+    lines += ["        for name, body in bodies.items():", f"            x, y, z = {parts.position}"]
+    lines += [f"            print(f\"{{frame / {scenario.frame_rate}:.4f}} {{x}} {{y}} {{z}} {{name}}\")"]
+    if _truths(scenario):
+        lines += [
+            f"            if frame == {scenario.frame_count} and name in truth:",
+            "                off = sum((a - b) ** 2 for a, b in zip((x, y, z), truth[name])) ** 0.5",
+            '                print(f"  {name} is {off:.3g} m from the closed form")',
+        ]
+    if len(lines) > MOST_LINES:
+        raise Unsupported(
+            f"a script of {scenario.name} would have {len(lines)} lines, more than {MOST_LINES}: "
+            "the scene has too many bodies"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _truths(scenario: Scenario) -> list[int]:
+    names = {truth.body for truth in scenario.truths}
+    return [k for k in moving(scenario) if scenario.bodies[k].name in names]
+
+
+def _truth(scenario: Scenario, of_mass: bool) -> list[str]:
+    """Line with the positions of the closed form at the scene's end."""
+    truths = {truth.body: truth for truth in scenario.truths}
+    found = {}
+    for k in _truths(scenario):
+        body = scenario.bodies[k]
+        end = motion(scenario, truths[body.name], np.array([scenario.frame_count / scenario.frame_rate]))
+        arm = np.zeros(3) if of_mass else matrix(end.orientation[0]) @ body.center_of_mass
+        found[body.name] = tuple((end.position[0] - arm).tolist())
+    return [f"truth = {found!r}  # [m] closed form at the end"] if found else []
+
+
+def packed(commands: Array) -> str:
+    """Expression of numbers (s, n), to the bit: base64 of their compressed bytes.
+
+    Raises:
+        Unsupported: the text has more than MOST_COMMANDS characters.
+    """
+    data = base64.b64encode(zlib.compress(np.ascontiguousarray(commands).tobytes(), 9)).decode()
+    if len(data) > MOST_COMMANDS:
+        raise Unsupported(
+            f"the recorded commands of the driven bodies take {len(data)} characters, more than {MOST_COMMANDS}"
+        )
+    inner = f'zlib.decompress(base64.b64decode("{data}"))'
+    return f"np.frombuffer({inner}).reshape({commands.shape[0]}, {commands.shape[1]})"
+
+
+def literal(value: Any) -> str:
+    """Python text of numbers, names and nested sequences, to the bit; what is not finite as float(...)."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, (tuple, list)):
+        inner = ", ".join(map(literal, value))
+        if isinstance(value, list):
+            return f"[{inner}]"
+        return f"({inner},)" if len(value) == 1 else f"({inner})"
+    if isinstance(value, float) and not isfinite(value):
+        return f'float("{value}")'
+    if isinstance(value, int) and not isinstance(value, bool):
+        return repr(int(value))
+    return repr(value)
+
+
+def wrapped(text: str, indent: str = "    ") -> list[str]:
+    """A statement in brackets as lines of at most WIDTH characters, where blanks allow it."""
+    return textwrap.wrap(
+        text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
