@@ -30,7 +30,6 @@ ELSEWHERE = {
     "body": ("explicitinertial", "mass", "ipos", "iquat", "inertia", "fullinertia", "ialt"),
     "joint": ("type", "align"),
     "mesh": ("uservert",),
-    "actuator": ("trntype", "target"),
 }
 """Fields that are written elsewhere, or that follow from the element."""
 RENAMED = {
@@ -49,8 +48,6 @@ RENAMED = {
 WORDS: dict[str, type] = {
     "jacobian": mujoco.mjtJacobian,
     "type": mujoco.mjtGeom,
-    "biastype": mujoco.mjtBias,
-    "gaintype": mujoco.mjtGain,
     "inertia": mujoco.mjtMeshInertia,
     "limited": mujoco.mjtLimited,
     "inertiafromgeom": mujoco.mjtInertiaFromGeom,
@@ -139,9 +136,7 @@ class _Document:
         ]
         contact = [self._plain("pair", one) for one in spec.pairs]
         contact += [self._plain("exclude", one) for one in spec.excludes]
-        servos = [
-            _element("general", self._named("actuator", one) | {"joint": one.target}) for one in spec.actuators
-        ]
+        servos = [_servo(one) for one in spec.actuators]
         groups = (("asset", meshes), ("contact", contact), ("actuator", servos))
         bodies = [self._body(body) for body in spec.worldbody.bodies]
         found = ["<worldbody>", *bodies, "</worldbody>"]
@@ -169,7 +164,7 @@ class _Document:
     def _named(self, kind: str, one: Any) -> Attributes:
         found = self._attributes(kind, one)
         for key in ("name", "mesh", "geom1", "geom2", "body1", "body2"):
-            if key in found and kind not in ("joint", "actuator"):
+            if key in found and kind != "joint":
                 body, dot, piece = found[key].partition(".")
                 found[key] = self._names.get(body, body) + dot + piece
         return found
@@ -196,7 +191,6 @@ _DEFAULTS: Mapping[str, Callable[[], Any]] = {
     "mesh": lambda: mujoco.MjSpec().add_mesh(),
     "pair": lambda: mujoco.MjSpec().add_pair(),
     "exclude": lambda: mujoco.MjSpec().add_exclude(),
-    "actuator": lambda: mujoco.MjSpec().add_actuator(),
 }
 """New elements, with MuJoCo's defaults."""
 
@@ -239,6 +233,15 @@ def _inertial(body: Any) -> Attributes:
     if np.isfinite(body.fullinertia).all() and np.any(body.fullinertia):
         return found | {"fullinertia": _numbers(body.fullinertia)}
     return found | {"diaginertia": _numbers(body.inertia)}
+
+
+def _servo(actuator: Any) -> str:
+    """A position actuator of a hinge, whose gain says all."""
+    stiffness, bias = actuator.gainprm[0], actuator.biasprm
+    if bias[1] != -stiffness or np.count_nonzero(bias) > 1:
+        raise Unsupported(f"mujoco: no words for the actuator {actuator.name!r}, which is no position servo")
+    names = {"name": actuator.name, "joint": actuator.target}
+    return _element("position", names | {"kp": _numbers(stiffness)})
 
 
 def _shared(elements: list[Attributes]) -> Attributes:
