@@ -9,8 +9,8 @@ from __future__ import annotations
 import base64
 import textwrap
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -26,7 +26,8 @@ MOST_LINES = 60
 """Lines of a script."""
 MOST_COMMANDS = 2**19
 """Largest text of the recorded commands of driven bodies [characters]."""
-WIDTH = 110
+WIDTH, UNLIMITED = 110, 10**9
+"""Width of lines, and that of rows of numbers where a script has too many lines [characters]."""
 MOMENTS = 10
 """Times that a script prints."""
 
@@ -39,7 +40,7 @@ class Parts:
         requirement: what pip installs.
         imports: statements.
         settings: lines that set the engine's settings.
-        scene: lines that build all else.
+        scene: lines that build all else, for a width of lines [characters].
         step: lines that advance by one native step; `row` is that of `commands`.
         bodies: name of a moving body -> expression of it in the script.
         position: expression of the position of `body`; what is printed.
@@ -51,14 +52,13 @@ class Parts:
     requirement: str
     imports: Sequence[str]
     settings: Sequence[str]
-    scene: Sequence[str]
+    scene: Callable[[int], Sequence[str]]
     step: Sequence[str]
     bodies: Mapping[str, str]
     position: str
     read: Sequence[str] = ()
     commands: Array | None = None
     of_mass: bool = False
-    notes: Sequence[str] = field(default_factory=tuple)
 
 
 def moments(scenario: Scenario) -> list[int]:
@@ -79,33 +79,39 @@ def text_of(parts: Parts, scenario: Scenario, settings: Settings, head: Sequence
     Raises:
         Unsupported: it would have more than MOST_LINES lines.
     """
-    dt, each = settings.dt, substeps(scenario, settings.dt)
-    lines = ['"""' + head[0], *head[1:], '"""', "", *parts.imports, ""]
-    lines += [*parts.settings, *parts.scene]
-    if parts.commands is not None:
-        lines.append(f"commands = {packed(parts.commands)}")
-    pairs = ", ".join(f"{name!r}: {one}" for name, one in parts.bodies.items())
-    lines += [f"bodies = {{{pairs}}}", f"shown = {moments(scenario)!r}  # of {scenario.frame_rate} frames a second"]
-    lines += [*_truth(scenario, parts.of_mass), f"for frame in range(1, {scenario.frame_count + 1}):"]
-    lines += [f"    for step in range({each} * (frame - 1), {each} * frame):  # {dt:.9g} s each"]
-    if parts.commands is not None:
-        lines.append("        row = commands[step]")
-    lines += [f"        {line}" for line in parts.step]
-    lines += ["    if frame in shown:", *(f"        {line}" for line in parts.read)]
-    lines += ["        for name, body in bodies.items():", f"            x, y, z = {parts.position}"]
-    lines += [f"            print(f\"{{frame / {scenario.frame_rate}:.4f}} {{x}} {{y}} {{z}} {{name}}\")"]
-    if _truths(scenario):
-        lines += [
-            f"            if frame == {scenario.frame_count} and name in truth:",
-            "                off = sum((a - b) ** 2 for a, b in zip((x, y, z), truth[name])) ** 0.5",
-            '                print(f"  {name} is {off:.3g} m from the closed form")',
-        ]
-    if len(lines) > MOST_LINES:
-        raise Unsupported(
-            f"a script of {scenario.name} would have {len(lines)} lines, more than {MOST_LINES}: "
-            "the scene has too many bodies"
-        )
-    return "\n".join(lines) + "\n"
+    for width in (WIDTH, UNLIMITED):
+        lines = _lines(parts, scenario, settings, head, width)
+        if len(lines) <= MOST_LINES:
+            return "\n".join(lines) + "\n"
+    raise Unsupported(
+        f"a script of {scenario.name} would have {len(lines)} lines, more than {MOST_LINES}: its bodies differ"
+    )
+
+
+def _lines(
+    parts: Parts, scenario: Scenario, settings: Settings, head: Sequence[str], width: int
+) -> list[str]:
+    rate, frames, each = scenario.frame_rate, scenario.frame_count, substeps(scenario, settings.dt)
+    names = ", ".join(f"{name!r}: {one}" for name, one in parts.bodies.items())
+    driven = parts.commands is not None
+    commands = [f"commands = {packed(parts.commands)}"] if parts.commands is not None else []
+    off = [
+        f"            if frame == {frames} and name in truth:",
+        "                off = sum((a - b) ** 2 for a, b in zip((x, y, z), truth[name])) ** 0.5",
+        '                print(f"  {name} is {off:.3g} m from the closed form")',
+    ]
+    return [
+        *('"""' + head[0], *head[1:], '"""', "", *parts.imports, "", *parts.settings, *parts.scene(width)),
+        *(*commands, f"bodies = {{{names}}}", f"shown = {moments(scenario)!r}  # of {rate} frames a second"),
+        *(*_truth(scenario, parts.of_mass), f"for frame in range(1, {frames + 1}):"),
+        f"    for step in range({each} * (frame - 1), {each} * frame):  # {settings.dt:.9g} s each",
+        *(f"        {line}" for line in (["row = commands[step]"] if driven else [])),
+        *(f"        {line}" for line in parts.step),
+        *("    if frame in shown:", *(f"        {line}" for line in parts.read)),
+        *("        for name, body in bodies.items():", f"            x, y, z = {parts.position}"),
+        f'            print(f"{{frame / {rate}:.4f}} {{x}} {{y}} {{z}} {{name}}")',
+        *(off if _truths(scenario) else []),
+    ]
 
 
 def _truths(scenario: Scenario) -> list[int]:

@@ -86,7 +86,7 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
         f"mujoco=={mujoco.__version__}",
         [*packing, "import mujoco", *(["import numpy as np"] if commands is not None else [])],
         document.settings(),
-        scene,
+        lambda width: scene,
         [*step, "mujoco.mj_step(model, data)"],
         names,
         "data.body(body).xpos.tolist()",
