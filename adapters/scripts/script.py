@@ -79,7 +79,7 @@ def text_of(parts: Parts, scenario: Scenario, settings: Settings, head: Sequence
     Raises:
         Unsupported: it would have more than MOST_LINES lines.
     """
-    for width in (WIDTH, UNLIMITED):
+    for width in (WIDTH, 3 * WIDTH, UNLIMITED):
         lines = _lines(parts, scenario, settings, head, width)
         if len(lines) <= MOST_LINES:
             return "\n".join(lines) + "\n"
@@ -164,8 +164,8 @@ def literal(value: Any) -> str:
     return repr(value)
 
 
-def wrapped(text: str, indent: str = "    ") -> list[str]:
-    """A statement in brackets as lines of at most WIDTH characters, where blanks allow it."""
+def wrapped(text: str, width: int = WIDTH) -> list[str]:
+    """A statement with brackets as lines of at most `width` characters, where blanks allow it."""
     return textwrap.wrap(
-        text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        text, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
     )

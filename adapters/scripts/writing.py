@@ -11,7 +11,7 @@ import numpy as np
 
 from touchstone.adapters.contract import Array, Unsupported
 from touchstone.adapters.scripts.script import WIDTH, literal, wrapped
-from touchstone.adapters.scripts.trace import Attribute, Made, Ref, Statement, Trace, is_plain
+from touchstone.adapters.scripts.trace import Attribute, Made, Ref, Statement, Trace, is_plain, references
 
 MOST_REPEATED = 40
 """Statements of a loop."""
@@ -26,6 +26,11 @@ class Block:
     length: int
     count: int
 
+    @property
+    def saved(self) -> int:
+        """Statements that a loop saves."""
+        return (self.count - 1) * self.length
+
 
 class Writer:
     """Text of the statements `order` of a trace.
@@ -34,6 +39,8 @@ class Writer:
         aliases: the start of a path in the module -> what the script calls it.
         hidden: named arguments that are left out.
         kept: results that the script uses after these statements.
+        before: statements of the script before these; what they make has names of its own.
+        starts: functions with which a loop may begin; none: all.
     """
 
     def __init__(
@@ -43,23 +50,51 @@ class Writer:
         aliases: Mapping[str, str],
         hidden: Sequence[str] = (),
         kept: Sequence[Ref] = (),
+        before: Sequence[int] = (),
+        starts: Sequence[str] = (),
     ) -> None:
         self._all, self._aliases, self._hidden = trace.statements, aliases, hidden
-        self._order = list(order)
-        self._forms = {k: self._form(trace.statements[k]) for k in order}
-        self._blocks = self._folded()
-        self._made = Counter(name for k in order for name in trace.statements[k].names)
-        self._place = {
-            k: (number, (i - block.start) // block.length)
-            for number, block in enumerate(self._blocks)
-            for i in range(block.start, block.start + block.length * block.count)
-            for k in (self._order[i],)
+        self._within: dict[Ref, Made] = {}
+        self._order = self._inlined(trace, order)
+        self._forms = {k: self._form(trace.statements[k]) for k in self._order}
+        used = {one for _, leaves in self._forms.values() for _, one in leaves if isinstance(one, Ref)}
+        used |= set(kept)
+        self._names = {
+            k: trace.statements[k].names if any(Ref(k, i) in used for i in range(len(trace.statements[k].names))) else ()
+            for k in (*before, *self._order)
         }
+        self._starts = starts
+        self._made = Counter(name for names in self._names.values() for name in names)
+        self._blocks = self._folded()
+        self._place = {}
+        region = 0
+        for number, block in enumerate(self._blocks):
+            if number and (block.count > 1 or self._blocks[number - 1].count > 1):
+                region += 1
+            for i in range(block.start, block.start + block.length * block.count):
+                self._place[self._order[i]] = region, (i - block.start) // block.length
         self._number = self._numbered()
         self._listed: set[str] = set()
         for ref in kept:
             self.reference(ref, None)
         self.lines()  # finds out which results later blocks use
+
+    def _inlined(self, trace: Trace, order: Sequence[int]) -> list[int]:
+        """The statements without those that only read what the next one uses alone: it contains them."""
+        uses = Counter(
+            ref
+            for k in order
+            for one in (self._all[k].function, *(value for _, value in self._all[k].arguments))
+            for ref in references(one)
+        )
+        found = []
+        for k, after in zip(order, (*order[1:], None)):
+            owner = self._all[after].function.owner if after is not None else None
+            if owner == Ref(k) and uses[Ref(k)] == 1 and trace.is_read(self._all[k]):
+                self._within[Ref(k)] = Made(self._all[k].function, self._all[k].arguments)
+            else:
+                found.append(k)
+        return found
 
     def _form(self, statement: Statement) -> tuple[str, list[tuple[str, Any]]]:
         """Text of a statement with holes, and what fills them, each with a name for it."""
@@ -86,6 +121,7 @@ class Writer:
         return self._argument("it", function, leaves)
 
     def _argument(self, name: str, value: Any, leaves: list[tuple[str, Any]]) -> str:
+        value = self._within.get(value, value) if isinstance(value, Ref) else value
         if isinstance(value, Attribute):
             return self._path(value, leaves)
         if isinstance(value, Made):
@@ -97,28 +133,43 @@ class Writer:
 
     def _folded(self) -> list[Block]:
         """Statements in blocks that save most lines, from the first on."""
-        forms = [
-            (self._forms[k][0], self._all[k].names) for k in self._order
-        ]
+        forms = [(self._forms[k][0], self._names[k]) for k in self._order]
         blocks, i = [], 0
         while i < len(forms):
-            best = Block(i, 1, 1)
-            for length in range(1, min(MOST_REPEATED, (len(forms) - i) // 2) + 1):
-                count = 1
-                while forms[i : i + length] == forms[i + count * length : i + (count + 1) * length]:
-                    count += 1
-                if (count - 1) * length > (best.count - 1) * best.length:
-                    best = Block(i, length, count)
+            best = self._longest(forms, i)
+            later = range(i + 1, min(i + best.length, len(forms))) if best.count > 1 else ()
+            if any(self._longest(forms, j).saved >= best.saved for j in later):
+                best = Block(i, 1, 1)
             blocks.append(best)
             i += best.length * best.count
         return blocks
+
+    def _longest(self, forms: Sequence[Any], i: int) -> Block:
+        """The repetition from `i` on that saves most."""
+        best = Block(i, 1, 1)
+        may = not self._starts or self._all[self._order[i]].called in self._starts
+        for length in range(1, (min(MOST_REPEATED, (len(forms) - i) // 2) if may else 0) + 1):
+            count = 1
+            while forms[i : i + length] == forms[
+                i + count * length : i + (count + 1) * length
+            ] and not self._uses_others(i, length, count):
+                count += 1
+            best = max(best, Block(i, length, count), key=lambda block: block.saved)
+        return best
+
+    def _uses_others(self, start: int, length: int, count: int) -> bool:
+        """Whether the next repetition uses what an earlier one makes: a loop's numbers come first."""
+        mine = self._order[start + count * length : start + (count + 1) * length]
+        others = set(self._order[start : start + count * length])
+        leaves = (one for k in mine for _, one in self._forms[k][1])
+        return any(isinstance(one, Ref) and one.statement in others for one in leaves)
 
     def _numbered(self) -> dict[Ref, int]:
         """Which of the results of its name each result is."""
         counts: Counter[str] = Counter()
         found = {}
         for k in self._order:
-            for item, name in enumerate(self._all[k].names):
+            for item, name in enumerate(self._names[k]):
                 found[Ref(k, item)] = counts[name]
                 counts[name] += 1
         return found
@@ -129,8 +180,8 @@ class Writer:
         if self._made[name] == 1:
             return name
         if user is not None and self._place[user] == self._place[ref.statement]:
-            latest = max(k for k in self._order if k < user and name in self._all[k].names)
-            if latest == ref.statement and list(self._all[latest].names).count(name) == 1:
+            latest = max(k for k in self._order if k < user and name in self._names[k])
+            if latest == ref.statement and self._names[latest].count(name) == 1:
                 return name
         self._listed.add(name)
         return f"{name}s[{self._number[ref]}]"
@@ -156,23 +207,23 @@ class Writer:
                 [self._order[block.start + r * block.length + s] for s in range(block.length)]
                 for r in range(block.count)
             ]
-            found += self._loop(rows, width) if block.count > 1 else self._straight(rows[0])
+            found += self._loop(rows, width) if block.count > 1 else self._straight(rows[0], width)
         return found
 
-    def _straight(self, statements: Sequence[int]) -> list[str]:
+    def _straight(self, statements: Sequence[int], width: int) -> list[str]:
         found = []
         for k in statements:
             leaves = [self._leaf(value, k) for _, value in self._forms[k][1]]
-            found += self._written(k, leaves)
+            found += self._written(k, leaves, width)
         return found
 
-    def _written(self, k: int, leaves: Sequence[str]) -> list[str]:
+    def _written(self, k: int, leaves: Sequence[str], width: int = WIDTH) -> list[str]:
         """A statement with its results and the lists that keep them."""
         text = self._forms[k][0]
         for leaf in leaves:
             text = text.replace(HOLE, leaf, 1)
-        names = self._all[k].names
-        found = wrapped(f"{', '.join(names)} = {text}" if names else text)
+        names = self._names[k]
+        found = wrapped(f"{', '.join(names)} = {text}" if names else text, width)
         return found + [f"{name}s.append({name})" for name in names if name in self._listed]
 
     def _loop(self, rows: Sequence[Sequence[int]], width: int) -> list[str]:
@@ -190,7 +241,7 @@ class Writer:
                     taken = [*columns.values(), *(n for m in rows[0] for n in self._all[m].names)]
                     columns[values] = _free(name, taken)
                 leaves.append(columns[values])
-            body += self._written(k, leaves)
+            body += self._written(k, leaves, width)
         body = [f"    {line}" for line in body]
         if not columns:
             return [f"for _ in range({len(rows)}):", *body]
@@ -215,7 +266,7 @@ def _packed(rows: Sequence[str], width: int) -> list[str]:
 
 def _hint(function: str) -> str:
     """Name of a variable for an argument of a function without a name of its own."""
-    stem = function.removeprefix("set").removeprefix("reset").removeprefix("change")
+    stem = function.removeprefix("set").removeprefix("reset").removeprefix("change").removeprefix("create")
     return f"{stem[:1].lower()}{stem[1:]}" if stem else "value"
 
 

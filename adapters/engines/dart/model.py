@@ -242,15 +242,20 @@ def _add_ellipsoid(node: Any, shape: Ellipsoid, name: str) -> Any:
 
 
 def _add_hull(node: Any, shape: Hull, name: str) -> Any:
-    """Add a MeshShape of the hull's outward triangles through a file that is deleted at once."""
+    """Add a MeshShape of the hull's outward triangles."""
+    return node.createShapeNode(mesh_shape(_outward_triangles(shape)), name)
+
+
+def mesh_shape(obj: str) -> Any:
+    """A MeshShape of an OBJ file's text, through a file that is deleted at once."""
     with tempfile.NamedTemporaryFile("w", suffix=".obj", encoding="utf-8") as file:
-        file.write(_outward_triangles(shape))
+        file.write(obj)
         file.flush()
         mesh = f'<mesh filename="{Path(file.name).as_uri()}"/>'
         link = f'<link name="l"><collision><geometry>{mesh}</geometry></collision></link>'
         urdf = f'<robot name="r">{link}</robot>'
         loaded = dartpy.utils.DartLoader().parseSkeletonString(urdf, dartpy.common.Uri(""))
-        return node.createShapeNode(loaded.getBodyNode(0).getShapeNode(0).getShape(), name)
+        return loaded.getBodyNode(0).getShapeNode(0).getShape()
 
 
 @lru_cache(HULLS_KEPT)
