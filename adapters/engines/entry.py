@@ -31,6 +31,8 @@ class Entry:
         compiles: "module:function" that says in words how far a compiler is for which the engine's first
             scene waits; "" if it has none.
         settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
+        script: module whose `parts` and `settings_lines` say a scene in the engine's own API
+            (`adapters/scripts`); "" if it has none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at
@@ -51,6 +53,7 @@ class Entry:
     last_wheel: tuple[int, int] | None = None
     compiles: str = ""
     settings: str = ""
+    script: str = ""
 
 
 ENGINES: dict[str, Entry] = {}

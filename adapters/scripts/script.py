@@ -6,6 +6,7 @@ settings are taken from what the adapter has set, so that a line to paste does w
 
 from __future__ import annotations
 
+import ast
 import base64
 import textwrap
 import zlib
@@ -81,11 +82,38 @@ def text_of(parts: Parts, scenario: Scenario, settings: Settings, head: Sequence
     """
     for width in (WIDTH, 3 * WIDTH, UNLIMITED):
         lines = _lines(parts, scenario, settings, head, width)
+        lines = lines if width < UNLIMITED else joined(lines)
         if len(lines) <= MOST_LINES:
             return "\n".join(lines) + "\n"
     raise Unsupported(
         f"a script of {scenario.name} would have {len(lines)} lines, more than {MOST_LINES}: its bodies differ"
     )
+
+
+def joined(lines: Sequence[str]) -> list[str]:
+    """Lines with neighbouring simple statements on one line, up to WIDTH characters."""
+    found: list[str] = []
+    for line in lines:
+        both = f"{found[-1]}; {line.strip()}" if found else ""
+        if found and len(both) <= WIDTH and _indent(line) == _indent(found[-1]):
+            if _is_simple(line) and _is_simple(found[-1]):
+                found[-1] = both
+                continue
+        found.append(line)
+    return found
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip())
+
+
+def _is_simple(line: str) -> bool:
+    """Whether a line is complete and could share its line with another."""
+    try:
+        body = ast.parse(line.strip()).body
+    except SyntaxError:
+        return False
+    return bool(body) and all(isinstance(one, (ast.Expr, ast.Assign)) for one in body) and "#" not in line
 
 
 def _lines(

@@ -56,6 +56,7 @@ from touchstone.reports.cli.scenes.chosen import (
 )
 from touchstone.reports.cli.scenes.exporting import export
 from touchstone.reports.cli.scenes.importing import import_robot
+from touchstone.reports.cli.scenes.reproducing import reproduce
 from touchstone.reports.cli.scenes.schema import schema
 from touchstone.reports.cli.studies import bench, study
 from touchstone.reports.cli.sweep import sweep
@@ -84,6 +85,7 @@ app.command()(docs)
 app.command()(schema)
 app.command("import")(import_robot)
 app.command()(export)
+app.command()(reproduce)
 app.command()(compare)
 app.command()(tolerances)
 app.command()(judge)

@@ -16,7 +16,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.labels import label
 from touchstone.reports.page.content import Column
 from touchstone.reports.results import Row
-from touchstone.reports.run.reproduce import reproduce
+from touchstone.reports.run.reproduce import reproduce, script_command
 from touchstone.reports.run.request import REFERENCE
 from touchstone.reports.views.tables import MARKS, exact_number, number, quantity
 
@@ -251,7 +251,9 @@ def facts(entry: Entry) -> dict[str, object]:
     missed = [("limit missed", f"{missed_line(one)}: {one.reason}") for one in entry.missed]
     if row.metric == LIMITS:
         again = reproduce(replace(row, metric="run"))
-        return {**head, "facts": [("limits met", entry.text), *missed], "command": again}
+        script = script_command(row) if any(one.verdict == "known" for one in entry.missed) else ""
+        scripts = [("as a script of the engine", script)] if script else []
+        return {**head, "facts": [("limits met", entry.text), *scripts, *missed], "command": again}
     unit = quantity(row.metric, row.value, row.unit)[1]
     facts = [("metric", f"{row.metric} {row.subject}".strip()), ("value", f"{shown(row)} {unit}".strip())]
     if row.metric in METRICS:
@@ -263,6 +265,8 @@ def facts(entry: Entry) -> dict[str, object]:
         facts.append(("limit [SI]", f"{row.limit:g} {row.unit}"))
     facts += [("verdict", row.verdict)] if row.verdict else []
     facts += [("reason", row.reason)] if row.reason else []
+    if any(one.verdict == "known" for one in entry.missed) and (script := script_command(row)):
+        facts.append(("as a script of the engine", script))
     others = [fact for one, fact in zip(entry.missed, missed) if one is not row]
     again = reproduce(entry.missed[0] if entry.missed else row)
     return {**head, "facts": [*facts, *others], "command": again}

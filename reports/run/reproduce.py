@@ -6,6 +6,7 @@ from touchstone.adapters.registry import ENGINES
 from touchstone.reports.own_limits import valid_metrics
 from touchstone.reports.results import Row
 from touchstone.reports.run.request import EVERY_ENGINE, MACHINE_PROFILE, step_text
+from touchstone.scenarios.catalogue import catalogue
 
 RATIO = "ratio."
 """Start of the metrics of a row whose subject is another column."""
@@ -37,6 +38,20 @@ def reproduce(*rows: Row) -> str:
     )
     words += dict.fromkeys(f"--dt {step_text(row.dt)}" for row in rows if _is_changed_step(row))
     words += dict.fromkeys(f"--metric {row.metric}" for row in rows if row.metric in valid_metrics())
+    return " ".join(words)
+
+
+def script_command(row: Row) -> str:
+    """The command that writes what a row's column does in its scene in the engine's own API; "" without one."""
+    entry = ENGINES.get(row.engine)
+    if entry is None or not entry.script or row.scenario not in catalogue():
+        return ""
+    profile, *changes = row.profile.split(", ")
+    if any(change.partition("=")[0] in OPTIONS for change in changes):
+        return ""
+    words = ["touchstone reproduce", row.scenario, f"--engine {row.engine} --profile {profile}"]
+    words += [f"--set {change}" for change in changes]
+    words += [f"--dt {step_text(row.dt)}"] if _is_changed_step(row) else []
     return " ".join(words)
 
 

@@ -17,6 +17,7 @@ from touchstone.reports.console.fitted import fitted
 from touchstone.reports.results import NOT_RUN, UNJUDGED, rows_of
 from touchstone.reports.run.farthest_apart import TITLE as APART
 from touchstone.reports.run.farthest_apart import apart_table, headlines
+from touchstone.reports.run.reproduce import script_command
 from touchstone.reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
 from touchstone.reports.views.losses import HEADS as LOSS_HEADS
 from touchstone.reports.views.losses import NOTE as LOSS_NOTE
@@ -241,7 +242,8 @@ def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -
             if row.metric == "run"
             else f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}:"
         )
-        again = f": {row.reproduce}" if row.reproduce else ""
+        script = script_command(row) if row.verdict == "known" else ""
+        again = ": " + " | ".join(filter(None, (row.reproduce, script))) if row.reproduce or script else ""
         lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value} {row.reason}{again}")
     for row in rows_of(scene[scene.verdict.isin(NOT_RUN) & (scene.metric == "run")]):
         lines.append(f"{row.verdict}: {row.engine} {row.profile}: {row.reason}")

@@ -18,4 +18,5 @@ ENTRY = Entry(
     requirement="pybullet",
     last_wheel=(3, 11),
     settings="touchstone.adapters.engines.bullet.settings:SETTINGS",
+    script="touchstone.adapters.engines.bullet.script",
 )

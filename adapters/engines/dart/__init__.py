@@ -11,4 +11,5 @@ ENTRY = Entry(
     rounding="vertices of hulls in single precision",
     requirement="dartpy<7",
     settings="touchstone.adapters.engines.dart.settings:SETTINGS",
+    script="touchstone.adapters.engines.dart.script",
 )

@@ -11,4 +11,5 @@ ENTRY = Entry(
     rounding="vertices of hulls in single precision",
     requirement="mujoco",
     settings="touchstone.adapters.engines.mujoco.settings:SETTINGS",
+    script="touchstone.adapters.engines.mujoco.script",
 )
