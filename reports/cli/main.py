@@ -44,6 +44,7 @@ from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.compare import compare
 from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.runs.tolerances import tolerances
+from touchstone.reports.cli.runs.tuning import tune
 from touchstone.reports.cli.runs.versions import versions
 from touchstone.reports.cli.runs.view import view
 from touchstone.reports.cli.scenes.chosen import (
@@ -81,6 +82,7 @@ app.command()(nightly)
 app.command()(accept)
 app.command()(sweep)
 app.command()(cheapest)
+app.command()(tune)
 app.command()(docs)
 app.command()(schema)
 app.command("import")(import_robot)

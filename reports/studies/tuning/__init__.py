@@ -1,0 +1,1 @@
+"""Search of an engine's settings for tolerances."""
