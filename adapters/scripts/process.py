@@ -48,10 +48,11 @@ def written(scenario: Scenario, engine: str, settings: Settings, head: Sequence[
 
 
 def settings_lines(scenario: Scenario, engine: str, several: Iterable[Settings]) -> list[list[str]]:
-    """Per settings the lines that set them in an engine's own API, as scripts of the scene have them.
+    """Per settings the lines that set them in an engine's own API, as scripts of the scene have them; none for
+    settings that the engine refuses in the scene.
 
     Raises:
-        AdapterError: as in `written`.
+        AdapterError: the engine writes no scripts, or is not installed.
     """
     found: list[list[str]] = _asked(engine, "lines", (scenario, tuple(several)))
     return found
@@ -85,11 +86,18 @@ class _Writer:
         """Write a script or lines of settings."""
         if command == "lines":
             scenario, several = argument
-            return [self._module.settings_lines(*applied(scenario, one)) for one in several]
+            return [self._lines(scenario, one) for one in several]
         scenario, settings, head = argument
         scene, settings = applied(scenario, settings)
         parts = self._module.parts(scene, settings)
         return Script(text_of(parts, scene, settings, head), parts.requirement, parts.of_mass)
+
+    def _lines(self, scenario: Scenario, settings: Settings) -> list[str]:
+        try:
+            found: list[str] = self._module.settings_lines(*applied(scenario, settings))
+        except AdapterError:
+            return []
+        return found
 
 
 def applied(scenario: Scenario, settings: Settings) -> tuple[Scenario, Settings]:

@@ -101,7 +101,9 @@ class Trace:
                 real = unwrapped(function(*map(unwrapped, arguments)))
             finally:
                 self._paused = before
-            return Proxy(self, real, Made(Attribute(None, name), tuple(("", a) for a in map(expression, arguments))))
+            return Proxy(
+                self, real, Made(Attribute(None, name), tuple(("", a) for a in map(expression, arguments)))
+            )
 
         return call
 

@@ -60,7 +60,9 @@ class Writer:
         used = {one for _, leaves in self._forms.values() for _, one in leaves if isinstance(one, Ref)}
         used |= set(kept)
         self._names = {
-            k: trace.statements[k].names if any(Ref(k, i) in used for i in range(len(trace.statements[k].names))) else ()
+            k: trace.statements[k].names
+            if any(Ref(k, i) in used for i in range(len(trace.statements[k].names)))
+            else ()
             for k in (*before, *self._order)
         }
         self._starts = starts
@@ -175,9 +177,9 @@ class Writer:
         return found
 
     def reference(self, ref: Ref, user: int | None) -> str:
-        """Text for a result in the statement `user` (None: after all)."""
+        """Text for a result in the statement `user` (None: after all); its name, if it is made elsewhere."""
         name = self._all[ref.statement].names[ref.item]
-        if self._made[name] == 1:
+        if self._made[name] == 1 or ref.statement not in self._place:
             return name
         if user is not None and self._place[user] == self._place[ref.statement]:
             latest = max(k for k in self._order if k < user and name in self._names[k])
@@ -189,18 +191,8 @@ class Writer:
     def _leaf(self, value: Any, user: int) -> str:
         return self.reference(value, user) if isinstance(value, Ref) else literal(value)
 
-    def lines(self, width: int = WIDTH, one_body: bool = False) -> list[str]:
-        """The statements; loops over rows of numbers of at most `width` characters a line.
-
-        `one_body`: results of other statements are called by their names alone.
-        """
-        if one_body:
-            names = {k: self._forms[k][1] for k in self._order}
-            text = [
-                self._written(k, [self._all[v.statement].names[v.item] if isinstance(v, Ref) else literal(v) for _, v in leaves])
-                for k, leaves in names.items()
-            ]
-            return [line for part in text for line in part]
+    def lines(self, width: int = WIDTH) -> list[str]:
+        """The statements; loops over rows of numbers of at most `width` characters a line."""
         found = [f"{name}s = []" for name in sorted(self._listed)]
         for block in self._blocks:
             rows = [
@@ -278,9 +270,7 @@ def _free(name: str, taken: Sequence[str]) -> str:
     return found
 
 
-def commanded(
-    trace: Trace, steps: Sequence[Sequence[int]], writer: Writer
-) -> tuple[Array | None, list[str]]:
+def commanded(trace: Trace, steps: Sequence[Sequence[int]], writer: Writer) -> tuple[Array | None, list[str]]:
     """Numbers of the statements of all steps (s, n), and the lines that take them from `row`.
 
     Raises:

@@ -27,6 +27,7 @@ def docs(
     from touchstone.adapters.contract import AdapterError
     from touchstone.reports.docs.measurements import NoResults, page_of
     from touchstone.reports.docs.reference import commands_page, list_pages
+    from touchstone.reports.docs.settings_pages import settings_pages
     from touchstone.reports.results import write_beside
     from touchstone.scenarios.catalogue import tagged
 
@@ -56,9 +57,11 @@ def docs(
         texts[name] = text
         for target, source in pictures.items():
             write_beside(folder / "pictures" / target, partial(shutil.copy, source))
+    (out / "settings").mkdir(exist_ok=True)
+    texts |= {f"../settings/{name}": text for name, text in settings_pages().items()}
     for name, text in texts.items():
         write_beside(folder / name, partial(_write, text))
-        print(folder / name)
+        print(out / name.removeprefix("../") if name.startswith("..") else folder / name)
 
 
 def _write(text: str, path: Path) -> None:

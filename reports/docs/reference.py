@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from touchstone.reports.cli.listing import metric_rows, profile_rows, scenario_rows, setting_rows
-
-NOTICE = "<!-- written by `touchstone docs`; do not edit -->"
+from touchstone.reports.docs.markdown_table import NOTICE, table_text
 
 
 def commands_page(command: Any) -> str:
@@ -24,9 +23,11 @@ def list_pages(pictures: Mapping[str, str]) -> dict[str, str]:
     """Pages of the lists, by file name; `pictures` gives the still of a scene, relative to its page."""
     return {
         "scenes.md": _scenes(pictures),
-        "metrics.md": _page("Metrics", _table(metric_rows(), code=("metric",))),
-        "profiles.md": _page("Profiles and steps", _table(profile_rows(), code=("profile",))),
-        "settings.md": _page("Settings of the reference", _table(setting_rows(), code=("setting", "values"))),
+        "metrics.md": _page("Metrics", table_text(metric_rows(), code=("metric",))),
+        "profiles.md": _page("Profiles and steps", table_text(profile_rows(), code=("profile",))),
+        "settings.md": _page(
+            "Settings of the reference", table_text(setting_rows(), code=("setting", "values"))
+        ),
     }
 
 
@@ -44,16 +45,5 @@ def _scenes(pictures: Mapping[str, str]) -> str:
         "Stills show what the reference plays (`balanced`), drawn from its recording by MuJoCo's renderer.",
         *parts,
         "## All scenes",
-        _table(list(rows.values()), code=("scenario",)),
+        table_text(list(rows.values()), code=("scenario",)),
     )
-
-
-def _table(rows: Sequence[Mapping[str, object]], code: Sequence[str]) -> str:
-    """A table in Markdown; columns `code` are set as code."""
-    heads = list(rows[0])
-    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
-    for row in rows:
-        cells = [f"{row[head]}".replace("|", "\\|") for head in heads]
-        cells = [f"`{cell}`" if head in code and cell else cell for head, cell in zip(heads, cells)]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)

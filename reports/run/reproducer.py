@@ -40,9 +40,7 @@ class Reproduced:
     apart: float
 
 
-def reproduced(
-    scenario: Scenario, engine: str, settings: Settings, progress: Progress
-) -> Reproduced:
+def reproduced(scenario: Scenario, engine: str, settings: Settings, progress: Progress) -> Reproduced:
     """Play and judge a scene, write its script, run it, and compare what it prints with the recording.
 
     Raises:
@@ -74,7 +72,9 @@ def reproduced(
 def head(scenario: Scenario, engine: str, settings: Settings, missed: tuple[str, ...]) -> list[str]:
     """Lines of the docstring of a script."""
     asked = Row("run", scenario.name, engine, settings.label, settings.dt or nan, "run")
-    lines = [f"{scenario.name} in {engine}: {scenario.summary}. Profile {settings.label}, {step_text(settings.dt)} s."]
+    lines = [
+        f"{scenario.name} in {engine}: {scenario.summary}. Profile {settings.label}, {step_text(settings.dt)} s."
+    ]
     lines += [f"Misses {line}" for line in missed[:SHOWN]]
     lines += [f"and {len(missed) - SHOWN} more limits"] if len(missed) > SHOWN else []
     lines.append(f"Prints time [s], position [m] and name of bodies. {script_command(asked)}")

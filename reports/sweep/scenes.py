@@ -9,7 +9,9 @@ from touchstone.scenarios.transforms import perturbed
 
 PERTURBATION = 1e-6
 """Displacement of `perturbed_scene` [m]: what single precision and solvers' tolerances leave open."""
-FILE, PERTURBED_FILE = (f"touchstone.reports.sweep.scenes:{name}" for name in ("named_scene", "perturbed_named"))
+FILE, PERTURBED_FILE = (
+    f"touchstone.reports.sweep.scenes:{name}" for name in ("named_scene", "perturbed_named")
+)
 """Sources whose scenes may be files."""
 
 

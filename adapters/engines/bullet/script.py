@@ -91,5 +91,5 @@ def settings_lines(scenario: Scenario, settings: Settings) -> list[str]:
     lines = Writer(trace, found, NAMES, HIDDEN).lines()
     for k, one in enumerate(trace.statements):
         if one.called == "changeDynamics" and "restitution" not in dict(one.arguments):
-            lines += Writer(trace, [k], NAMES, HIDDEN).lines(one_body=True)
+            lines += Writer(trace, [k], NAMES, HIDDEN).lines()
     return list(dict.fromkeys(lines))

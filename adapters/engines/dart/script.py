@@ -60,7 +60,9 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
     order = [k for k in kept if k < built]
     first = _of_settings(trace, order)
     used = [one for k in kept if k >= built for one in references(trace.statements[k].function)]
-    writer = Writer(trace, order[len(first) :], {}, kept=[*nodes.values(), *used], before=first, starts=STARTS)
+    writer = Writer(
+        trace, order[len(first) :], {}, kept=[*nodes.values(), *used], before=first, starts=STARTS
+    )
     commands, lines = commanded(trace, [[k for k in range(*span) if k in every] for span in steps], writer)
     numpy = ["import base64", "import zlib", "", "import numpy as np"] if commands is not None else []
     hulls = any("mesh_shape" in text for text in writer.lines())
@@ -92,5 +94,6 @@ def settings_lines(scenario: Scenario, settings: Settings) -> list[str]:
     """Calls that set the settings of a world."""
     with traced() as trace:
         engine.DartEngine().build(scenario, settings)
-    found = [k for k in _of_settings(trace, needed(trace)) if trace.statements[k].called not in NO_SETTINGS]
-    return Writer(trace, found, {}).lines(one_body=True)
+    every = _of_settings(trace, needed(trace))
+    found = [k for k in every if trace.statements[k].called not in NO_SETTINGS]
+    return Writer(trace, found, {}).lines()

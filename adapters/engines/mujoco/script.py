@@ -59,7 +59,17 @@ FLAGS = (
     ("disableflags", mujoco.mjtDisableBit, "mjDSBL_", "disable"),
     ("enableflags", mujoco.mjtEnableBit, "mjENBL_", "enable"),
 )
-OF_CONTACTS = ("condim", "priority", "friction", "solmix", "solref", "solimp", "margin", "gap", "solreffriction")
+OF_CONTACTS = (
+    "condim",
+    "priority",
+    "friction",
+    "solmix",
+    "solref",
+    "solimp",
+    "margin",
+    "gap",
+    "solreffriction",
+)
 """Attributes of geoms and pairs that become defaults where most have them."""
 
 
@@ -74,7 +84,7 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
     spec, _, _ = translated(scenario, settings)
     document = _Document(spec, scenario)
     xml = document.lines()
-    scene = [*xml, 'model = mujoco.MjModel.from_xml_string(xml)', "data = mujoco.MjData(model)"]
+    scene = [*xml, "model = mujoco.MjModel.from_xml_string(xml)", "data = mujoco.MjData(model)"]
     fresh = mujoco.MjData(model)
     for name in ("qpos", "qvel"):
         if not np.array_equal(getattr(data, name), getattr(fresh, name)):
@@ -173,7 +183,12 @@ class _Document:
         """Attributes of an element that differ from MuJoCo's defaults."""
         plain, found = _DEFAULTS[kind](), {}
         for field in dir(one):
-            if field.startswith("_") or field in UNWRITTEN or field in ELSEWHERE.get(kind, ()) or field in skipped:
+            if (
+                field.startswith("_")
+                or field in UNWRITTEN
+                or field in ELSEWHERE.get(kind, ())
+                or field in skipped
+            ):
                 continue
             value, default = getattr(one, field), getattr(plain, field)
             if callable(value) or _is_list(value) or _equal(value, default):

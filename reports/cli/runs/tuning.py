@@ -76,7 +76,12 @@ def tune(
     if not engine:
         stop("tune: name the engine whose settings are searched, such as --engine mujoco", BAD_INPUT)
     limits = limits_of(
-        position=position, friction=friction, overlap=overlap, energy=energy, events=events, budget=frame_budget
+        position=position,
+        friction=friction,
+        overlap=overlap,
+        energy=energy,
+        events=events,
+        budget=frame_budget,
     )
     chosen = scenes_of(scenario, scenes, allow_paths)
     name = engines_named([engine])[0]
@@ -90,7 +95,10 @@ def tune(
     asked = Asked(name, chosen, limits, tried, rounds, seed, store, jobs, executor)
     for line in [] if quiet else cost_lines(asked):
         print(line, file=sys.stderr, flush=True)
-    with resumable(store), measuring(tried * len(chosen), quiet, StoreError, ClusterError, NotMeasured) as progress:
+    with (
+        resumable(store),
+        measuring(tried * len(chosen), quiet, StoreError, ClusterError, NotMeasured) as progress,
+    ):
         found = Search(asked, progress).run()
     try:
         pasted = lines_to_paste(asked, found)
@@ -150,7 +158,9 @@ def cost_lines(asked: Asked) -> list[str]:
     seconds = sum(scenario.duration for scenario in asked.scenes.values())
     truths = len(Search(asked, lambda label, cells: None).truths)
     also = f", {truths} plays of the reference for what is true" if truths else ""
-    scenes = f"{len(asked.scenes)} scenes" if len(asked.scenes) > 1 else next(iter(asked.scenes.values())).name
+    scenes = (
+        f"{len(asked.scenes)} scenes" if len(asked.scenes) > 1 else next(iter(asked.scenes.values())).name
+    )
     return [
         f"tune {scenes} on {asked.engine}: {asked.plays} settings of {seconds:g} simulated seconds{also}; "
         f"Ctrl-C keeps what was played in {asked.store}"
@@ -161,7 +171,9 @@ def lines_to_paste(asked: Asked, found: Found) -> list[str]:
     """Lines that set the best setting in the engine's own API, as in the scripts of `reproduce`."""
     from touchstone.adapters.scripts.process import settings_lines
 
-    several = [settings_lines(scene, asked.engine, [found.candidate.settings])[0] for scene in asked.scenes.values()]
+    several = [
+        settings_lines(scene, asked.engine, [found.candidate.settings])[0] for scene in asked.scenes.values()
+    ]
     return list(dict.fromkeys(line for part in several for line in part))
 
 
@@ -188,6 +200,10 @@ def compared(one: Setting, best: Setting, limits: dict[str, float]) -> str:
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.table import number
 
+    from math import isfinite
+
+    if not isfinite(one.excess):
+        return "does not play to the end, or lets bodies pass through each other"
     parts = []
     for name in [*(name for name in limits if name != TIME), TIME]:
         value, other = (s.time if name == TIME else s.errors[name] for s in (one, best))
@@ -207,7 +223,11 @@ def rows(asked: Asked, found: Found, pasted: list[str]) -> list[dict[str, object
     table: list[dict[str, object]] = []
     for place, one in places:
         row: dict[str, object] = {"place": place, "engine": one.engine, "profile": one.profile}
-        row |= {"settings": one.settings, "dt": one.dt, "excess": one.excess if isfinite(one.excess) else None}
+        row |= {
+            "settings": one.settings,
+            "dt": one.dt,
+            "excess": one.excess if isfinite(one.excess) else None,
+        }
         row |= {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
         row |= {f"error {name}": v if isfinite(v) else None for name, v in one.errors.items()}
         row |= {f"limit {name}": limit for name, limit in asked.limits.items()}

@@ -65,11 +65,15 @@ def reproduce(
     else:
         write_file(out, lambda part: part.write_text(text, "utf-8"))
     same = "to the bit" if found.apart == 0 else f"up to {found.apart:.2g} m"
-    for line in [] if quiet else [
-        *(f"misses {line}" for line in found.missed),
-        f"{out or 'the script'}: {len(text.splitlines())} lines, needs {found.script.requirement}; "
-        f"prints the positions of the recording {same}",
-    ]:
+    for line in (
+        []
+        if quiet
+        else [
+            *(f"misses {line}" for line in found.missed),
+            f"{out or 'the script'}: {len(text.splitlines())} lines, needs {found.script.requirement}; "
+            f"prints the positions of the recording {same}",
+        ]
+    ):
         print(line, file=sys.stderr)
     if not found.apart < EQUAL:
         stop(f"{chosen.name}: the script is {found.apart:.2g} m from the recording", LIMIT_BROKEN)

@@ -126,7 +126,9 @@ class Search:
             names, each = self._some(number), (asked.plays - asked.plays // 2) // ROUNDS
             kept = pool[: max(1, len(pool) // 2)][: max(2, asked.plays // 2 ** (number + 1))]
             new = [
-                self.space.near(kept[min(int(self._rng.exponential(len(kept) / 3)), len(kept) - 1)], kept, self._rng)
+                self.space.near(
+                    kept[min(int(self._rng.exponential(len(kept) / 3)), len(kept) - 1)], kept, self._rng
+                )
                 for _ in range(each)
             ]
             pool = self._tried([*kept, *new], names)
@@ -140,7 +142,9 @@ class Search:
         self._play(list(changed.values()), scenes)
         without = self._timed(list(dict.fromkeys(changed.values())))
         profiles = sorted((_rated(timed[one], asked.limits) for one in first), key=lambda s: s.excess)
-        ablation = {text: _rated(without[one], asked.limits) for text, one in changed.items() if one in without}
+        ablation = {
+            text: _rated(without[one], asked.limits) for text, one in changed.items() if one in without
+        }
         return Found(answer.met, answer.best, candidate, ablation, profiles, tried)
 
     def ablations(self, best: Candidate) -> dict[str, Candidate]:
@@ -183,7 +187,9 @@ class Search:
 
     def _cell(self, candidate: Candidate, name: str) -> Cell:
         source, _ = sources_of(name)
-        return Cell(name, self._asked.engine, candidate.profile, candidate.dt, candidate.changes, source=source)
+        return Cell(
+            name, self._asked.engine, candidate.profile, candidate.dt, candidate.changes, source=source
+        )
 
     def _play(self, candidates: Sequence[Candidate], names: Sequence[str]) -> None:
         """Play what is not known yet."""
@@ -225,7 +231,9 @@ class Search:
         every = [self._errors[one, name][0] for one in profiles for name in self._asked.scenes]
         has = [name for name in QUANTITIES if any(name in errors for errors in every)]
         if not has:
-            raise NotMeasured(f"no profile of {self._asked.engine} plays to the end, or nothing says what is true")
+            raise NotMeasured(
+                f"no profile of {self._asked.engine} plays to the end, or nothing says what is true"
+            )
         if gone := [name for name in self._asked.limits if name != TIME and name not in has]:
             raise NotMeasured(f"no {' and no '.join(gone)} is measured here; there is {', '.join(has)}")
 
@@ -233,9 +241,7 @@ class Search:
         """A candidate with its worst errors and its longest frame over scenes."""
         known = [self._errors[candidate, name] for name in names]
         errors = {
-            quantity: max(
-                inf if not found else found.get(quantity, 0.0) for found, _ in known
-            )
+            quantity: max(inf if not found else found.get(quantity, 0.0) for found, _ in known)
             for quantity in self._asked.limits
             if quantity != TIME
         }
@@ -255,7 +261,11 @@ class Search:
             for name in names
         }
         frame = sweep(
-            list(cells.values()), self._asked.store, executor=TimingRounds, progress=self._progress, series=True
+            list(cells.values()),
+            self._asked.store,
+            executor=TimingRounds,
+            progress=self._progress,
+            series=True,
         )
         rows = dict(iter(frame.groupby("cell", sort=False)))
         found = {}

@@ -88,7 +88,9 @@ class Space:
             kind = int(rng.integers(4))
             found: Candidate | None = None
             if kind == 0 and self.steps:
-                found = Candidate(candidate.profile, self.steps[int(rng.integers(len(self.steps)))], candidate.changes)
+                found = Candidate(
+                    candidate.profile, self.steps[int(rng.integers(len(self.steps)))], candidate.changes
+                )
             elif kind == 1 and known:
                 found = self._joined(candidate, known[int(rng.integers(len(known)))])
             elif kind == 2 and candidate.changes:

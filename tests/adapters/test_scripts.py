@@ -1,0 +1,159 @@
+"""Scripts in an engine's own API print what the adapter records; lines of settings are those of scripts."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.registry import ENGINES, installed, registered, settings_of
+from touchstone.adapters.scripts.process import distance, run, settings_lines, written
+from touchstone.adapters.scripts.script import MOST_LINES, joined, literal
+from touchstone.adapters.workers.play import play
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Box, Capsule, Hull, Sphere
+
+ROUNDING = 1e-12
+"""Difference of origins that were computed from centres of mass in another order [m]."""
+CASES = [
+    # engine, profile, scene, what it has
+    *(
+        (engine, "default", scene)
+        for engine in ("mujoco", "bullet", "dart")
+        for scene in ("fall", "bounce_e05")
+    ),
+    *(
+        (engine, "recommended", scene)
+        for engine in ("mujoco", "bullet", "dart")
+        for scene in ("slide", "slip")
+    ),
+    *((engine, "accurate", "stack") for engine in ("mujoco", "bullet", "dart")),
+    *((engine, "recommended", "prism_rolls") for engine in ("mujoco", "bullet", "dart")),
+    *((engine, "recommended", "press") for engine in ("mujoco", "bullet")),
+    ("mujoco", "recommended", "slap_3"),
+    ("mujoco", "recommended", "belt"),
+    ("bullet", "maximal", "slip"),
+]
+
+
+def settings(engine, profile, dt=None, *changes):
+    return Settings(profile, dt or ENGINES[engine].profiles[profile], changes)
+
+
+def needs(engine):
+    if not installed(engine):
+        pytest.skip(f"{engine} is not installed")
+
+
+def test_cases_have_every_shape():
+    """Spheres, boxes, capsules or hulls, restitution, friction and a driven body are among the cases."""
+    scenes = [catalogue()[scene] for _, _, scene in CASES]
+    shapes = {type(piece.shape) for scene in scenes for body in scene.bodies for piece in body.pieces}
+    assert shapes >= {Sphere, Box, Hull, Capsule}
+    assert any(scene.trackers for scene in scenes)
+    pairs = [scene.pair_coefficients(*pair) for scene in scenes for pair in scene.touching_pairs()]
+    assert any(e > 0 for e, _ in pairs)
+    assert any(mu > 0 for _, mu in pairs)
+
+
+@pytest.mark.parametrize(("engine", "profile", "scene"), CASES)
+def test_a_script_prints_the_recording(engine, profile, scene, tmp_path):
+    """At most 60 lines without our packages repeat the positions to the bit, or to rounding from mass centres."""
+    needs(engine)
+    scenario, own = catalogue()[scene], settings(engine, profile)
+    script = written(scenario, engine, own)
+    lines = script.text.splitlines()
+    assert len(lines) <= MOST_LINES
+    imported = [line for line in lines if re.match(r"(from|import) ", line)]
+    assert not any("touchstone" in line for line in imported)
+    path = tmp_path / "script.py"
+    path.write_text(script.text)
+    recording = play(scenario, [(engine, profile)])[engine, profile].recording
+    apart = distance(run(path), recording, scenario, script.of_mass)
+    assert apart <= (ROUNDING if script.of_mass else 0.0)
+
+
+def test_a_script_of_another_step_differs(tmp_path):
+    """The comparison sees a script that plays something else."""
+    needs("mujoco")
+    scenario, path = catalogue()["bounce_e05"], tmp_path / "script.py"
+    script = written(scenario, "mujoco", settings("mujoco", "default", 1 / 240))
+    path.write_text(script.text)
+    recording = play(scenario, [("mujoco", "default")])["mujoco", "default"].recording
+    assert distance(run(path), recording, scenario, script.of_mass) > 1e-6
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart"])
+def test_lines_of_settings_are_those_of_the_script(engine):
+    """Each line to paste is in the script of the same settings, wherever lines break."""
+    needs(engine)
+    change = {"mujoco": "impratio=3", "bullet": "contactERP=0.05", "dart": "split_impulse=on"}[engine]
+    profile = next(iter(ENGINES[engine].profiles))
+    assert settings_of(engine).changes(profile, (change,)) == (change if "=on" in change else _plain(change),)
+    own, scenario = settings(engine, profile, None, change), catalogue()["slide"]
+    (pasted,) = settings_lines(scenario, engine, [own])
+    text = _unwrapped(written(scenario, engine, own).text)
+    whole = _unwrapped("\n".join(pasted))
+    assert pasted
+    assert whole != _unwrapped("\n".join(settings_lines(scenario, engine, [replace(own, changes=())])[0]))
+    for statement in re.split(r"(?<=[)>\w]) (?=p\.|<|world|deactivation|\w+ = )", whole):
+        assert statement.strip() in text
+
+
+def _plain(change):
+    key, _, value = change.partition("=")
+    return f"{key}={float(value)}"
+
+
+def _unwrapped(text):
+    return re.sub(r"\s+", " ", text.replace("; ", " "))
+
+
+@pytest.mark.parametrize(
+    ("engine", "scene", "said"),
+    [
+        ("reference", "fall", "reference: no scripts in its own API are written for it; for dart, bullet"),
+        ("drake", "fall", "drake: no scripts in its own API are written for it"),
+        ("bullet", "ball_snip", "a script of ball_snip would have"),
+        ("bullet", "ellipsoid_rocks", "bullet: pybullet makes no ellipsoids"),
+    ],
+)
+def test_what_has_no_script_is_refused_by_name(engine, scene, said):
+    """Engines without scripts, scenes with too many different bodies, and shapes that an engine lacks."""
+    if engine not in ("reference", "drake"):
+        needs(engine)
+    name = registered(engine)
+    with pytest.raises(AdapterError, match=re.escape(said)):
+        written(catalogue()[scene], name, settings(name, next(iter(ENGINES[name].profiles))))
+
+
+def test_simple_statements_share_a_line():
+    """Neighbours of one indent join up to the width; openings of blocks, data and comments stay alone."""
+    lines = [
+        "a = 1",
+        "b = f(a)",
+        "for k in [",
+        "    1,",
+        "]:",
+        "    g(k)",
+        "    h(k)",
+        "c = 2  # why",
+        "d = 3",
+    ]
+    assert joined(lines) == [
+        "a = 1; b = f(a)",
+        "for k in [",
+        "    1,",
+        "]:",
+        "    g(k); h(k)",
+        "c = 2  # why",
+        "d = 3",
+    ]
+
+
+def test_numbers_keep_all_digits():
+    """Literals read back as the same numbers, infinite ones too."""
+    values = (0.1 + 0.2, [1, -0.0, float("inf")], ("a",))
+    assert repr(eval(literal(values))) == repr(values)
