@@ -48,8 +48,9 @@ def written(scenario: Scenario, engine: str, settings: Settings, head: Sequence[
 
 
 def settings_lines(scenario: Scenario, engine: str, several: Iterable[Settings]) -> list[list[str]]:
-    """Per settings the lines that set them in an engine's own API, as scripts of the scene have them; none for
-    settings that the engine refuses in the scene.
+    """Per settings the lines that set them in an engine's own API, as scripts of the scene have them.
+
+    Settings that the engine refuses in the scene have none.
 
     Raises:
         AdapterError: the engine writes no scripts, or is not installed.

@@ -1,7 +1,7 @@
-"""A script in an engine's own API that plays a scene as its adapter does, and the lines that set its settings.
+"""A script in an engine's own API that plays a scene as its adapter does, and lines that set its settings.
 
-Each engine writes `Parts` (`script.py` beside its adapter); the text is the same for all engines. The lines of
-settings are taken from what the adapter has set, so that a line to paste does what the recording shows.
+Each engine writes `Parts` (`script.py` beside its adapter); the text is the same for all engines. Lines of
+settings are taken from what the adapter has set: a line to paste does what the recording shows.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ def text_of(parts: Parts, scenario: Scenario, settings: Settings, head: Sequence
         if len(lines) <= MOST_LINES:
             return "\n".join(lines) + "\n"
     raise Unsupported(
-        f"a script of {scenario.name} would have {len(lines)} lines, more than {MOST_LINES}: its bodies differ"
+        f"a script of {scenario.name} would have {len(lines)} lines, more than {MOST_LINES}: "
+        "its bodies differ"
     )
 
 
@@ -95,11 +96,11 @@ def joined(lines: Sequence[str]) -> list[str]:
     found: list[str] = []
     for line in lines:
         both = f"{found[-1]}; {line.strip()}" if found else ""
-        if found and len(both) <= WIDTH and _indent(line) == _indent(found[-1]):
-            if _is_simple(line) and _is_simple(found[-1]):
-                found[-1] = both
-                continue
-        found.append(line)
+        fits = bool(found) and len(both) <= WIDTH and _indent(line) == _indent(found[-1])
+        if fits and _is_simple(line) and _is_simple(found[-1]):
+            found[-1] = both
+        else:
+            found.append(line)
     return found
 
 
@@ -168,7 +169,7 @@ def packed(commands: Array) -> str:
     data = base64.b64encode(zlib.compress(np.ascontiguousarray(commands).tobytes(), 9)).decode()
     if len(data) > MOST_COMMANDS:
         raise Unsupported(
-            f"the recorded commands of the driven bodies take {len(data)} characters, more than {MOST_COMMANDS}"
+            f"the recorded commands of driven bodies take {len(data)} characters, more than {MOST_COMMANDS}"
         )
     inner = f'zlib.decompress(base64.b64decode("{data}"))'
     return f"np.frombuffer({inner}).reshape({commands.shape[0]}, {commands.shape[1]})"

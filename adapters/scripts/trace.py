@@ -1,8 +1,8 @@
 """A record of the calls that an adapter makes of an engine's Python module, to be written as a script.
 
-`Trace.module` stands for the module: it passes every call on and records it with its arguments. Objects of the
-engine are followed by proxies, numbers are kept as they are. What only reads is left out of the script unless a
-later call uses its result.
+`Trace.module` stands for the module: it passes every call on and records it with its arguments. Objects of
+the engine are followed by proxies, numbers are kept as they are. What only reads is left out of the script
+unless a later call uses its result.
 """
 
 from __future__ import annotations

@@ -283,7 +283,7 @@ def commanded(trace: Trace, steps: Sequence[Sequence[int]], writer: Writer) -> t
         raise Unsupported("the commands of the driven bodies differ from step to step in more than numbers")
     numbers: list[Array] = []
     lines, first = [], 0
-    for s, k in enumerate(steps[0]):
+    for s in range(len(steps[0])):
         text = forms[0][s][0]
         for j, (_, value) in enumerate(forms[0][s][1]):
             every = [form[s][1][j][1] for form in forms]

@@ -1,4 +1,4 @@
-"""A page per engine of all its settings: values, where they come from, the lines to paste, and who reviewed them.
+"""A page per engine of all its settings: values, their source, the lines to paste, and who reviewed them.
 
 Lines are what the adapter sets in the scene SCENE with the setting, without what it sets without it.
 """
@@ -60,9 +60,9 @@ def _page(engine: str) -> str:
         NOTICE,
         f"# Settings of {engine}",
         f"Source of names and meanings: {MANUALS.get(engine, 'the engine')}; `touchstone run --set "
-        f"{engine}.NAME=VALUE` plays them. Native steps of the profiles: {steps}. Lines to paste are what the adapter "
-        f"sets in the scene `{SCENE}` for the value before them, and what `touchstone reproduce` writes; "
-        f"`touchstone tune SCENE --engine {engine} --position 1mm` searches the values for a scene of yours.",
+        f"{engine}.NAME=VALUE` plays them. Native steps of the profiles: {steps}. Lines to paste are what "
+        f"the adapter sets in the scene `{SCENE}` for the value before them; `touchstone reproduce` writes "
+        f"them too, and `touchstone tune SCENE --engine {engine} --position 1mm` searches values for a scene.",
         "A review is a line in `reports/docs/reviews.csv`, by a pull request of whoever knows the engine.",
         table_text(rows),
     ]

@@ -42,7 +42,7 @@ def reproduce(*rows: Row) -> str:
 
 
 def script_command(row: Row) -> str:
-    """The command that writes what a row's column does in its scene in the engine's own API; "" without one."""
+    """The command that writes what a row's column does in the engine's own API; "" without one."""
     entry = ENGINES.get(row.engine)
     if entry is None or not entry.script or row.scenario not in catalogue():
         return ""

@@ -14,8 +14,8 @@ from touchstone.adapters.scripts.script import WIDTH
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.run.request import Request, step_text
 from touchstone.reports.run.reproduce import script_command
+from touchstone.reports.run.request import Request, step_text
 from touchstone.reports.run.study import run as play
 from touchstone.scenarios.scenario import Scenario
 
@@ -72,9 +72,8 @@ def reproduced(scenario: Scenario, engine: str, settings: Settings, progress: Pr
 def head(scenario: Scenario, engine: str, settings: Settings, missed: tuple[str, ...]) -> list[str]:
     """Lines of the docstring of a script."""
     asked = Row("run", scenario.name, engine, settings.label, settings.dt or nan, "run")
-    lines = [
-        f"{scenario.name} in {engine}: {scenario.summary}. Profile {settings.label}, {step_text(settings.dt)} s."
-    ]
+    how = f"Profile {settings.label}, {step_text(settings.dt)} s."
+    lines = [f"{scenario.name} in {engine}: {scenario.summary}. {how}"]
     lines += [f"Misses {line}" for line in missed[:SHOWN]]
     lines += [f"and {len(missed) - SHOWN} more limits"] if len(missed) > SHOWN else []
     lines.append(f"Prints time [s], position [m] and name of bodies. {script_command(asked)}")

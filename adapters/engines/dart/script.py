@@ -67,7 +67,7 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
     numpy = ["import base64", "import zlib", "", "import numpy as np"] if commands is not None else []
     hulls = any("mesh_shape" in text for text in writer.lines())
     helper = inspect.getsource(model.mesh_shape).splitlines() if hulls else []
-    files = ["import tempfile", "from pathlib import Path", ""] if hulls else []
+    files = ["import tempfile", "from pathlib import Path", "from typing import Any", ""] if hulls else []
     return Parts(
         f"dartpy=={dartpy.__version__}",
         [*files, *numpy, "import dartpy"],

@@ -196,11 +196,11 @@ def lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
 
 def compared(one: Setting, best: Setting, limits: dict[str, float]) -> str:
     """Errors and time of a setting, and over those of the best."""
+    from math import isfinite
+
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.table import number
-
-    from math import isfinite
 
     if not isfinite(one.excess):
         return "does not play to the end, or lets bodies pass through each other"

@@ -80,8 +80,8 @@ def reproduce(
 
 
 EQUAL = 1e-9
-"""Difference of a script from a recording [m] beyond which it shows something else: rounding of positions that are
-computed in another order."""
+"""Difference of a script from a recording [m] beyond which it shows something else: rounding of positions
+that are computed in another order."""
 
 
 def settings_for(scenario: Scenario, engine: str, profile: str, dt: str, changes: list[str]) -> Settings:

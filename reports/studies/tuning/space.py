@@ -58,8 +58,8 @@ class Space:
         return list(dict.fromkeys(Candidate(name, dt) for name, dt in self._profiles.items()))
 
     def first(self, rng: np.random.Generator) -> list[Candidate]:
-        """Every profile at its step, then in drawn order: every profile at every step, and after each two settings
-        changed alone in the first profile. `equal-step` is another profile at one step."""
+        """Every profile at its step, then in drawn order: every profile at every step, and after each two
+        settings changed alone in the first profile. `equal-step` is another profile at one step."""
         name, dt = next(iter(self._profiles.items()))
         steps = [Candidate(one, step) for one in self._profiles if one != "equal-step" for step in self.steps]
         alone = [one for text in self._texts if (one := self.changed(Candidate(name, dt), text))]
@@ -72,7 +72,7 @@ class Space:
         return list(dict.fromkeys(found))
 
     def changed(self, candidate: Candidate, text: str) -> Candidate | None:
-        """A candidate with one more change, or another value of a changed one; None if it does nothing there."""
+        """A candidate with one more change, or another value of a changed one; None if it does nothing."""
         others = [one for one in candidate.changes if split(one)[0] != split(text)[0]]
         try:
             changes = self._table.changes(candidate.profile, (*others, text))
@@ -112,7 +112,7 @@ class Space:
 
 
 def values_of(setting: Setting) -> list[str]:
-    """Other values of a setting as "key=value": all of a choice; of a number, around those of the profiles."""
+    """Values of a setting as "key=value": all of a choice; of a number, around those of the profiles."""
     plain = list(dict.fromkeys(value for value in setting.profiles if value))
     if isinstance(setting, Choice):
         return [f"{setting.name}={value}" for value in setting.values]

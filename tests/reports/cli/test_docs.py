@@ -11,10 +11,12 @@ import typer
 from touchstone.reports.cli.main import app
 from touchstone.reports.docs.measurements import NoResults, page_of
 from touchstone.reports.docs.reference import commands_page, list_pages
+from touchstone.reports.docs.settings_pages import difference, settings_pages
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.scenarios.catalogue import tagged
 
 GENERATED = Path(__file__).resolve().parents[3] / "docs" / "generated"
+SETTINGS = GENERATED.with_name("settings")
 
 
 def test_generated_pages_are_current():
@@ -23,6 +25,31 @@ def test_generated_pages_are_current():
     pages = {"commands.md": commands_page(typer.main.get_command(app)), **list_pages(pictures)}
     stale = [name for name, text in pages.items() if (GENERATED / name).read_text() != text]
     assert not stale, "run `touchstone docs`"
+
+
+def test_pages_of_settings_are_current():
+    """The page of every engine that is installed equals that in docs/settings; else run `touchstone docs`."""
+    pages = settings_pages()
+    stale = [name for name, text in pages.items() if (SETTINGS / name).read_text() != text]
+    assert not stale, "run `touchstone docs`"
+    assert all("to paste" in text and "reviewed by" in text for text in pages.values())
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "found"),
+    [
+        (
+            ['<option a="1"/>'],
+            ['<option a="1" b="2"><flag c="3"/></option>'],
+            ['<option b="2"/>', '<flag c="3"/>'],
+        ),
+        (["p.set(a=1, b=2)"], ["p.set(a=1, b=3)"], ["p.set(b=3)"]),
+        (["w.set(1)"], ["w.set(1)", "w.use(x)"], ["w.use(x)"]),
+    ],
+)
+def test_lines_differ_by_attributes(before, after, found):
+    """What a setting adds to the lines without it: attributes, arguments, or whole lines."""
+    assert difference(before, after) == found
 
 
 def test_every_gallery_scene_has_a_still():
