@@ -24,6 +24,8 @@ from touchstone.reports.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from touchstone.reports.studies.work_precision.cheapest import Answer, Setting
 
 
@@ -153,7 +155,7 @@ def words_of(setting: Setting) -> str:
     return f"{label} at {step_text(setting.dt)} s: {number(setting.time, 's')} a frame ({low} to {high})"
 
 
-def margins(setting: Setting, limits: dict[str, float]) -> str:
+def margins(setting: Setting, limits: Mapping[str, float]) -> str:
     """Each error beside its limit."""
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES

@@ -39,10 +39,10 @@ def traced() -> Iterator[Trace]:
     """A trace of what the adapter calls meanwhile."""
     trace = Trace(pybullet, handles=HANDLES, reads=("connect", "disconnect", "stepSimulation"))
     try:
-        engine.pybullet = bodies.pybullet = trace.module  # type: ignore[attr-defined]
+        engine.pybullet = bodies.pybullet = trace.module
         yield trace
     finally:
-        engine.pybullet = bodies.pybullet = pybullet  # type: ignore[attr-defined]
+        engine.pybullet = bodies.pybullet = pybullet
 
 
 def parts(scenario: Scenario, settings: Settings) -> Parts:

@@ -33,11 +33,11 @@ def traced() -> Iterator[Trace]:
     trace = Trace(dartpy, values=lambda name: bool(VALUES.fullmatch(name)), reads=READS)
     own = model.mesh_shape
     try:
-        engine.dartpy = model.dartpy = trace.module  # type: ignore[attr-defined]
+        engine.dartpy = model.dartpy = trace.module
         model.mesh_shape = trace.helper("mesh_shape", own)
         yield trace
     finally:
-        engine.dartpy = model.dartpy = dartpy  # type: ignore[attr-defined]
+        engine.dartpy = model.dartpy = dartpy
         model.mesh_shape = own
 
 

@@ -314,7 +314,7 @@ def _commands(world: World, scenario: Scenario, settings: Settings) -> tuple[Arr
     return np.array(written)[:, kept], lines
 
 
-def _places(places: Array) -> str:
+def _places(places: np.ndarray) -> str:
     """Indices as a slice where they follow one another."""
     first, last = int(places[0]), int(places[-1])
     return f"{first}:{last + 1}" if last - first + 1 == len(places) else literal(places)

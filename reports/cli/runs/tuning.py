@@ -30,6 +30,8 @@ from touchstone.reports.cli.options import (
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from touchstone.reports.studies.tuning.search import Asked, Found
     from touchstone.reports.studies.work_precision.cheapest import Setting
     from touchstone.scenarios.scenario import Scenario
@@ -194,7 +196,7 @@ def lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
     return text
 
 
-def compared(one: Setting, best: Setting, limits: dict[str, float]) -> str:
+def compared(one: Setting, best: Setting, limits: Mapping[str, float]) -> str:
     """Errors and time of a setting, and over those of the best."""
     from math import isfinite
 

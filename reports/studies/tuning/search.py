@@ -212,7 +212,7 @@ class Search:
         frame = sweep(
             cells, asked.store, jobs=asked.jobs, executor=asked.executor, progress=self._progress, series=True
         )
-        return dict(iter(frame.groupby("cell", sort=False)))
+        return {str(key): part for key, part in frame.groupby("cell", sort=False)}
 
     @cached_property
     def _truths(self) -> dict[str, Truth | None]:

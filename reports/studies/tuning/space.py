@@ -64,7 +64,7 @@ class Space:
         steps = [Candidate(one, step) for one in self._profiles if one != "equal-step" for step in self.steps]
         alone = [one for text in self._texts if (one := self.changed(Candidate(name, dt), text))]
         for several in (steps, alone):
-            rng.shuffle(several)  # type: ignore[arg-type]
+            rng.shuffle(several)
         found = self.profiles()
         while steps or alone:
             found += [*steps[:1], *alone[:2]]
