@@ -19,6 +19,7 @@ WITHOUT = {
     "docs": {"--format": "writes pages", "--quiet": "prints their paths"},
     "schema": {"--format": "is JSON", "--quiet": "prints nothing else"},
     "export": {"--quiet": "prints a path"},
+    "reproduce": {"--format": "writes a program"},
     "view": {"--format": "writes a page", "--quiet": "prints its path"},
     "list": {"--quiet": "has no verdict"},
     "show": {"--quiet": "has no verdict"},
