@@ -46,6 +46,7 @@ from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.runs.tolerances import tolerances
 from touchstone.reports.cli.runs.versions import versions
 from touchstone.reports.cli.runs.view import view
+from touchstone.reports.cli.scenes.check_robot import check_robot
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -354,4 +355,5 @@ def _show(chosen: Scenario, effects: bool, model_card: bool, file: Path | None, 
 
 
 app.command("check-engine")(check_engine)
+app.command("check-robot")(check_robot)
 app.command()(doctor)
