@@ -10,6 +10,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
+import click
 import typer
 
 from touchstone.reports.names import checked
@@ -38,6 +39,8 @@ FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to 
 QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
 ]
+
+YesOption = Annotated[bool, typer.Option("--yes", help="Play what takes longer than is usual, too.")]
 
 PrintedOutOption = Annotated[
     Path | None, typer.Option("--out", help="New file to write (default: standard output).")
@@ -265,13 +268,17 @@ def resumable(store: Path) -> Iterator[None]:
 
 @contextmanager
 def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[Progress]:
-    """Progress over a total of steps; an input that a study refuses, or a disk error, exits with one line."""
+    """Progress over a total of steps; an input that a study refuses, a disk error, or a study that would take
+    longer than STUDY_LONGEST without `--yes`, exits with one line."""
     from touchstone.reports.output_folder import OutputError
+    from touchstone.reports.run.cost import STUDY_LONGEST, TooLargeError, limited
 
-    refused: tuple[type[Exception], ...] = (OutputError, *refusals)
+    refused: tuple[type[Exception], ...] = (OutputError, TooLargeError, *refusals)
+    context = click.get_current_context(silent=True)
+    any_time = context is None or context.params.get("yes", True)
     try:
         with progress_for(total, quiet) as progress:
-            yield progress
+            yield progress if any_time else limited(progress, total, STUDY_LONGEST, "steps")
     except refused as error:
         stop(str(error), BAD_INPUT)
 
