@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from contextvars import ContextVar
 from enum import StrEnum
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
-import click
 import typer
 
 from touchstone.reports.names import checked
@@ -40,7 +40,18 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
 ]
 
-YesOption = Annotated[bool, typer.Option("--yes", help="Play what takes longer than is usual, too.")]
+_any_time: ContextVar[bool] = ContextVar("any_time", default=True)
+"""Whether what this command measures may take any time."""
+
+
+def _remember(yes: bool) -> bool:
+    _any_time.set(yes)
+    return yes
+
+
+YesOption = Annotated[
+    bool, typer.Option("--yes", callback=_remember, help="Play what takes longer than a night, too.")
+]
 
 PrintedOutOption = Annotated[
     Path | None, typer.Option("--out", help="New file to write (default: standard output).")
@@ -274,11 +285,9 @@ def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[P
     from touchstone.reports.run.cost import STUDY_LONGEST, TooLargeError, limited
 
     refused: tuple[type[Exception], ...] = (OutputError, TooLargeError, *refusals)
-    context = click.get_current_context(silent=True)
-    any_time = context is None or context.params.get("yes", True)
     try:
         with progress_for(total, quiet) as progress:
-            yield progress if any_time else limited(progress, total, STUDY_LONGEST, "steps")
+            yield progress if _any_time.get() else limited(progress, total, STUDY_LONGEST, "steps")
     except refused as error:
         stop(str(error), BAD_INPUT)
 

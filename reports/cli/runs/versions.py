@@ -16,7 +16,6 @@ from touchstone.reports.cli.options import (
     Format,
     FormatOption,
     QuietOption,
-    YesOption,
     columns_for,
     engines_named,
     folder_of_now,
@@ -48,7 +47,7 @@ def versions(
         Path | None, typer.Option(help="Folder of results (default: runs/versions-<time>).")
     ] = None,
     output: FormatOption = Format.table,
-    yes: YesOption = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes on released versions of an engine: did an update change physics or speed?

@@ -9,7 +9,7 @@ import pytest
 import typer
 
 from touchstone.reports.cli import main
-from touchstone.reports.cli.options import measuring
+from touchstone.reports.cli.options import YesOption, measuring
 from touchstone.reports.run import cost
 from touchstone.reports.run.cost import TooLargeError, check_memory, limited
 from touchstone.scenarios.catalogue import catalogue
@@ -77,7 +77,7 @@ def test_studies_and_sweeps_ask_before_a_long_one(clock, capfd):
     app = typer.Typer()
 
     @app.command()
-    def long(yes: bool = False) -> None:
+    def long(yes: YesOption = False) -> None:
         with measuring(10**9, True) as step:
             for _ in range(40):
                 step("cell", 1)
