@@ -83,5 +83,6 @@ def test_studies_and_sweeps_ask_before_a_long_one(clock, capfd):
                 step("cell", 1)
 
     assert app(["--yes"], standalone_mode=False) is None
-    assert app([], standalone_mode=False) == 2
+    with pytest.raises(SystemExit, match="2"):
+        app([], standalone_mode=False)
     assert "1000000000 steps would take about" in capfd.readouterr().err
