@@ -34,9 +34,10 @@ def grouped(
                 if block.flat[0] != NO_PAIR:
                     yield facts_of[block.flat[0]], [names[k] for k in one], [names[k] for k in other]
                 continue
-            for a in one:
-                for b in (k for k in other if code[a, k] != NO_PAIR and (other is not one or a < k)):
-                    yield facts_of[code[a, b]], [names[a]], [names[b]]
+            for row in one:
+                for k in other:
+                    if code[row, k] != NO_PAIR and (other is not one or row < k):
+                        yield facts_of[code[row, k]], [names[row]], [names[k]]
 
 
 def ungrouped(bodies_a: Sequence[str], bodies_b: Sequence[str]) -> Iterator[tuple[str, str]]:
