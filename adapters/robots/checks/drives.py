@@ -27,8 +27,7 @@ def drive_range(model: Any, joint: int, at: float) -> tuple[float, float]:
     low, high = (0.0, 0.0) if drives or model.nu else (-inf, inf)
     for drive in drives:
         gear = float(model.actuator_gear[drive, 0])
-        ends = _force_ends(model, drive, gear * at)
-        ends = sorted(gear * end if gear else 0.0 for end in ends)
+        ends = sorted(gear * end if gear else 0.0 for end in _force_ends(model, drive, gear * at))
         low, high = low + ends[0], high + ends[1]
     if model.jnt_actfrclimited[joint]:
         bound = model.jnt_actfrcrange[joint].tolist()

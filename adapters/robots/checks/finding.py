@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-FAULT, NOTE = "fault", "note"
+Verdict = Literal["fault", "note"]
+FAULT: Verdict = "fault"
+NOTE: Verdict = "note"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +24,7 @@ class Finding:
     subject: str
     text: str
     remedy: str
-    verdict: Literal["fault", "note"] = "fault"
+    verdict: Verdict = FAULT
 
     @property
     def line(self) -> str:

@@ -70,12 +70,14 @@ def _pair(source: Source, start: Posture, a: _Finger, b: _Finger) -> Iterator[Fi
     ends = [_ends(model, finger) for finger in (a, b)]
     master = next((x for x, y in ((a, b), (b, a)) if _follows(coupled, model, y, x)), None)
     choices = [(one, two) for one, two in product(*ends)]
+    both_ends = np.sum(ends, axis=1)
     if master is not None:
         factor = coupled[model.joint((b if master is a else a).joint).name][1]
         own = ends[0] if master is a else ends[1]
         choices = [(end, factor * end) if master is a else (factor * end, end) for end in own]
+        both_ends = np.sum(choices, axis=0)
     open_at = max(choices, key=lambda at: _gap(start, a, b, at)[0])
-    closed_at = tuple(sum(limits) - end for limits, end in zip(ends, open_at))
+    closed_at = both_ends - np.array(open_at)
     path = [np.array(open_at) + t * np.subtract(closed_at, open_at) for t in np.linspace(0, 1, STEPS + 1)]
     gaps = [_gap(start, a, b, at)[0] for at in path]
     opening, least = gaps[0], min(gaps)

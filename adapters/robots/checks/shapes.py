@@ -71,9 +71,9 @@ def overlaps(postures: list[Posture]) -> Iterator[Finding]:
             if not may_touch(model, a, b) or not _near(pieces[a], pieces[b]):
                 continue
             depth = -distance(pieces[a], pieces[b])[0]
-            pair = tuple(name_of(model, "body", int(model.geom_bodyid[geom])) for geom in (a, b))
-            if depth > max(DEPTH, deepest.get(pair, (0.0, ""))[0]):
-                deepest[pair[0], pair[1]] = (depth, posture.name)
+            one, two = (name_of(model, "body", int(model.geom_bodyid[geom])) for geom in (a, b))
+            if depth > max(DEPTH, deepest.get((one, two), (0.0, ""))[0]):
+                deepest[one, two] = (depth, posture.name)
     for (one, two), (depth, name) in deepest.items():
         yield Finding(
             "overlap",

@@ -197,6 +197,11 @@ def test_a_follower_shares_the_force_of_its_drive(check):
     )
     (found,) = check(text)
     assert "press with 10 N and hold 1.02 kg" in found.text
+    # a follower that goes the other way as its master does, with another zero
+    mirrored = text.replace('axis="-1 0 0" range="0 0.04"', 'axis="1 0 0" range="-0.04 0"')
+    mirrored = mirrored.replace('joint2="slide_left"', 'joint2="slide_left" polycoef="0 -1 0 0 0"')
+    (found,) = check(mirrored)
+    assert "open to 80 mm, close to 0 mm, press with 10 N" in found.text
 
 
 def test_the_command_prints_a_line_each(capfd, monkeypatch, tmp_path):
