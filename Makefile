@@ -11,7 +11,7 @@ PYTEST := $(BIN)/python -m pytest -n 2
 # cached bytecode: dozens of processes import the same modules
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-engines test-all check docs clean
+.PHONY: run test test-engines test-all test-commands check docs release clean
 
 run: $(READY)
 	$(BIN)/touchstone run $(ARGS)
@@ -26,6 +26,10 @@ test-engines: $(READY)
 
 test-all: $(READY)
 	$(PYTEST) -m "slow or not slow" $(ARGS)
+
+# every command of README and docs as written, for an hour or two: the exit codes are those of the page
+test-commands: $(READY)
+	$(BIN)/python -m pytest -m "slow or not slow" tests/docs/test_commands.py $(ARGS)
 
 check: $(READY) docs
 	$(BIN)/ruff check .
@@ -47,6 +51,10 @@ $(READY): pyproject.toml setup.py constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
 	touch $@
+
+# wheel and sdist, checked and installed; other interpreters: make release ARGS=python3.12
+release:
+	PYTHON=$(PYTHON) .ci/release $(ARGS)
 
 clean:
 	rm -rf .venv build *.egg-info

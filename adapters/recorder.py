@@ -32,6 +32,7 @@ from touchstone.scenarios.effects import EFFECT_TABLE
 from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.plan import Decision, Plan
 from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.truths.pair_groups import grouped
 
 WARM_UP_FRAMES = 3
 """Untimed frames before the run, which fill compilers' and processors' caches."""
@@ -53,8 +54,12 @@ def scenario_json(scenario: Scenario) -> str:
 
 
 def manifest_json(manifest: Manifest) -> str:
-    """A manifest as JSON text."""
-    return json.dumps(dataclasses.asdict(manifest))
+    """A manifest as JSON text; pairs of bodies with equal coefficients are one entry."""
+    pairs = {(pair.body_a, pair.body_b): (pair.restitution, pair.friction) for pair in manifest.pairs}
+    groups = [
+        {"bodies_a": a, "bodies_b": b, "restitution": e, "friction": mu} for (e, mu), a, b in grouped(pairs)
+    ]
+    return json.dumps({**dataclasses.asdict(dataclasses.replace(manifest, pairs=())), "pairs": groups})
 
 
 def substeps(scenario: Scenario, dt: float) -> int:

@@ -80,11 +80,12 @@ class PieceMaker:
                 self.cylinders.append(found.cut)
                 return found.hull
             case "mesh":
-                return self._mesh(int(model.geom_dataid[geom]), name).hull
+                return self.mesh(int(model.geom_dataid[geom]), name).hull
             case other:
                 raise RobotError(f"geom {name!r}: no shape for type {other or 'unknown'}")
 
-    def _mesh(self, mesh: int, name: str) -> Approximation:
+    def mesh(self, mesh: int, name: str) -> Approximation:
+        """Hull of a mesh, computed once; `name` of the geom or mesh in messages."""
         if mesh not in self._hulls:
             model = self.model
             first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])

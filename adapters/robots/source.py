@@ -81,7 +81,7 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
         if reason:
             faults.append(joint.named(f"type {joint.attributes['type']}: {reason}"))
         for limit in (one for one in joint.children if one.tag == "limit"):
-            lower, upper = (_number(limit, name) for name in ("lower", "upper"))
+            lower, upper = (number(limit, name) for name in ("lower", "upper"))
             if lower > upper:
                 faults.append(joint.named(f"limits from {lower:g} to {upper:g} are inverted"))
     root.children = [one for one in root.children if one.tag in ("link", "joint", "mujoco")]
@@ -127,7 +127,7 @@ def _converted(mesh: Element, file: Path, scratch: Path) -> Path:
     return target
 
 
-def _number(element: Element, name: str) -> float:
+def number(element: Element, name: str) -> float:
     """A number of an attribute; 0 where it is absent, NaN where MuJoCo will refuse it."""
     try:
         return float(element.attributes.get(name, "0"))
@@ -140,8 +140,8 @@ def _has_inertia(link: Element) -> bool:
     found = {one.tag: one for one in link.walk()}
     if "mass" not in found or "inertia" not in found:
         return False
-    moments = [_number(found["inertia"], name) for name in ("ixx", "iyy", "izz")]
-    return _number(found["mass"], "value") != 0 and any(moments)
+    moments = [number(found["inertia"], name) for name in ("ixx", "iyy", "izz")]
+    return number(found["mass"], "value") != 0 and any(moments)
 
 
 def _massless(root: Element) -> list[str]:

@@ -15,6 +15,7 @@ from touchstone.reports.cli.options import (
     FormatOption,
     PrintedOutOption,
     QuietOption,
+    YesOption,
     known,
     measuring,
     output_to,
@@ -45,6 +46,7 @@ def cheapest(
     ] = Path("runs/sweep"),
     out: PrintedOutOption = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Name the cheapest measured setting within tolerances, the runner-up, and the line that plays it.

@@ -212,13 +212,21 @@ LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {
 """Rows of each argument of `touchstone list`."""
 
 
-def effect_rows(scenario: Scenario) -> list[dict[str, object]]:
-    """Whether each effect runs in a scene, and the reason."""
+def effect_rows(scenario: Scenario, measured: bool = False) -> list[dict[str, object]]:
+    """Whether each effect runs in a scene, and the reason; if `measured`, what it costs of a frame of the
+    reference, too."""
     from touchstone.adapters.motion_bounds import bounds
     from touchstone.scenarios.plan import plan
 
     decisions = plan(scenario, bounds(scenario)).decisions
-    return [{"effect": one.effect, "plan": one.state, "because": one.reason} for one in decisions]
+    rows: list[dict[str, object]] = [{"effect": one.effect, "plan": one.state} for one in decisions]
+    if measured:
+        from touchstone.reports.studies.effects.study import costs
+
+        found = costs(scenario)
+        for row, one in zip(rows, decisions):
+            row["cost [%]"] = f"{100 * found[one.effect]:.0f}" if one.effect in found else ""
+    return [row | {"because": one.reason} for row, one in zip(rows, decisions)]
 
 
 def surface_lines(scenario: Scenario) -> Iterator[str]:

@@ -47,6 +47,7 @@ from touchstone.reports.cli.runs.tolerances import tolerances
 from touchstone.reports.cli.runs.tuning import tune
 from touchstone.reports.cli.runs.versions import versions
 from touchstone.reports.cli.runs.view import view
+from touchstone.reports.cli.scenes.check_robot import check_robot
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -293,6 +294,9 @@ def list_things(what: Listing, out: PrintedOutOption = None, output: FormatOptio
 def show(
     scenario: str,
     effects: Annotated[bool, typer.Option("--effects", help="Which effects it needs, and why.")] = False,
+    cost: Annotated[
+        bool, typer.Option("--cost", help="With --effects, what each costs of a frame of the reference here.")
+    ] = False,
     model_card: Annotated[
         bool, typer.Option("--model-card", help="The driven bodies as every engine holds them.")
     ] = False,
@@ -306,22 +310,26 @@ def show(
     """Show what a scenario is made of."""
     if file is not None and not model_card:
         stop("--file is compared by --model-card; name both", BAD_INPUT)
+    if cost and not effects:
+        stop("--cost is a column of --effects; name both", BAD_INPUT)
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     for line in tracker_notes([chosen]):
         print(line, file=sys.stderr)
     if others:
         stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
     with output_to(out):
-        _show(chosen, effects, model_card, file, output)
+        if effects:
+            from touchstone.reports.cli.listing import effect_rows, show_rows
+
+            show_rows(effect_rows(chosen, cost), output)
+        else:
+            _show(chosen, model_card, file, output)
 
 
-def _show(chosen: Scenario, effects: bool, model_card: bool, file: Path | None, output: Format) -> None:
-    from touchstone.reports.cli.listing import effect_rows, show_rows, surface_lines, truth_lines
+def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format) -> None:
+    from touchstone.reports.cli.listing import show_rows, surface_lines, truth_lines
     from touchstone.scenarios.scenario import UNMOVED
 
-    if effects:
-        show_rows(effect_rows(chosen), output)
-        return
     if model_card:
         from touchstone.adapters.robots.robot_error import RobotError
         from touchstone.reports.views.model_card import NotDriven, card_rows
@@ -358,4 +366,5 @@ def _show(chosen: Scenario, effects: bool, model_card: bool, file: Path | None, 
 
 
 app.command("check-engine")(check_engine)
+app.command("check-robot")(check_robot)
 app.command()(doctor)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from contextvars import ContextVar
 from enum import StrEnum
 from io import StringIO
 from pathlib import Path
@@ -37,6 +38,19 @@ class Format(StrEnum):
 FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
+]
+
+_any_time: ContextVar[bool] = ContextVar("any_time", default=True)
+"""Whether what this command measures may take any time."""
+
+
+def _remember(yes: bool) -> bool:
+    _any_time.set(yes)
+    return yes
+
+
+YesOption = Annotated[
+    bool, typer.Option("--yes", callback=_remember, help="Play what takes longer than a night, too.")
 ]
 
 PrintedOutOption = Annotated[
@@ -265,13 +279,15 @@ def resumable(store: Path) -> Iterator[None]:
 
 @contextmanager
 def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[Progress]:
-    """Progress over a total of steps; an input that a study refuses, or a disk error, exits with one line."""
+    """Progress over a total of steps; an input that a study refuses, a disk error, or a study that would take
+    longer than STUDY_LONGEST without `--yes`, exits with one line."""
     from touchstone.reports.output_folder import OutputError
+    from touchstone.reports.run.cost import STUDY_LONGEST, TooLargeError, limited
 
-    refused: tuple[type[Exception], ...] = (OutputError, *refusals)
+    refused: tuple[type[Exception], ...] = (OutputError, TooLargeError, *refusals)
     try:
         with progress_for(total, quiet) as progress:
-            yield progress
+            yield progress if _any_time.get() else limited(progress, total, STUDY_LONGEST, "steps")
     except refused as error:
         stop(str(error), BAD_INPUT)
 

@@ -14,6 +14,7 @@ from touchstone.reports.cli.options import (
     Format,
     FormatOption,
     QuietOption,
+    YesOption,
     columns_for,
     ended,
     folder_of_now,
@@ -50,6 +51,7 @@ def stability(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/stability-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play hard scenes at growing difficulty and step: how far each engine goes, and how it fails."""
@@ -88,6 +90,7 @@ def relations(
     quick: Annotated[bool, typer.Option("--quick", help="Six scenes.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/relations-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Turn, mirror, move, scale and split scenes: does the motion change accordingly, and not otherwise?"""
@@ -116,6 +119,7 @@ def soak(
     profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
     out: Annotated[Path | None, typer.Option(help="Folder of failures (default: runs/soak-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""

@@ -13,6 +13,7 @@ from touchstone.reports.cli.options import (
     Format,
     FormatOption,
     QuietOption,
+    YesOption,
     columns_for,
     ended,
     engines_named,
@@ -40,6 +41,7 @@ def narrow_phase(
     seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/narrow-phase-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Send the same poses through every detector; compare with the explicit Minkowski difference."""
@@ -80,6 +82,7 @@ def inverse_kinematics(
     seed: Annotated[int, typer.Option(min=0, help="Of the random postures.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/ik-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
@@ -98,6 +101,7 @@ def calibration(
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: all).")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/calibration-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
@@ -117,6 +121,7 @@ def agreement(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/agreement-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes at ever smaller steps: errors of step and of model, and the outlier."""
@@ -144,6 +149,7 @@ def convergence(
     ),
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/convergence-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes with a truth at seven steps: order of convergence and floor of every engine."""
@@ -174,6 +180,7 @@ def effects(
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/effects-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
@@ -196,6 +203,7 @@ def predictability(
     seed: Annotated[int, typer.Option(min=0, help="Of the random directions.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/predictability-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
@@ -221,6 +229,7 @@ def robustness(
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/robustness-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
@@ -243,6 +252,7 @@ def paper(
     repeats: Annotated[int, typer.Option(min=1, help="Timed plays of every scene.")] = 15,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/paper-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Replay the experiments of the paper on the profile `paper`, and judge its claims one by one."""
@@ -266,6 +276,7 @@ def bench(
     seed: Annotated[int, typer.Option(min=0, help="Of the order of engines, scenes and columns.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
@@ -301,6 +312,7 @@ def work_precision(
     ),
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/work-precision-<time>).")] = None,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure error over wall time of every engine and setting: what accuracy costs."""

@@ -15,6 +15,7 @@ from touchstone.reports.cli.options import (
     Format,
     FormatOption,
     QuietOption,
+    YesOption,
     columns_for,
     exit_for,
     known,
@@ -61,6 +62,7 @@ def sweep(
     part: Annotated[str, typer.Option(help="Play every N-th cell from the K-th on: K/N.")] = "",
     out: Annotated[Path, typer.Option(help="Folder of the store; what it holds is skipped.")] = DEFAULT_STORE,
     output: FormatOption = Format.table,
+    yes: YesOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure every combination of scene, engine, profile and step, each once."""

@@ -15,6 +15,8 @@ FIRST_SECONDS = 10.0
 """Time of the first frames, by which the whole run is estimated [s]."""
 LONGEST = 3600.0
 """Time of a run above which it must be asked for [s]: the catalogue takes minutes."""
+STUDY_LONGEST = 12 * 3600.0
+"""The same of a study, a sweep or a bench [s]: a night."""
 UNITS = (("years", 365 * 86400.0), ("days", 86400.0), ("hours", 3600.0), ("seconds", 1.0))
 
 
@@ -38,8 +40,9 @@ def check_memory(scenarios: Sequence[Scenario], columns: int) -> None:
             )
 
 
-def limited(progress: Progress, total: int) -> Progress:
-    """A progress over `total` frames; raises TooLargeError where these take more than LONGEST."""
+def limited(progress: Progress, total: int, longest: float = LONGEST, unit: str = "frames") -> Progress:
+    """A progress over `total` frames, or other units; raises TooLargeError where these take more than
+    `longest` [s]."""
     began, done, judged = 0.0, 0, False
 
     def step(label: str, frames: int) -> None:
@@ -55,8 +58,8 @@ def limited(progress: Progress, total: int) -> Progress:
         if elapsed >= FIRST_SECONDS:
             judged = True
             left = elapsed / done * (total - done)
-            if left > LONGEST:
-                raise TooLargeError(f"{total} frames would take about {_words(left)}; --yes plays them")
+            if left > longest:
+                raise TooLargeError(f"{total} {unit} would take about {_words(left)}; --yes plays them")
 
     return step
 

@@ -36,7 +36,7 @@ def uniform(pieces: tuple[Piece, ...], mass: float) -> tuple[Vector, Matrix]:
     Raises:
         ValueError: a hull spans no volume, or a size is not positive.
     """
-    volumes = np.array([_volume(piece.shape) for piece in pieces])
+    volumes = np.array([volume(piece.shape) for piece in pieces])
     if not (volumes > 0).all():
         raise ValueError("a piece has no volume")
     masses = mass * volumes / volumes.sum()
@@ -58,7 +58,8 @@ def uniform(pieces: tuple[Piece, ...], mass: float) -> tuple[Vector, Matrix]:
     return vector(center), (one, two, three)
 
 
-def _volume(shape: Shape) -> float:
+def volume(shape: Shape) -> float:
+    """Volume of a shape [m^3]."""
     match shape:
         case Sphere(r):
             return 4 / 3 * pi * r**3

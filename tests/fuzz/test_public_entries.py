@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import sys
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ from hypothesis import strategies as st
 from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import RecordingError, load
+from touchstone.adapters.registry import installed
 from touchstone.adapters.registry import load as load_engine
 from touchstone.reports.cli.main import main
 from touchstone.reports.outcome.classes import CLASSES
@@ -23,10 +27,21 @@ from touchstone.reports.sweep.store import Store, StoreError
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.difficulty.family import hard_scene
 from touchstone.scenarios.files.read import SceneFileError, read_scene
+from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
 from touchstone.scenarios.files.write import scene_data
 from touchstone.scenarios.scenario import Scenario, ScenarioError
 
-FUZZ = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+EXAMPLES = int(os.environ.get("TOUCHSTONE_FUZZ", "60"))
+"""Cases of each kind; a release is tried with 1,000."""
+FUZZ = settings(
+    max_examples=EXAMPLES, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+QUICK = settings(
+    max_examples=int(os.environ.get("TOUCHSTONE_FUZZ", "15")),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+"""The same where each case runs a command."""
 NUMBERS = st.one_of(st.floats(), st.integers(-(10**400), 10**400), st.none(), st.text(max_size=5))
 """Values in place of a number."""
 SCRAMBLED = st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=20)
@@ -90,27 +105,111 @@ def places(data, path=()):
     yield path
 
 
-@FUZZ
+def ends(capsys, *arguments: str) -> tuple[int, str]:
+    """Exit code of the program, and what it said on standard error."""
+    sys.argv = ["touchstone", *arguments]
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as end:
+        main()
+    return int(end.value.code or 0), capsys.readouterr().err
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty folder in which the program runs, with arguments of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    return tmp_path
+
+
+DOCUMENTS = {name: scene_data(catalogue()[name]) for name in ("bounce_e05", "press", "belt", "turntable")}
+"""Simulated, driven, moving and prescribed bodies."""
+
+
+@QUICK
 @given(
     data=st.data(),
+    name=st.sampled_from(sorted(DOCUMENTS)),
     value=st.one_of(NUMBERS, st.lists(NUMBERS, max_size=4), st.dictionaries(st.text(), NUMBERS)),
 )
-def test_a_changed_scene_file_is_refused_or_a_scene(tmp_path, data, value):
-    """Any value of a scene file may be any other: it is a scene, or it is refused with a reason."""
-    document = scene_data(catalogue()["bounce_e05"])
+def test_a_changed_scene_file_is_refused_or_a_scene(here, capsys, data, name, value):
+    """Any value of a scene file may be any other: it is a scene, or it is refused in a few lines; its plan
+    too."""
+    document = deepcopy(DOCUMENTS[name])
     path = data.draw(st.sampled_from([place for place in places(document) if place]))
     inner = document
     for key in path[:-1]:
         inner = inner[key]
     inner[path[-1]] = value
-    file = tmp_path / "scene.json"
-    file.write_text(json.dumps(document))
+    (here / "scene.json").write_text(json.dumps(document))
     found: object
     try:
-        found = read_scene(file)
+        found = read_scene(here / "scene.json")
     except (SceneFileError, ScenarioError) as error:
         found = str(error)
     assert isinstance(found, Scenario) or found
+    code, reported = ends(capsys, "show", "scene.json", "--effects")
+    assert code in (0, 2), reported
+    assert "Traceback" not in reported
+    assert code == 0 or reported.startswith("touchstone: "), reported
+
+
+TRACKER = (
+    "time,x,y,z,qw,qx,qy,qz,a,b.angle\n0,0,0,0,1,0,0,0,0,0\n0.5,1,0,0,0,1,0,0,0.5,-1\n1,2,0,0,1,0,0,0,0,1\n"
+)
+
+
+@FUZZ
+@given(changes=SCRAMBLED, cut=st.integers(0, 60), packed=st.booleans(), value=NUMBERS)
+def test_a_changed_tracker_file_is_refused_or_keyframes(tmp_path, changes, cut, packed, value):
+    """Bytes of a CSV or NPZ may change anywhere, or a cell: keyframes, or one line that names the file."""
+    path = tmp_path / ("track.npz" if packed else "track.csv")
+    if packed:
+        np.savez(
+            path,
+            time=[0.0, 1.0],
+            position=np.zeros((2, 3)),
+            orientation=[[1, 0, 0, 0]] * 2,
+            angle=[[0, 1]] * 2,
+        )
+    else:
+        path.write_text(TRACKER.replace("0.5", str(value), 1), "utf-8", errors="replace")
+    path.write_bytes(damaged(path.read_bytes(), changes, cut))
+    try:
+        found = keyframes(path, ("a", "b"))
+    except TrackerFileError as error:
+        found, message = {}, str(error)
+    else:
+        message = f"{path.name}: {', '.join(sorted(found))}"
+    assert path.name in message
+    assert "\n" not in message
+    assert not found or {"times", "positions", "orientations", "angles"} == found.keys()
+
+
+ROBOT = """<robot name="r"><link name="base"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
+<link name="rod"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><cylinder radius="0.02" length="0.4"/></geometry></collision></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="5" velocity="1"/></joint></robot>"""
+NUMBER = re.compile(r'"(-?[0-9.]+)')
+
+
+@QUICK
+@pytest.mark.skipif(not installed("mujoco"), reason="the importer needs MuJoCo")
+@given(place=st.integers(0, 40), value=NUMBERS, changes=SCRAMBLED, scrambled=st.booleans())
+def test_a_changed_robot_is_refused_or_checked(here, capsys, place, value, changes, scrambled):
+    """Numbers and bytes of a URDF may be any other: it is checked, or refused by name."""
+    found = list(NUMBER.finditer(ROBOT))
+    one = found[place % len(found)]
+    text = ROBOT[: one.start(1)] + str(value).replace('"', "") + ROBOT[one.end(1) :]
+    content = text.encode("utf-8", "replace")
+    (here / "robot.urdf").write_bytes(damaged(content, changes, 0) if scrambled else content)
+    code, reported = ends(capsys, "check-robot", "robot.urdf")
+    assert code in (0, 1, 2), reported
+    assert "Traceback" not in reported
 
 
 @FUZZ

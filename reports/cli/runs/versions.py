@@ -47,6 +47,7 @@ def versions(
         Path | None, typer.Option(help="Folder of results (default: runs/versions-<time>).")
     ] = None,
     output: FormatOption = Format.table,
+    yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes on released versions of an engine: did an update change physics or speed?
@@ -59,6 +60,7 @@ def versions(
     from touchstone.adapters.workers.environment import installed_version
     from touchstone.reports.compare.changes import FAILING
     from touchstone.reports.output_folder import OutputError, output_folder
+    from touchstone.reports.run.cost import TooLargeError, check_memory, limited
     from touchstone.reports.run.request import Request
     from touchstone.reports.versions.study import Compared, compare, environments
 
@@ -82,6 +84,10 @@ def versions(
     require_judge()
     command = " ".join(["touchstone", *sys.argv[1:]])
     request = Request(scenarios, columns, folder, command=command)
+    try:
+        check_memory(scenarios, len(columns))
+    except TooLargeError as error:
+        stop(str(error), BAD_INPUT)
     frames = sum(one.frame_count for one in scenarios) * len(columns) * len(wanted) * rounds
     found = Compared(name, {})
     with progress_for(len(wanted), quiet) as progress:
@@ -91,8 +97,9 @@ def versions(
     try:
         if len(folders) > 1:
             with progress_for(frames, quiet, by_scene=True) as progress, output_folder(folder) as part:
-                found = compare(request, folders, rounds, part, progress)
-    except OutputError as error:
+                step = progress if yes else limited(progress, frames)
+                found = compare(request, folders, rounds, part, step)
+    except (OutputError, TooLargeError) as error:
         stop(str(error), BAD_INPUT)
     if len(folders) < 2:
         stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)

@@ -2,9 +2,10 @@
 
 Per scene and engine the study compares the scene's plan with all effects. On the reference it also toggles
 one effect at a time: off where the plan has it, on where it has not. Frames of all variants are interleaved.
-Means over all frames are compared, because a plan saves different work in different frames. On the reference
-a frame is the fastest of PASSES, net of the crossing from Python (an empty call with all arguments of a
-step), which is half of a probe's frame. Outcomes are compared in every displayed frame: `identical` to the
+Means over all frames are compared, because a plan saves different work in different frames. A frame is the
+fastest of PASSES or ENGINE_PASSES, so that what other processes take of the machine counts little; on the
+reference it is net of the crossing from Python (an empty call with all arguments of a step), which is half of
+a probe's frame. Outcomes are compared in every displayed frame: `identical` to the
 bit, `within tolerance`, `matters`.
 """
 
@@ -19,8 +20,9 @@ import pandas as pd
 
 from touchstone.adapters.contract import MISSING, Array, Settings
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.process import COMPILE_PATIENCE
 from touchstone.adapters.workers.stepping import Loader
-from touchstone.adapters.workers.variants import Pace, Variant, VariantPlayer
+from touchstone.adapters.workers.variants import Pace, Variant, VariantPlayer, play
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
@@ -43,8 +45,10 @@ from touchstone.scenarios.scenario import Scenario
 STUDY = "effects"
 TOLERANCE = 1e-6
 """Difference of outcomes that is below every limit on overlap or gap [m, rad]."""
-BUDGET = 1.0
-"""Seconds of an engine's steps in a scene, for both variants; the reference plays all frames."""
+BUDGET = 0.25
+"""Seconds of an engine's steps in a scene and pass, of both variants; the reference plays all frames."""
+ENGINE_PASSES = 4
+"""Timed passes of the frames of other engines."""
 PASSES = 8
 """Timed passes of the reference's frames; each variant is first in half of them."""
 JUDGED = ("effects.changed", "time.left", "time.slower", "time.plan")
@@ -107,7 +111,7 @@ def rows_of_engine(
     try:
         for scenario in scenarios:
             progress(f"{engine}: {scenario.name}", 1)
-            child = child or VariantPlayer(engine, output / f"{engine}.txt", loader)
+            child = child or VariantPlayer(engine, output / f"{engine}.txt", loader, COMPILE_PATIENCE)
             base = Row(STUDY, scenario.name, engine, _profile(engine), _step(engine), "")
             found = _rows_of_scene(child, base, scenario)
             if child.failure is not None:
@@ -133,7 +137,7 @@ def _rows_of_scene(child: VariantPlayer, base: Row, scenario: Scenario) -> list[
         rows.append(replace(base, metric="time.plan", unit="s", value=value, low=low, high=high))
         wanted |= toggles(scenario)
     settings = [Settings(base.profile, base.dt, effects=effects) for effects in wanted.values()]
-    how = (np.inf, PASSES) if ours else (BUDGET, 0)
+    how = (np.inf, PASSES) if ours else (BUDGET, ENGINE_PASSES)
     variants = child.ask("play", (scenario, settings, *how))
     if variants is None:
         return []
@@ -153,6 +157,21 @@ def toggles(scenario: Scenario) -> dict[str, tuple[str, ...]]:
         sign = "-" if effect in stages else "+"
         named[sign + effect] = tuple(e for e in PLANNED if e in stages ^ {effect})
     return named
+
+
+def costs(scenario: Scenario, passes: int = PASSES) -> dict[str, float]:
+    """What each effect costs on the reference in a scene, relative to the time of its plan [1]: what a frame
+    takes longer with it than without. Effects that the scene cannot be played without are absent."""
+    profile, dt = _profile(REFERENCE), _step(REFERENCE)
+    wanted = toggles(scenario)
+    settings = [Settings(profile, dt, effects=effects) for effects in (None, *wanted.values())]
+    _, *variants = play(load(REFERENCE), scenario, settings, np.inf, passes)
+    found = {}
+    for name, variant in zip(wanted, variants):
+        if not variant.ended:
+            change = float(variant.pace.net.mean() / variant.beside.net.mean()) - 1
+            found[name[1:]] = -change if name.startswith("-") else change
+    return found
 
 
 def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:

@@ -135,3 +135,14 @@ def test_show_says_where_a_path_leaves_its_keyframes(touchstone, tmp_path):
     (tmp_path / "hand.json").write_text(json.dumps(scene))
     line = "hand: trackers[0]: hand leaves its keyframes by 548 mm from 0.05 to 10 s; "
     assert touchstone("show", "hand.json")[2] == f'{line}interpolation = "pchip" does not\n'
+
+
+def test_effects_have_a_cost_here(touchstone):
+    """Contact is most of what a frame of `stack` takes; effects that it lacks have a figure too."""
+    code, out, err = touchstone("show", "stack", "--effects", "--cost", "--format", "json")
+    assert code == 0, err
+    rows = {row["effect"]: row for row in json.loads(out)}
+    assert float(rows["contact"]["cost [%]"]) > 20
+    assert rows["overlap_removal"]["cost [%]"] != ""
+    code, _, err = touchstone("show", "stack", "--cost")
+    assert (code, err) == (2, "touchstone: --cost is a column of --effects; name both\n")

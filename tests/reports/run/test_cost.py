@@ -6,7 +6,10 @@ from dataclasses import replace
 from itertools import count
 
 import pytest
+import typer
 
+from touchstone.reports.cli import main
+from touchstone.reports.cli.options import YesOption, measuring
 from touchstone.reports.run import cost
 from touchstone.reports.run.cost import TooLargeError, check_memory, limited
 from touchstone.scenarios.catalogue import catalogue
@@ -49,3 +52,37 @@ def test_recordings_that_no_memory_holds_are_refused():
     check_memory(list(catalogue().values()), 8)
     with pytest.raises(TooLargeError, match=r"^fall: 4 recordings of 599999940 frames take \d+ GB, and this"):
         check_memory([replace(fall, duration=9999999.0, expectations=())], 4)
+
+
+def test_a_study_may_take_a_night(clock):
+    """Studies say their steps, and have a longer limit."""
+
+    def study(total: int) -> None:
+        step = limited(lambda label, count: None, total, cost.STUDY_LONGEST, "steps")
+        for _ in range(40):
+            step("cell", 1)
+
+    with pytest.raises(TooLargeError, match=r"^1000000000 steps would take about 31\.7 years; --yes"):
+        study(10**9)
+    study(40_000)
+
+
+def test_studies_and_sweeps_ask_before_a_long_one(clock, capfd):
+    """`--yes` is an option of all that play for long, and decides."""
+    command = typer.main.get_command(main.app)
+    for name in ("sweep", "cheapest", "versions"):
+        assert "yes" in {one.name for one in command.commands[name].params}
+    for study in command.commands["study"].commands.values():
+        assert "yes" in {one.name for one in study.params}, study.name
+    app = typer.Typer()
+
+    @app.command()
+    def long(yes: YesOption = False) -> None:
+        with measuring(10**9, True) as step:
+            for _ in range(40):
+                step("cell", 1)
+
+    assert app(["--yes"], standalone_mode=False) is None
+    with pytest.raises(SystemExit, match="2"):
+        app([], standalone_mode=False)
+    assert "1000000000 steps would take about" in capfd.readouterr().err

@@ -1,0 +1,36 @@
+"""All checks of a robot's file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from touchstone.adapters.robots.checks.drives import drives
+from touchstone.adapters.robots.checks.finding import Finding
+from touchstone.adapters.robots.checks.grip import grips
+from touchstone.adapters.robots.checks.masses import masses
+from touchstone.adapters.robots.checks.posture import postures
+from touchstone.adapters.robots.checks.shapes import hulls, overlaps
+from touchstone.adapters.robots.pieces import PieceMaker
+from touchstone.adapters.robots.source import compiled
+
+CHECKS = ("hull", "overlap", "inertia", "limit", "drive", "grip")
+"""Names of the checks, in order."""
+
+
+def findings(path: Path, allow_paths: bool = False) -> Iterator[Finding]:
+    """Findings about a URDF or MJCF file.
+
+    Args:
+        allow_paths: whether files outside the robot's folder may be read.
+    Raises:
+        RobotError: the file is not valid, or holds what no scene can represent; a line per fault.
+    """
+    source = compiled(path, allow_paths)
+    maker = PieceMaker(source.model, [])
+    places = postures(source.model, maker)
+    yield from hulls(source.model, maker)
+    yield from overlaps(places)
+    yield from masses(places[0])
+    yield from drives(source, places)
+    yield from grips(source, places[0])
