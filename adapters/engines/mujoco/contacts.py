@@ -1,7 +1,7 @@
 """Restitution and friction in MuJoCo: masks and priorities of geoms (`masks.py`), otherwise explicit pairs.
 
 MuJoCo has springs instead of e. A pair with e = 0 gets MuJoCo's own form, solref = (time constant, 1): 20 ms
-in `default`, else the floor of two steps (MuJoCo's documentation, "Modeling: Solver parameters").
+in `default`, else REST_STEPS (MuJoCo's documentation, "Modeling: Solver parameters").
 
 A pair that bounces takes its stiffness and damping per unit mass in the direct form solref = (-stiffness,
 -damping). Its contact releases while still compressed, when its force would become negative (Schwager &
@@ -32,8 +32,11 @@ from touchstone.adapters.material_combine import check_range, frictions, restitu
 from touchstone.adapters.registry import ACCURATE
 from touchstone.scenarios.scenario import Scenario
 
+REST_STEPS = 2.6
+"""Time constant of a contact that does not bounce, where none is set [steps]. MuJoCo's limit is two (its flag
+refsafe); there friction lifts what slides or rolls, and `slip` rolls 11 % late."""
 FLOOR_STEPS = 2.0
-"""MuJoCo's lower limit of a contact's time constant [steps] (its flag refsafe)."""
+"""MuJoCo's lower limit of a contact's time constant [steps]."""
 FRICTION_MIN = 1e-5
 """Minimum friction of a contact with condim > 1 (mjMINMU) [1]; MuJoCo raises smaller values to it."""
 RESTITUTION_MIN = 0.02
@@ -50,7 +53,7 @@ def solref_of(restitution: float, settings: Settings) -> tuple[float, float]:
     values = SETTINGS.in_force(settings.profile, settings.changes)
     constant = values.get("solref", 0.0)
     if restitution == 0 and settings.profile != ACCURATE:
-        return max(constant, FLOOR_STEPS * settings.dt), 1.0
+        return max(constant or REST_STEPS * settings.dt, FLOOR_STEPS * settings.dt), 1.0
     zeta, stiffest = releasing_ratio(max(restitution, RESTITUTION_MIN)), values["bounce"] / settings.dt
     w = min(1 / (zeta * constant), stiffest) if zeta * constant else stiffest
     return _sampled(zeta, w, settings.dt)

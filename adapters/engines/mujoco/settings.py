@@ -68,7 +68,7 @@ SETTINGS = Table(
             10,
             "s",
             _all("", **{DEFAULT: "0.02"}),
-            "time constant of a contact, never below two steps; others than default: as short as allowed",
+            "time constant of a contact, never below two steps; 2.6 steps where none is set",
             whole=False,
         ),
         Numbers(
@@ -94,7 +94,7 @@ SETTINGS = Table(
             1e-3,
             1,
             "rad",
-            _all("0.3", **{ACCURATE: "0.2"}),
+            _all("0.4", **{ACCURATE: "0.2"}),
             "frequency of a contact that bounces times the step, at most: stiffer ones spread restitution",
             whole=False,
         ),
