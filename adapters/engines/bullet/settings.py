@@ -84,8 +84,8 @@ SETTINGS = Table(
             "contactProcessingThreshold",
             1e30,
             "m",
-            _all("0.0", **KEPT),
-            "distance up to which contacts are solved ahead of a collision; Bullet's default: any",
+            _all("", **{ACCURATE: "0.0"}),
+            "distance of contacts that are solved ahead: any; recommended: 0 where nothing is driven",
         ),
         _real(
             "collisionMargin",

@@ -10,7 +10,8 @@ the wrong sign and DART drops contacts of negative depth, so a sphere passes thr
 capsule by a ball of 10 cm and only prints an error. The Bullet detector is exact for these shapes, but
 enlarges ellipsoids by 1 cm on all sides; a scene that needs both is Unsupported. Second, except in
 `default`, scenes in which only spheres and boxes meet use DART's own detector, which knows no other shapes:
-over the probes 42 limits are broken, 49 with the Bullet detector (dart issue 1065) and 45 with FCL.
+over the probes 42 limits are broken, 49 with the Bullet detector (dart issue 1065) and 45 with FCL. In
+`accurate` they use the Bullet detector.
 """
 
 from __future__ import annotations
@@ -25,11 +26,12 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import BodyFacts, Scalar, Unsupported
-from touchstone.adapters.registry import DEFAULT
+from touchstone.adapters.registry import ACCURATE, DEFAULT
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
 OWN = "only spheres and boxes meet"
+ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 DETECTORS = {
     "fcl": dartpy.collision.FCLCollisionDetector,
     "bullet": dartpy.collision.BulletCollisionDetector,
@@ -115,7 +117,9 @@ def fault_of_fcl(scenario: Scenario) -> str:
 def reason_for_detector(scenario: Scenario, profile: str) -> str:
     """Why a scene uses another detector than DART's default, or "" if it does not."""
     plain = all(a | b <= {Sphere, Box} for a, b in _meeting_shapes(scenario))
-    return fault_of_fcl(scenario) or (OWN if plain and profile != DEFAULT else "")
+    if fault_of_fcl(scenario) or not plain or profile == DEFAULT:
+        return fault_of_fcl(scenario)
+    return ADVICE if profile == ACCURATE else OWN
 
 
 def isometry(position: Any, orientation: Any) -> Any:

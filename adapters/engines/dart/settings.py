@@ -7,7 +7,7 @@ that can be chosen is `split_impulse`.
 from __future__ import annotations
 
 from touchstone.adapters.engines.dart import ENTRY
-from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, SLEEPING
+from touchstone.adapters.engines.entry import ACCURATE, SLEEPING
 from touchstone.adapters.knobs import Choice, Range, Table
 
 PROFILES = tuple(ENTRY.profiles)
@@ -67,8 +67,8 @@ SETTINGS = Table(
         Choice(
             "sleep",
             _SWITCH,
-            _all("off", **{DEFAULT: "on", SLEEPING: "on"}),
-            "bodies at rest are not simulated (DeactivationOptions), DART's default",
+            _all("off", **{SLEEPING: "on"}),
+            "bodies at rest are not simulated (DeactivationOptions)",
         ),
     ),
 )
