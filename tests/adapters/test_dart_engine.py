@@ -259,15 +259,15 @@ def test_settings() -> None:
         assert reported["detector"] == detector
 
 
-def test_spheres_and_boxes_take_the_own_detector() -> None:
-    """Use DART's own detector where only spheres and boxes meet, FCL under `default`, and say why."""
+def test_primitives_take_the_advised_detector() -> None:
+    """Use DART's Bullet detector where only primitives meet, but under `default` DART's own, and say why."""
     scenario = scene(FLOOR, solid("cube", Box((0.1, 0.1, 0.1)), (0.0, 0.0, 1.0)))
     reported = {
         profile: dart_engine.DartEngine().build(scenario, Settings(profile, DT)).describe().settings
         for profile in ("recommended", "accurate", "default")
     }
-    assert [reported[profile]["detector"] for profile in reported] == ["dart", "bullet", "fcl"]
-    assert reported["recommended"]["detector_reason"].startswith("only spheres and boxes meet")
+    assert [reported[profile]["detector"] for profile in reported] == ["bullet", "bullet", "fcl"]
+    assert reported["recommended"]["detector_reason"].startswith("only primitives meet")
 
 
 def test_accurate_solver() -> None:

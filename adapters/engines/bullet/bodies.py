@@ -58,9 +58,7 @@ class Bodies:
     ) -> None:
         """`factors`: restitution and friction of each body; `drives`: by trackers that are coupled."""
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
-        self.parameters = tables.parameters_of(
-            settings.profile, settings.changes, driven=bool(scenario.trackers)
-        )
+        self.parameters = tables.parameters_of(settings.profile, settings.changes)
         self.sleep = tables.ASLEEP if settings.sleeping or self.parameters.sleep else {}
         self.masses = simulated_masses(scenario, list(drives.values()))
         self.moments, axes = zip(*(_principal_axes(body) for body in self.masses))

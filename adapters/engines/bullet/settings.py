@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from touchstone.adapters.engines.bullet import ENTRY
-from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, MAXIMAL, SLEEPING
+from touchstone.adapters.engines.entry import ACCURATE, MAXIMAL, SLEEPING
 from touchstone.adapters.knobs import Choice, Range, Table
 
 PROFILES = tuple(ENTRY.profiles)
@@ -24,8 +24,6 @@ def _real(
     return Range(name, least, most, unit, profiles, summary, whole=False)
 
 
-KEPT = {DEFAULT: "", MAXIMAL: ""}
-"""Profiles that keep Bullet's own value of what the documentation offers against hovering."""
 SETTINGS = Table(
     PROFILES,
     (
@@ -85,13 +83,13 @@ SETTINGS = Table(
             1e30,
             "m",
             _all("", **{ACCURATE: "0.0"}),
-            "distance of contacts that are solved ahead: any; recommended: 0 where nothing is driven",
+            "distance up to which contacts are solved ahead; Bullet's default: any",
         ),
         _real(
             "collisionMargin",
             1,
             "m",
-            _all("0.0", **KEPT),
+            _all("", **{ACCURATE: "0.0"}),
             "margin round hulls, not those of links; Bullet's default: 1 mm",
         ),
         Choice("sleep", _SWITCH, _all("off", **{SLEEPING: "on"}), "bodies at rest are not simulated"),

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import pybullet
 
 from touchstone.adapters.engines.bullet.settings import OF_BODIES, SETTINGS
-from touchstone.adapters.engines.entry import DEFAULT, MAXIMAL
 from touchstone.scenarios.scenario import ORIGIN
 
 Links = tuple[int, ...]
@@ -57,24 +56,18 @@ class Parameters(NamedTuple):
     sleep: bool
 
 
-def parameters_of(profile: str, changes: Iterable[str], driven: bool = False) -> Parameters:
-    """Settings of a profile with its changes ("key=value"); `driven`: whether a scene has a hand or person.
-
-    All but `default` and `maximal` have no margin of 1 mm, by which hulls hover (pybullet's quickstart guide,
-    changeDynamics), and, where nothing is driven, no contacts ahead of a collision: they brake a body before
-    it touches, and only the remaining speed bounces ("set to 0 if restitution is important": bullet3, pull
-    request 3096). Driven links gain energy without them: `slap_3` 7.9 J. Over the probes both together break
-    51 limits instead of 62, in the same time; with maximal coordinates too it is 60.
+def parameters_of(profile: str, changes: Iterable[str]) -> Parameters:
+    """Settings of a profile with its changes ("key=value").
 
     `accurate`: at four times the default rate, a quarter of the correction per step corrects at the same
     rate in time and adds a quarter of the speed to a rebound. Contacts slower than twice the speed that
-    gravity adds in a step of 1/960 s rest instead of bouncing.
+    gravity adds in a step of 1/960 s rest instead of bouncing. There are no contacts ahead of a collision:
+    they brake a body before it touches, and only the remaining speed bounces (bullet3, pull requests 1701
+    and 3096, issue 3094); and no margin of 1 mm, by which hulls hover (pybullet's quickstart guide).
     """
     values = SETTINGS.in_force(profile, changes)
     own = {name: values.pop(name, None) for name in OF_BODIES}
     threshold, margin = own["contactProcessingThreshold"], own["collisionMargin"]
-    if threshold is None and not driven and profile not in (DEFAULT, MAXIMAL):
-        threshold = 0.0
     return Parameters(
         solver=SOLVER | values,
         base=MULTIBODY | ({} if threshold is None else {"contactProcessingThreshold": threshold}),

@@ -32,7 +32,7 @@ from touchstone.adapters.engines.dart.model import (
     detector_of,
     friction_solver,
     isometry,
-    reason_for_detector,
+    reason_for_bullet,
     set_mass,
     solver_options,
 )
@@ -381,7 +381,7 @@ class World:
     def _detector_reason(self) -> str:
         if "detector" in SETTINGS.numbers(self._settings.changes):
             return "chosen"
-        return reason_for_detector(self._scenario, self._settings.profile) or "DART's default"
+        return reason_for_bullet(self._scenario, self._settings.profile) or "DART's default"
 
     def cross(self) -> None:
         """Call a getter of one number."""

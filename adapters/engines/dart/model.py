@@ -4,14 +4,14 @@ Hulls: dartpy 6.20 binds no ConvexMeshShape, and a MeshShape comes from a file o
 a temporary OBJ file, deleted at once, and end in single precision. Every detector treats a MeshShape as a
 triangle soup, a shell without an interior.
 
-Detector: DART's default, FCL, except in two cases. First, DART's Bullet detector in scenes in which a
+Detector: DART's default, FCL, except in two cases, which use DART's Bullet detector. First, scenes in which a
 sphere can meet a hull, or a capsule anything. FCL 0.7 returns the depth of a sphere against a triangle with
 the wrong sign and DART drops contacts of negative depth, so a sphere passes through a hull. DART replaces a
 capsule by a ball of 10 cm and only prints an error. The Bullet detector is exact for these shapes, but
-enlarges ellipsoids by 1 cm on all sides; a scene that needs both is Unsupported. Second, except in
-`default`, scenes in which only spheres and boxes meet use DART's own detector, which knows no other shapes:
-over the probes 42 limits are broken, 49 with the Bullet detector (dart issue 1065) and 45 with FCL. In
-`accurate` they use the Bullet detector.
+enlarges ellipsoids by 1 cm on all sides; a scene that needs both is Unsupported. Second, except in `default`,
+scenes in which only spheres, boxes and capsules meet, as DART's maintainers advise (dart issue 1065: "change
+the collision detector to BulletCollisionDetector if the collision shapes are all primitive shapes"; issue
+1183: it returns up to four contacts per pair, FCL all triangles').
 """
 
 from __future__ import annotations
@@ -26,11 +26,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import BodyFacts, Scalar, Unsupported
-from touchstone.adapters.registry import ACCURATE, DEFAULT
+from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
 
-OWN = "only spheres and boxes meet"
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 DETECTORS = {
     "fcl": dartpy.collision.FCLCollisionDetector,
@@ -58,12 +57,10 @@ ROOT_DOFS = 6
 
 
 def detector_of(scenario: Scenario, profile: str) -> Any:
-    """FCL; Bullet where FCL is wrong; DART's own if only spheres and boxes meet."""
-    reason = reason_for_detector(scenario, profile)
+    """FCL; or Bullet if a sphere can meet a hull or a capsule anything, or if only primitives meet."""
+    reason = reason_for_bullet(scenario, profile)
     if not reason:
         return dartpy.collision.FCLCollisionDetector()
-    if reason == OWN:
-        return dartpy.collision.DARTCollisionDetector()
     shapes = _meeting_shapes(scenario)
     if any(Ellipsoid in a | b for a, b in shapes):
         raise Unsupported(f"dart: {reason}, and no detector has both that and true ellipsoids")
@@ -114,12 +111,11 @@ def fault_of_fcl(scenario: Scenario) -> str:
     return "spheres meet hulls" if spheres_on_hulls else ""
 
 
-def reason_for_detector(scenario: Scenario, profile: str) -> str:
-    """Why a scene uses another detector than DART's default, or "" if it does not."""
-    plain = all(a | b <= {Sphere, Box} for a, b in _meeting_shapes(scenario))
-    if fault_of_fcl(scenario) or not plain or profile == DEFAULT:
-        return fault_of_fcl(scenario)
-    return ADVICE if profile == ACCURATE else OWN
+def reason_for_bullet(scenario: Scenario, profile: str) -> str:
+    """Why a scene uses DART's Bullet detector, or "" if it does not."""
+    primitives = {Sphere, Box, Capsule}
+    plain = all(a | b <= primitives for a, b in _meeting_shapes(scenario))
+    return fault_of_fcl(scenario) or (ADVICE if plain and profile != DEFAULT else "")
 
 
 def isometry(position: Any, orientation: Any) -> Any:

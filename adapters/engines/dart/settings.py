@@ -33,7 +33,7 @@ SETTINGS = Table(
             "detector",
             {"fcl": 0, "bullet": 1, "dart": 2, "ode": 3},
             _all(""),
-            "collision detector; by default fcl, bullet where it is wrong, dart where spheres and boxes meet",
+            "collision detector; by default fcl, or bullet where fcl is wrong or only primitives meet",
         ),
         Range(
             "iterations",

@@ -1,7 +1,7 @@
 """Restitution and friction in MuJoCo: masks and priorities of geoms (`masks.py`), otherwise explicit pairs.
 
 MuJoCo has springs instead of e. A pair with e = 0 gets MuJoCo's own form, solref = (time constant, 1): 20 ms
-in `default`, else REST_STEPS (MuJoCo's documentation, "Modeling: Solver parameters").
+in `default` and `equal-step`, else REST_STEPS (MuJoCo's documentation, "Modeling: Solver parameters").
 
 A pair that bounces takes its stiffness and damping per unit mass in the direct form solref = (-stiffness,
 -damping). Its contact releases while still compressed, when its force would become negative (Schwager &
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from itertools import combinations
-from math import acos, acosh, cos, cosh, exp, log, pi, sqrt, tan, tanh
+from math import acos, acosh, cos, cosh, exp, hypot, log, pi, sqrt, tan, tanh
 from typing import Any
 
 from scipy.optimize import brentq
@@ -29,12 +29,14 @@ from touchstone.adapters.contract import Array, Settings
 from touchstone.adapters.engines.mujoco.masks import GeomFilter, contact_filter
 from touchstone.adapters.engines.mujoco.settings import SETTINGS
 from touchstone.adapters.material_combine import check_range, frictions, restitutions
-from touchstone.adapters.registry import ACCURATE
+from touchstone.adapters.registry import ACCURATE, DEFAULT
 from touchstone.scenarios.scenario import Scenario
 
 REST_STEPS = 2.6
 """Time constant of a contact that does not bounce, where none is set [steps]. MuJoCo's limit is two (its flag
 refsafe); there friction lifts what slides or rolls, and `slip` rolls 11 % late."""
+PULLING = (DEFAULT, "equal-step")
+"""Profiles with MuJoCo's 20 ms and the restitution of a spring that may also pull, which is too large."""
 FLOOR_STEPS = 2.0
 """MuJoCo's lower limit of a contact's time constant [steps]."""
 FRICTION_MIN = 1e-5
@@ -52,6 +54,10 @@ def solref_of(restitution: float, settings: Settings) -> tuple[float, float]:
     """(-stiffness, -damping) per unit mass, or (time constant, damping ratio), of a contact with e."""
     values = SETTINGS.in_force(settings.profile, settings.changes)
     constant = values.get("solref", 0.0)
+    if settings.profile in PULLING:
+        zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
+        w = 1 / max(constant * zeta, FLOOR_STEPS * settings.dt)
+        return -w * w, -2 * zeta * w
     if restitution == 0 and settings.profile != ACCURATE:
         return max(constant or REST_STEPS * settings.dt, FLOOR_STEPS * settings.dt), 1.0
     zeta, stiffest = releasing_ratio(max(restitution, RESTITUTION_MIN)), values["bounce"] / settings.dt
@@ -63,6 +69,9 @@ def restitution_of(solref: Array, settings: Settings) -> float:
     """Restitution e of a contact with a solref, the inverse of `solref_of`."""
     if solref[0] > 0:
         return 0.0
+    if settings.profile in PULLING:
+        zeta = -solref[1] / (2 * sqrt(-solref[0]))
+        return exp(-pi * zeta / sqrt(1 - zeta * zeta)) if zeta < 1 else 0.0
     e = releasing_restitution(_damping_ratio(solref, settings.dt))
     return e if settings.profile != ACCURATE or e > RESTITUTION_MIN * (1 + ROUNDING) else 0.0
 
@@ -110,7 +119,8 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
         bodies: the spec's body per index in the scenario; their geoms have masks of zero.
     """
     check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
-    check_range("mujoco", "restitution", scenario, restitutions(scenario), least=RESTITUTION_MIN)
+    if settings.profile not in PULLING:
+        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=RESTITUTION_MIN)
     if "solreffriction" in SETTINGS.in_force(settings.profile, settings.changes):
         # Geoms have none.
         add_pairs(spec, scenario, settings, scenario.touching_pairs())
