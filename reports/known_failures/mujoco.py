@@ -9,10 +9,10 @@ from touchstone.reports.known_failures.cause import Cause
 from touchstone.reports.known_failures.shared import COARSE_SERVO
 
 CREEPS = (
-    "friction is soft and creeps: 1.8 mm/s on 20 degrees in closed form, more near the edge of "
-    "the cone; tip_holds by 5.5 mm in a second, 2.8 and 1.4 mm with time constants of 10 and 5 ms"
-    " in place of 20; arch_stands by 17, 9.0 and 4.1 mm; a cube that is gripped at 2/3 of the cone slides "
-    "back to the ground in 2 s, but by 7 mm under the elliptic cone"
+    "friction is soft and creeps: 1.8 mm/s on 20 degrees in closed form, more near the edge of the cone; "
+    "tip_holds by 5.5 mm in a second, 2.8 and 1.4 mm with time constants of 10 and 5 ms in place of 20; "
+    "arch_stands by 17, 9.0 and 4.1 mm; a cube that is gripped at 2/3 of the cone slides back to the "
+    "ground in 2 s, but by 7 mm under the elliptic cone"
 )
 DAMPED = "friction shares the contact's damping, and a contact of several steps turns with the bodies"
 ELLIPTIC = (
@@ -32,9 +32,8 @@ LIFT = (
     "s"
 )
 PYRAMID = (
-    "the pyramid has mu along two fixed directions and 0.707 mu at 45 degrees, where a cube goes "
-    "1.4 times as far; its friction is not along the slip off its axes: 0.040 rad, but 0.002 with"
-    " the elliptic cone"
+    "the pyramid has mu along two fixed directions and 0.707 mu at 45 degrees, where a cube goes 1.4 times "
+    "as far; its friction is not along the slip off its axes: 0.040 rad, but 0.002 with the elliptic cone"
 )
 ROUNDING = (
     "dominoes that lie on each other amplify where the solver stops: 0.18 at the manual's tolerance of "
@@ -43,12 +42,12 @@ ROUNDING = (
 ROW = "balls in a row are springs in a row: they part together, at any step"
 RUBS = (
     "arms that slide along each other under the pyramid gain 8.0 mJ, but 0.7 mJ with the elliptic cone "
-    "alone and 0.8 mJ with servos half as fast, 2.1 and 0.7 mJ at 1/1080 and 1/2160 s; integrator, "
-    "joint limits and contact's time constant change less than 0.1 mJ"
+    "alone and 0.8 mJ with servos half as fast, 2.1 and 0.7 mJ at 1/1080 and 1/2160 s; integrator, joint "
+    "limits and contact's time constant change less than 0.1 mJ"
 )
 SAMPLED = (
-    "at e = 1 a contact lasts 2 pi steps of a first-order integrator, whatever the step, and "
-    "balls in a row are springs in a row"
+    "at e = 1 a contact lasts 2 pi steps of a first-order integrator, whatever the step, and balls in a "
+    "row are springs in a row"
 )
 SINKS = (
     "a contact's spring is scaled by the masses of its two bodies, whatever load they bear: load_1e4 moves "
@@ -61,8 +60,8 @@ SOFT = (
     "servo presses: wall_push 6.3 mm at 20 ms, 4.7 mm at 2.6 steps of 1/540 s"
 )
 SOFT_LIMITS = (
-    "joint limits are springs of 20 ms, which give way where a hand is bent back: wall_push 0.157 rad, "
-    "but 0.062 at 10 ms and 0.018 at 5 ms"
+    "joint limits are springs of 20 ms, which give way where a hand is bent back: wall_push 0.157 rad, but "
+    "0.062 at 10 ms and 0.018 at 5 ms"
 )
 STARTS_APART = (
     "a contact that touches without load pushes in the first step: drag moves 0.10 mm off its post, 0.046 "
@@ -70,18 +69,18 @@ STARTS_APART = (
 )
 STIFFEST = "contact is a damped spring as stiff as the step allows (w h = 0.2), into which 3.8 m/s sink"
 TIPS = (
-    "a tall box that should hold tips on its front edge: it moves by 0.21 m, with the pyramid instead of the "
-    "elliptic cone alone by 0.75 mm, whatever integrator and impratio"
+    "a tall box that should hold tips on its front edge: it moves by 0.21 m, with the pyramid instead of "
+    "the elliptic cone alone by 0.75 mm, whatever integrator and impratio"
 )
 PASSES = (
-    "contact is a damped spring of 20 ms, through which what is fast and thin passes whatever the step: "
-    "a ball of 30 m/s a plate of 1 mm, at 1/540 and at 1/4320 s, and fingers at 6 m/s a table of 4 cm; "
-    "in `accurate`, where the spring is as stiff as the step allows, no finger does"
+    "contact is a damped spring of 20 ms, through which what is fast and thin passes whatever the step: a "
+    "ball of 30 m/s a plate of 1 mm, at 1/540 and at 1/4320 s, and fingers at 6 m/s a table of 4 cm; in "
+    "`accurate`, where the spring is as stiff as the step allows, no finger does"
 )
 JERKED = (
     "a tracker that jumps by 1 mm and 0.5 degrees sixty times a second jerks the links by their servos: "
-    "they bend hinges farther into their springs, and turn a box as they let it go; with the ideal "
-    "tracker none of it is there"
+    "they bend hinges farther into their springs, and turn a box as they let it go; with the ideal tracker "
+    "none of it is there"
 )
 STIFF_SLIDE = (
     "a hand that slides over a table under contacts of 2.6 steps gains 0.5 mJ, and under those of 20 ms "
@@ -299,7 +298,9 @@ CAUSES: tuple[Cause, ...] = (
                 "rest.moved": "tower_20 tower_20_jittered",
             },
             "equal-step default": {
-                "contact.gap": "shaker_across tower_20:floor-box_1 tower_20_jittered:floor-box_1 tower_40:floor-box_1",
+                "contact.gap": (
+                    "shaker_across tower_20:floor-box_1 tower_20_jittered:floor-box_1 tower_40:floor-box_1"
+                ),
                 "rest.moved": "brick_wall tower_10",
             },
             "recommended": {

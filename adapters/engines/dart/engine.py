@@ -105,11 +105,10 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     world.setCollisionDetector(DETECTORS[detector]() if detector else detector_of(scenario, settings.profile))
     solver = world.getConstraintSolver()
     solver.setSplitImpulseEnabled(bool(values["split_impulse"]))
-    matrix_free = solver.getMatrixFreeContactSolverOptions()
-    matrix_free.mEnabled = bool(values["matrix_free"])
-    solver.setMatrixFreeContactSolverOptions(matrix_free)
-    # accurate: one of two opt-in friction solvers (DART 6.20 release notes), Coulomb's circular cone by
-    # nonsmooth Gauss-Seidel instead of two boxed directions.
+    option = solver.getMatrixFreeContactSolverOptions()
+    option.mEnabled = bool(values["matrix_free"])
+    solver.setMatrixFreeContactSolverOptions(option)
+    # accurate: one of two opt-in friction solvers (DART 6.20 release notes), with Coulomb's circular cone
     name = SETTINGS["solver"].word(values["solver"])
     options = values.get("iterations"), values.get("tolerance")
     if name != "dantzig" or any(option is not None for option in options):
