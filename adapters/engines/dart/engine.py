@@ -102,7 +102,9 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     deactivation.mEnabled = settings.sleeping or bool(values["sleep"])
     world.setDeactivationOptions(deactivation)
     detector = SETTINGS["detector"].word(values["detector"]) if "detector" in values else ""
-    world.setCollisionDetector(DETECTORS[detector]() if detector else detector_of(scenario, settings.profile))
+    world.setCollisionDetector(
+        DETECTORS[str(detector)]() if detector else detector_of(scenario, settings.profile)
+    )
     solver = world.getConstraintSolver()
     solver.setSplitImpulseEnabled(bool(values["split_impulse"]))
     option = solver.getMatrixFreeContactSolverOptions()
@@ -112,7 +114,7 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     name = SETTINGS["solver"].word(values["solver"])
     options = values.get("iterations"), values.get("tolerance")
     if name != "dantzig" or any(option is not None for option in options):
-        solver.setBoxedLcpSolver(friction_solver(solver, name, *options))
+        solver.setBoxedLcpSolver(friction_solver(solver, str(name), *options))
 
 
 def _filter(world: Any, scenario: Scenario, nodes: list[Any]) -> None:
