@@ -101,16 +101,13 @@ def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
     values = SETTINGS.in_force(settings.profile, settings.changes)
     deactivation.mEnabled = settings.sleeping or bool(values["sleep"])
     world.setDeactivationOptions(deactivation)
-    detector = SETTINGS["detector"].word(values["detector"]) if "detector" in values else ""
-    world.setCollisionDetector(
-        DETECTORS[str(detector)]() if detector else detector_of(scenario, settings.profile)
-    )
+    detector = str(SETTINGS["detector"].word(values["detector"])) if "detector" in values else ""
+    world.setCollisionDetector(DETECTORS[detector]() if detector else detector_of(scenario, settings.profile))
     solver = world.getConstraintSolver()
     solver.setSplitImpulseEnabled(bool(values["split_impulse"]))
     option = solver.getMatrixFreeContactSolverOptions()
     option.mEnabled = bool(values["matrix_free"])
     solver.setMatrixFreeContactSolverOptions(option)
-    # accurate: one of two opt-in friction solvers (DART 6.20 release notes), with Coulomb's circular cone
     name = SETTINGS["solver"].word(values["solver"])
     options = values.get("iterations"), values.get("tolerance")
     if name != "dantzig" or any(option is not None for option in options):
