@@ -201,6 +201,12 @@ class Table(Mapping[str, Setting]):
                 )
         return tuple(found[name] for name in self if name in found and found[name] != plain[name])
 
+    def in_force(self, profile: str, changed: Iterable[str]) -> dict[str, Any]:
+        """Values in the engine of a profile with its changes, by the setting's name; those that depend on the
+        scene or the step are missing."""
+        plain = [f"{name}={value}" for name, value in self.values_of(profile).items() if value]
+        return self.numbers(plain) | self.numbers(changed)
+
     def numbers(self, changed: Iterable[str]) -> dict[str, Any]:
         """Values in the engine of "key=value" texts, by the setting's name."""
         return {setting.name: setting.number(split(text)[1]) for setting, text in map(self.parse, changed)}

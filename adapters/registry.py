@@ -14,11 +14,19 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Settings, Unsupported
-from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, ENGINES, MAXIMAL, RECOMMENDED, Entry
+from touchstone.adapters.engines.entry import (
+    ACCURATE,
+    DEFAULT,
+    ENGINES,
+    MAXIMAL,
+    RECOMMENDED,
+    SLEEPING,
+    Entry,
+)
 from touchstone.adapters.engines.plugin import declared, distribution_of, entry_declared, entry_of
 from touchstone.adapters.knobs import SettingError, Table
 
-__all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "Entry"]
+__all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "SLEEPING", "Entry"]
 
 DEFAULT_ENGINES = ("reference", "dart", "bullet", "mujoco")
 """Engines that play where none is named."""

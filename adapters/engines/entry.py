@@ -13,6 +13,7 @@ GROUP = "touchstone.engines"
 """Entry-point group of engines."""
 EQUAL_STEP = 1 / 240
 RECOMMENDED, DEFAULT, ACCURATE, MAXIMAL = "recommended", "default", "accurate", "maximal"
+SLEEPING = "sleeping"
 
 
 @dataclass(frozen=True, slots=True)

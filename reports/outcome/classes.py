@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 CLASSES = {
     "skipped": "the engine cannot represent the scene, or is not installed",
     "error": "an exception, or a process that died",
-    "timed out": "too slow: the run was cut off",
+    "slow": "the engine's steps take longer than the budget: the run was cut off",
     "gave up": "the run failed, and the engine said so",
     "non-finite": "a value that is not finite",
     "auto-reset": "the engine put the state back to the start by itself",

@@ -44,6 +44,12 @@ class Family:
         """First line of the function's docstring."""
         return (self.build.__doc__ or "").strip().splitlines()[0]
 
+    @property
+    def posed(self) -> bool:
+        """Whether no body is simulated: the reference poses all of them, and meets most checks by
+        construction."""
+        return all(body.kind != "simulated" for body in self.scene(self.levels[0])[0].bodies)
+
     def scene_name(self, level: float) -> str:
         """Name of the scene of a level."""
         return f"{TAG}_{self.name}_{level_text(level)}"

@@ -2,12 +2,35 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.knobs import Numbers, SettingError
+from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES, changes_of, installed, load, settings_of
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import box_inertia, sphere_inertia
+
+HALF = (0.05, 0.05, 0.05)
+WOKEN = Scenario(
+    "woken",
+    "a ball slides without friction into a box that has slept for a while",
+    (),
+    (
+        Body("floor", "fixed", "wood", (Piece("slab", Box((6.0, 1.0, 0.5))),), position=(0.0, 0.0, -0.5)),
+        Body("box", "simulated", "wood", (Piece("box", Box(HALF)),), position=(0.0, 0.0, 0.05), mass=1.0,
+             inertia=box_inertia(1.0, HALF)),
+        Body("ball", "simulated", "ice", (Piece("ball", Sphere(0.05)),), position=(-4.6, 0.0, 0.05), mass=1.0,
+             inertia=sphere_inertia(1.0, 0.05), linear_velocity=(1.0, 0.0, 0.0)),
+    ),
+    5.5,
+    (
+        PairCoefficients("wood", "wood", 0.0, 0.3),
+        PairCoefficients("wood", "ice", 0.0, 0.0),
+    ),
+)  # fmt: skip
 
 READ_BACK = {
     # engine, change, key of the manifest, value
@@ -22,7 +45,17 @@ READ_BACK = {
     ("mujoco", "tolerance=0.001", "tolerance", 1e-3),
     ("mujoco", "impratio=3", "impratio", 3.0),
     ("mujoco", "noslip_iterations=4", "noslip_iterations", 4),
-    ("mujoco", "solref=0.01", "geom_solref", "[[-14400.0, -51.708902871899234], [-10000.0, -200.0]]"),
+    ("mujoco", "solref=0.02", "geom_solref", "[[-8225.393616375599, -44.33218240627144], [0.02, 1.0]]"),
+    (
+        "mujoco",
+        "bounce=0.1",
+        "geom_solref",
+        "[[-561.0754213613177, -11.945691489429953], [0.010833333333333334, 1.0]]",
+    ),
+    ("mujoco", "integrator=discrete", "integrator", "mjINT_DISCRETE"),
+    ("mujoco", "solreffriction=0.1", "pair_solreffriction", "[[-1.0, -20.0]]"),
+    ("mujoco", "speculative=on", "speculative", True),
+    ("mujoco", "sleep=on", "sleep", True),
     (
         "mujoco",
         "solimp=0.5:0.6:0.002:0.4:3",
@@ -39,6 +72,15 @@ READ_BACK = {
     ("bullet", "globalCFM=0.001", "globalCFM (as set)", 0.001),
     ("bullet", "warmStartingFactor=0.5", "warmStartingFactor (as set)", 0.5),
     ("bullet", "restitutionVelocityThreshold=0.1", "restitutionVelocityThreshold (as set)", 0.1),
+    ("bullet", "constraintSolverType=dantzig", "constraintSolverType (as set)", 3),
+    ("bullet", "coordinates=maximal", "bodies in maximal coordinates", 2),
+    ("bullet", "useSplitImpulse=off", "useSplitImpulse (as set)", 0),
+    ("bullet", "splitImpulsePenetrationThreshold=-0.01", "splitImpulsePenetrationThreshold (as set)", -0.01),
+    ("bullet", "enableConeFriction=off", "enableConeFriction (as set)", 0),
+    ("bullet", "contactBreakingThreshold=0.01", "contactBreakingThreshold (as set)", 0.01),
+    ("bullet", "contactProcessingThreshold=0.001", "contactProcessingThreshold (as set)", 0.001),
+    ("bullet", "collisionMargin=0.001", "collisionMargin (as set)", 0.001),
+    ("bullet", "sleep=on", "activationState (as set)", 1),
     ("dart", "solver=pgs", "lcp_solver", "PgsBoxedLcpSolver"),
     ("dart", "solver=nsgs", "lcp_solver", "NsgsFrictionSolver"),
     ("dart", "solver=fbf", "lcp_solver", "FbfFrictionSolver"),
@@ -48,6 +90,8 @@ READ_BACK = {
     ("dart", "detector=dart", "detector", "dart"),
     ("dart", "detector=ode", "detector", "ode"),
     ("dart", "split_impulse=on", "split_impulse", True),
+    ("dart", "matrix_free=on", "matrix_free_solver", True),
+    ("dart", "sleep=on", "deactivation", True),
 }
 
 
@@ -114,3 +158,19 @@ def test_numbers_are_checked_one_by_one(text):
     assert setting.number("1:2:3") == (1.0, 2.0, 3.0)
     with pytest.raises(SettingError, match="found"):
         setting.number(text)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart"])
+def test_a_sleeping_box_is_woken_by_what_hits_it(lab, engine):
+    """In the profile `sleeping` a box at rest moves once a ball hits it, as fast as one that never slept."""
+    if not installed(engine):
+        pytest.skip(f"{engine} is not installed")
+    ends = {}
+    for profile in ("recommended", "sleeping"):
+        recording = record(load(engine), WOKEN, Settings(profile, ENGINES[engine].profiles[profile]))
+        ends[profile] = recording.linear_velocity[:, 1, 0]
+        hit = recording.time > 4.4
+        assert np.abs(ends[profile][~hit]).max() < 0.02 < np.abs(ends[profile][hit]).max()
+    asleep = (recording.time > 4.0) & ~hit
+    assert not ends["sleeping"][asleep].any()
+    assert np.abs(ends["sleeping"]).max() == pytest.approx(np.abs(ends["recommended"]).max(), rel=0.1)

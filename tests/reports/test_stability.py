@@ -5,13 +5,14 @@ from __future__ import annotations
 import pytest
 from rich.console import Console
 
+from tests.reports.outcome.fake_engines import Engine
 from touchstone.adapters.contract import Settings
 from touchstone.reports.outcome.classes import CLASSES, Outcome
-from touchstone.reports.results import table
+from touchstone.reports.results import CONSTRUCTION, table
 from touchstone.reports.studies.stability.cells import STEPS, Plan, chosen, own_step
 from touchstone.reports.studies.stability.measure import play_all
 from touchstone.reports.studies.stability.picture import LOOKS, envelope_picture, step_picture
-from touchstone.reports.studies.stability.play import Cell, Played
+from touchstone.reports.studies.stability.play import Cell, Played, play_scenario
 from touchstone.reports.studies.stability.rows import (
     CONTAINED,
     LEVELS,
@@ -24,7 +25,7 @@ from touchstone.reports.studies.stability.rows import (
 )
 from touchstone.reports.studies.stability.sheet import drawn, write_sheets
 from touchstone.reports.studies.stability.table import family_rows, show
-from touchstone.scenarios.difficulty.family import families, hard_names
+from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene
 
 COLUMNS = (("reference", "balanced"), ("bullet", "recommended"))
 
@@ -86,13 +87,36 @@ def test_containment_counts_levels_that_only_others_survive(fails, share, verdic
 
 def test_a_silent_failure_of_the_reference_breaks_a_limit():
     """Announced failures pass, silent ones fail with the command that plays them; engines are not judged."""
-    for name, verdict in (("creep", "fail"), ("gave up", "pass"), ("timed out", "pass")):
+    for name, verdict in (("creep", "fail"), ("gave up", "pass"), ("slow", "pass")):
         found = results(tiles_reference=(1.0, name), tiles_bullet=(1.0, "exploded"))
         rows = [row for row in rows_of(found) if row.metric == OUTCOME and row.subject == name]
         assert {row.verdict for row in rows} == {verdict}
         assert all(row.reproduce.startswith("touchstone run hard_tiles_1 ") for row in rows)
         assert len(silent_lines(found)) == (4 if verdict == "fail" else 0)
         assert {row.verdict for row in rows_of(found) if row.engine == "bullet"} == {""}
+
+
+def test_reading_is_not_the_engines_time():
+    """A cell is slow by the time of its steps: slow reading ends no run."""
+    scenario, checks = hard_scene("hard_strong_gravity_9.81")
+    settings = Settings("any", 1 / 60)
+    assert play_scenario(Engine("reads slowly"), scenario, checks, settings, 0.2).name == "ok"
+
+
+def test_a_family_without_a_simulated_body_is_marked():
+    """The reference poses such a family: its rows say so, and those of engines do not."""
+    posed = {name for name, family in families().items() if family.posed}
+    assert {"coupling", "mass_links"} < posed
+    assert "tiles" not in posed
+    plan = Plan(COLUMNS, chosen(["coupling", "tiles"]), quick=True)
+    rows = rows_of(results_of(plan, {cell: Played(Outcome("ok"), cell.line) for cell in plan.cells()}))
+    marked = {
+        (row.engine, row.scenario) for row in rows if row.basis == CONSTRUCTION and row.metric == LEVELS
+    }
+    assert marked == {("reference", "coupling")}
+    out = Console(width=140, record=True)
+    show(table(rows), out)
+    assert "all =" in out.export_text()
 
 
 def test_tables_and_pictures_show_every_class(tmp_path):

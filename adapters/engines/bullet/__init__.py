@@ -1,6 +1,14 @@
 """Adapter of Bullet through pybullet."""
 
-from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, EQUAL_STEP, MAXIMAL, RECOMMENDED, Entry
+from touchstone.adapters.engines.entry import (
+    ACCURATE,
+    DEFAULT,
+    EQUAL_STEP,
+    MAXIMAL,
+    RECOMMENDED,
+    SLEEPING,
+    Entry,
+)
 
 ENTRY = Entry(
     "touchstone.adapters.engines.bullet.engine:BulletEngine",
@@ -11,6 +19,7 @@ ENTRY = Entry(
         DEFAULT: 1 / 240,
         ACCURATE: 1 / 960,
         MAXIMAL: 1 / 240,
+        SLEEPING: 1 / 240,
     },
     color="#B8860B",
     marker="s",

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import BodyFacts, Settings
 from touchstone.adapters.engines.bullet import tables
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
-from touchstone.adapters.registry import MAXIMAL
 from touchstone.adapters.servo import Drive, simulated_masses
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import (
@@ -60,12 +59,12 @@ class Bodies:
         """`factors`: restitution and friction of each body; `drives`: by trackers that are coupled."""
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
         self.parameters = tables.parameters_of(settings.profile, settings.changes)
-        self.sleep = tables.SLEEPING if settings.sleeping else {}
+        self.sleep = tables.ASLEEP if settings.sleeping or self.parameters.sleep else {}
         self.masses = simulated_masses(scenario, list(drives.values()))
         self.moments, axes = zip(*(_principal_axes(body) for body in self.masses))
         self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in self.masses])
         self.colliders: dict[int, list[tuple[int, int]]] = {}
-        maximal = settings.profile == MAXIMAL
+        maximal = self.parameters.maximal
         self.rigid = {k for k, body in enumerate(scenario.bodies) if maximal and _is_plain(body)}
 
     def add(self) -> None:

@@ -1,59 +1,97 @@
-"""Table of Bullet's settings that `--set` changes; names are pybullet's."""
+"""Table of Bullet's settings that `--set` changes; names are pybullet's, but `coordinates` and `sleep`."""
 
 from __future__ import annotations
 
 from touchstone.adapters.engines.bullet import ENTRY
-from touchstone.adapters.knobs import Range, Table
+from touchstone.adapters.engines.entry import ACCURATE, MAXIMAL, SLEEPING
+from touchstone.adapters.knobs import Choice, Range, Table
 
 PROFILES = tuple(ENTRY.profiles)
-"""Columns of the table: recommended, equal-step, default, accurate, maximal."""
+"""Columns of the table: recommended, equal-step, default, accurate, maximal, sleeping."""
+OF_BODIES = ("contactProcessingThreshold", "collisionMargin", "coordinates", "sleep")
+"""Settings of bodies; the others are arguments of setPhysicsEngineParameter."""
+_SWITCH = {"off": 0, "on": 1}
 
 
-def _all(value: str, accurate: str = "") -> tuple[str, ...]:
-    """One value for all profiles, or another for `accurate`."""
-    return tuple(accurate or value if profile == "accurate" else value for profile in PROFILES)
+def _all(value: str, **others: str) -> tuple[str, ...]:
+    """One value for all profiles but `others`."""
+    return tuple(others.get(profile, value) for profile in PROFILES)
+
+
+def _real(
+    name: str, most: float, unit: str, profiles: tuple[str, ...], summary: str, least: float = 0
+) -> Range:
+    return Range(name, least, most, unit, profiles, summary, whole=False)
 
 
 SETTINGS = Table(
     PROFILES,
     (
+        Choice(
+            "constraintSolverType",
+            {"si": 1, "pgs": 2, "dantzig": 3},
+            _all("si"),
+            "sequential impulses, or a complementarity solver: projected Gauss-Seidel or Dantzig's, direct",
+        ),
+        Choice(
+            "coordinates",
+            {"multibody": 0, "maximal": 1},
+            _all("multibody", **{MAXIMAL: "maximal"}),
+            "of free balls and boxes: Featherstone's, or maximal (useMaximalCoordinates)",
+        ),
         Range("numSolverIterations", 1, 1e6, "", _all("50"), "sweeps of the sequential impulse solver"),
-        Range(
-            "solverResidualThreshold",
-            0,
-            1,
-            "",
-            _all("1e-07"),
-            "residual of a sweep at which the solver stops",
-            whole=False,
+        _real(
+            "solverResidualThreshold", 1, "", _all("1e-07"), "residual of a sweep at which the solver stops"
         ),
         Range(
             "numSubSteps", 0, 1000, "", _all("0"), "parts of a step, each with its own contacts; 0 and 1: one"
         ),
-        Range("erp", 0, 1, "", _all("0.2"), "share of a joint's error corrected in a step", whole=False),
-        Range(
+        _real("erp", 1, "", _all("0.2"), "share of a joint's error corrected in a step"),
+        _real(
             "contactERP",
-            0,
             1,
             "",
-            _all("0.08", accurate="0.02"),
+            _all("0.08", **{ACCURATE: "0.02"}),
             "share of a contact's overlap corrected in a step",
-            whole=False,
         ),
-        Range(
-            "frictionERP", 0, 1, "", _all("0.2"), "share of friction's error corrected in a step", whole=False
+        _real("frictionERP", 1, "", _all("0.2"), "share of friction's error corrected in a step"),
+        _real("contactSlop", 1, "m", _all("1e-05"), "overlap that is not corrected"),
+        _real("globalCFM", 1, "", _all("0.0"), "softness of all constraints"),
+        _real("warmStartingFactor", 1, "", _all("0.1"), "share of the last step's impulses"),
+        Choice("useSplitImpulse", _SWITCH, _all("on"), "deep overlap is corrected without adding velocity"),
+        _real(
+            "splitImpulsePenetrationThreshold",
+            1,
+            "m",
+            _all("-0.04"),
+            "distance below which overlap counts as deep",
+            least=-1,
         ),
-        Range("contactSlop", 0, 1, "m", _all("1e-05"), "overlap that is not corrected", whole=False),
-        Range("globalCFM", 0, 1, "", _all("0.0"), "softness of all constraints", whole=False),
-        Range("warmStartingFactor", 0, 1, "", _all("0.1"), "share of the last step's impulses", whole=False),
-        Range(
+        Choice("enableConeFriction", _SWITCH, _all("on"), "whether friction is bounded by a circular cone"),
+        _real(
             "restitutionVelocityThreshold",
-            0,
             1e3,
             "m/s",
-            _all("0.2", accurate="0.02"),
+            _all("0.2", **{ACCURATE: "0.02"}),
             "approach speed below which nothing bounces",
-            whole=False,
         ),
+        _real(
+            "contactBreakingThreshold", 1, "m", _all("0.02"), "distance at which a contact point is dropped"
+        ),
+        _real(
+            "contactProcessingThreshold",
+            1e30,
+            "m",
+            _all("", **{ACCURATE: "0.0"}),
+            "distance up to which contacts are solved ahead; Bullet's default: any",
+        ),
+        _real(
+            "collisionMargin",
+            1,
+            "m",
+            _all("", **{ACCURATE: "0.0"}),
+            "margin round hulls, not those of links; Bullet's default: 1 mm",
+        ),
+        Choice("sleep", _SWITCH, _all("off", **{SLEEPING: "on"}), "bodies at rest are not simulated"),
     ),
 )

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import pybullet
 
-from touchstone.adapters.engines import entry
-from touchstone.adapters.engines.bullet.settings import SETTINGS
+from touchstone.adapters.engines.bullet.settings import OF_BODIES, SETTINGS
 from touchstone.scenarios.scenario import ORIGIN
 
 Links = tuple[int, ...]
@@ -27,23 +26,9 @@ SPEED_LIMIT = 1e9
 momentum."""
 
 SOLVER: dict[str, int | float] = {
-    # pybullet's defaults, set explicitly; omitting them leaves runs bitwise identical.
-    "numSubSteps": 0,
-    "numSolverIterations": 50,
+    # pybullet's defaults of what the table of settings lacks, set explicitly; omitting them leaves runs
+    # identical to the bit.
     "numNonContactInnerIterations": 1,
-    "constraintSolverType": pybullet.CONSTRAINT_SOLVER_LCP_SI,
-    "solverResidualThreshold": 1e-7,
-    "warmStartingFactor": 0.1,
-    "enableConeFriction": 1,
-    "erp": 0.2,
-    "contactERP": 0.08,
-    "frictionERP": 0.2,
-    "globalCFM": 0.0,
-    "contactSlop": 1e-5,
-    "useSplitImpulse": 1,
-    "splitImpulsePenetrationThreshold": -0.04,
-    "restitutionVelocityThreshold": 0.2,
-    "contactBreakingThreshold": 0.02,
     "allowedCcdPenetration": 0.04,
     "minimumSolverIslandSize": 0,
     "deterministicOverlappingPairs": 0,
@@ -56,15 +41,9 @@ MULTIBODY: dict[str, int | float] = {
     "maxJointVelocity": SPEED_LIMIT,
     "activationState": pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
 }
-SLEEPING: dict[str, int | float] = {"activationState": pybullet.ACTIVATION_STATE_ENABLE_SLEEPING}
+ASLEEP: dict[str, int | float] = {"activationState": pybullet.ACTIVATION_STATE_ENABLE_SLEEPING}
 """Setting of a base that may sleep, if requested; never of a driven one, which no force would wake."""
 LINK: dict[str, int | float] = {"jointDamping": 0.0, "rollingFriction": 0.0, "spinningFriction": 0.0}
-
-
-# `recommended` equals `default`: "in many cases it is best to leave the timeStep to default, which is 240Hz.
-# Several parameters are tuned with this value in mind. For example the number of solver iterations and the
-# error reduction parameters" (pybullet's quickstart guide, setTimeStep), and "useMaximalCoordinates:
-# experimental, best to leave it 0/false" (createMultiBody). Damping and sleep are off under all profiles.
 
 
 class Parameters(NamedTuple):
@@ -73,35 +52,29 @@ class Parameters(NamedTuple):
     solver: dict[str, int | float]
     base: dict[str, int | float]
     hull: dict[str, int | float]
-
-
-DEFAULT = Parameters(SOLVER, MULTIBODY, {})
-ACCURATE = Parameters(
-    solver=SOLVER
-    | {
-        # At four times the default rate, a quarter of the correction per step corrects at the same rate in
-        # time and adds a quarter of the speed to a rebound.
-        "contactERP": 0.02,
-        # Twice the speed that gravity adds in a step of 1/960 s [m/s]: slower contacts rest instead of
-        # bouncing.
-        "restitutionVelocityThreshold": 0.02,
-    },
-    base=MULTIBODY
-    | {
-        # No contacts ahead of a collision: they brake a body before it touches, and only the remaining speed
-        # bounces (bullet3, pull request 1701 and issue 3094).
-        "contactProcessingThreshold": 0.0,
-    },
-    # Hulls otherwise hover by 1 mm (pybullet's quickstart guide, changeDynamics). Has no effect on hulls of
-    # links.
-    hull={"collisionMargin": 0.0},
-)
+    maximal: bool
+    sleep: bool
 
 
 def parameters_of(profile: str, changes: Iterable[str]) -> Parameters:
-    """Settings of a profile with its changes ("key=value")."""
-    chosen = ACCURATE if profile == entry.ACCURATE else DEFAULT
-    return chosen._replace(solver=chosen.solver | SETTINGS.numbers(changes))
+    """Settings of a profile with its changes ("key=value").
+
+    `accurate`: at four times the default rate, a quarter of the correction per step corrects at the same
+    rate in time and adds a quarter of the speed to a rebound. Contacts slower than twice the speed that
+    gravity adds in a step of 1/960 s rest instead of bouncing. There are no contacts ahead of a collision:
+    they brake a body before it touches, and only the remaining speed bounces (bullet3, pull requests 1701
+    and 3096, issue 3094); and no margin of 1 mm, by which hulls hover (pybullet's quickstart guide).
+    """
+    values = SETTINGS.in_force(profile, changes)
+    own = {name: values.pop(name, None) for name in OF_BODIES}
+    threshold, margin = own["contactProcessingThreshold"], own["collisionMargin"]
+    return Parameters(
+        solver=SOLVER | values,
+        base=MULTIBODY | ({} if threshold is None else {"contactProcessingThreshold": threshold}),
+        hull={} if margin is None else {"collisionMargin": margin},
+        maximal=bool(own["coordinates"]),
+        sleep=bool(own["sleep"]),
+    )
 
 
 class Part(NamedTuple):

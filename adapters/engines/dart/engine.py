@@ -37,7 +37,6 @@ from touchstone.adapters.engines.dart.model import (
     solver_options,
 )
 from touchstone.adapters.engines.dart.settings import SETTINGS
-from touchstone.adapters.knobs import split
 from touchstone.adapters.material_combine import (
     check_range,
     frictions,
@@ -46,7 +45,7 @@ from touchstone.adapters.material_combine import (
     restitutions,
 )
 from touchstone.adapters.posed_drive import coupled, moving_surfaces, posed_of
-from touchstone.adapters.registry import ACCURATE, ENGINES, require_profile
+from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.scenarios.scenario import UNMOVED, Scenario
 
@@ -94,25 +93,25 @@ class DartEngine:
 
 
 def _set_solver(world: Any, scenario: Scenario, settings: Settings) -> None:
-    """Set every default explicitly; values are DART's own, except that sleeping is off unless requested."""
+    """Set every default explicitly; values are DART's own, except in profiles."""
     world.setTimeStep(settings.dt)
     world.setGravity(np.array(scenario.acting_gravity))
     world.setNumSimulationThreads(1)
     deactivation = world.getDeactivationOptions()
-    deactivation.mEnabled = settings.sleeping
+    values = SETTINGS.in_force(settings.profile, settings.changes)
+    deactivation.mEnabled = settings.sleeping or bool(values["sleep"])
     world.setDeactivationOptions(deactivation)
-    changed = SETTINGS.numbers(settings.changes)
-    chosen = dict(map(split, settings.changes))
-    detector = DETECTORS[chosen["detector"]]() if "detector" in chosen else None
-    world.setCollisionDetector(detector or detector_of(scenario, settings.profile))
+    detector = str(SETTINGS["detector"].word(values["detector"])) if "detector" in values else ""
+    world.setCollisionDetector(DETECTORS[detector]() if detector else detector_of(scenario, settings.profile))
     solver = world.getConstraintSolver()
-    solver.setSplitImpulseEnabled(bool(changed.get("split_impulse", False)))
-    # accurate: one of two opt-in friction solvers (DART 6.20 release notes), Coulomb's circular cone by
-    # nonsmooth Gauss-Seidel instead of two boxed directions.
-    name = chosen.get("solver", "nsgs" if settings.profile == ACCURATE else "dantzig")
-    options = changed.get("iterations"), changed.get("tolerance")
+    solver.setSplitImpulseEnabled(bool(values["split_impulse"]))
+    option = solver.getMatrixFreeContactSolverOptions()
+    option.mEnabled = bool(values["matrix_free"])
+    solver.setMatrixFreeContactSolverOptions(option)
+    name = SETTINGS["solver"].word(values["solver"])
+    options = values.get("iterations"), values.get("tolerance")
     if name != "dantzig" or any(option is not None for option in options):
-        solver.setBoxedLcpSolver(friction_solver(solver, name, *options))
+        solver.setBoxedLcpSolver(friction_solver(solver, str(name), *options))
 
 
 def _filter(world: Any, scenario: Scenario, nodes: list[Any]) -> None:

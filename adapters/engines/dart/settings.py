@@ -7,23 +7,32 @@ that can be chosen is `split_impulse`.
 from __future__ import annotations
 
 from touchstone.adapters.engines.dart import ENTRY
+from touchstone.adapters.engines.entry import ACCURATE, SLEEPING
 from touchstone.adapters.knobs import Choice, Range, Table
 
 PROFILES = tuple(ENTRY.profiles)
-"""Columns of the table: recommended, equal-step, default, accurate."""
+"""Columns of the table: recommended, equal-step, default, accurate, sleeping."""
+_SWITCH = {"off": 0, "on": 1}
+
+
+def _all(value: str, **others: str) -> tuple[str, ...]:
+    """One value for all profiles but `others`."""
+    return tuple(others.get(profile, value) for profile in PROFILES)
+
+
 SETTINGS = Table(
     PROFILES,
     (
         Choice(
             "solver",
             {"dantzig": 0, "pgs": 1, "nsgs": 2, "fbf": 3},
-            ("dantzig", "dantzig", "dantzig", "nsgs"),
+            _all("dantzig", **{ACCURATE: "nsgs"}),
             "solver of contacts: boxed directions (dantzig, pgs) or circular cones (nsgs, fbf)",
         ),
         Choice(
             "detector",
             {"fcl": 0, "bullet": 1, "dart": 2, "ode": 3},
-            ("",) * len(PROFILES),
+            _all(""),
             "collision detector; by default fcl, or bullet where fcl is wrong or only primitives meet",
         ),
         Range(
@@ -31,7 +40,7 @@ SETTINGS = Table(
             1,
             1e7,
             "",
-            ("",) * len(PROFILES),
+            _all(""),
             "largest number of sweeps: pgs 30, nsgs 100, fbf by default; dantzig has none",
         ),
         Range(
@@ -39,15 +48,27 @@ SETTINGS = Table(
             0,
             1,
             "",
-            ("",) * len(PROFILES),
+            _all(""),
             "change at which pgs (1e-6), nsgs (1e-5) or fbf stops; dantzig has none",
             whole=False,
         ),
         Choice(
             "split_impulse",
-            {"off": 0, "on": 1},
-            ("off",) * len(PROFILES),
+            _SWITCH,
+            _all("off"),
             "whether the error reduction of overlap leaves velocities as they are",
+        ),
+        Choice(
+            "matrix_free",
+            _SWITCH,
+            _all("off"),
+            "sweeps without the matrix in groups of 193 rows or more (MatrixFreeContactSolverOptions)",
+        ),
+        Choice(
+            "sleep",
+            _SWITCH,
+            _all("off", **{SLEEPING: "on"}),
+            "bodies at rest are not simulated (DeactivationOptions)",
         ),
     ),
 )

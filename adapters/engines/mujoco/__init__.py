@@ -1,11 +1,17 @@
 """Adapter of MuJoCo."""
 
-from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, EQUAL_STEP, RECOMMENDED, Entry
+from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, EQUAL_STEP, RECOMMENDED, SLEEPING, Entry
 
 ENTRY = Entry(
     "touchstone.adapters.engines.mujoco.engine:MujocoEngine",
     "mujoco",
-    {RECOMMENDED: 1 / 540, "equal-step": EQUAL_STEP, DEFAULT: 1 / 540, ACCURATE: 1 / 1920},
+    {
+        RECOMMENDED: 1 / 540,
+        "equal-step": EQUAL_STEP,
+        DEFAULT: 1 / 540,
+        ACCURATE: 1 / 1920,
+        SLEEPING: 1 / 540,
+    },
     color="#009E73",
     marker="D",
     rounding="vertices of hulls in single precision",

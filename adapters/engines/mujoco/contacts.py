@@ -1,20 +1,17 @@
 """Restitution and friction in MuJoCo: masks and priorities of geoms (`masks.py`), otherwise explicit pairs.
 
-MuJoCo has springs instead of e. A contact takes its stiffness and damping per unit mass in the direct form
-solref = (-stiffness, -damping).
+MuJoCo has springs instead of e. A pair with e = 0 gets MuJoCo's own form, solref = (time constant, 1): 20 ms
+in `default` and `equal-step`, else REST_STEPS (MuJoCo's documentation, "Modeling: Solver parameters").
 
-By default zeta = -ln e / sqrt(pi^2 + ln^2 e), the ratio at which a spring that may also pull has this e, and
-solref = (-w^2, -2 zeta w) with w = 1 / max(0.02 zeta, 2 dt). This is the default time constant of 20 ms
-(e = 0 is MuJoCo's default contact), but never stiffer than MuJoCo's limit for a critically damped contact
-(timeconst >= 2 dt; the positive form has no such limit for zeta < 1 and gains energy). Friction is set per
-pair; mu = 0 is a frictionless contact (condim 1). The edges of the pyramidal cone share the pair's damping:
-friction is Coulomb's for e up to about .8, decreases above, and vanishes at e = 1.
+A pair that bounces takes its stiffness and damping per unit mass in the direct form solref = (-stiffness,
+-damping). Its contact releases while still compressed, when its force would become negative (Schwager &
+Poeschel 2007): with zeta = cos t, or cosh t beyond critical damping, the restitution is
+e = exp(-2 t cot t), or exp(-2 t coth t). Because MuJoCo integrates stiffness and damping explicitly, they are
+chosen so that the *discrete steps* have the spring's decay and frequency. The stiffer the spring, the fewer
+steps a bounce takes and the more e depends on where within a step it starts: `bounce` bounds its frequency
+times the step. Friction is set per pair; mu = 0 is a frictionless contact (condim 1).
 
-In `accurate`, zeta accounts for a contact that releases while still compressed, when its force would become
-negative (Schwager & Poeschel 2007): with zeta = cos t, or cosh t beyond critical damping, the restitution is
-e = exp(-2 t cot t), or exp(-2 t coth t). Contacts are as stiff as the step allows. Because MuJoCo integrates
-stiffness and damping explicitly, they are chosen so that the *discrete steps* have the spring's decay and
-frequency. The impedance does not depend on depth, so the spring is linear. Friction has its own damping
+In `accurate` the impedance does not depend on depth, so the spring is linear. Friction has its own damping
 (solreffriction, for the elliptic cone only), no higher than by default: at the normal force's stiffness it
 would throw a sliding body off the ground.
 """
@@ -32,47 +29,51 @@ from touchstone.adapters.contract import Array, Settings
 from touchstone.adapters.engines.mujoco.masks import GeomFilter, contact_filter
 from touchstone.adapters.engines.mujoco.settings import SETTINGS
 from touchstone.adapters.material_combine import check_range, frictions, restitutions
-from touchstone.adapters.registry import ACCURATE
+from touchstone.adapters.registry import ACCURATE, DEFAULT
 from touchstone.scenarios.scenario import Scenario
 
-TIME_CONSTANT = 0.02
-"""MuJoCo's default time constant of a contact, 1 / (zeta w) [s]."""
+REST_STEPS = 2.6
+"""Time constant of a contact that does not bounce, where none is set [steps]. MuJoCo's limit is two (its flag
+refsafe); there friction lifts what slides or rolls, and `slip` rolls 11 % late."""
+PULLING = (DEFAULT, "equal-step")
+"""Profiles with MuJoCo's 20 ms and the restitution of a spring that may also pull, which is too large."""
 FLOOR_STEPS = 2.0
-"""MuJoCo's lower limit of a contact's time constant [steps] (its flag refsafe)."""
+"""MuJoCo's lower limit of a contact's time constant [steps]."""
 FRICTION_MIN = 1e-5
 """Minimum friction of a contact with condim > 1 (mjMINMU) [1]; MuJoCo raises smaller values to it."""
-ACCURATE_STIFFNESS = 0.2
-"""Frequency of an accurate contact times the step [rad]: a bounce takes some 15 steps, and its start within a
-step changes e by at most 0.02."""
-ACCURATE_RESTITUTION_MIN = 0.02
-"""Minimum restitution of an accurate contact [1], also used for 0, which would need infinite damping."""
-ACCURATE_IMPEDANCE = (0.95, 0.95, 0.001, 0.5, 2.0)
-"""MuJoCo's default solimp, with its largest impedance at any depth."""
+RESTITUTION_MIN = 0.02
+"""Minimum restitution of a pair that bounces [1]: 0 would need infinite damping. In
+`accurate` also that of 0."""
+STIFFNESS_UNUSED = -1.0
+"""-stiffness of friction's own solref [1/s^2]: friction has damping alone, but both numbers need one sign."""
 ROUNDING = 1e-9
 """Relative error of a restitution converted to a solref and back."""
-FRICTION_REFERENCE = (-1.0, -2 / TIME_CONSTANT)
-"""(-stiffness, -damping [1/s]) of friction in an accurate contact: MuJoCo's default; stiffness is unused."""
 
 
 def solref_of(restitution: float, settings: Settings) -> tuple[float, float]:
-    """(-stiffness, -damping) per unit mass of a contact with restitution e."""
-    changed = SETTINGS.numbers(settings.changes).get("solref")
-    if settings.profile == ACCURATE:
-        zeta = releasing_ratio(max(restitution, ACCURATE_RESTITUTION_MIN))
-        stiffest = ACCURATE_STIFFNESS / settings.dt
-        return _sampled(zeta, min(1 / (zeta * changed), stiffest) if changed else stiffest, settings.dt)
-    zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
-    w = 1 / max((changed or TIME_CONSTANT) * zeta, FLOOR_STEPS * settings.dt)
-    return -w * w, -2 * zeta * w
+    """(-stiffness, -damping) per unit mass, or (time constant, damping ratio), of a contact with e."""
+    values = SETTINGS.in_force(settings.profile, settings.changes)
+    constant = values.get("solref", 0.0)
+    if settings.profile in PULLING:
+        zeta = 1.0 if restitution == 0 else -log(restitution) / hypot(pi, log(restitution))
+        w = 1 / max(constant * zeta, FLOOR_STEPS * settings.dt)
+        return -w * w, -2 * zeta * w
+    if restitution == 0 and settings.profile != ACCURATE:
+        return max(constant or REST_STEPS * settings.dt, FLOOR_STEPS * settings.dt), 1.0
+    zeta, stiffest = releasing_ratio(max(restitution, RESTITUTION_MIN)), values["bounce"] / settings.dt
+    w = min(1 / (zeta * constant), stiffest) if zeta * constant else stiffest
+    return _sampled(zeta, w, settings.dt)
 
 
 def restitution_of(solref: Array, settings: Settings) -> float:
-    """Restitution e of a contact with (-stiffness, -damping), the inverse of `solref_of`."""
-    if settings.profile == ACCURATE:
-        e = releasing_restitution(_damping_ratio(solref, settings.dt))
-        return e if e > ACCURATE_RESTITUTION_MIN * (1 + ROUNDING) else 0.0
-    zeta = -solref[1] / (2 * sqrt(-solref[0]))
-    return exp(-pi * zeta / sqrt(1 - zeta * zeta)) if zeta < 1 else 0.0
+    """Restitution e of a contact with a solref, the inverse of `solref_of`."""
+    if solref[0] > 0:
+        return 0.0
+    if settings.profile in PULLING:
+        zeta = -solref[1] / (2 * sqrt(-solref[0]))
+        return exp(-pi * zeta / sqrt(1 - zeta * zeta)) if zeta < 1 else 0.0
+    e = releasing_restitution(_damping_ratio(solref, settings.dt))
+    return e if settings.profile != ACCURATE or e > RESTITUTION_MIN * (1 + ROUNDING) else 0.0
 
 
 def releasing_restitution(zeta: float) -> float:
@@ -118,11 +119,11 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
         bodies: the spec's body per index in the scenario; their geoms have masks of zero.
     """
     check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
-    if settings.profile == ACCURATE:
-        # Geoms have no solreffriction.
-        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=ACCURATE_RESTITUTION_MIN)
-        explicit = tuple(scenario.touching_pairs())
-        add_pairs(spec, scenario, settings, explicit)
+    if settings.profile not in PULLING:
+        check_range("mujoco", "restitution", scenario, restitutions(scenario), least=RESTITUTION_MIN)
+    if "solreffriction" in SETTINGS.in_force(settings.profile, settings.changes):
+        # Geoms have none.
+        add_pairs(spec, scenario, settings, scenario.touching_pairs())
         return
     found = contact_filter(scenario)
     for k, chosen in found.geoms.items():
@@ -138,15 +139,15 @@ def _set_geom(geom: Any, chosen: GeomFilter, settings: Settings) -> None:
     e, mu = chosen.coefficients
     geom.contype, geom.conaffinity, geom.priority = chosen.contype, chosen.conaffinity, chosen.priority
     geom.condim, geom.friction, geom.solref = 3 if mu > 0 else 1, (mu, 0.0, 0.0), solref_of(e, settings)
-    geom.solimp = SETTINGS.numbers(settings.changes).get("solimp", geom.solimp)
+    geom.solimp = SETTINGS.in_force(settings.profile, settings.changes)["solimp"]
 
 
 def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable[tuple[int, int]]) -> None:
     """Add an explicit pair for every two geoms of pairs of bodies; MuJoCo uses it instead of masks."""
-    options: dict[str, Any] = {}
-    if settings.profile == ACCURATE:
-        options = {"solimp": ACCURATE_IMPEDANCE, "solreffriction": FRICTION_REFERENCE}
-    options |= {k: v for k, v in SETTINGS.numbers(settings.changes).items() if k == "solimp"}
+    values = SETTINGS.in_force(settings.profile, settings.changes)
+    options: dict[str, Any] = {"solimp": values["solimp"]}
+    if "solreffriction" in values:
+        options["solreffriction"] = (STIFFNESS_UNUSED, -2 / values["solreffriction"])
     for a, b in pairs:
         e, mu = scenario.pair_coefficients(a, b)
         for first in range(len(scenario.bodies[a].pieces)):

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from touchstone.adapters.contract import Array, BodyFacts, Settings, Unsupported
-from touchstone.adapters.engines.mujoco.settings import OF_CONTACTS, SETTINGS
-from touchstone.adapters.registry import ACCURATE, DEFAULT
+from touchstone.adapters.engines.mujoco.settings import FLAGS, OF_CONTACTS, SETTINGS
+from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import (
     UNMOVED,
@@ -26,12 +26,6 @@ from touchstone.scenarios.scenario import (
     Sphere,
     Vector,
 )
-
-SOLVER_TOLERANCE = 1e-10
-"""Tolerance of MuJoCo's Newton solver, accurate [1]."""
-IMPEDANCE_RATIO = 10.0
-"""Ratio of friction's impedance to that of the normal force, accurate [1]: a sticking body creeps a tenth as
-fast (MuJoCo's modeling guide, on preventing slip)."""
 
 HEAVY = 1e4
 """Mass of a prescribed body over that of all others together [1]. In a step a contact changes its velocity by
@@ -57,28 +51,25 @@ def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:
     spec.option.gravity = scenario.acting_gravity
     spec.option.density = spec.option.viscosity = 0.0
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    spec.option.enableflags = int(mujoco.mjtEnableBit.mjENBL_SLEEP) if settings.sleeping else 0
-    if settings.profile != DEFAULT:
-        _set_recommended(spec, scenario, settings)
-    for name, number in SETTINGS.numbers(settings.changes).items():
-        if name not in OF_CONTACTS:
+    values = SETTINGS.in_force(settings.profile, settings.changes)
+    values["sleep"] |= settings.sleeping
+    if settings.profile != DEFAULT and "friction" in scenario.effects:
+        # "elliptic cones correspond more closely to physical reality ... we recommend trying the elliptic
+        # cones" ("Modeling: Solver settings")
+        values.setdefault("cone", mujoco.mjtCone.mjCONE_ELLIPTIC)
+    for name, number in values.items():
+        if name in FLAGS:
+            spec.option.enableflags |= _flag(name) if number else 0
+        elif name not in OF_CONTACTS:
             setattr(spec.option, name, number)
 
 
-def _set_recommended(spec: Any, scenario: Scenario, settings: Settings) -> None:
-    """Set the options that MuJoCo's documentation recommends, and those of `accurate`."""
-    # "the recommended integrator" (MuJoCo's documentation, "Numerical integration" and "Performance tuning")
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    if "friction" in scenario.effects:
-        # "elliptic cones correspond more closely to physical reality ... we recommend trying the elliptic
-        # cones" ("Modeling: Solver settings")
-        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    if settings.profile == ACCURATE:
-        # Friction's own damping requires the elliptic cone, whatever mu.
-        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        # "used with aggressive tolerance values, say 1e-10" (same place)
-        spec.option.tolerance = SOLVER_TOLERANCE
-        spec.option.impratio = IMPEDANCE_RATIO
+def _flag(name: str) -> int:
+    """Bit of a setting in mjOption.enableflags; raises Unsupported for what an older MuJoCo lacks."""
+    bit = getattr(mujoco.mjtEnableBit, FLAGS[name], None)
+    if bit is None:
+        raise Unsupported(f"mujoco: version {mujoco.mj_versionString()} has no flag {name}")
+    return int(bit)
 
 
 def add_bodies(

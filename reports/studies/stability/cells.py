@@ -17,7 +17,7 @@ QUICK = ("balanced", "recommended")
 STEPS = (1 / 30, 1 / 240, 1 / 1920)
 """Native steps [s] of all engines beside the own step of each profile."""
 BUDGET, QUICK_BUDGET = 2.0, 1.5
-"""Processor time of a cell, reading and recording included, after which it counts as timed out [s]."""
+"""Time of the engine's steps in a cell, without reading and recording, after which it counts as slow [s]."""
 Column = tuple[str, str]
 
 

@@ -136,7 +136,7 @@ def _played(cell: Cell, rows: pd.DataFrame) -> Played:
     by_metric = {row["metric"]: row for row in rows.to_dict("records")}
     if OUTCOME not in by_metric:
         reason = str(rows.reason.iloc[0])
-        return Played(Outcome("timed out" if reason.startswith("hung") else "error", reason), cell.line)
+        return Played(Outcome("slow" if reason.startswith("hung") else "error", reason), cell.line)
     figures = rows[rows.metric == FIGURE]
     outcome_row = by_metric[OUTCOME]
     return Played(

@@ -32,7 +32,7 @@ LOOKS: dict[str, tuple[str, str]] = {
     "non-finite": ("#1D1D1F", "n"),
     "gave up": ("#4F8FCB", "g"),
     "error": ("#7B5C45", "e"),
-    "timed out": ("#9AA5B1", "o"),
+    "slow": ("#9AA5B1", "o"),
     "skipped": ("#ECECEC", "-"),
     "": ("#FFFFFF", ""),
 }
@@ -63,7 +63,8 @@ def envelope_picture(results: Results, path: Path) -> None:
         left, top = -0.5, -2.6
         for y, family in enumerate(rows):
             levels = levels_of(family, quick)
-            axes.text(left, y + 0.5, family.name.replace("_", " "), ha="right", va="center", color=INK)
+            name = family.name.replace("_", " ") + (" =" if family.posed else "")
+            axes.text(left, y + 0.5, name, ha="right", va="center", color=INK)
             easy, hard = level_text(levels[0]), level_text(levels[-1])
             unit = "" if family.unit == "1" else f" {family.unit}"
             axes.text(

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from time import perf_counter
 
@@ -29,7 +26,7 @@ LEFT_BOUNDS = "the plan does not hold"
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run: a hard scene on an engine, for at most `budget` seconds of processor time."""
+    """One run: a hard scene on an engine, until the engine's steps have taken `budget` seconds."""
 
     scene: str
     engine: str
@@ -94,8 +91,8 @@ def _play(
     ended = ""
     try:
         player = ready(engine, scenario, settings)
-        with suppress(_CutOff), _limited(budget):
-            player.play(scenario.frame_count)
+        while player.frames_played < scenario.frame_count and player.seconds_played <= budget:
+            player.play(1)
     except Unsupported as error:
         return Outcome("skipped", str(error)), None
     except AdapterError as error:
@@ -111,23 +108,3 @@ def _play(
     except Exception as error:
         return Outcome("error", f"{type(error).__name__}: {error}".splitlines()[0]), None
     return judge(recording, scenario, checks, ended), recording
-
-
-class _CutOff(Exception):
-    """The processor time of a run is used up."""
-
-
-@contextmanager
-def _limited(seconds: float) -> Iterator[None]:
-    """Raise _CutOff between two native steps once this process has used its processor time [s]."""
-
-    def cut(number: int, frame: object) -> None:
-        raise _CutOff
-
-    before = signal.signal(signal.SIGPROF, cut)
-    signal.setitimer(signal.ITIMER_PROF, seconds if isfinite(seconds) else 0.0)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)

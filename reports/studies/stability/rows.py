@@ -9,7 +9,7 @@ from math import nan
 import pandas as pd
 
 from touchstone.reports.outcome.classes import GROSS, SILENT, SURVIVED
-from touchstone.reports.results import Row
+from touchstone.reports.results import CONSTRUCTION, Row
 from touchstone.reports.studies.stability.cells import Plan, levels_of, own_step, steps_of
 from touchstone.reports.studies.stability.play import Cell, Played
 from touchstone.scenarios.difficulty.family import Family, hard_names, level_text
@@ -86,9 +86,14 @@ def _cell_row(cell: Cell, found: Played) -> Row:
         family.unit,
         subject=outcome.name,
         verdict=verdict,
+        basis=_basis(family, cell.engine),
         reason=outcome.reason,
         reproduce=found.line,
     )
+
+
+def _basis(family: Family, engine: str) -> str:
+    return CONSTRUCTION if engine == REFERENCE and family.posed else ""
 
 
 def _survival_rows(results: Results, family: Family, engine: str, profile: str) -> list[Row]:
@@ -101,6 +106,7 @@ def _survival_rows(results: Results, family: Family, engine: str, profile: str) 
             value=nan if last is None else last,
             unit=family.unit,
             subject=failure or "all",
+            basis=_basis(family, engine),
             reason=f"the most difficult {family.quantity} before the first failure",
         )
     ]

@@ -6,7 +6,7 @@ import pandas as pd
 from rich.console import Console
 
 from touchstone.reports.outcome.classes import SILENT
-from touchstone.reports.results import rows_of
+from touchstone.reports.results import CONSTRUCTION, Row, rows_of
 from touchstone.reports.studies.stability.picture import LOOKS
 from touchstone.reports.studies.stability.rows import CONTAINED, LEVELS, OUTCOME
 from touchstone.reports.views.terminal import print_notes, table_of
@@ -14,7 +14,7 @@ from touchstone.scenarios.difficulty.family import families, level_text
 
 NOTES = (
     "the most difficult level before the first failure at the profile's own step, and how that failed;",
-    "-: the easiest fails; all: every level survives.",
+    "-: the easiest fails; all: every level survives; =: no body is simulated, the reference poses it.",
 )
 LISTED = 20
 """Number of silent failures that are listed."""
@@ -28,7 +28,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     heads = [f"{engine}\n{profile}" for engine, profile in columns]
     table = table_of("stability: the most difficult level survived", ("family", *heads), padding=(0, 1, 0, 0))
     for name, part in survived.groupby("scenario", sort=False):
-        cells = {(row.engine, row.profile): _cell(row.value, row.subject) for row in rows_of(part)}
+        cells = {(row.engine, row.profile): _cell(row) for row in rows_of(part)}
         table.add_row(str(name), *(cells.get(column, "") for column in columns))
     out.print(table)
     print_notes((*NOTES, _letters(frame)), out)
@@ -48,10 +48,11 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         out.print(f"{row.verdict}: {row.reason}", highlight=False)
 
 
-def _cell(level: float, failure: str) -> str:
-    if failure == "all":
-        return "all"
-    return f"{'-' if level != level else level_text(level)} {LOOKS[failure][1]}"
+def _cell(row: Row) -> str:
+    posed = " =" if row.basis == CONSTRUCTION else ""
+    if row.subject == "all":
+        return f"all{posed}"
+    return f"{'-' if row.value != row.value else level_text(row.value)} {LOOKS[row.subject][1]}{posed}"
 
 
 def _letters(frame: pd.DataFrame) -> str:

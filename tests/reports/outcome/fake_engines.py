@@ -39,6 +39,10 @@ class World(FakeWorld):
             raise AdapterError("announces: 7 contacts are too many")
 
     def read(self, state):
+        if self.fake == "reads slowly":
+            end = time.process_time() + 0.02
+            while time.process_time() < end:
+                pass
         bodies, t = self.scenario.bodies, self.steps * self.settings.dt
         state.position[:] = [body.position for body in bodies]
         state.orientation[:] = [body.orientation for body in bodies]
