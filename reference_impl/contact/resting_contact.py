@@ -30,7 +30,7 @@ from touchstone.reference_impl.core.conventions import (
     SINKING_DEPTH,
     TOUCH_DISTANCE,
 )
-from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS
+from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
@@ -59,7 +59,7 @@ CURVED_ROWS = 64
 """Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this
 takes."""
 HALVINGS = 16
-"""Most halvings of such substeps in a frame."""
+"""Most halvings of such substeps in a frame; then their contacts stay as predicted."""
 RESTING_CONTACT_ROUNDS = 10
 """Attempts at a substep in which sliding contacts stop or bodies rotate; 1 or 2 are usual."""
 
@@ -78,6 +78,7 @@ def solve_resting_contacts(world, count, time, h):
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     while True:
+        residual, unconverged = state["residual"], state["counters"][COUNT_UNCONVERGED]
         h = _solve_velocities(world, count, h)
         _solve_positions(world, count, h)
         if len(drivers) > 0:
@@ -86,12 +87,15 @@ def solve_resting_contacts(world, count, time, h):
                 restore_normals(pairs, count)
                 h = _solve_velocities(world, count, h)
                 _solve_positions(world, count, h)
-        if _correct_curves(world, count, h) or state["halvings"] == HALVINGS:
+        if _correct_curves(world, count, h):
             break
-        state["halvings"] += 1
+        # a wedge may have no solution in which contacts close exactly: leave them as predicted
+        failed = state["counters"][COUNT_UNCONVERGED] > unconverged
+        state["halvings"] = HALVINGS if failed else state["halvings"] + 1
+        state["residual"] = residual
         begin_again(bodies, joints, drivers)
         restore_normals(pairs, count)
-        h /= 2
+        h = h if failed else h / 2
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
     store_impulses(bodies, pairs, count, state, h)
@@ -102,12 +106,12 @@ def solve_resting_contacts(world, count, time, h):
 @kernel
 def _correct_curves(world, count, h):
     """Solve again with the geometry of curved contacts at the end of the substep, until they touch there;
-    returns whether they do, nearly."""
+    returns whether they do, nearly, and every solve converged."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     if state["curved"] == 0:
         return True
-    error = 0.0
+    error, unconverged = 0.0, state["counters"][COUNT_UNCONVERGED]
     for k in range(CORRECTIONS + 1):
         set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
         error = correct_ends(world, count, h, k == CORRECTIONS)
@@ -120,6 +124,8 @@ def _correct_curves(world, count, h):
         state["lead"] = 0.0
         _accept_pushes(world, h)
         _solve_positions(world, count, h)
+        if state["counters"][COUNT_UNCONVERGED] > unconverged:
+            return False
     for k in range(count):
         pairs[k]["work"] = friction_work(bodies, pairs[k])
     return error <= LARGEST_ERROR
@@ -184,7 +190,8 @@ def _prepare_resting_contacts(world, count, h):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, world.pieces, pairs, count)
-    smooth, curved, turned = state["dense_substep"] == 0 and count <= CURVED_ROWS, False, 0.0
+    smooth = state["dense_substep"] == 0 and count <= CURVED_ROWS and state["halvings"] < HALVINGS
+    curved, turned = False, 0.0
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])

@@ -60,7 +60,7 @@ def _page(engine: str) -> str:
         NOTICE,
         f"# Settings of {engine}",
         f"Source of names and meanings: {MANUALS.get(engine, 'the engine')}; `touchstone run --set "
-        f"{engine}.NAME=VALUE` plays them. Native steps of the profiles: {steps}. Lines to paste are what "
+        f"{engine}.KEY=VALUE` plays them. Native steps of the profiles: {steps}. Lines to paste are what "
         f"the adapter sets in the scene `{SCENE}` for the value before them; `touchstone reproduce` writes "
         f"them too, and `touchstone tune SCENE --engine {engine} --position 1mm` searches values.",
         "A review is a line in `reports/docs/reviews.csv`, by a pull request of whoever knows the engine.",

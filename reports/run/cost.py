@@ -40,9 +40,10 @@ def check_memory(scenarios: Sequence[Scenario], columns: int) -> None:
             )
 
 
-def limited(progress: Progress, total: int, longest: float = LONGEST, unit: str = "frames") -> Progress:
+def limited(progress: Progress, total: int, longest: float | None = None, unit: str = "frames") -> Progress:
     """A progress over `total` frames, or other units; raises TooLargeError where these take more than
-    `longest` [s]."""
+    `longest` [s] (LONGEST)."""
+    most = LONGEST if longest is None else longest
     began, done, judged = 0.0, 0, False
 
     def step(label: str, frames: int) -> None:
@@ -58,7 +59,7 @@ def limited(progress: Progress, total: int, longest: float = LONGEST, unit: str 
         if elapsed >= FIRST_SECONDS:
             judged = True
             left = elapsed / done * (total - done)
-            if left > longest:
+            if left > most:
                 raise TooLargeError(f"{total} {unit} would take about {_words(left)}; --yes plays them")
 
     return step

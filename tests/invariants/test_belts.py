@@ -13,9 +13,9 @@ from touchstone.reports.metrics.motion.energy import energy_drive, energy_rise
 from touchstone.scenarios.catalogue import catalogue, tagged
 
 SCENES = [scenario.name for scenario in tagged("belt")]
-FARTHEST = {"reference": 1e-9, "dart": 7e-2, "bullet": 5e-3, "mujoco": 5e-3}
-"""Largest distance of a load from its closed form [m]: steps of first order, and friction along two axes in
-DART."""
+FARTHEST = {"reference": 1e-9, "dart": 7e-2, "bullet": 5e-3, "mujoco": 2.5e-2}
+"""Largest distance of a load from its closed form [m]: steps of first order, friction along two axes in
+DART, and sliding loads that the stiff contacts of MuJoCo's `recommended` lift for a moment."""
 
 
 @pytest.mark.parametrize("engine", ENGINES)

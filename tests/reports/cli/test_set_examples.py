@@ -23,11 +23,12 @@ EXAMPLES = [
     (page, " ".join(found.replace("\\\n", " ").split()))
     for page, text in TEXT.items()
     for found in COMMAND.findall(text)
+    if "KEY=" not in found
 ]
 CHANGES = [
     (page, change)
     for page, text in TEXT.items()
-    for change in re.findall(r"--set ([\w.]+=[\w.:,]+)", text)
+    for change in re.findall(r"--set ([\w.]+=[\w.:,+-]+)", text)
     if "KEY=" not in change
 ]
 

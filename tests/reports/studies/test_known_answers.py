@@ -29,12 +29,12 @@ def test_free_fall_is_of_first_order(engine):
 
 
 def test_mujoco_overlaps_less_with_a_shorter_time_constant():
-    """A stack's overlap falls with solref, at one step."""
+    """A stack's overlap falls with solref, at one step, at least in proportion."""
     found = [
         value("overlap.max", "stack", "mujoco", 1 / 540, f"solref={s}")[""] for s in (0.04, 0.02, 0.01, 0.005)
     ]
     assert found == sorted(found, reverse=True)
-    assert found[0] > 10 * found[-1]
+    assert found[0] > 8 * found[-1]
 
 
 def test_bullet_stops_bouncing_as_the_step_shrinks():
