@@ -325,8 +325,7 @@ CAUSES: tuple[Cause, ...] = (
                     "wall_push:east_wall-torso"
                 ),
                 "overlap.max": (
-                    "arms_cross ball_snip balls_box corner_slide slap_2.5 slap_3 slap_6 table_slide volley "
-                    "wall_push"
+                    "arms_cross ball_snip corner_slide slap_2.5 slap_3 slap_6 table_slide volley wall_push"
                 ),
             },
             "recommended equal-step": {
@@ -338,7 +337,7 @@ CAUSES: tuple[Cause, ...] = (
                     "lift:cube-right press:plate-box table_slide:table-palm"
                 ),
                 "force.error": "press:ground-box press:plate-box",
-                "overlap.max": "arch_slides arch_thin bounce_e0 dominoes hold push_box two_arms",
+                "overlap.max": "arch_slides arch_thin balls_box bounce_e0 dominoes hold push_box two_arms",
             },
             "equal-step": {
                 "contact.gap": "hold:torso-box",
