@@ -56,35 +56,25 @@ def cheapest(
     """
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.studies.work_precision.cheapest import cheapest as find
     from touchstone.reports.studies.work_precision.cheapest import (
-        TIME,
-        ToleranceError,
         missing_quantities,
         settings_of_scene,
-        tolerance,
     )
-    from touchstone.reports.studies.work_precision.cheapest import cheapest as find
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.study import Plan, measure
     from touchstone.reports.sweep.store import StoreError
     from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue()[known("scenario", scenario, catalogue())]
-    asked = {
-        "overlap": overlap,
-        "energy": energy,
-        "friction": friction,
-        "position": position,
-        "events": events,
-    }
-    try:
-        limits = {
-            name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in asked.items() if text
-        }
-        if frame_budget:
-            limits[TIME] = tolerance(frame_budget, "s", "--frame-budget")
-    except ToleranceError as error:
-        stop(str(error), BAD_INPUT)
+    limits = limits_of(
+        overlap=overlap,
+        energy=energy,
+        friction=friction,
+        position=position,
+        events=events,
+        budget=frame_budget,
+    )
     if not limits:
         stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%", BAD_INPUT)
     engines = [known("engine", engine, ENGINES)] if engine else list(ENGINES)
@@ -105,6 +95,22 @@ def cheapest(
             show_rows(rows(answer, limits), output)
     if not answer.met:
         raise typer.Exit(LIMIT_BROKEN)
+
+
+def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
+    """Limits by quantity [SI]; a wrong one exits with one line."""
+    from touchstone.reports.studies.work_precision.cheapest import TIME, ToleranceError, tolerance
+    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+
+    try:
+        limits = {
+            name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in asked.items() if text
+        }
+        if budget:
+            limits[TIME] = tolerance(budget, "s", "--frame-budget")
+    except ToleranceError as error:
+        stop(str(error), BAD_INPUT)
+    return limits
 
 
 def rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.cheapest import margins, words_of
+from touchstone.reports.cli.cheapest import limits_of, margins, words_of
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     ENGINE_MISSING,
@@ -72,6 +72,7 @@ def tune(
     from touchstone.adapters.contract import AdapterError
     from touchstone.adapters.registry import installed, missing_reason
     from touchstone.reports.studies.tuning.search import Asked, NotMeasured, Search
+    from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
     from touchstone.reports.sweep.store import StoreError
 
@@ -85,6 +86,8 @@ def tune(
         events=events,
         budget=frame_budget,
     )
+    if not limits.keys() - {TIME}:
+        stop("tune: give a limit on an error, such as --position 1mm --friction 2%", BAD_INPUT)
     chosen = scenes_of(scenario, scenes, allow_paths)
     name = engines_named([engine])[0]
     if not installed(name):
@@ -118,24 +121,6 @@ def tune(
         if quiet:
             print(f"no setting reaches the limits; nearest: {margins(found.best, limits)}", file=sys.stderr)
         raise typer.Exit(LIMIT_BROKEN)
-
-
-def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
-    """Limits by quantity [SI]; a wrong one, or none, exits with one line."""
-    from touchstone.reports.studies.work_precision.cheapest import TIME, ToleranceError, tolerance
-    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-
-    try:
-        limits = {
-            name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in asked.items() if text
-        }
-        if budget:
-            limits[TIME] = tolerance(budget, "s", "--frame-budget")
-    except ToleranceError as error:
-        stop(str(error), BAD_INPUT)
-    if not limits.keys() - {TIME}:
-        stop("tune: give a limit on an error, such as --position 1mm --friction 2%", BAD_INPUT)
-    return limits
 
 
 def scenes_of(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenario]:
