@@ -11,12 +11,27 @@ end.
 from math import sqrt
 
 from touchstone.reference_impl.contact.contact_events import SLIDE_MIN
-from touchstone.reference_impl.continuous.contact_kinematics import is_moving
+from touchstone.reference_impl.continuous.contact_kinematics import (
+    LEAST_CROSSING,
+    LEAST_RADIUS,
+    is_moving,
+    is_round,
+)
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
 from touchstone.reference_impl.core.conventions import GAP_LEFT, SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import invert_symmetric, rotate
+from touchstone.reference_impl.core.rotation import (
+    column,
+    cross,
+    dot,
+    invert_symmetric,
+    plus,
+    rotate,
+    row,
+    times,
+    vector_of,
+)
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
 from touchstone.reference_impl.solver.mobility import point_velocity
@@ -36,29 +51,95 @@ def correct_ends(world, count, h, last):
         Largest error of a gap, or of its change by the speed at the end [m]. Rows up to END_ERROR stay as
         they are.
     """
-    bodies, pieces, pairs = world.bodies, world.pieces, world.pairs
+    bodies, pairs = world.bodies, world.pairs
     if count == len(pairs):
         return 0.0
     error, found = 0.0, pairs[count]
+    for b in range(len(bodies)):
+        pose_along(bodies[b], 0.0)
     for k in range(count):
         pair = pairs[k]
-        a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
-        if pair["curved"] == 0:
-            continue
-        found["piece_a"], found["piece_b"] = pair["piece_a"], pair["piece_b"]
-        for side in range(2):
-            body = b if side else a
-            if is_moving(body):
-                pose_along(body, 1.0)
-                place_piece(pieces[pair["piece_b"] if side else pair["piece_a"]], body, world.vertices, 0.0)
-        _, converged = convex_depth(
-            pieces[pair["piece_a"]], pieces[pair["piece_b"]], world.vertices, world.state, found
-        )
-        if converged:
-            error = max(error, _correct(a, b, pair, found, h, last))
-        for side in range(2):
-            pose_along(b if side else a, 0.0)
+        if pair["curved"] == 1:
+            a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+            if _end_geometry(world, a, b, pair, found):
+                error = max(error, _correct(a, b, pair, found, h, last))
+            pose_along(a, 0.0)
+            pose_along(b, 0.0)
     return error
+
+
+@kernel
+def _end_geometry(world, a, b, pair, out_found):
+    """Pose bodies at the end of the substep and find normal, points and distance of a row there; returns
+    whether they are known. Features of a manifold stay what they are."""
+    pieces = world.pieces
+    one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    if is_round(one) or is_round(two):
+        if pair["manifold"] < 0:
+            for side in range(2):
+                body = b if side else a
+                if is_moving(body):
+                    pose_along(body, 1.0)
+                    place_piece(two if side else one, body, world.vertices, 0.0)
+            out_found["piece_a"], out_found["piece_b"] = pair["piece_a"], pair["piece_b"]
+            _, converged = convex_depth(one, two, world.vertices, world.state, out_found)
+            return converged
+    n, flat_a, flat_b = vector_of(pair["start_normal"]), pair["flat_a"], pair["flat_b"]
+    r_a, r_b = one["radius"], two["radius"]
+    p = in_body(a, plus(vector_of(pair["point_a"]), -r_a, n), 1.0)
+    q = in_body(b, plus(vector_of(pair["point_b"]), r_b, n), 1.0)
+    n_a, n_b = in_body(a, n, 0.0), in_body(b, n, 0.0)
+    e, f = in_body(a, vector_of(pair["edge_a"]), 0.0), in_body(b, vector_of(pair["edge_b"]), 0.0)
+    for side in range(2):
+        if is_moving(b if side else a):
+            pose_along(b if side else a, 1.0)
+    p, q = in_world(a, p, 1.0), in_world(b, q, 1.0)
+    if flat_a == 2:
+        n = in_world(a, n_a, 0.0)
+        gap = dot(n, q) - dot(n, p)
+        p = plus(q, -gap, n)
+    elif flat_b == 2:
+        n = in_world(b, n_b, 0.0)
+        gap = dot(n, q) - dot(n, p)
+        q = plus(p, gap, n)
+    elif flat_a == 1 and flat_b == 1:
+        e, f = in_world(a, e, 0.0), in_world(b, f, 0.0)
+        m, u = cross(e, f), plus(q, -1.0, p)
+        sin2, cos, over_a, over_b = dot(m, m), dot(e, f), dot(u, e), dot(u, f)
+        along = over_a
+        if sin2 > LEAST_CROSSING:
+            along = (over_a - cos * over_b) / sin2
+        else:
+            # alongside each other: across A's axis, to the point of B
+            m = plus(u, -over_a, e)
+        size = sqrt(dot(m, m))
+        if size <= LEAST_RADIUS:
+            return False
+        n = times((1.0 if dot(m, n) > 0 else -1.0) / size, m)
+        gap = dot(n, u)
+        p = plus(p, along, e)
+        q = plus(p, gap, n)
+    else:
+        return False
+    p, q = plus(p, r_a, n), plus(q, -r_b, n)
+    out_found["distance"] = gap - r_a - r_b
+    for i in range(3):
+        out_found["normal"][i], out_found["point_a"][i], out_found["point_b"][i] = n[i], p[i], q[i]
+    return True
+
+
+@kernel
+def in_body(body, v, place):
+    """A world vector in the axes of a body; with `place` 1, the place of a world point on it."""
+    x, m = plus(v, -place, body["center"]), body["rotation"]
+    return column(m, 0, x), column(m, 1, x), column(m, 2, x)
+
+
+@kernel
+def in_world(body, v, place):
+    """Inverse of `in_body`."""
+    m = body["rotation"]
+    return plus((row(m, 0, v), row(m, 1, v), row(m, 2, v)), place, body["center"])
 
 
 @kernel

@@ -8,14 +8,16 @@ can lose all of its motion. A free island keeps its momenta: it loses only motio
 (`island_motion`). From the rise of an island on a moving surface of a fixed body the guard subtracts the work
 of that surface. It does not change islands that touch a driver.
 
-Of an island with curved contacts it knows more: normal forces do no work there, and the rest is the work of
-friction along the mean sliding. It changes the motion until the energy changes by that work, up or down.
+Of an island with curved contacts of round bodies it knows more: normal forces do no work there, and the rest
+is the work of friction along the mean sliding. It changes the motion until the energy changes by that work, up
+or down.
 """
 
 from math import sqrt
 
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
+from touchstone.reference_impl.continuous.contact_kinematics import is_round
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
     FIXED,
@@ -76,7 +78,9 @@ def guard_energy(world, count, parted, first, whole):
             if pairs[k]["island"] >= 0:
                 island = bodies[pairs[k]["island"]]["guard"]
                 island["work"] += pairs[k]["work"]
-                island["curved"] = max(island["curved"], pairs[k]["curved"])
+                one, two = world.pieces[pairs[k]["piece_a"]], world.pieces[pairs[k]["piece_b"]]
+                if pairs[k]["curved"] == 1 and (is_round(one) or is_round(two)):
+                    island["curved"] = 1
     for k in range(count):
         free = free or (pairs[k]["island"] >= 0 and is_free(bodies[pairs[k]["island"]]["guard"]))
     if free:
@@ -92,7 +96,7 @@ def guard_energy(world, count, parted, first, whole):
 
 @kernel
 def _excess(island):
-    """Energy that an island gained beyond the work of its contacts; of one without curved contacts, beyond
+    """Energy that an island gained beyond the work of its contacts; of one without round contacts, beyond
     0 [J]."""
     return island["rise"] - (min(0.0, island["work"]) if island["curved"] == 1 else 0.0)
 

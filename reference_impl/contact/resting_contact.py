@@ -202,7 +202,7 @@ def _prepare_resting_contacts(world, count, h):
         if state["dense_substep"] == 1 and pair["flat_a"] + pair["flat_b"] == 0:
             continue
         turn = move_to_middle(bodies, world.pieces, pair, h)
-        pair["curved"] = 1 if smooth and is_curved(bodies, world.pieces, pair, h) else 0
+        pair["curved"] = 1 if smooth and is_curved(bodies, pair, h) else 0
         if pair["curved"] == 1:
             curved, turned = True, max(turned, turn)
         if state["moving_surfaces"] == 1:

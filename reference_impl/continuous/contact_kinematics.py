@@ -15,7 +15,7 @@ from math import sqrt
 
 from touchstone.reference_impl.core.conventions import BOX, ELLIPSOID, HULL, SIMULATED, SPHERE
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import cross, dot
+from touchstone.reference_impl.core.rotation import column, cross, dot, plus, times, vector_of
 
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which they count as parallel: where they cross moves too
@@ -49,57 +49,57 @@ def contact_rates(bodies, pieces, pair):
     """
     a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
-    n = _tuple(pair["start_normal"])
+    n = vector_of(pair["start_normal"])
     turn_a, turn_b = cross(_omega(a), n), cross(_omega(b), n)
     v_a, v_b = velocity_at(a, pair["point_a"]), velocity_at(b, pair["point_b"])
     flat_a, flat_b = pair["flat_a"], pair["flat_b"]
     to_a, to_b = _height(pair["point_a"], pair["point"], n), _height(pair["point_b"], pair["point"], n)
     if flat_a == 2:
-        x = _plus(v_b, -1.0, _bend(two, n, _plus(turn_a, -1.0, turn_b)))
-        return True, turn_a, _plus(x, -to_b, turn_a)
+        x = plus(v_b, -1.0, _bend(two, n, plus(turn_a, -1.0, turn_b)))
+        return True, turn_a, plus(x, -to_b, turn_a)
     if flat_b == 2:
-        x = _plus(v_a, 1.0, _bend(one, n, _plus(turn_b, -1.0, turn_a)))
-        return True, turn_b, _plus(x, -to_a, turn_b)
-    e, f = _tuple(pair["edge_a"]), _tuple(pair["edge_b"])
+        x = plus(v_a, 1.0, _bend(one, n, plus(turn_b, -1.0, turn_a)))
+        return True, turn_b, plus(x, -to_a, turn_b)
+    e, f = vector_of(pair["edge_a"]), vector_of(pair["edge_b"])
     apart = max(0.0, to_b - to_a)
     cos = dot(e, f)
     sin2 = dot(e, e) - cos * cos
     crossing = flat_a + flat_b == 2 and sin2 > LEAST_CROSSING
     if crossing:
         along_a, along_b = dot(turn_a, e), dot(turn_b, f)
-        rate = _plus(_times((along_a - cos * along_b) / sin2, e), (along_b - cos * along_a) / sin2, f)
+        rate = plus(times((along_a - cos * along_b) / sin2, e), (along_b - cos * along_a) / sin2, f)
     else:
-        u = _plus(v_b, -1.0, v_a)
-        pull = _plus(_plus(u, 1.0, _bend(one, n, turn_a)), 1.0, _bend(two, n, turn_b))
+        u = plus(v_b, -1.0, v_a)
+        pull = plus(plus(u, 1.0, _bend(one, n, turn_a)), 1.0, _bend(two, n, turn_b))
         t = e if flat_a == 1 else (f if flat_b == 1 else _tangent(n))
         s = cross(n, t)
-        across = _plus(_plus(_times(apart, s), 1.0, _bend(one, n, s)), 1.0, _bend(two, n, s))
+        across = plus(plus(times(apart, s), 1.0, _bend(one, n, s)), 1.0, _bend(two, n, s))
         st, ss, pull_s = dot(across, t), dot(across, s), dot(pull, s)
         if flat_a + flat_b > 0:
             if ss <= LEAST_RADIUS:
                 return False, n, n
             along = dot(turn_a if flat_a == 1 else turn_b, t)
         else:
-            own = _plus(_plus(_times(apart, t), 1.0, _bend(one, n, t)), 1.0, _bend(two, n, t))
+            own = plus(plus(times(apart, t), 1.0, _bend(one, n, t)), 1.0, _bend(two, n, t))
             tt = dot(own, t)
             least = tt * ss - st * st
             if least <= LEAST_RADIUS * (tt + ss):
                 return False, n, n
             along = (dot(pull, t) * ss - pull_s * st) / least
-        rate = _plus(_times(along, t), (pull_s - along * st) / ss, s)
-    x_a = _plus(v_a, 1.0, _bend(one, n, _plus(rate, -1.0, turn_a)))
-    x_b = _plus(v_b, -1.0, _bend(two, n, _plus(rate, -1.0, turn_b)))
+        rate = plus(times(along, t), (pull_s - along * st) / ss, s)
+    x_a = plus(v_a, 1.0, _bend(one, n, plus(rate, -1.0, turn_a)))
+    x_b = plus(v_b, -1.0, _bend(two, n, plus(rate, -1.0, turn_b)))
     if crossing:
         # the points move along their edges too, so that they stay opposite to each other
-        way = _plus(_plus(x_b, -1.0, x_a), -apart, rate)
+        way = plus(plus(x_b, -1.0, x_a), -apart, rate)
         over_a, over_b = dot(way, e), dot(way, f)
-        x_a = _plus(x_a, (over_a - cos * over_b) / sin2, e)
-        x_b = _plus(x_b, -(over_b - cos * over_a) / sin2, f)
-    x_a, x_b = _plus(x_a, -to_a, rate), _plus(x_b, -to_b, rate)
+        x_a = plus(x_a, (over_a - cos * over_b) / sin2, e)
+        x_b = plus(x_b, -(over_b - cos * over_a) / sin2, f)
+    x_a, x_b = plus(x_a, -to_a, rate), plus(x_b, -to_b, rate)
     # a point on an edge may be anywhere along it: the other surface tells
     share = 0.5 * (1 + flat_a - flat_b)
-    x = _plus(_times(1 - share, x_a), share, x_b)
-    return True, rate, _plus(x, (dot(v_a, n) + dot(v_b, n)) / 2 - dot(x, n), n)
+    x = plus(times(1 - share, x_a), share, x_b)
+    return True, rate, plus(x, (dot(v_a, n) + dot(v_b, n)) / 2 - dot(x, n), n)
 
 
 @kernel
@@ -110,13 +110,12 @@ def fastest_turn(bodies, pieces, pair, rate):
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]
         piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
-        if is_round(piece):
-            w = _omega(body)
-            if piece["kind"] == SPHERE:
-                arm = _plus(_tuple(piece["world_position"]), -1.0, _tuple(body["center"]))
-                size = dot(arm, arm)
-                w = _times(1 / sqrt(size) if size > 0 else 0.0, cross(w, arm))
-            most = max(most, dot(w, w))
+        w = _omega(body)
+        if piece["kind"] == SPHERE:
+            arm = plus(vector_of(piece["world_position"]), -1.0, vector_of(body["center"]))
+            size = dot(arm, arm)
+            w = times(1 / sqrt(size) if size > 0 else 0.0, cross(w, arm))
+        most = max(most, dot(w, w))
     return sqrt(most)
 
 
@@ -137,12 +136,12 @@ def is_central(body, piece):
 def _bend(piece, n, v):
     """H v of a piece's surface: velocity of its point as the normal n turns at the tangential rate v."""
     if piece["kind"] != ELLIPSOID:
-        return _times(piece["radius"], v)
+        return times(piece["radius"], v)
     # x(n) = S^2 n / |S n|, with S the half axes
     m, s = piece["world_rotation"], piece["size"]
-    x, y, z = s[0] ** 2 * _column(m, 0, n), s[1] ** 2 * _column(m, 1, n), s[2] ** 2 * _column(m, 2, n)
-    u, v, w = _column(m, 0, v), _column(m, 1, v), _column(m, 2, v)
-    size = sqrt(x * _column(m, 0, n) + y * _column(m, 1, n) + z * _column(m, 2, n))
+    x, y, z = s[0] ** 2 * column(m, 0, n), s[1] ** 2 * column(m, 1, n), s[2] ** 2 * column(m, 2, n)
+    u, v, w = column(m, 0, v), column(m, 1, v), column(m, 2, v)
+    size = sqrt(x * column(m, 0, n) + y * column(m, 1, n) + z * column(m, 2, n))
     along = (x * u + y * v + z * w) / size**2
     x, y, z = (
         (s[0] ** 2 * u - along * x) / size,
@@ -167,7 +166,7 @@ def _omega(body):
     """Angular velocity of a body; 0 if it does not move within a substep."""
     if not is_moving(body):
         return 0.0, 0.0, 0.0
-    return _tuple(body["omega"])
+    return vector_of(body["omega"])
 
 
 @kernel
@@ -178,25 +177,3 @@ def _tangent(n):
         return 0.0, -n[2] / size, n[1] / size
     size = sqrt(n[0] * n[0] + n[1] * n[1])
     return -n[1] / size, n[0] / size, 0.0
-
-
-@kernel
-def _column(m, j, v):
-    """Component of a world vector along axis j of a rotation."""
-    return m[0, j] * v[0] + m[1, j] * v[1] + m[2, j] * v[2]
-
-
-@kernel
-def _tuple(v):
-    return v[0], v[1], v[2]
-
-
-@kernel
-def _times(s, v):
-    return s * v[0], s * v[1], s * v[2]
-
-
-@kernel
-def _plus(u, s, v):
-    """u + s v."""
-    return u[0] + s * v[0], u[1] + s * v[1], u[2] + s * v[2]

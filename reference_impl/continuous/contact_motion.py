@@ -18,7 +18,6 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     fastest_turn,
     is_central,
     is_moving,
-    is_round,
     velocity_at,
 )
 from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SIMULATED, SPHERE
@@ -81,15 +80,12 @@ def move_to_middle(bodies, pieces, pair, h):
 
 
 @kernel
-def is_curved(bodies, pieces, pair, h):
-    """Whether a row of a round piece, of no manifold and no link of a driver, approaches or parts by rotation
-    within a substep of length h [s]."""
+def is_curved(bodies, pair, h):
+    """Whether a row of no driver's link approaches or parts by rotation within a substep of length h [s]."""
     n, v = pair["normal"], pair["bias"]
-    if pair["manifold"] >= 0 or _is_driven(bodies[pair["body_a"]]) or _is_driven(bodies[pair["body_b"]]):
+    if _is_driven(bodies[pair["body_a"]]) or _is_driven(bodies[pair["body_b"]]):
         return False
-    if abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) * h <= STRAIGHT:
-        return False
-    return is_round(pieces[pair["piece_a"]]) or is_round(pieces[pair["piece_b"]])
+    return abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) * h > STRAIGHT
 
 
 @kernel

@@ -147,3 +147,33 @@ def dot(u, v):
 def cross(u, v):
     """Vector product of two vectors (3,), arrays or tuples, as a tuple."""
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+@kernel
+def vector_of(v):
+    """An array (3,) as a tuple."""
+    return v[0], v[1], v[2]
+
+
+@kernel
+def times(s, v):
+    """s v."""
+    return s * v[0], s * v[1], s * v[2]
+
+
+@kernel
+def plus(u, s, v):
+    """u + s v."""
+    return u[0] + s * v[0], u[1] + s * v[1], u[2] + s * v[2]
+
+
+@kernel
+def column(m, j, v):
+    """Component of v along column j of m."""
+    return m[0, j] * v[0] + m[1, j] * v[1] + m[2, j] * v[2]
+
+
+@kernel
+def row(m, i, v):
+    """Component i of m v."""
+    return m[i, 0] * v[0] + m[i, 1] * v[1] + m[i, 2] * v[2]
