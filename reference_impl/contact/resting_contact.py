@@ -191,18 +191,24 @@ def _prepare_resting_contacts(world, count, h):
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, world.pieces, pairs, count)
     smooth = state["dense_substep"] == 0 and count <= CURVED_ROWS and state["halvings"] < HALVINGS
-    curved, turned = False, 0.0
     for k in range(count):
         pair = pairs[k]
         copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, 0.0)
         pair["gap_error"] = 0.0
-        pair["curved"] = 0
+        pair["curved"] = 1 if smooth else 0
+    patch_flight = max(APPROACH_MIN, rest_speed(state))
+    if smooth:
+        _except_faces(pairs, count, patch_flight)
+    curved, turned = False, 0.0
+    for k in range(count):
+        pair = pairs[k]
         if state["dense_substep"] == 1 and pair["flat_a"] + pair["flat_b"] == 0:
             continue
         turn = move_to_middle(bodies, world.pieces, pair, h)
-        pair["curved"] = 1 if smooth and is_curved(bodies, pair, h) else 0
+        if pair["curved"] == 1 and not is_curved(bodies, pair, h):
+            pair["curved"] = 0
         if pair["curved"] == 1:
             curved, turned = True, max(turned, turn)
         if state["moving_surfaces"] == 1:
@@ -212,7 +218,6 @@ def _prepare_resting_contacts(world, count, h):
     marked, state["led"] = state["led"], 1 if curved or state["driven_loop"] == 1 else 0
     if state["led"] == 1 or marked == 1:
         _mark_led(bodies, world.drivers, pairs, count)
-    patch_flight = max(APPROACH_MIN, rest_speed(state))
     for k in range(count):
         pair = pairs[k]
         led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
@@ -220,6 +225,22 @@ def _prepare_resting_contacts(world, count, h):
         pair["floor"] = _floor(pair, state, flight, led)
     limit = state["contact_turn"]
     return curved_share(limit / turned, h, state) if turned > limit else NEVER
+
+
+@kernel
+def _except_faces(pairs, count, flight):
+    """Mark patches in which three points or more stay as not curved: sliding and turning on a face, they stay
+    in its plane, and gaps that differ by rounding would load any three of four corners."""
+    for k in range(count):
+        if pairs[k]["manifold"] == k:
+            stay, row = 0, k
+            while row >= 0:
+                stay += 1 if pairs[row]["key"] >= -flight else 0
+                row = pairs[row]["next_point"]
+            row = k if stay > 2 else -1
+            while row >= 0:
+                pairs[row]["curved"] = 0
+                row = pairs[row]["next_point"]
 
 
 @kernel
