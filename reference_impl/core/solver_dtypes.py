@@ -34,6 +34,7 @@ ROW = record(
     across_11="f8",  # tangential W at constant normal velocity [1/kg]
     across_12="f8",
     across_22="f8",
+    spread="f8",  # change of its load on a face that leaves the total and its moment as they are
     free=VECTOR,  # velocity of B relative to A without impulses, minus the slip at which it sticks [m/s]
     impulse=VECTOR,  # on B [N s]
     # sweeps: change of the impulse in the last one, and conjugate direction
@@ -93,6 +94,8 @@ SOLVER = record(
     target="f8",  # residual at which a solve ends [m/s]
     work="f8",  # multiplications of a factorisation; 0 before `lay_out`, -1 if the island is too large for it
     rows=(ROW, (ROW_CAPACITY,)),
+    face_count="i8",
+    faces=("i8", (ROW_CAPACITY // 4, 4)),  # rows of the corners of each face (`face_load`)
     movers=(MOVER, (MOVER_CAPACITY,)),
     links=(LINK, (LINK_CAPACITY,)),
     # a row's Jacobian: places of its blocks, and their 3 x 6 entries

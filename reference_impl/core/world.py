@@ -183,6 +183,7 @@ PAIR = record(
     resting_impulse=VECTOR,  # impulse on B of the resting contact [N s]
     island="i8",  # root mover of its island, or -1
     next_row="i8",  # next row of its island, or -1
+    solver_row="i8",  # its row in the solver while its island is loaded
     next_point="i8",  # next row of the manifold, or -1
     key="f8",  # approach speed in the priority queue [m/s]
     speculative_speed="f8",  # approach speed allowed to a near pair, which closes its gap [m/s]

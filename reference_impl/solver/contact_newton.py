@@ -32,6 +32,7 @@ from touchstone.reference_impl.solver.envelope import (
     solve_factors,
     subtract_impulse,
 )
+from touchstone.reference_impl.solver.face_load import even_out
 from touchstone.reference_impl.solver.tolerances import (
     NEWTON_ALLOWANCE,
     NEWTON_FACTORS,
@@ -84,6 +85,7 @@ def newton(solver, evenly, patient, state):
     allowance = max(state["newton_work"], NEWTON_ALLOWANCE if state["newton_work"] > -NEWTON_MOST else 0.0)
     left = min(NEWTON_FACTORS, int(allowance / work))
     while left > 0:
+        even_out(solver)
         for k in range(count):
             rows[k]["stiffness"] = (heaviest if evenly else rows[k]["mass"]) / compliance
             copy_vector(rows[k]["impulse"], rows[k]["centre"])

@@ -52,6 +52,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     take_best,
 )
 from touchstone.reference_impl.solver.envelope import lay_out
+from touchstone.reference_impl.solver.face_load import even_out, find_faces
 from touchstone.reference_impl.solver.islands import (
     is_head,
     join_islands,
@@ -129,6 +130,7 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
     rows = solver["rows"]
     for k in range(solver["row_count"]):
         into_cone(rows[k])
+    find_faces(solver, pairs)
     solve_loaded(solver, state)
     # an island too large for Newton's method may have a solution that sweeps do not reach
     fits = solver["work"] >= 0
@@ -204,6 +206,10 @@ def solve_loaded(solver, state):
     for k in range(solver["row_count"]):
         copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
     rebuild(solver)
+    if even_out(solver):
+        for k in range(solver["row_count"]):
+            into_cone(solver["rows"][k])
+        rebuild(solver)
     make_passive(solver)
     residual, _ = residual_of(solver)
     solver["best_residual"], solver["work"] = inf, 0.0
@@ -286,6 +292,7 @@ def _sweep(solver, state, most):
     for sweep in range(most):
         for m in range(solver["mover_count"]):
             _advance_mover(movers[m], share)
+        even_out(solver)
         change = size = 0.0
         for k in range(count):
             row = rows[k]

@@ -108,7 +108,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
             continue
         row = rows[n]
         solver["row_count"] = n + 1
-        row["pair"] = own
+        row["pair"], pair["solver_row"] = own, n
         row["friction"], row["floor"] = pair["friction"], pair["floor"]
         row["a"] = _load_mover(bodies, drivers, pair["body_a"], pair["lever_a"], solver, row["r_a"])
         row["b"] = _load_mover(bodies, drivers, pair["body_b"], pair["lever_b"], solver, row["r_b"])
