@@ -19,7 +19,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
-from touchstone.reference_impl.core.conventions import GAP_LEFT, SIMULATED
+from touchstone.reference_impl.core.conventions import GAP_LEFT, NO_FLOOR, SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     column,
@@ -59,7 +59,7 @@ def correct_ends(world, count, h, last):
         pose_along(bodies[b], 0.0)
     for k in range(count):
         pair = pairs[k]
-        if pair["curved"] == 1:
+        if pair["curved"] == 1 and pair["floor"] != NO_FLOOR:
             a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
             if _end_geometry(world, a, b, pair, found):
                 error = max(error, _correct(a, b, pair, found, h, last))

@@ -161,7 +161,8 @@ def _solve_velocities(world, count, h):
         # a stop time is meaningful only if the impulses converged
         share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
         if state["dense_substep"] == 0:
-            share = min(share, bias_share(bodies, world.pieces, pairs, count, h, state))
+            exact = bias_share(bodies, world.pieces, pairs, count, h, state)
+            share, most = min(share, exact), min(most, exact * h)
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
         if k >= DRIVEN_ROUNDS and share < 1 and state["driven_loop"] == 1 and _is_any_led(bodies):
             share = min(share, 0.5)
