@@ -9,7 +9,7 @@ can lose all of its motion. A free island keeps its momenta: it loses only motio
 of that surface. It does not change islands that touch a driver.
 
 Of an island with curved contacts of round bodies it knows more: normal forces do no work there, and the rest
-is the work of friction along the mean sliding. It changes the motion until the energy changes by that work, up
+is the work of friction along the mean sliding. It changes the motion until the energy changes by that, up
 or down.
 """
 

@@ -6,6 +6,8 @@ if it cycles, an interior-point method finds another start for it (`contact_inte
 impulses with the smallest residual. In the large islands of a dense substep, the interior-point method
 replaces the sweeps and starts from the warm start.
 
+Where a face leaves the load on its corners free, it is the most even one (`face_load`).
+
 It scales impulses that did not converge down until contacts do no positive work. With u the velocities
 without the impulses p, v those before the solve, and W the map from impulses to velocities, the work is
 

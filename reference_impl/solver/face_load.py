@@ -2,16 +2,21 @@
 
 The velocities of a rigid body tell the sum and the moment of the normal impulses p on its face. Four corners
 leave one distribution free: p + t z with sum(z_i) = 0 and sum(z_i x_i) = 0. It limits friction at each corner
-and so decides how a body that slides and turns is braked. Of all that press, the solver keeps the one with the
-least sum(p_i^2), z.p = 0: that of equally stiff corners, and independent of the order of rows.
+and so decides how a body that slides and turns is braked. Of all that press, the solver keeps the one with
+the least sum(p_i^2), z.p = 0: that of equally stiff corners, and independent of the order of rows.
 """
+
+from math import sqrt
 
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.solver.contact_rows import changed_velocity
-from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, ROUNDING
 
 SHARED_NORMAL = 1e-12
 """Difference of the normals' components up to which four points are those of a face [1]."""
+EVEN_ROUNDINGS = 64
+"""Deviation from the most even load, in roundings of the whole load, that stays: what rests is not moved
+[1]."""
 
 
 @kernel
@@ -71,12 +76,12 @@ def even_out(solver):
     """Make the load on all faces the most even one that presses; returns whether any changes."""
     rows, changed = solver["rows"], False
     for f in range(solver["face_count"]):
-        face, over, size = solver["faces"][f], 0.0, 0.0
+        face, over, size, total = solver["faces"][f], 0.0, 0.0, 0.0
         for k in range(4):
             row = rows[face[k]]
-            z = row["spread"]
-            over, size = over + z * _load(row), size + z * z
-        share = -over / size
+            load, z = _load(row), row["spread"]
+            over, size, total = over + z * load, size + z * z, total + load
+        share = -over / size if abs(over) > EVEN_ROUNDINGS * ROUNDING * total * sqrt(size) else 0.0
         for k in range(4):
             row = rows[face[k]]
             load, z = _load(row), row["spread"]
