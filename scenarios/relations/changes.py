@@ -92,8 +92,7 @@ def heavier(scenario: Scenario, factor: float) -> Scenario:
 
 
 def rescaled(scenario: Scenario, times: float) -> Scenario:
-    """Scene whose lengths are `times`^2 as large and whose times are `times` as long, under the same gravity
-    (Froude's law): speeds are `times` as high.
+    """Scene of `similar` whose duration and displayed frames are `times` as long, too.
 
     Raises:
         ValueError: the frame rate over `times` is not a whole number.
@@ -101,20 +100,20 @@ def rescaled(scenario: Scenario, times: float) -> Scenario:
     rate = scenario.frame_rate / times
     if rate != round(rate):
         raise ValueError(f"frame rate {scenario.frame_rate}: expected a multiple of {times:g}")
+    return similar(scenario, times, duration=scenario.duration * times, frame_rate=round(rate))
+
+
+def similar(scenario: Scenario, times: float, **fields: object) -> Scenario:
+    """Scene whose lengths are `times`^2 as large and whose motion takes `times` as long, under the same
+    gravity (Froude's law), and with other `fields`: speeds are `times` as high. Powers of two scale exactly.
+    """
     size = times * times
     bodies = tuple(_rescaled_body(one, size, times) for one in scenario.bodies)
     joints = tuple(replace(one, position=_scaled(one.position, size)) for one in scenario.joints)
     trackers = tuple(
         _rescaled_tracker(one, size, times, not scenario.prescribes(one)) for one in scenario.trackers
     )
-    return bare(
-        scenario,
-        bodies=bodies,
-        joints=joints,
-        trackers=trackers,
-        duration=scenario.duration * times,
-        frame_rate=round(rate),
-    )
+    return bare(scenario, bodies=bodies, joints=joints, trackers=trackers, **fields)
 
 
 def _rescaled_tracker(one: Tracker, size: float, times: float, coupled: bool) -> Tracker:

@@ -1,4 +1,4 @@
-"""Bodies that start in overlap or in one place."""
+"""Bodies that start in overlap or in one place; masses and sizes of any magnitude."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from touchstone.adapters.contract import AdapterError, Unsupported
+from touchstone.adapters.contract import AdapterError, State, Unsupported
 from touchstone.adapters.recorder import record
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
+from touchstone.scenarios.catalogue import find
+from touchstone.scenarios.relations.changes import similar
 
 
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])
@@ -62,3 +64,49 @@ def test_masses_of_any_magnitude_move_in_the_same_way(lab, registry, exponent):
     facts = json.loads(two.manifest)["bodies"]["ball"]
     assert facts["mass"] == mass
     assert facts["inertia"] == inertia.tolist()
+
+
+def stack(lab, size):
+    """Two cubes of an edge [m], one above the other and a tenth of it apart, fall onto the ground."""
+    half = (size / 2,) * 3
+    places = ((0.0, 0.0, 0.6 * size), (0.1 * size, 0.0, 1.7 * size))
+    mass, inertia = 1e3 * size**3, np.eye(3) * 1e3 * size**5 / 6
+    cubes = (
+        replace(lab.block(f"cube_{k}", half, place), mass=mass, inertia=tuple(map(tuple, inertia.tolist())))
+        for k, place in enumerate(places)
+    )
+    return lab.scene(lab.ground(), *cubes)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-5, 1e-4, 1e-3, 1.0])
+def test_cubes_of_any_size_rest_on_each_other(lab, registry, size):
+    """Tolerances go with the size of the bodies: cubes of 10 um rested 0.16 edges too high."""
+    scene = stack(lab, size)
+    recording = record(registry.engine("reference"), scene, registry.settings("reference"))
+    np.testing.assert_allclose(recording.position[-1, 1:, 2] / size, (0.5, 1.5), atol=1e-4)
+    last = recording.contacts[recording.contacts["time"] > scene.duration - 1.5 / 60]
+    assert last["impulse"][:, 2].sum() == pytest.approx((1 + 2) * 1e3 * size**3 * 9.81 / 60, rel=1e-6)
+
+
+@pytest.mark.parametrize("exponent", [-9, -6, 7])
+@pytest.mark.parametrize("name", ["stack", "belt", "push_box"])
+def test_scenes_of_any_size_move_in_the_same_way(registry, name, exponent):
+    """Froude's law to the bit: lengths, times and speeds by powers of two, far from what a hand can hold."""
+    scene, times, frames = find(name), 2.0**exponent, 40
+    rate = round(scene.frame_rate * max(1, 1 / times))
+    scaled = similar(scene, times, duration=scene.duration * times, frame_rate=rate)
+    settings, found = registry.settings("reference"), []
+    for one, dt in ((scene, settings.dt), (scaled, settings.dt * times)):
+        world, state = registry.engine("reference").build(one, replace(settings, dt=dt)), State(one)
+        for frame in range(frames):
+            world.drive(frame)
+            world.step()
+        world.read(state)
+        found.append((state, state.contacts[: state.contact_count]))
+    (one, contacts), (two, others) = found
+    np.testing.assert_array_equal(two.position, one.position * times**2)
+    np.testing.assert_array_equal(two.linear_velocity, one.linear_velocity * times)
+    np.testing.assert_array_equal(two.angular_velocity, one.angular_velocity / times)
+    for field, unit in (("position", times**2), ("distance", times**2), ("velocity_b_after", times)):
+        np.testing.assert_array_equal(others[field], contacts[field] * unit)
+    np.testing.assert_array_equal(others["impulse"], contacts["impulse"] * times)

@@ -29,7 +29,7 @@ from touchstone.adapters.contract import (
     contact_words,
 )
 from touchstone.adapters.engines.reference.compiling import compile_seconds, frame_of, nothing, small_world
-from touchstone.adapters.engines.reference.reference_world import body_order, mass_unit, translate
+from touchstone.adapters.engines.reference.reference_world import Units, body_order, translate, units
 from touchstone.adapters.engines.reference.settings import PAPER, configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect
@@ -41,7 +41,6 @@ from touchstone.reference_impl.paper import attraction, ccd_ik, impulses, overla
 from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
-from touchstone.scenarios.relations.changes import heavier
 from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 STAGES = ("drive", "removal", "contact", "rotation")
@@ -142,6 +141,16 @@ def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.nd
     return found
 
 
+def _in_si(contacts: np.ndarray, units: Units) -> None:
+    """Convert rows of contacts from a scene's units."""
+    contacts["time"] *= units.time
+    contacts["position"] *= units.length
+    contacts["distance"] *= units.length
+    contacts["impulse"] *= units.mass * units.time
+    for name in ("velocity_a_before", "velocity_b_before", "velocity_a_after", "velocity_b_after"):
+        contacts[name] *= units.time
+
+
 class _World:
     def __init__(self, scenario: Scenario, settings: Settings, version: str) -> None:
         self._scenario, self._settings, self._version = scenario, settings, version
@@ -150,20 +159,21 @@ class _World:
         self._rows = np.argsort(self._bodies)
         self._reordered = bool((self._rows != np.arange(len(self._rows))).any())
         arranged = scenario.reduced(bodies=tuple(scenario.bodies[k] for k in self._bodies.tolist()))
-        self._mass_unit = mass_unit(scenario)
-        same = self._mass_unit == 1
-        self._world = translate(arranged if same else heavier(arranged, 1 / self._mass_unit))
+        # the paper's times, such as that of the attraction, have no unit of the scene's
+        self._units = units(scenario) if settings.profile != PAPER else Units()
+        arranged = self._units.of(arranged)
+        self._world = translate(arranged)
         self._state = self._world.state[0]
         self._contact_words = contact_words(self._world.contacts)
-        self._state["dt"] = settings.dt
+        self._state["dt"] = dt = settings.dt / self._units.time
         self._state["gravity"] = scenario.acting_gravity
         configure(self._state, settings.profile, settings.changes)
         # `paper` runs all its stages in every frame
         if settings.profile != PAPER:
             self._leave_out(settings)
-        times = np.arange(round(scenario.duration / settings.dt) + 1) * settings.dt
-        times = np.minimum(times, scenario.duration)
-        self._targets = _targets(self._world, [sample(tracker, times) for tracker in scenario.trackers])
+        times = np.arange(round(scenario.duration / settings.dt) + 1) * dt
+        times = np.minimum(times, arranged.duration)
+        self._targets = _targets(self._world, [sample(tracker, times) for tracker in arranged.trackers])
         self._next = 0
         self._stages = np.zeros(len(counters.STAGES))
         prepare, self._step, self._cross = _entry_points(settings.profile)
@@ -196,9 +206,10 @@ class _World:
             ]
             deepest = min(mine, key=lambda pair: pair["distance"])
             a, b = (self._scenario.bodies[self._bodies[deepest[side]]].name for side in ("body_a", "body_b"))
+            depth = -deepest["distance"] * self._units.length
             raise AdapterError(
                 f"reference: trackers[{driver}] starts stuck: in frame 1 {a!r} and {b!r} overlap by "
-                f"{-deepest['distance']:.3g} m and no way out is found; start it free of overlap"
+                f"{depth:.3g} m and no way out is found; start it free of overlap"
             )
 
     def drive(self, step: int) -> None:
@@ -224,6 +235,12 @@ class _World:
             fields = (field[self._rows] for field in fields)
         state.position[:], state.orientation[:], state.linear_velocity[:], state.angular_velocity[:] = fields
         state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
+        units = self._units
+        if units.time != 1:
+            state.position[:] *= units.length
+            state.linear_velocity[:] *= units.time
+            state.angular_velocity[:] /= units.time
+            state.joint_rate[:] /= units.time
         count = int(self._state["contact_count"])
         lost = int(self._state["counters"][counters.COUNT_LOST])
         if lost:
@@ -235,8 +252,8 @@ class _World:
         state.contact_words[:count] = self._contact_words[:count]
         if self._reordered:
             self._name_bodies(state.contacts[:count], state.contact_words[:count])
-        if self._mass_unit != 1:
-            state.contacts["impulse"][:count] *= self._mass_unit
+        if units != Units():
+            _in_si(state.contacts[:count], units)
         state.contact_count = count
 
     def _name_bodies(self, rows: np.ndarray, words: NDArray[np.int64]) -> None:
@@ -250,13 +267,15 @@ class _World:
 
     def describe(self) -> Manifest:
         """Manifest read from the arrays: masses, inertias, coefficients and settings."""
-        scenario, world, unit = self._scenario, self._world, self._mass_unit
+        scenario, world, units = self._scenario, self._world, self._units
         is_paper = self._settings.profile == PAPER
         settings: dict[str, Scalar] = {
             **({} if is_paper else describe(self._state)),
             "gravity": str(self._state["gravity"].tolist()),
             "compiled": JIT,
             "collision_shapes": len(self._world.pieces),
+            "unit of mass": units.mass,
+            "unit of length": units.length,
             "fat bounds": bool(self._state["update_fat_bounds"]),
             "stages left out": ", ".join(s for s in STAGES if self._state[f"skip_{s}"]) or "none",
         }
@@ -265,15 +284,19 @@ class _World:
         rows = zip(scenario.bodies, world.bodies[self._rows])
         facts = {
             body.name: BodyFacts(
-                float(row["mass"]) * unit,
-                tuple(row["center_of_mass"].tolist()),
-                tuple(map(tuple, (row["inertia"] * unit).tolist())),
+                float(row["mass"]) * units.mass,
+                tuple((row["center_of_mass"] * units.length).tolist()),
+                tuple(map(tuple, (row["inertia"] * (units.mass * units.length**2)).tolist())),
             )
             for body, row in rows
             if body.kind not in UNMOVED
         }
         drives = {
-            tracker.root: {name: float(row[name]) * unit for name in ("mass", "stiffness", "damping")}
+            tracker.root: {
+                "mass": float(row["mass"]) * units.mass,
+                "stiffness": float(row["stiffness"]) * units.mass / units.length,
+                "damping": float(row["damping"]) * units.mass / units.time,
+            }
             for tracker, row in zip(scenario.trackers, world.drivers)
             if not row["prescribed"]
         }
@@ -323,7 +346,9 @@ class _World:
         for name in ("residual.body_a", "residual.body_b"):
             if left[name] >= 0:
                 left[name] = float(self._bodies[int(left[name])])
-        left["parted_energy"] *= self._mass_unit
+        left["residual"] *= self._units.time
+        left["dropped_time"] *= self._units.time
+        left["parted_energy"] *= self._units.mass * self._units.length
         return counted | left
 
     def close(self) -> None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import lru_cache
-from math import frexp
+from math import frexp, log2
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Unsupported, contact_capacity
 from touchstone.adapters.engines.reference.support_table import distinct, hull_rows, hull_width
+from touchstone.adapters.motion_bounds import extent
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
 from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
@@ -19,6 +21,7 @@ from touchstone.reference_impl.core.world import BODY, CONTACT, PAIR, PIECE, VER
 from touchstone.scenarios.avatar.chains import hinge_axes
 from touchstone.scenarios.avatar.surface_motion import surface_motion, surface_moves
 from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.relations.changes import heavier, similar
 from touchstone.scenarios.scenario import (
     UNMOVED,
     Box,
@@ -56,16 +59,52 @@ NUMBER = re.compile(r"(\d+)")
 """Numbers in names, by which bodies are sorted."""
 LARGEST_UNIT = 1022
 """Largest binary exponent of a unit of mass [1]: its reciprocal is a normal number."""
+SIZE_RANGE, USUAL_SIZE = (2.0**-8, 2.0**8), 0.1
+"""Extent of the smallest body beyond which a scene is computed in another unit of length, and its extent then
+[m]: tolerances are lengths and speeds for bodies that a hand can hold."""
 
 
-def mass_unit(scenario: Scenario) -> float:
-    """Unit in which a scene's masses, inertias and couplings are computed [kg]: 1, or a power of two between
-    the least and the largest mass if one of them is beyond MASS_RANGE. Powers of two scale exactly."""
+class Units(NamedTuple):
+    """Units in which a scene is computed, powers of two, which scale exactly. That of length follows from
+    gravity, whose number stays (Froude's law)."""
+
+    mass: float = 1.0  # [kg]
+    time: float = 1.0  # [s]
+
+    @property
+    def length(self) -> float:
+        """[m]"""
+        return self.time * self.time
+
+    def of(self, scenario: Scenario) -> Scenario:
+        """The scene in these units; its frames are shorter where whole ones would not fill its duration."""
+        scenario = scenario if self.mass == 1 else heavier(scenario, 1 / self.mass)
+        if self.time == 1:
+            return scenario
+        rate = scenario.frame_rate * max(1, int(self.time))
+        return similar(scenario, 1 / self.time, duration=scenario.duration / self.time, frame_rate=rate)
+
+
+def units(scenario: Scenario) -> Units:
+    """Units of a scene: a mass between the least and the largest one if one of them is beyond MASS_RANGE, and
+    a length like that of its smallest body if it is beyond SIZE_RANGE."""
+    return Units(_mass_unit(scenario), _time_unit(scenario))
+
+
+def _mass_unit(scenario: Scenario) -> float:
     masses = [body.mass for body in scenario.bodies if body.kind not in UNMOVED]
     if not masses or (MASS_RANGE[0] <= min(masses) and max(masses) <= MASS_RANGE[1]):
         return 1.0
     middle = (frexp(min(masses))[1] + frexp(max(masses))[1]) // 2
     return 2.0 ** max(-LARGEST_UNIT, min(middle, LARGEST_UNIT))
+
+
+def _time_unit(scenario: Scenario) -> float:
+    bodies = [body for body in scenario.bodies if body.kind != "fixed" and body.pieces]
+    sizes = [max(map(extent, body.pieces)) for body in bodies]
+    if not sizes or SIZE_RANGE[0] <= min(sizes) <= SIZE_RANGE[1]:
+        return 1.0
+    return 2.0 ** round(log2(min(sizes) / USUAL_SIZE) / 2)
 
 
 @lru_cache(maxsize=4096)
