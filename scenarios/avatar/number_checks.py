@@ -60,4 +60,4 @@ def positive(
 def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> None:
     """Report a vector that is not of unit length."""
     if finite(values, path, report, width) and abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
-        report(path, f"found length {sum(v * v for v in values) ** 0.5:.6g}, expected 1")
+        report(path, f"found length {sum(v * v for v in values) ** 0.5:.12g}, expected 1")
