@@ -42,6 +42,7 @@ from touchstone.reports.cli.options import (
 )
 from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.compare import compare
+from touchstone.reports.cli.runs.failings import failings
 from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.runs.tolerances import tolerances
 from touchstone.reports.cli.runs.tuning import tune
@@ -77,6 +78,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(study, name="study")
+app.add_typer(failings, name="failings")
 app.command()(bench)
 app.command()(stability.soak)
 app.command()(nightly)
@@ -166,7 +168,7 @@ def run(
 ) -> None:
     """Play scenes, of the catalogue or of files (.toml, .json, .py), and show where engines differ."""
     from touchstone.adapters.contract import DRIVES
-    from touchstone.reports.judge import judge_faults
+    from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.cost import TooLargeError, check_memory, limited
     from touchstone.reports.run.study import run as run_study

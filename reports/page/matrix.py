@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from html import escape
 from math import inf, isfinite, isnan, log
 
-from touchstone.reports.limit_counts import WORST_LAST, Count, counted
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.labels import label
 from touchstone.reports.page.content import Column
 from touchstone.reports.results import Row
 from touchstone.reports.run.reproduce import reproduce, script_command
 from touchstone.reports.run.request import REFERENCE
+from touchstone.reports.verdict.counts import WORST_LAST, Count, counted
 from touchstone.reports.views.tables import MARKS, exact_number, number, quantity
 
 
