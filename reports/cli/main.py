@@ -163,6 +163,9 @@ def run(
     allow_paths: AllowPathsOption = False,
     yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
+    details: Annotated[
+        bool, typer.Option("--details", help="Print the tables of several scenes, not one matrix.")
+    ] = False,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
 ) -> None:
@@ -190,7 +193,8 @@ def run(
     for line in [] if quiet else tracker_notes(scenarios):
         print(line, file=sys.stderr)
     broken: list[BaseException] = []
-    at_once = output is Format.table and not quiet and len(scenarios) <= SCENES_IN_FULL
+    in_full = details or bool(metric) or len(scenarios) == 1
+    at_once = output is Format.table and not quiet and in_full and len(scenarios) <= SCENES_IN_FULL
     try:
         check_memory(request.scenarios, len(request.columns))
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
@@ -204,10 +208,14 @@ def run(
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
+        from touchstone.reports.views import first_screen
         from touchstone.reports.views.terminal import console, show, show_budget, show_losses
 
-        (show_losses if at_once else show)(results.frame, console())
-        show_budget(results.recordings, console())
+        if in_full:
+            (show_losses if at_once else show)(results.frame, console())
+            show_budget(results.recordings, console())
+        else:
+            first_screen.show(results.frame, console(), request.out)
         print(f"results: {request.out}")
     if quiet:
         tell_failures(results.frame, bool(engine))
