@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import csv
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import cache
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, TypeAdapter
+from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, TypeAdapter, ValidationError
 
 from touchstone.reports.results import Row, write_beside
 
@@ -125,10 +126,23 @@ def failings_in(engine: str, profile: str, scenario: str) -> list[Failing]:
     return [failing for key, failing in known().items() if key[:3] == place]
 
 
+class FailingsError(ValueError):
+    """A table of known failings is faulty; the message has a line per fault."""
+
+
 def read(path: Path) -> dict[Key, Failing]:
-    """Known failings of a file; raises pydantic.ValidationError."""
+    """Known failings of a file; raises FailingsError."""
     with open(path, newline="", encoding="utf-8") as file:
-        found = TypeAdapter(list[Failing]).validate_python(list(csv.DictReader(file)))
+        lines = list(csv.DictReader(file))
+    try:
+        found = TypeAdapter(list[Failing]).validate_python(lines)
+    except ValidationError as error:
+        places = ((fault["loc"], fault["msg"]) for fault in error.errors())
+        faults = (f"{path}:{int(place[0]) + 2}: {place[-1]}: {text}" for place, text in places)
+        raise FailingsError("\n".join(faults)) from error
+    counts = Counter(one.key for one in found)
+    if twice := [" ".join(key) for key, count in counts.items() if count > 1]:
+        raise FailingsError(f"{path}: several lines of {', '.join(twice)}")
     return {one.key: one for one in found}
 
 

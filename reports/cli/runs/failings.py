@@ -24,13 +24,13 @@ def measure(
     """Write the sizes of the known failings of runs to the table of failings, and print the difference."""
     from touchstone.reports.compare.stored import RunError, table_of
     from touchstone.reports.results import rows_of
-    from touchstone.reports.verdict.failings import FILE, read, write
+    from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
     from touchstone.reports.verdict.measure import difference, measured
 
-    old = read(FILE)
     try:
+        old = read(FILE)
         new = measured(old, (row for run in runs for row in rows_of(table_of(run))))
-    except RunError as error:
+    except (RunError, FailingsError) as error:
         stop(str(error), BAD_INPUT)
     changed = list(difference(old, new))
     if changed:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from math import inf, nan
 
 import pytest
-from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from touchstone.adapters.engines.drake import ENTRY
@@ -16,7 +16,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, save, table
 from touchstone.reports.run.request import DEFAULT_PROFILES
 from touchstone.reports.verdict import failings, limits
-from touchstone.reports.verdict.failings import Failing, bounded, causes, known, read, write
+from touchstone.reports.verdict.failings import Failing, FailingsError, bounded, causes, known, read, write
 from touchstone.reports.verdict.judge import judged, lost
 from touchstone.reports.verdict.limits import LIMITS, Limit, limit_of
 from touchstone.reports.verdict.measure import measured
@@ -196,7 +196,15 @@ def test_a_faulty_line_is_refused(fields, tmp_path):
     path = tmp_path / "failings.csv"
     values = LINE.model_dump() | fields
     path.write_text(f"{','.join(values)}\n{','.join(map(str, values.values()))}\n")
-    with pytest.raises(ValidationError, match=next(iter(fields))):
+    with pytest.raises(FailingsError, match=re.escape(f"failings.csv:2: {next(iter(fields))}: ")):
+        read(path)
+
+
+def test_a_line_that_is_there_twice_is_refused(tmp_path):
+    """Name the line."""
+    path = tmp_path / "failings.csv"
+    write([LINE, line(largest=9.0)], path)
+    with pytest.raises(FailingsError, match="several lines of mujoco recommended ball_snip overlap.max a-b"):
         read(path)
 
 
