@@ -204,7 +204,9 @@ def test_a_line_that_is_there_twice_is_refused(tmp_path):
     """Name the line."""
     path = tmp_path / "failings.csv"
     write([LINE, line(largest=9.0)], path)
-    with pytest.raises(FailingsError, match="several lines of mujoco recommended ball_snip overlap.max a-b"):
+    with pytest.raises(
+        FailingsError, match=r"several lines of mujoco recommended ball_snip overlap\.max a-b"
+    ):
         read(path)
 
 
