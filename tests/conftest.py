@@ -34,9 +34,9 @@ from touchstone.reference_impl.core.world import BODY, PAIR, World
 from touchstone.reference_impl.frame import prepare, step
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
-from touchstone.reports.limits import judged
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured
+from touchstone.reports.verdict.judge import judged, lost
 from touchstone.scenarios.avatar.avatar import Parts, avatar_parts, standing_tracker
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1
@@ -337,7 +337,8 @@ def judged_rows(scenario: str, name: str, profile: str = "") -> tuple[Row, ...]:
 
     def measure_all() -> tuple[Row, ...]:
         base = Row("run", scenario, name, chosen.profile, chosen.dt, "run")
-        return tuple(judged(row, scene.tags) for row in measured(base, scene, played_as(name, scene, chosen)))
+        rows = [judged(row, scene.tags) for row in measured(base, scene, played_as(name, scene, chosen))]
+        return (*rows, *lost(base, rows))
 
     return shared().get(f"rows {name} {chosen!r} {scenario_json(scene)}", measure_all)
 

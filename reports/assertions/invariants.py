@@ -1,4 +1,4 @@
-"""Assertions on single runs: each measures metrics of `reports/metrics`, judges them by `reports/limits.py`,
+"""Assertions on single runs: each measures metrics of `reports/metrics`, judges them by the table of limits,
 and raises InvariantError where a limit is broken or nothing could be judged.
 
     recording = touchstone.recording(scenario, position, orientation, velocity, omega, contacts)
@@ -31,11 +31,11 @@ from touchstone.reports.assertions.places import (
     worst_bounce,
     worst_contact,
 )
-from touchstone.reports.limits import limit_of
 from touchstone.reports.metrics.context import Context, Value, Values
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured_of
 from touchstone.reports.run.request import step_text
+from touchstone.reports.verdict.limits import limit_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import UNMOVED, Scenario
 

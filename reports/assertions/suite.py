@@ -15,8 +15,8 @@ from touchstone.adapters.recording import Recording
 from touchstone.reports.assertions.invariants import INVARIANTS, check
 from touchstone.reports.assertions.outcome import InvariantError
 from touchstone.reports.assertions.repeats import ORDER_TOLERANCE, reordered
-from touchstone.reports.limits import known_of
 from touchstone.reports.results import Row
+from touchstone.reports.verdict.failings import failing_of
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.scenario import Scenario, Sphere
 
@@ -81,5 +81,5 @@ def _known(scene: Scenario, run: Recording, metric: str) -> str:
     """Reason of a documented failing of one of our engines; "" if there is none."""
     facts = run.facts
     row = Row("assert", scene.name, facts["engine"], facts["profile"], float(facts["dt"]), metric)
-    known = known_of(row, scene.tags)
-    return known.reason if known else ""
+    failing = failing_of(row)
+    return failing.reason if failing else ""

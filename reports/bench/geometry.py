@@ -23,12 +23,12 @@ from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench.geometry_table import show
 from touchstone.reports.bench.poses import FAMILIES, hand_slide
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.studies.interleaved_timing import Measured, Stretch, measure
 from touchstone.reports.studies.narrow_phase.rows import Mask, Truth, depth_errors, with_median, with_ratio
 from touchstone.reports.studies.poses import corners, size_of
+from touchstone.reports.verdict.judge import judged
 
 __all__ = ["Plan", "run", "show", "steps"]
 

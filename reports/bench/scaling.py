@@ -22,9 +22,9 @@ from touchstone.reports.bench.curves import Curve, balls_at_rest, broad_phase, h
 from touchstone.reports.bench.scaling_table import show
 from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, illustrate, save, save_manifest, table
+from touchstone.reports.verdict.judge import judged
 
 __all__ = ["Plan", "run", "show", "steps"]
 

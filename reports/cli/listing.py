@@ -181,24 +181,23 @@ def setting_rows() -> list[dict[str, object]]:
 
 def failing_rows() -> list[dict[str, object]]:
     """Number of known failings per engine: causes, and profiles, scenes and metrics in which they show."""
-    from touchstone.reports.known_failures.table import CAUSES, KNOWN
+    from touchstone.reports.verdict.failings import known
 
-    return [
-        {
-            "engine": engine,
-            "causes": len({cause.reason for cause in CAUSES if cause.engine == engine}),
-            "rows": sum(known.engine == engine for known in KNOWN),
-            "scenes": len({known.scenario for known in KNOWN if known.engine == engine}),
-            "of the harness": sum(known.harness for known in KNOWN if known.engine == engine),
-            "in the profiles": "; ".join(
-                f"{profile} {count}"
-                for profile, count in Counter(
-                    known.profile for known in KNOWN if known.engine == engine
-                ).most_common()
-            ),
-        }
-        for engine in dict.fromkeys(known.engine for known in KNOWN)
-    ]
+    rows: list[dict[str, object]] = []
+    for engine in dict.fromkeys(one.engine for one in known().values()):
+        mine = [one for one in known().values() if one.engine == engine]
+        profiles = Counter(one.profile for one in mine).most_common()
+        rows.append(
+            {
+                "engine": engine,
+                "causes": len({one.cause for one in mine}),
+                "rows": sum(one.largest is not None or not one.has_size for one in mine),
+                "scenes": len({one.scenario for one in mine}),
+                "of the harness": sum(one.is_harness for one in mine),
+                "in the profiles": "; ".join(f"{profile} {count}" for profile, count in profiles),
+            }
+        )
+    return rows
 
 
 LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {

@@ -42,6 +42,7 @@ from touchstone.reports.cli.options import (
 )
 from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.compare import compare
+from touchstone.reports.cli.runs.failings import failings
 from touchstone.reports.cli.runs.judge import judge
 from touchstone.reports.cli.runs.tolerances import tolerances
 from touchstone.reports.cli.runs.tuning import tune
@@ -77,6 +78,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(study, name="study")
+app.add_typer(failings, name="failings")
 app.command()(bench)
 app.command()(stability.soak)
 app.command()(nightly)
@@ -161,12 +163,15 @@ def run(
     allow_paths: AllowPathsOption = False,
     yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/<time>).")] = None,
+    details: Annotated[
+        bool, typer.Option("--details", help="Print the tables of several scenes, not one matrix.")
+    ] = False,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
 ) -> None:
     """Play scenes, of the catalogue or of files (.toml, .json, .py), and show where engines differ."""
     from touchstone.adapters.contract import DRIVES
-    from touchstone.reports.judge import judge_faults
+    from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.cost import TooLargeError, check_memory, limited
     from touchstone.reports.run.study import run as run_study
@@ -188,7 +193,8 @@ def run(
     for line in [] if quiet else tracker_notes(scenarios):
         print(line, file=sys.stderr)
     broken: list[BaseException] = []
-    at_once = output is Format.table and not quiet and len(scenarios) <= SCENES_IN_FULL
+    in_full = details or bool(metric) or len(scenarios) == 1
+    at_once = output is Format.table and not quiet and in_full and len(scenarios) <= SCENES_IN_FULL
     try:
         check_memory(request.scenarios, len(request.columns))
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
@@ -202,10 +208,14 @@ def run(
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
+        from touchstone.reports.views import first_screen
         from touchstone.reports.views.terminal import console, show, show_budget, show_losses
 
-        (show_losses if at_once else show)(results.frame, console())
-        show_budget(results.recordings, console())
+        if in_full:
+            (show_losses if at_once else show)(results.frame, console())
+            show_budget(results.recordings, console())
+        else:
+            first_screen.show(results.frame, console(), request.out)
         print(f"results: {request.out}")
     if quiet:
         tell_failures(results.frame, bool(engine))

@@ -3,7 +3,7 @@
 `times.toml` has those that `touchstone compare` takes unless a file says otherwise. Measure it again by
 several runs, `touchstone run SCENES --out runs/K`, and
 
-    touchstone tolerances runs/1 runs/2 ... --out times.toml && mv times.toml reports/compare
+    touchstone tolerances runs/1 runs/2 ... --out times.toml && mv times.toml reports
 """
 
 from __future__ import annotations
@@ -14,12 +14,10 @@ from math import ceil, inf, isfinite
 
 import pandas as pd
 
-from touchstone.reports.compare.changes import KEY
+from touchstone.reports.changes import KEY, TIMED
 from touchstone.reports.compare.stored import RunError
 from touchstone.reports.machine import machine
 
-TIMED = ("time.", "ratio.time")
-"""Starts of the names of metrics that a clock measures."""
 MARGIN = 1.25
 """Ratio of a tolerance to the largest difference that was measured [1]: further runs may exceed it."""
 SAME = 1e-9

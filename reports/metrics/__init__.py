@@ -93,6 +93,8 @@ PAIR_METRICS = (
 SOLVER_METRICS = ("solver.residual", "solver.dropped_time", "solver.parted_energy", "solver.caps")
 """Metrics of what a solver leaves unresolved. A run that breaks one of their limits prints a warning."""
 
+SPREAD, HORIZON = "position.spread", "position.horizon"
+"""Metrics of all engines: largest distance between two columns [m], and until when they are compared [s]."""
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
 IMPULSE_METRICS = (
     *("contact.complementarity", "contact.at_distance", "force.error", "energy.drive"),

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.judge import fault_text
+from touchstone.reports.metrics.oracles import fault_text
 from touchstone.scenarios.avatar.surface_motion import material_velocity, surface_moves
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import TRACKED, Scenario

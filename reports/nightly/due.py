@@ -17,15 +17,15 @@ import pandas as pd
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.nightly.store import Night
-from touchstone.reports.outcome.classes import CLASSES, SURVIVED
 from touchstone.reports.results import Row, rows_of, table
 from touchstone.reports.run.request import columns_of, step_text
+from touchstone.reports.verdict.outcomes import HARD_CLASSES, SURVIVED
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.difficulty.family import families
 
 HARD = "stability"
 OUTCOME = "stability.outcome"
-"""Metric of a hard case: how its class ranks among CLASSES; the reason begins with the class."""
+"""Metric of a hard case: how its class ranks among HARD_CLASSES; the reason begins with the class."""
 MOST = 2
 """Studies of a night beside the hard cases [1]."""
 FAMILIES, QUICK_FAMILIES = 12, 2
@@ -118,13 +118,13 @@ def _class_row(row: Row) -> Row:
     """A hard case: `pass` where it was survived; the class as a number, and in the reason."""
     verdict = row.verdict if row.verdict == "fail" else "pass" if row.subject in SURVIVED else ""
     reason = f"{row.subject}: {row.reason}".removesuffix(": ")
-    value = float(list(CLASSES).index(row.subject))
+    value = float(HARD_CLASSES.index(row.subject))
     return replace(row, subject="", value=value, unit="1", verdict=verdict, reason=reason)
 
 
 def described(value: float) -> str:
     """The class of a hard case by its number."""
-    return list(CLASSES)[int(value)] if 0 <= value < len(CLASSES) else "-"
+    return HARD_CLASSES[int(value)] if 0 <= value < len(HARD_CLASSES) else "-"
 
 
 def _columns(*profiles: str) -> tuple[tuple[str, str], ...]:

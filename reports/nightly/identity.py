@@ -50,7 +50,7 @@ def same_night(one: object, two: Mapping[str, Any]) -> bool:
     return isinstance(one, Mapping) and all(one.get(name) == two.get(name) for name in parts)
 
 
-def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+def identity_changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     """What changed from one night to another: engines and libraries, our code, the machine."""
     found = []
     old, new = before.get("versions", {}), after.get("versions", {})

@@ -14,11 +14,12 @@ from touchstone.reports.nightly.night import Measured
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import CHANGE, GONE, ORDER, REGRESSION, WARNING, Finding, ordered
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import BAD, GOOD, WARN, Change, Content, counted, verdict_of
+from touchstone.reports.page.content import Change, Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE, STUDY
+from touchstone.reports.views.matrix import BAD, GOOD, WARN, plural, verdict_of
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue
 
@@ -39,7 +40,7 @@ def sentence(
     own += " First night on this hardware: its times have nothing to compare with." if new_hardware else ""
     if counts[REGRESSION]:
         places = ", ".join(dict.fromkeys(one.engine for one in findings if one.kind == REGRESSION))
-        return BAD, f"{counted(counts[REGRESSION], 'confirmed regression')} ({places}). {own}"
+        return BAD, f"{plural(counts[REGRESSION], 'confirmed regression')} ({places}). {own}"
     parts = [
         f"{counts[k]} {word}"
         for k, word in ((WARNING, "slower, unconfirmed"), (GONE, "gone"), (CHANGE, "changed"))

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from touchstone.reports.changes import ACROSS_NIGHTS, ROW, TIMED, VERDICT, changes
 from touchstone.reports.metrics.labels import label
 from touchstone.reports.nightly.due import OUTCOME, described
-from touchstone.reports.nightly.identity import changes
+from touchstone.reports.nightly.identity import identity_changes
 from touchstone.reports.nightly.store import Night, Store
 from touchstone.reports.nightly.timing_verdict import RECENT, WINDOW, step, warns
+from touchstone.reports.results import COLUMNS
 from touchstone.reports.views.tables import quantity
 
 KEYS = ["study", "scenario", "engine", "profile", "metric", "subject"]
@@ -23,8 +25,6 @@ SAME = 1e-2
 """Relative change of a physical figure that counts as none [1]: platforms repeat figures to rounding."""
 FLOOR = 1e-9
 """Absolute change of a physical figure that counts as none [SI]: rounding over some hundred frames."""
-TIMED = ("time.", "ratio.time")
-"""Starts of the names of metrics that are times: no physics."""
 SERIES = "time.frame.median"
 NIGHTS = 2 * WINDOW
 """Nights whose times are read [1]."""
@@ -100,16 +100,10 @@ def physics(tonight: pd.DataFrame, accepted: pd.DataFrame) -> list[Finding]:
     """Findings of all figures but times: tonight's against those of the accepted night.
 
     A limit that broke, a known failing that grew, a run that failed and a figure no longer measured
-    are regressions; other differences beyond SAME are changes.
+    are regressions; other changes beyond the tolerances of nights are changes.
     """
-    ours, theirs = _figures(tonight), _figures(accepted)
-    both = ours.join(theirs.add_suffix("_before"), how="outer")
-    found = []
-    for key, row in both.iterrows():
-        finding = _compared(key, row)
-        if finding:
-            found.append(finding)
-    return found
+    found = changes(_figures(accepted), _figures(tonight), ACROSS_NIGHTS)
+    return [finding for row in found.to_dict("records") if (finding := _finding(row)) is not None]
 
 
 def ordered(findings: Sequence[Finding]) -> list[Finding]:
@@ -118,38 +112,32 @@ def ordered(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def _figures(frame: pd.DataFrame) -> pd.DataFrame:
-    kept = frame[
-        ~frame.metric.str.startswith(TIMED) & (frame.verdict != "skipped") & (frame.metric != "work")
-    ]
-    return kept.drop_duplicates(KEYS).set_index(KEYS)[["value", "unit", "limit", "verdict"]]
+    """Rows that are compared, whatever their steps and seeds."""
+    timed = frame.metric.str.startswith(TIMED) | (frame.metric == "work")
+    kept = frame[~timed & (frame.verdict != "skipped")].drop_duplicates(KEYS)
+    # a store keeps some of the columns
+    return kept.reindex(columns=list(COLUMNS)).assign(dt=0.0, seed=0, repeat=0)
 
 
-def _compared(key: Any, row: pd.Series) -> Finding | None:
-    _, scene, engine, profile, metric, subject = key
-    now, before = row["verdict"], row["verdict_before"]
-
-    def finding(kind: str, text: str) -> Finding:
-        figures = row["value_before"], row["value"], row["unit"], row["limit"]
-        return Finding(kind, scene, engine, profile, metric, subject, text, *figures)
-
-    if not isinstance(now, str):
-        return Finding(REGRESSION, scene, engine, profile, metric, subject, "no longer measured")
-    if not isinstance(before, str):
-        return finding(REGRESSION, f"new, {now}") if now in (FAILED, *UNMET) else None
-    value, old = float(row["value"]), float(row["value_before"])
-    moved = not np.isclose(value, old, rtol=SAME, atol=FLOOR, equal_nan=True)
-    if metric == OUTCOME and (now == "pass") != (before == "pass"):
-        return finding(GONE if now == "pass" else REGRESSION, "")
-    if now in (FAILED, *UNMET) and before not in (now, "fail"):
-        return finding(REGRESSION, f"{before or 'no limit'} -> {now}")
-    if before == "known" and now != "known":
-        return finding(GONE, "a known failing is gone")
-    if now == "known" and moved and abs(value) > abs(old):
-        what = "a known failing grew" if before == "known" else "a known failing began"
-        return finding(REGRESSION, what)
-    if before in ("fail", FAILED) and now not in ("fail", FAILED):
-        return finding(GONE, f"{before} -> {now or 'no limit'}")
-    return finding(CHANGE, "") if moved else None
+def _finding(row: Mapping[Any, Any]) -> Finding | None:
+    before, now, why = row["verdict_a"], row["verdict_b"], row["why"]
+    kind, text = CHANGE, ""
+    if why == ROW:
+        if row["kind"] in ("new", "better"):
+            return None
+        kind, text = REGRESSION, "no longer measured" if row["kind"] == "gone" else f"new, {now}"
+    elif row["metric"] == OUTCOME and (now == "pass") != (before == "pass"):
+        kind = GONE if now == "pass" else REGRESSION
+    elif now == "known" and (why == VERDICT or abs(row["b"]) > abs(row["a"])) and before not in UNMET:
+        kind, text = REGRESSION, f"a known failing {'grew' if before == 'known' else 'began'}"
+    elif why == VERDICT and row["kind"] == "worse":
+        kind, text = REGRESSION, f"{before or 'no limit'} -> {now}"
+    elif why == VERDICT:
+        known = "a known failing is gone"
+        kind, text = GONE, known if before == "known" else f"{before} -> {now or 'no limit'}"
+    figures = row["a"], row["b"], row["unit"], row["limit"]
+    place = (row["scenario"], row["engine"], row["profile"], row["metric"], row["subject"])
+    return Finding(kind, *place, text, *figures)
 
 
 def compared_with(
@@ -218,6 +206,6 @@ def _why(nights: Mapping[int, Night], sequence: int) -> str:
     if before is None or sequence not in nights:
         return "the night before is not stored"
     return (
-        "; ".join(changes(nights[before].identity, nights[sequence].identity))
+        "; ".join(identity_changes(nights[before].identity, nights[sequence].identity))
         or "nothing that is recorded changed"
     )

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.page.content import Column
+from touchstone.reports.views.tables import Column
 
 INK, FAINT = "#010203", "#040506"
 """Stand-ins for the colours of text and of grid lines, which the page replaces."""

@@ -7,11 +7,8 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-
-BAD, WARN, GOOD = "bad", "warn", "good"
-Column = tuple[str, str]
-"""Engine and profile."""
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.views.tables import Column
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +38,7 @@ class Content:
 
     Attributes:
         title: heading.
-        level: BAD, WARN or GOOD.
+        level: BAD, WARN or GOOD of `views/matrix.py`.
         verdict: one sentence.
         frame: the long table of results.
         command: the command of the run.
@@ -78,35 +75,6 @@ class Content:
             if engine != "all":
                 found.setdefault(engine, (engine, profile))
         return list(found.values())
-
-
-def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
-    """Level and sentence of a run by itself."""
-    counts = frame.verdict.value_counts()
-    fails, errors = int(counts.get("fail", 0)), int(counts.get("error", 0))
-    known, unjudged = int(counts.get("known", 0)), int(counts.get(UNJUDGED, 0))
-    met = int(counts.get("pass", 0))
-    missing = sorted(set(frame.engine[(frame.metric == "run") & frame.verdict.isin(NOT_RUN[1:])]))
-    rest = [counted(known, "known failing")] if known else []
-    rest += [f"{unjudged} not judged"] if unjudged else []
-    rest += [f"{', '.join(missing)} did not play"] if missing else []
-    tail = f" ({', '.join(rest)})" if rest else ""
-    if fails or errors:
-        broken = frame[frame.verdict.isin(["fail", "error"])]
-        who = ", ".join(f"{name} {count}" for name, count in broken.engine.value_counts().items())
-        what = [
-            f"{counted(fails, 'limit')} broken" if fails else "",
-            f"{counted(errors, 'run')} failed" if errors else "",
-        ]
-        return BAD, f"{' and '.join(filter(None, what))}: {who}; {counted(met, 'limit')} met{tail}."
-    if not met:
-        return WARN, f"Nothing was judged{tail}."
-    return (WARN if unjudged or missing else GOOD), f"All {met} limits met{tail}."
-
-
-def counted(count: int, word: str) -> str:
-    """A number of things, in the plural where it is due."""
-    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def rows_by_scene(frame: pd.DataFrame) -> dict[str, list[Row]]:

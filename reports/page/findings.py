@@ -7,11 +7,11 @@ from html import escape
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.labels import label
-from touchstone.reports.page.content import Change, counted
+from touchstone.reports.page.content import Change
 from touchstone.reports.page.html import Cell, Part, fold, long_table
-from touchstone.reports.page.matrix import gravest
 from touchstone.reports.results import Row
 from touchstone.reports.run.reproduce import reproduce
+from touchstone.reports.views.matrix import by_cause, cause_of, plural
 from touchstone.reports.views.tables import MARKS, quantity
 
 SHOWN = 8
@@ -41,7 +41,7 @@ def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> str:
         ]
         heads = ("scene", "engine", "figure", "before → after", "")
         more = f"<p>{len(mine) - MOST} more are stored.</p>" if len(mine) > MOST else ""
-        words = f"{len(mine)} {kind}" if kind == "gone" else counted(len(mine), kind)
+        words = f"{len(mine)} {kind}" if kind == "gone" else plural(len(mine), kind)
         body = long_table(heads, rows, SHOWN, len(heads)) + more
         parts.append(fold(words, body, f"changes-{kind}", not number, level=3))
     return f'<div class="changes">{"".join(parts)}</div>' if parts else ""
@@ -63,32 +63,23 @@ def broken_part(rows: Iterable[Row], scenes: Collection[str]) -> str:
     broken = [row for row in rows if row.verdict in BROKEN]
     failed = sum(row.verdict == "error" for row in broken)
     words = [(len(broken) - failed, "broken limit"), (failed, "failed run")]
-    title = " and ".join(counted(count, word) for count, word in words if count)
+    title = " and ".join(plural(count, word) for count, word in words if count)
     return fold(title, causes_table(broken, scenes), "broken", True) if broken else ""
 
 
 def known_part(rows: Iterable[Row], scenes: Collection[str]) -> str:
     """Known failings, folded away; "" where there are none."""
     known = [row for row in rows if row.verdict == "known"]
-    title = counted(len(known), "known failing")
+    title = plural(len(known), "known failing")
     return fold(title, causes_table(known, scenes), "failings") if known else ""
 
 
 def causes_table(rows: Iterable[Row], scenes: Collection[str]) -> str:
     """Rows that miss a limit: one line per metric, engine and cause, with its worst place, the others, and a
     command."""
-    groups: dict[tuple[str, ...], list[Row]] = {}
-    for row in gravest(rows):
-        # The remark of a row comes before its cause.
-        cause = _cause(row).rpartition("; ")[2]
-        groups.setdefault((row.verdict, row.engine, row.profile, row.metric, cause), []).append(row)
-    lines = [_line(found, scenes) for found in groups.values()]
+    lines = [_line(found, scenes) for found in by_cause(rows)]
     heads = ("", "engine", "figure", "worst in", "value", "limit", "also in", "why", "measure it again")
     return long_table(heads, lines, SHOWN, len(heads))
-
-
-def _cause(row: Row) -> str:
-    return row.reason.rpartition(": touchstone ")[0] or row.reason
 
 
 def _line(found: Sequence[Row], scenes: Collection[str]) -> list[Cell]:
@@ -108,7 +99,7 @@ def _line(found: Sequence[Row], scenes: Collection[str]) -> list[Cell]:
         value,
         limit,
         also,
-        _cause(worst),
+        cause_of(worst),
         reproduce(worst),
     ]
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from touchstone.reports.metrics.motion.time_series import FORCE, Course, heaviest_pairs
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import Column
+from touchstone.reports.views.tables import Column
 from touchstone.scenarios.scenario import Scenario
 
 MOST_PAIRS = 3

@@ -17,6 +17,7 @@ from touchstone.reports.page.html import fold
 from touchstone.reports.page.playback import ALARM
 from touchstone.reports.page.studies import studies_part
 from touchstone.reports.results import rows_of
+from touchstone.reports.views.matrix import SCALE
 from touchstone.reports.views.tables import LEGEND
 
 MOST_PLAYBACK = 3_500_000
@@ -71,7 +72,7 @@ def page(content: Content) -> str:
         verdict=escape(content.verdict),
         changes=findings.changes_part(content.changes, scenes),
         broken=findings.broken_part(every, scenes),
-        scale=escape(matrix.SCALE),
+        scale=escape(SCALE),
         legend="".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines()),
         matrix=table,
         playback=_player(playback) if playback else "",

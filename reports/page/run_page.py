@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 from touchstone.reports.machine import machine, origin
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course
-from touchstone.reports.page.content import Content, verdict_of
+from touchstone.reports.page.content import Content
 from touchstone.reports.page.forces import force_charts
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import write_beside
+from touchstone.reports.views.matrix import verdict_of
 from touchstone.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:

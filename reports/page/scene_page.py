@@ -18,10 +18,12 @@ from touchstone.adapters.recording import RecordingError, load, scene_of_text
 from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import course
-from touchstone.reports.page.content import Column, Content, verdict_of
+from touchstone.reports.page.content import Content
 from touchstone.reports.page.forces import force_charts
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
+from touchstone.reports.views.matrix import verdict_of
+from touchstone.reports.views.tables import Column
 from touchstone.scenarios.files.safe_paths import regular
 
 VERSION_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

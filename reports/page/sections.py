@@ -7,14 +7,14 @@ from html import escape
 
 from touchstone.reports.metrics.labels import label
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import Column, Content
+from touchstone.reports.page.content import Content
 from touchstone.reports.page.findings import metric_part, remarks, scene_part, valued
 from touchstone.reports.page.html import Cell, figure, fold, plain_table
 from touchstone.reports.results import NOT_RUN, Row
 from touchstone.reports.run.farthest_apart import headlines
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
-from touchstone.reports.views.tables import MARKS, grid
+from touchstone.reports.views.tables import MARKS, Column, grid
 
 CHARTS: tuple[tuple[str, str, float, float], ...] = (
     ("overlap.max", "deepest overlap [mm]", 1e3, 1e-7),

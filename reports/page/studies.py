@@ -6,9 +6,9 @@ from html import escape
 
 import pandas as pd
 
-from touchstone.reports.outcome.classes import CLASSES, SURVIVED
 from touchstone.reports.page.html import plain_table
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
 from touchstone.reports.views.tables import exact_number
 
 HARD = "stability"

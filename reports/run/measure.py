@@ -10,13 +10,13 @@ from math import inf, isfinite, isnan
 import numpy as np
 
 from touchstone.adapters.recording import Recording
-from touchstone.reports.limits import Limit
 from touchstone.reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
 from touchstone.reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
 from touchstone.reports.metrics.context import Context, JudgeMissing, NotMeasured, Value
 from touchstone.reports.metrics.motion.events import subjects
-from touchstone.reports.own_limits import judged
 from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
+from touchstone.reports.verdict.judge import judged_in
+from touchstone.reports.verdict.limits import Limit
 from touchstone.scenarios.scenario import Scenario
 
 NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
@@ -26,7 +26,7 @@ NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.dri
 def excused(row: Row, recording: Recording, scenario: Scenario, limits: Sequence[Limit] = ()) -> Row:
     """The row, judged; its verdict is `known` where it breaks a limit because a needed effect was disabled on
     request."""
-    found = judged(row, scenario, limits)
+    found = judged_in(row, scenario, limits)
     if found.verdict != "fail":
         return row
     states: dict[str, str] = recording.facts.get("effects", {})

@@ -14,12 +14,12 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, restart_ratio
-from touchstone.reports.own_limits import is_foreign
 from touchstone.reports.results import UNJUDGED, Row
 from touchstone.reports.run.contact_frames import contact_frames
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import EQUAL_PROFILE, REFERENCE
 from touchstone.reports.run.time_limits import judged_time, kind_of
+from touchstone.reports.verdict.own_limits import is_foreign
 from touchstone.scenarios.scenario import Scenario
 
 FRAMES, MEDIAN = "ratio.frames", f"{RATIO}.median"

@@ -13,10 +13,10 @@ import pandas as pd
 from touchstone.adapters.contract import DRIVES, Settings
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, changes_of
-from touchstone.reports.limits import Limit
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.results import Row
+from touchstone.reports.verdict.limits import Limit
 from touchstone.reports.views.unresolved import warning
 from touchstone.scenarios.scenario import Scenario, ShortRepr
 
@@ -24,8 +24,6 @@ STUDY = "run"
 REFERENCE = "reference"
 EVERY_ENGINE = "all"
 """Engine of a row that is about all of them."""
-SPREAD, HORIZON = "position.spread", "position.horizon"
-"""Metrics of all engines: largest distance between two columns [m], and until when they are compared [s]."""
 MACHINE_PROFILE, EQUAL_PROFILE = "recommended", "equal-step"
 DEFAULT_PROFILES = ("balanced", "paper", "recommended")
 

@@ -15,16 +15,17 @@ from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.reports.cli.progress import SCENE, Progress
+from touchstone.reports.metrics import SPREAD
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.own_limits import judged
 from touchstone.reports.page.run_page import packed_scene, write_page
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.run.comparisons import ratios_of, spreads_of
 from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon
 from touchstone.reports.run.measure import excused, measured_of
-from touchstone.reports.run.request import SPREAD, STUDY, Request, Results
+from touchstone.reports.run.request import STUDY, Request, Results
+from touchstone.reports.verdict.judge import judged_in, lost
 from touchstone.reports.views.comparison_pictures import draw, draw_forces
 from touchstone.reports.views.frame_budget_picture import write_picture
 from touchstone.reports.views.markdown import report
@@ -123,6 +124,7 @@ def judge_outcomes(
     """Rows of all metrics of one scene, with the comparisons of several engines; stores recordings in
     `results`. `horizon` measures the scene's horizon [s], where it is needed."""
     rows: list[Row] = []
+    bases: list[Row] = []
     played: dict[tuple[str, str], Recording] = {}
     seen: dict[tuple[str, str], Context] = {}
     for outcome in outcomes:
@@ -141,6 +143,7 @@ def judge_outcomes(
         played[job.engine, label] = recording
         results.recordings[scenario.name, job.engine, label] = recording
         context = seen[job.engine, label] = Context(recording, scenario)
+        bases.append(base)
         found = measured_of(base, context, request.metrics)
         results.courses[scenario.name, job.engine, label] = course(context)
         rows += [excused(row, recording, scenario, request.limits) for row in found]
@@ -149,4 +152,7 @@ def judge_outcomes(
     rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
     if not request.metrics or SPREAD in request.metrics:
         rows += apart_rows(scenario, {column: seen[column] for column in played}, horizon)
-    return [judged(row, scenario, request.limits) for row in rows]
+    rows = [judged_in(row, scenario, request.limits) for row in rows]
+    if request.metrics:
+        return rows
+    return rows + [row for base in bases for row in lost(base, rows)]

@@ -1,7 +1,7 @@
 """The soak: random scenes of consecutive seeds, each judged by all invariants, until the time is up.
 
 A run breaks an invariant if it is not finite, explodes, hangs, passes through something, overlaps, gains
-energy or loses momentum beyond what the reference guarantees (`studies.robustness.play.EXACT`). A residual
+energy or loses momentum beyond what the reference guarantees (`verdict.random_outcomes.EXACT`). A residual
 that the reference itself reports is counted, and is no failure.
 """
 
@@ -20,7 +20,8 @@ from touchstone.adapters.registry import ENGINES, load
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.results import write_beside
 from touchstone.reports.soak.shrink import MOST_TRIES, shrunk
-from touchstone.reports.studies.robustness.play import PATIENCE, Assessment, asked_of, assess_task
+from touchstone.reports.studies.robustness.play import PATIENCE, asked_of, assess_task
+from touchstone.reports.verdict.random_outcomes import Assessment
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Scenario

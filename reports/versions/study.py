@@ -21,19 +21,13 @@ from touchstone.adapters.workers.environment import VersionError, VersionLoader,
 from touchstone.adapters.workers.import_check import try_imports
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.bootstrap import Ratio, mean, restart_ratio
+from touchstone.reports.changes import ACROSS_VERSIONS, SHOWN, changes
 from touchstone.reports.cli.progress import SCENE, Progress
-from touchstone.reports.compare.changes import changes
-from touchstone.reports.compare.tolerances import Tolerance
 from touchstone.reports.metrics.state import state_hash
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.request import Request, Results
 from touchstone.reports.run.study import judge_outcomes
 from touchstone.scenarios.scenario import Scenario
-
-SAME = 1e-2
-"""Relative change of a figure that counts as none [1]."""
-ALLOWED = (Tolerance("*", SAME, 1e-9), Tolerance("time*", np.inf), Tolerance("state.hash", np.inf))
-"""Tolerances of figures; times are compared over several rounds instead, states by their distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +197,8 @@ def distance(one: Recording, two: Recording) -> float:
 def figures(found: Compared, first: str, others: list[str]) -> pd.DataFrame:
     """Figures that changed from the first version, with a column `version`; the worst kind first."""
     tables = {name: one.frame[one.frame.metric != "work"] for name, one in found.results.items()}
-    parts = [changes(tables[first], tables[version], ALLOWED).assign(version=version) for version in others]
+    found_in = {name: changes(tables[first], tables[name], ACROSS_VERSIONS)[SHOWN] for name in others}
+    parts = [frame.assign(version=version) for version, frame in found_in.items()]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=["kind", "version"])
 
 

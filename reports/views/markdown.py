@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from touchstone.reports.metrics import HORIZON, SPREAD
 from touchstone.reports.results import rows_of
 from touchstone.reports.run.farthest_apart import HEADS as APART_HEADS
 from touchstone.reports.run.farthest_apart import TITLE as APART
 from touchstone.reports.run.farthest_apart import apart_table
-from touchstone.reports.run.request import HORIZON, SPREAD
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
     Columns,

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from touchstone.reports.limit_counts import WORST_LAST, Count, counted
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
+from touchstone.reports.verdict.counts import WORST_LAST, Count, counted
 from touchstone.reports.views.tables import HIDDEN, MARKS, Cell, Column, cell_of, columns_of, number, unit_of
 
 NOT_MET = ("known", "fail", "error")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from touchstone.reports.limits import judged
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context, NotMeasured, Value
 from touchstone.reports.metrics.solver import CAPS, RESIDUAL, cap_counters, worst_place
 from touchstone.reports.results import Row
+from touchstone.reports.verdict.judge import judged
 
 KINDS = {
     "solver.residual": ((RESIDUAL,), "contact solve left {} m/s in {}"),

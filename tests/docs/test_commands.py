@@ -41,6 +41,7 @@ NOT_RUN = {
     "touchstone versions": "downloads wheels; tests/reports/versions",
     "touchstone view runs/versions-TIME": "needs the versions of a package index; tests/reports/versions",
     "touchstone sweep --tag probe --dask": "needs a cluster; tests/reports/sweep",
+    "touchstone failings measure": "writes the table of a checkout; tests/reports/verdict/test_failings.py",
     "touchstone docs": "writes the pages of a checkout; tests/reports/cli/test_docs.py",
     "touchstone nightly --store nights ": "half an hour; its --quick is run",
     "touchstone accept last": "needs two nights; tests/reports/nightly",

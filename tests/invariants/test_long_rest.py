@@ -8,7 +8,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.outcome.measures import rest
+from touchstone.reports.verdict.figures import rest
 from touchstone.scenarios.difficulty.family import families
 
 CREEP = 1e-6

@@ -8,9 +8,9 @@ import pytest
 from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.recording import RunEnded
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.known_failures.table import KNOWN
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row
+from touchstone.reports.verdict.failings import known
 from touchstone.scenarios.catalogue import tagged
 
 PROBES = [scenario.name for scenario in tagged("probe")]
@@ -36,7 +36,7 @@ REFERENCE_OTHERS = [
     profile for engine, profile in OTHERS if engine == "reference" and profile != "equal-step"
 ]
 
-ENDED = {(known.engine, known.profile, known.scenario) for known in KNOWN if known.metric == "run"}
+ENDED = {one.key[:3] for one in known().values() if one.metric == "run"}
 """(engine, profile, scene) of runs that end before their scene does: known failings of the metric `run`."""
 
 HEAVY = {

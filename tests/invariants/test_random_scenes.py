@@ -11,9 +11,10 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from touchstone.adapters.contract import Engine, Settings
-from touchstone.reports.limits import judged
-from touchstone.reports.studies.robustness.play import EXACT, Task, assess
+from touchstone.reports.studies.robustness.play import Task, assess
 from touchstone.reports.studies.robustness.study import Run, line, rows_of_runs
+from touchstone.reports.verdict.judge import judged
+from touchstone.reports.verdict.random_outcomes import EXACT
 from touchstone.scenarios.random_scenes.bodies import (
     masses,
     random_orientation,
@@ -37,7 +38,7 @@ FEW_BODIES = 12
 """Largest scene in every run of the tests [bodies]: a heap of twenty takes as long as all others together."""
 WITHOUT_SHRINKING = (Phase.explicit, Phase.reuse, Phase.generate)
 """A scene that fails is repeated by its seed; to shrink it takes a hundred more."""
-LAWS = ("error", "hang", "not_finite", "exploded", "passed", "rise")
+LAWS = ("error", "hang", "non-finite", "exploded", "tunnelled", "rise")
 """Metrics that no random scene may break: what the guarantee of the solver promises."""
 
 pytestmark = pytest.mark.timeout(3600)  # five hundred scenes take minutes

@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 from rich.console import Console
 
-from tests.reports.outcome.fake_engines import Engine
+from tests.reports.verdict.fake_engines import Engine
 from touchstone.adapters.contract import Settings
-from touchstone.reports.outcome.classes import CLASSES, Outcome
 from touchstone.reports.results import CONSTRUCTION, table
 from touchstone.reports.studies.stability.cells import STEPS, Plan, chosen, own_step
 from touchstone.reports.studies.stability.measure import play_all
@@ -25,6 +24,7 @@ from touchstone.reports.studies.stability.rows import (
 )
 from touchstone.reports.studies.stability.sheet import drawn, write_sheets
 from touchstone.reports.studies.stability.table import family_rows, show
+from touchstone.reports.verdict.outcomes import HARD_CLASSES, Outcome
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene
 
 COLUMNS = (("reference", "balanced"), ("bullet", "recommended"))
@@ -121,7 +121,7 @@ def test_a_family_without_a_simulated_body_is_marked():
 
 def test_tables_and_pictures_show_every_class(tmp_path):
     """Every class has a look; table, CSV and pictures take all of them."""
-    assert set(LOOKS) == {*CLASSES, ""}
+    assert set(LOOKS) == {*HARD_CLASSES, ""}
     found = results(tiles_reference=(16.0, "exploded"), wedge_bullet=(1.0, "skipped"))
     frame = table(rows_of(found))
     assert set(frame.metric) == {OUTCOME, LEVELS, STEP, CONTAINED}

@@ -58,10 +58,9 @@ def compare(
     quiet: QuietOption = False,
 ) -> None:
     """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse or gone."""
+    from touchstone.reports.changes import FAILING, KINDS, SHOWN, changes, tolerances
     from touchstone.reports.cli.scenes.chosen import metrics_for
-    from touchstone.reports.compare.changes import FAILING, KINDS, changes
     from touchstone.reports.compare.stored import RunError, table_of
-    from touchstone.reports.compare.tolerances import tolerances
     from touchstone.scenarios.files.read import SceneFileError
 
     try:
@@ -75,7 +74,7 @@ def compare(
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
     failing = ["worse"] if allow_gone else FAILING
     with output_to(out):
-        if not printed(found, output) and not quiet:
+        if not printed(found[SHOWN], output) and not quiet:
             from touchstone.reports.compare.show import show_changes
 
             show_changes(found if every else found[found.kind.isin([*FAILING, "better"])])

@@ -36,7 +36,7 @@ def judge(
     """Judge the recordings of an earlier run with today's metrics and limits."""
     from touchstone.reports.compare.judge_again import judge as judge_again
     from touchstone.reports.compare.stored import RunError
-    from touchstone.reports.judge import judge_faults
+    from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
 
     folder = out or folder_of_now("judged-")

@@ -58,7 +58,7 @@ def versions(
     """
     from touchstone.adapters.registry import profiles_of
     from touchstone.adapters.workers.environment import installed_version
-    from touchstone.reports.compare.changes import FAILING
+    from touchstone.reports.changes import FAILING
     from touchstone.reports.output_folder import OutputError, output_folder
     from touchstone.reports.run.cost import TooLargeError, check_memory, limited
     from touchstone.reports.run.request import Request

@@ -79,7 +79,7 @@ def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, qu
 def _import(robot: Path, name: str, path: Path, allow_paths: bool, force: bool, quiet: bool) -> None:
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.adapters.robots.robot_scene import imported
-    from touchstone.reports.judge import judge_faults
+    from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.scenarios.files.read import NAME
     from touchstone.scenarios.files.write import scene_json, scene_toml
 

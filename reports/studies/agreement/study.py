@@ -23,11 +23,11 @@ from touchstone.adapters.recording import load
 from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.request import step_text
+from touchstone.reports.verdict.judge import judged
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario

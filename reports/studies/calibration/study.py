@@ -16,12 +16,12 @@ import pandas as pd
 from touchstone.adapters.contract import MISSING, Settings
 from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import illustrate, save, save_manifest, table
 from touchstone.reports.studies.calibration.children import Child, Loader, Motion
 from touchstone.reports.studies.calibration.rows import STUDY, Measured, rows_of_study
 from touchstone.reports.studies.calibration.scenes import SHAPES, Probe
+from touchstone.reports.verdict.judge import judged
 
 Job = tuple[Settings, Probe]
 LADDER_PART = 26

@@ -25,7 +25,6 @@ from touchstone.adapters.workers.stepping import Loader
 from touchstone.adapters.workers.variants import Pace, Variant, VariantPlayer, play
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, illustrate, save, save_manifest, table
 from touchstone.reports.studies.effects.definitions import (
@@ -38,6 +37,7 @@ from touchstone.reports.studies.effects.definitions import (
     WITHIN,
 )
 from touchstone.reports.studies.effects.picture import savings
+from touchstone.reports.verdict.judge import judged
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario

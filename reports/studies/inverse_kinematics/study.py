@@ -29,9 +29,9 @@ from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, ccd_ik
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.verdict.judge import judged
 from touchstone.scenarios.avatar.avatar import HAND_LENGTH, avatar_parts, standing_tracker
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Scenario, Vector

@@ -17,12 +17,12 @@ import pandas as pd
 from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import illustrate, save, save_manifest, table
 from touchstone.reports.studies.interleaved_timing import Stretch, measure
 from touchstone.reports.studies.narrow_phase.rows import STUDY, Truth, rows_of_study
 from touchstone.reports.studies.poses import FAMILIES, corners, draw, size_of
+from touchstone.reports.verdict.judge import judged
 
 SLICE = 5 * len(FAMILIES)
 """Pairs per turn: every family five times, so that variations of the machine's speed affect all detectors

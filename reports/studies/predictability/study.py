@@ -20,7 +20,6 @@ from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, illustrate, save, save_manifest, table
 from touchstone.reports.studies.agreement.study import own_profile
@@ -33,6 +32,7 @@ from touchstone.reports.studies.predictability.definitions import (
     STUDY,
 )
 from touchstone.reports.studies.predictability.picture import amplifications
+from touchstone.reports.verdict.judge import judged
 from touchstone.scenarios.closed_form_ends import final_positions
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import shifted

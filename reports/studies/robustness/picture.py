@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
-from touchstone.reports.studies.robustness.play import EXACT
+from touchstone.reports.verdict.random_outcomes import EXACT
 from touchstone.reports.views.pictures import INK, PALE
 from touchstone.scenarios.random_scenes import ALL_KINDS
 
@@ -29,16 +29,14 @@ HUES = (
     "#D55E00", "#CC79A7", "#AA4499", "#882255", "#777777", "#000000",
 )  # fmt: skip
 """Markers of the kinds of scene."""
-FAILED = ("hang", "not finite", "exploded")
+FAILED = ("hang", "non-finite", "exploded")
 """Outcomes that are drawn even if the rise is unknown."""
 TICKS = (1e-16, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)
 
 
 def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
     """Draw one panel per engine and profile. Engines that report no residual are drawn at its left edge."""
-    known = (
-        runs[runs.rise.notna() | runs.outcome.isin(["not finite", "exploded", "hang"])] if len(runs) else runs
-    )
+    known = runs[runs.rise.notna() | runs.outcome.isin(FAILED)] if len(runs) else runs
     panels = list(known.groupby(["engine", "profile"], sort=False)) if len(known) else []
     across = max(1, min(ACROSS, len(panels)))
     down = max(1, -(-len(panels) // across))

@@ -1,8 +1,8 @@
 """The study `robustness`: random scenes for which nothing was tuned, assessed without a closed form.
 
 At most two processes play the scenes of consecutive seeds (`scenarios.random_scenes`). Each run belongs to
-one class of OUTCOMES. The rows hold, per kind of scene and for `all`, the number of runs of each class and
-the spread of the figures; `runs.csv` has one line per run. Limits apply to the reference, over all kinds.
+one class of RANDOM_CLASSES. The rows hold, per kind of scene and for `all`, the number of runs of each class
+and the spread of the figures; `runs.csv` has one line per run. Limits apply to the reference, over all kinds.
 """
 
 from __future__ import annotations
@@ -20,19 +20,18 @@ from touchstone.adapters.registry import ENGINES, installed, load, missing_reaso
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, illustrate, save, save_manifest, table, write_beside
 from touchstone.reports.studies.robustness.picture import rise_over_residual
 from touchstone.reports.studies.robustness.play import (
-    COUNTERS,
-    OUTCOMES,
     PATIENCE,
-    Assessment,
     Task,
     asked_of,
     assess_task,
 )
+from touchstone.reports.verdict.judge import judged
+from touchstone.reports.verdict.outcomes import RANDOM_CLASSES
+from touchstone.reports.verdict.random_outcomes import COUNTERS, Assessment
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
 
 STUDY = "robustness"
@@ -61,7 +60,7 @@ UNITS = {
     "dropped_time": "s",
     "slowest": "s",
 }
-COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in OUTCOMES)
+COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in RANDOM_CLASSES)
 OPEN = f"{STUDY}.solves.open"
 """Metric: share of contact solves with a residual over RESIDUAL_OPEN [1]."""
 METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts), OPEN)
@@ -142,7 +141,7 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
     outcomes = [one.outcome for one in found]
     rows = [
         replace(base, metric=metric, value=float(outcomes.count(outcome)), unit="1")
-        for metric, outcome in zip(COUNTS, OUTCOMES)
+        for metric, outcome in zip(COUNTS, RANDOM_CLASSES)
     ]
     rows[-1] = replace(rows[-1], reason=f"of {len(found)}")
     for name, parts in SPREADS.items():
@@ -165,7 +164,7 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
 def _worst(base: Row, runs: Sequence[Run]) -> list[Row]:
     """The worst runs of every class but `ok`, with the command that repeats each."""
     rows = []
-    for outcome in OUTCOMES[:-1]:
+    for outcome in RANDOM_CLASSES[:-1]:
         these = [(task, found) for task, found in runs if found.outcome == outcome]
         size = "residual" if outcome == "residual" else "overlap" if outcome == "overlap" else "gain"
         size = outcome if outcome in ("rise", "momentum") else size

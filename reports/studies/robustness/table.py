@@ -6,8 +6,8 @@ import pandas as pd
 from rich.console import Console
 
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.robustness.play import OUTCOMES
 from touchstone.reports.studies.robustness.study import ALL, COUNTS, STUDY
+from touchstone.reports.verdict.outcomes import RANDOM_CLASSES
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.random_scenes import ALL_KINDS
 
@@ -39,7 +39,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     for (engine, profile), part in figures.groupby(["engine", "profile"], sort=False):
         seen = [
             outcome
-            for outcome, metric in zip(OUTCOMES, COUNTS)
+            for outcome, metric in zip(RANDOM_CLASSES, COUNTS)
             if part[(part.metric == metric) & (part.scenario == ALL)].value.sum() > 0
         ]
         shown = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
@@ -51,7 +51,7 @@ def show(frame: pd.DataFrame, out: Console) -> None:
             rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
             if not rows:
                 continue
-            counts = {outcome: int(rows[metric].value) for outcome, metric in zip(OUTCOMES, COUNTS)}
+            counts = {outcome: int(rows[metric].value) for outcome, metric in zip(RANDOM_CLASSES, COUNTS)}
             if kind == ALL:
                 table.add_section()
             table.add_row(

@@ -15,8 +15,6 @@ import pandas as pd
 from touchstone.adapters.contract import Engine
 from touchstone.adapters.registry import load
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.outcome import classes
-from touchstone.reports.outcome.classes import Outcome
 from touchstone.reports.results import Row
 from touchstone.reports.studies.stability import play
 from touchstone.reports.studies.stability.play import PATIENCE, Cell, Played, play_cell
@@ -25,6 +23,8 @@ from touchstone.reports.sweep.batch_pool import BatchPool
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.measures import Measured, base_row
 from touchstone.reports.sweep.sweep import sweep
+from touchstone.reports.verdict import figures, outcomes
+from touchstone.reports.verdict.outcomes import Outcome
 from touchstone.scenarios.difficulty.family import hard_names, hard_scene
 from touchstone.scenarios.scenario import Scenario
 
@@ -116,7 +116,7 @@ def _judge(name: str) -> str:
 @cache
 def _sources() -> bytes:
     """Sources of the judge and of the play."""
-    paths = [*Path(classes.__file__).parent.glob("*.py"), Path(play.__file__)]
+    paths = [Path(outcomes.__file__), Path(figures.__file__), Path(play.__file__)]
     return b"".join(path.read_bytes() for path in sorted(paths))
 
 

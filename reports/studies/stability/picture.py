@@ -12,10 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from touchstone.reports.outcome.classes import CLASSES
 from touchstone.reports.results import write_beside
 from touchstone.reports.studies.stability.cells import levels_of, own_step
 from touchstone.reports.studies.stability.rows import Results
+from touchstone.reports.verdict.outcomes import HARD_CLASSES
 from touchstone.reports.views.pictures import INK, PALE
 from touchstone.scenarios.difficulty.family import Family, level_text
 
@@ -140,7 +140,7 @@ def _handles(results: Results) -> list[Patch]:
     seen = {found.outcome.name for found in results.played.values()}
     return [
         Patch(color=LOOKS[name][0], label=f"{LOOKS[name][1]} {name}".strip())
-        for name in reversed(CLASSES)
+        for name in reversed(HARD_CLASSES)
         if name in seen
     ]
 

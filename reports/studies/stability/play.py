@@ -11,8 +11,7 @@ from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsuppo
 from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.state import state_hash
-from touchstone.reports.outcome.classes import Outcome
-from touchstone.reports.outcome.judge import judge
+from touchstone.reports.verdict.outcomes import Outcome, judge
 from touchstone.scenarios.difficulty.checks import Checks
 from touchstone.scenarios.difficulty.family import hard_scene
 from touchstone.scenarios.effects import PLANNED

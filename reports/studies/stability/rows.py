@@ -8,10 +8,10 @@ from math import nan
 
 import pandas as pd
 
-from touchstone.reports.outcome.classes import GROSS, SILENT, SURVIVED
 from touchstone.reports.results import CONSTRUCTION, Row
 from touchstone.reports.studies.stability.cells import Plan, levels_of, own_step, steps_of
 from touchstone.reports.studies.stability.play import Cell, Played
+from touchstone.reports.verdict.outcomes import GROSS, SILENT, SURVIVED
 from touchstone.scenarios.difficulty.family import Family, hard_names, level_text
 
 STUDY = "stability"

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.outcome.measures import rotations
+from touchstone.reports.verdict.figures import rotations
 from touchstone.reports.views.pictures import INK
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
 

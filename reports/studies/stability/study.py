@@ -2,8 +2,8 @@
 
 A sweep plays the cells: hard scenes (`scenarios.difficulty`) on every engine, profile and step. Its store
 holds what was measured, so that an interrupted study goes on. Independent oracles judge each run
-(`reports.outcome`). `cells.csv` has one line per cell with the command that plays it; the store keeps the
-recordings of failed runs in `output/failed/`.
+(`reports.verdict.outcomes`). `cells.csv` has one line per cell with the command that plays it; the store
+keeps the recordings of failed runs in `output/failed/`.
 """
 
 from __future__ import annotations

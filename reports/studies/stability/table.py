@@ -5,10 +5,10 @@ from __future__ import annotations
 import pandas as pd
 from rich.console import Console
 
-from touchstone.reports.outcome.classes import SILENT
 from touchstone.reports.results import CONSTRUCTION, Row, rows_of
 from touchstone.reports.studies.stability.picture import LOOKS
 from touchstone.reports.studies.stability.rows import CONTAINED, LEVELS, OUTCOME
+from touchstone.reports.verdict.outcomes import SILENT
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.difficulty.family import families, level_text
 

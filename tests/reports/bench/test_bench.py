@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from touchstone.reports import limits
 from touchstone.reports.bench import BENCHES, load, scaling
 from touchstone.reports.bench.curves import BROAD_PHASE
 from touchstone.reports.cli import main as cli
-from touchstone.reports.limits import Limit
 from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import Row, table
+from touchstone.reports.verdict import limits
+from touchstone.reports.verdict.judge import judged
+from touchstone.reports.verdict.limits import Limit
 
 
 def silence(label: str, count: int) -> None:
@@ -57,7 +58,7 @@ def test_a_broken_limit_fails_the_command(monkeypatch, tmp_path: Path, capfd) ->
     row = Row("bench scaling", BROAD_PHASE, "reference", "balanced", nan, "scaling.exponent", 1.0, "1")
     for largest, wanted in ((0.9, 1), (1.1, 0)):
         monkeypatch.setattr(limits, "LIMITS", (Limit("scaling.exponent", largest, "as asked"),))
-        monkeypatch.setattr(scaling, "run", lambda out, progress: table([limits.judged(row, ())]))
+        monkeypatch.setattr(scaling, "run", lambda out, progress: table([judged(row, ())]))
         monkeypatch.setattr(sys, "argv", ["touchstone", "bench", "scaling", "--out", str(tmp_path / "o")])
         with pytest.raises(SystemExit) as end:
             cli.main()

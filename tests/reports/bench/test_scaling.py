@@ -10,11 +10,11 @@ import pytest
 
 from touchstone.adapters.detectors import REFERENCE
 from touchstone.adapters.recorder import warm_up
-from touchstone.reports import limits
 from touchstone.reports.bench import scaling
 from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES, Curve, balls_at_rest, resting_balls
 from touchstone.reports.bench.scaling import rows_of_curves
 from touchstone.reports.results import table
+from touchstone.reports.verdict.judge import judged
 
 OTHER = "coal"
 
@@ -38,7 +38,7 @@ def test_exponents_of_power_laws_are_exact() -> None:
         ),
         Curve(VERTICES, "vertices", OTHER, "default", nan, sizes, [np.full(5, 1e-6 * n**0.4) for n in sizes]),
     ]
-    rows = [limits.judged(row, ()) for row in rows_of_curves(curves)]
+    rows = [judged(row, ()) for row in rows_of_curves(curves)]
     powers = {row.engine: row for row in rows if row.metric == "scaling.exponent"}
     assert powers["reference"].value == pytest.approx(1.2, abs=1e-12)
     assert (powers["reference"].limit, powers["reference"].verdict) == (1.1, "fail")

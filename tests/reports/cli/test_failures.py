@@ -15,10 +15,10 @@ import typer
 
 from touchstone.adapters.registry import missing_reason
 from touchstone.adapters.workers.children import Outcome
-from touchstone.reports import limits
 from touchstone.reports.cli.options import exit_for
-from touchstone.reports.limits import Limit
 from touchstone.reports.run import study
+from touchstone.reports.verdict import failings, limits
+from touchstone.reports.verdict.limits import Limit
 from touchstone.scenarios.catalogue import catalogue
 
 REFERENCE = ("--engine", "reference")
@@ -76,7 +76,7 @@ def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch, left):
     """A limit that is not met ends in exit 1, with the row and its reason shown; the folder is there."""
     impossible = Limit("time.frame.median", 0.0, "nothing takes no time")
     monkeypatch.setattr(limits, "LIMITS", (impossible,))
-    monkeypatch.setattr(limits, "KNOWN", ())
+    monkeypatch.setattr(failings, "known", dict)
     code, out, _ = touchstone(*RUN, "--out", "r")
     assert code == 1
     assert "fail: reference balanced: time.frame.median" in out

@@ -16,6 +16,11 @@ from touchstone.reports.studies.work_precision.cheapest import Answer, Setting
 WITHOUT = {
     "nightly": {"--format": "its folder has the table", "--out": "a night belongs to its --store"},
     "accept": {"--format": "one line", "--out": "one line", "--quiet": "one line"},
+    "failings measure": {
+        "--format": "prints what changed",
+        "--out": "writes the table of known failings",
+        "--quiet": "prints what changed",
+    },
     "docs": {"--format": "writes pages", "--quiet": "prints their paths"},
     "schema": {"--format": "is JSON", "--quiet": "prints nothing else"},
     "export": {"--quiet": "prints a path"},

@@ -6,9 +6,9 @@ from math import inf, nan
 
 import pytest
 
+from touchstone.reports.changes import default, tolerance_of, tolerances
 from touchstone.reports.compare.measured_times import MARGIN, differences, toml_of
 from touchstone.reports.compare.stored import RunError
-from touchstone.reports.compare.tolerances import default, tolerance_of, tolerances
 from touchstone.reports.results import Row, save, table
 
 

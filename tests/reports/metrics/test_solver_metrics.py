@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from touchstone.reports import limits
-from touchstone.reports.known_failures.table import Known
-from touchstone.reports.limits import judged
 from touchstone.reports.metrics import METRICS, SOLVER_METRICS
 from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.solver import CAPS, Place, worst_place
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured_of
+from touchstone.reports.verdict import failings
+from touchstone.reports.verdict.failings import Failing
+from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.unresolved import warning
 from touchstone.scenarios.catalogue import catalogue
 
@@ -135,9 +135,11 @@ def test_one_line_names_scene_profile_frame_and_pair(context):
 
 def test_known_failings_are_warned_of(context, monkeypatch):
     """Warn of what is known to fail as well: the numbers of the run are no better for it."""
-    known = Known("solver.dropped_time", "reference", "it drops")
-    monkeypatch.setattr(limits, "KNOWN", (known,))
-    monkeypatch.setattr(limits, "bound_of", lambda row, known: 0.02)
+    known = Failing(
+        engine="reference", profile="balanced", scenario="scene", metric="solver.dropped_time",
+        largest=0.02, cause="reference.stops",
+    )  # fmt: skip
+    monkeypatch.setattr(failings, "known", lambda: {known.key: known})
     reported = context({2: {"dropped_time": 0.01}})
     assert [row.verdict for row in rows_of(reported)] == ["pass", "known", "pass", "pass"]
     assert "0.01 s were not simulated, most of it in frame 2" in str(warned(reported))

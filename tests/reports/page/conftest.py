@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.page.content import Content, verdict_of
+from touchstone.reports.page.content import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import Row, table
+from touchstone.reports.views.matrix import verdict_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 EVIL = "<img src=x onerror=alert(1)>"

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from touchstone.reports.page.matrix import SHADES, entries, facts, table, title
+from touchstone.reports.page.matrix import facts, table, title
 from touchstone.reports.results import Row
+from touchstone.reports.views.matrix import SHADES, entries
 
 OURS, THEIRS = ("reference", "balanced"), ("mujoco", "recommended")
 

@@ -8,18 +8,13 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from dataclasses import replace
-from math import isinf
 from pathlib import Path
 from typing import Annotated
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports import limits, noisy_limits
 from touchstone.reports.bootstrap import RATIOS
-from touchstone.reports.limits import Limit
-from touchstone.reports.metrics import METRICS
-from touchstone.reports.results import Row, is_undecided
-from touchstone.reports.run.request import HORIZON, SPREAD
+from touchstone.reports.metrics import HORIZON, METRICS, SPREAD
+from touchstone.reports.verdict.limits import Limit
 from touchstone.scenarios.catalogue import tags
 from touchstone.scenarios.files.read import SceneFileError, data_of_file, placed
 from touchstone.scenarios.scenario import Scenario
@@ -39,18 +34,6 @@ def own_limits(scenario: Scenario, of_file: Iterable[Limit] = ()) -> tuple[Limit
         for one in scenario.limits
     )
     return (*own, *of_file)
-
-
-def judged(row: Row, scenario: Scenario, of_file: Iterable[Limit] = ()) -> Row:
-    """The row with its limit and verdict, by the scene's and a file's limits before ours."""
-    own = limits.limit_of(row, scenario.tags, own_limits(scenario, of_file))
-    if own is not None and row.verdict == "":
-        if isinf(own.largest) or is_undecided(row, own.largest):
-            return row
-        remark = f"{row.reason}; {own.reason}" if row.reason else own.reason
-        met = abs(row.value) <= own.largest
-        return replace(row, limit=own.largest, verdict="pass" if met else "fail", reason=remark)
-    return row if is_foreign(scenario) else noisy_limits.judged(row, scenario.tags)
 
 
 def valid_metrics() -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What changed from one run to another, beyond intervals, limits and tolerances.
+"""What changed from one set of rows to another, beyond intervals, limits and tolerances.
 
 A row is worse if its verdict is, or if its value moved to the worse side by more than its tolerance while it
 has no limit or breaks it. Within a limit nothing is worse. Where both values have intervals, they must be
@@ -8,17 +8,21 @@ engine, a figure, or a column of other settings or another step.
 
 from __future__ import annotations
 
-from math import isfinite
-from typing import Any
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from math import inf, isfinite, isinf
+from pathlib import Path
+from typing import Annotated, Any
 
 import pandas as pd
 
 from touchstone.adapters.contract import MISSING, UNIMPORTABLE
 from touchstone.reports.compare.stored import RunError
-from touchstone.reports.compare.tolerances import Tolerance, tolerance_of
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import UNJUDGED
 from touchstone.reports.run.request import step_text
+from touchstone.scenarios.files.read import SceneFileError, data_of_file
 
 RUN = ["study", "scenario", "engine", "profile", "dt", "seed", "repeat"]
 KEY = [*RUN, "metric", "subject"]
@@ -35,6 +39,8 @@ RANK = {
 }
 """How bad a verdict is."""
 FAILED = RANK["fail"]
+TIMED = ("time.", "ratio.time")
+"""Starts of the names of metrics that a clock measures."""
 ONE_SIDED = "in one run only"
 ABSENT = (MISSING, UNIMPORTABLE)
 """Verdicts of runs that did not take place."""
@@ -42,12 +48,84 @@ KINDS = ("worse", "gone", "changed", "better", "new")
 FAILING = ("worse", "gone")
 """Kinds that count as failures."""
 SHOWN = ["kind", *KEY, "a", "b", "unit", "verdict_a", "verdict_b", "reason"]
+ROW, VERDICT, VALUE = "row", "verdict", "value"
+"""What changed: one side lacks the row, the verdict is another, or the value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """Largest difference of a metric's values, `absolute` [unit of the metric] plus `relative` times the
+    larger value; patterns such as `time.*` for metric, engine and scenario. The last that fits holds."""
+
+    metric: str
+    relative: float = 0.0
+    absolute: float = 0.0
+    engine: str = "*"
+    scenario: str = "*"
+
+    def fits(self, metric: str, engine: str, scenario: str) -> bool:
+        """Whether it holds for a row."""
+        asked = ((metric, self.metric), (engine, self.engine), (scenario, self.scenario))
+        return all(fnmatchcase(name, pattern) for name, pattern in asked)
+
+    def covers(self, a: float, b: float) -> bool:
+        """Whether two values differ by no more."""
+        return isinf(self.relative) or abs(b - a) <= self.absolute + self.relative * max(abs(a), abs(b))
+
+
+FILE = Path(__file__).with_name("times.toml")
+"""Tolerances of times of one program, as `compare/measured_times.py` measures them."""
+FIGURES = Tolerance("*", relative=1e-6, absolute=1e-9)
+"""Of all figures but times: engines repeat them to the bit on one machine; others round otherwise."""
+PROGRAMS = Tolerance("*", relative=1e-2, absolute=1e-9)
+"""Of figures of other programs or platforms, after rounding over some hundred frames."""
+ACROSS_NIGHTS = (PROGRAMS, Tolerance("time.*", inf), Tolerance("ratio.time*", inf))
+"""Of nights, whose times have a history."""
+ACROSS_VERSIONS = (PROGRAMS, Tolerance("time*", inf), Tolerance("state.hash", inf))
+"""Of versions of an engine, whose times are compared over several rounds, and states by their distance."""
+
+
+@cache
+def default() -> tuple[Tolerance, ...]:
+    """Tolerances unless a file says otherwise: FIGURES, then the measured ones of times."""
+    return (FIGURES, *_of_file(FILE))
+
+
+def tolerances(path: Path | None) -> tuple[Tolerance, ...]:
+    """Default tolerances, then those of a TOML or JSON file: an array `tolerances` with the fields of
+    `Tolerance`.
+
+    Raises:
+        SceneFileError: the file is not valid; one line per fault.
+    """
+    return default() if path is None else (*default(), *_of_file(path))
+
+
+def _of_file(path: Path) -> tuple[Tolerance, ...]:
+    from pydantic import Field, Strict, create_model
+
+    number = Annotated[float, Strict(), Field(ge=0)]
+    forbid = {"extra": "forbid"}
+    patterns = dict.fromkeys(("engine", "scenario"), (str, "*"))
+    sizes = dict.fromkeys(("relative", "absolute"), (number, 0.0))
+    one = create_model("Tolerance", __config__=forbid, metric=(str, ...), **sizes, **patterns)  # type: ignore
+    model = create_model("Tolerances", __config__=forbid, tolerances=(tuple[one, ...], ...))  # type: ignore
+    data, faults, message_of = data_of_file(path, model)
+    if faults:
+        raise SceneFileError(message_of(faults))
+    return tuple(Tolerance(**entry) for entry in data["tolerances"])
+
+
+def tolerance_of(all_of_them: tuple[Tolerance, ...], metric: str, engine: str, scenario: str) -> Tolerance:
+    """The last tolerance that fits a row."""
+    return next(one for one in reversed(all_of_them) if one.fits(metric, engine, scenario))
 
 
 def changes(
     a: pd.DataFrame, b: pd.DataFrame, allowed: tuple[Tolerance, ...], by_profile: bool = False
 ) -> pd.DataFrame:
-    """Rows that changed from table `a` to table `b`, with columns SHOWN; the worst kind first.
+    """Rows that changed from table `a` to table `b`, with columns SHOWN, `why` (ROW, VERDICT or
+    VALUE) and `limit` of `b`; the worst kind first.
 
     Runs that only one of the tables has, such as other scenes, are one row each: new or gone. Figures of a
     new run that fail are worse.
@@ -70,9 +148,9 @@ def changes(
         if row["_merge"] == "left_only" and run in ended:
             continue
         if run in runs_b and (run in runs_a or RANK.get(row["verdict_b"], 0) >= FAILED):
-            kind, reason = _kind(row, allowed)
+            kind, why, reason = _kind(row, allowed)
             if kind:
-                found.append(_shown(row, kind, reason))
+                found.append(_shown(row) | {"kind": kind, "why": why, "reason": reason})
     for run in runs_b - runs_a:
         found.append(_one_sided(run, "new", ONE_SIDED))
     for run in runs_a - runs_b:
@@ -80,7 +158,7 @@ def changes(
         played = " and ".join(f"{profile} at {step_text(dt)} s" for profile, dt in others)
         reason = f"the later run has {played} (--match profile compares them)" if others else ONE_SIDED
         found.append(_one_sided(run, "gone", reasons.get(_column(run), reason)))
-    frame = pd.DataFrame(found, columns=SHOWN)
+    frame = pd.DataFrame(found, columns=[*SHOWN, "why", "limit"])
     order = {kind: k for k, kind in enumerate(KINDS)}
     frame["order"] = [order[kind] for kind in frame.kind]
     frame["dt"] = frame.dt.astype(float)
@@ -123,45 +201,48 @@ def _absent(frame: pd.DataFrame) -> dict[tuple[Any, ...], str]:
 
 
 def _one_sided(run: tuple[Any, ...], kind: str, reason: str) -> dict[str, Any]:
-    return {**dict(zip(RUN, run)), "kind": kind, "metric": "run", "subject": "", "reason": reason}
+    fields = {"kind": kind, "metric": "run", "subject": "", "why": ROW, "reason": reason}
+    return dict(zip(RUN, run)) | fields
 
 
-def _shown(row: dict[str, Any], kind: str, reason: str) -> dict[str, Any]:
-    found = {name: row[name] for name in KEY} | {"kind": kind, "reason": reason}
+def _shown(row: dict[str, Any]) -> dict[str, Any]:
+    found = {name: row[name] for name in KEY} | {"limit": row["limit_b"]}
     found |= {"a": row["value_a"], "b": row["value_b"]}
     unit = row["unit_b"] if isinstance(row["unit_b"], str) else row["unit_a"]
     texts = {name: row[name] if isinstance(row[name], str) else "" for name in ("verdict_a", "verdict_b")}
     return found | {"unit": unit} | texts
 
 
-def _kind(row: dict[str, Any], allowed: tuple[Tolerance, ...]) -> tuple[str, str]:
-    """One of KINDS and why; empty if nothing changed."""
+def _kind(row: dict[str, Any], allowed: tuple[Tolerance, ...]) -> tuple[str, str, str]:
+    """One of KINDS, what changed, and the reason; empty if nothing changed."""
     if row["_merge"] == "left_only":
         # The row of a run says why it failed.
         ran = row["metric"] == "run" and RANK.get(row["verdict_a"], 0) >= FAILED
-        return ("better", f"no longer: {row['reason_a']}") if ran else ("gone", ONE_SIDED)
+        return ("better", ROW, f"no longer: {row['reason_a']}") if ran else ("gone", ROW, ONE_SIDED)
     if row["_merge"] == "right_only":
         failed = RANK.get(row["verdict_b"], 0) >= FAILED
-        return ("worse", f"new: {row['reason_b']}") if failed else ("new", ONE_SIDED)
+        return ("worse", ROW, f"new: {row['reason_b']}") if failed else ("new", ROW, ONE_SIDED)
     before, after = RANK.get(row["verdict_a"], 0), RANK.get(row["verdict_b"], 0)
     if before != after:
         reason = row["reason_b"] if after > before else row["reason_a"]
         words = [row[name] or "no verdict" for name in ("verdict_a", "verdict_b")]
-        return ("worse" if after > before else "better"), f"{' -> '.join(words)}: {reason}"
+        kind = "worse" if after > before else "better"
+        return kind, VERDICT, f"{' -> '.join(words)}: {reason}"
     a, b = row["value_a"], row["value_b"]
     if not (isfinite(a) and isfinite(b)):
         if isfinite(a) == isfinite(b):
-            return "", ""
-        return ("worse", f"not measured: {row['reason_b']}") if isfinite(a) else ("better", "measured again")
+            return "", "", ""
+        if isfinite(a):
+            return "worse", VALUE, f"not measured: {row['reason_b']}"
+        return "better", VALUE, "measured again"
     tolerance = tolerance_of(allowed, row["metric"], row["engine"], row["scenario"])
     if tolerance.covers(a, b) or _overlap(row):
-        return "", ""
+        return "", "", ""
     if row["verdict_b"] == "pass":
-        return "changed", "within its limit"
-    sign = _sign(row["metric"])
-    if not sign:
-        return "changed", f"by {b - a:.3g}"
-    return ("worse" if sign * (b - a) > 0 else "better"), f"by {b - a:.3g}"
+        return "changed", VALUE, "within its limit"
+    worse = _sign(row["metric"]) * (b - a)
+    kind = "worse" if worse > 0 else "better" if worse < 0 else "changed"
+    return kind, VALUE, f"by {b - a:.3g}"
 
 
 def _overlap(row: dict[str, Any]) -> bool:

@@ -8,11 +8,11 @@ from math import isnan
 import pytest
 
 from touchstone.adapters.contract import Settings
-from touchstone.reports import limits
-from touchstone.reports.known_failures.cause import NOISY, Cause
-from touchstone.reports.limit_counts import counted
-from touchstone.reports.noisy_limits import NOT_IDEAL, judged
 from touchstone.reports.results import UNAPPLIED, Row
+from touchstone.reports.verdict import failings, limits
+from touchstone.reports.verdict.counts import counted
+from touchstone.reports.verdict.failings import NOISY, Failing
+from touchstone.reports.verdict.judge import NOT_IDEAL, judged
 
 LABEL = f"balanced{NOISY}"
 ROW = Row("run", "wall_push", "reference", LABEL, 1 / 60, "overlap.max", 1e-7)
@@ -71,11 +71,12 @@ def test_a_known_failing_excuses_without_a_bound():
 
 def test_what_noise_alone_shows_may_be_known(monkeypatch):
     """Excuse what is documented of noisy trackers, and name the option in the line that shows it."""
-    cause = Cause("mujoco", "jerked", {"recommended+noisy": {"friction.direction": "ball_snip:table-ball"}})
-    (known,) = cause.known()
-    assert (known.profile, known.subject) == (f"recommended{NOISY}", "table-ball")
+    known = Failing(
+        engine="mujoco", profile=f"recommended{NOISY}", scenario="ball_snip", metric="friction.direction",
+        subject="table-ball", cause="mujoco.jerked",
+    )  # fmt: skip
     assert "--profile recommended --tracker noisy --metric friction.direction" in known.reproduce
-    monkeypatch.setattr(limits, "KNOWN", (known,))
+    monkeypatch.setattr(failings, "known", lambda: {known.key: known})
     row = replace(ROW, scenario="ball_snip", engine="mujoco", profile=known.profile, value=0.5)
     row = replace(row, metric="friction.direction", subject="table-ball")
     assert judged(row, TAGS).verdict == "known"
@@ -101,7 +102,7 @@ def test_what_only_our_torques_cause_is_the_harness(monkeypatch) -> None:
     """Book a failing under explicit torques on the harness, unless the engine's own servos show it too."""
     limit = limits.Limit("energy.injected", 1.0, "a limit")
     monkeypatch.setattr(limits, "LIMITS", (limit,))
-    monkeypatch.setattr(limits, "KNOWN", ())
+    monkeypatch.setattr(failings, "known", dict)
     row = Row("run", "wall_push", "bullet", TORQUE, 1 / 240, "energy.injected", 5.0, "J")
     found = judged(row, ())
     assert (found.verdict, found.basis, found.profile) == ("known", "harness", TORQUE)
@@ -112,5 +113,12 @@ def test_what_only_our_torques_cause_is_the_harness(monkeypatch) -> None:
     thrown = Row("run", "slap_3", "bullet", TORQUE, 1 / 240, "run", verdict="error", reason="diverged")
     assert (judged(thrown, ()).verdict, judged(thrown, ()).basis) == ("known", "harness")
     assert judged(replace(thrown, profile="recommended"), ()).verdict == "error"
-    monkeypatch.setattr(limits, "KNOWN", (limits.Known("energy.injected", "bullet", "soft"),))
+    known = Failing(
+        engine="bullet",
+        profile="recommended",
+        scenario="wall_push",
+        metric="energy.injected",
+        cause="bullet.jammed",
+    )
+    monkeypatch.setattr(failings, "known", lambda: {known.key: known})
     assert (judged(row, ()).verdict, judged(row, ()).basis) == ("known", "")

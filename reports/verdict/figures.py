@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from math import inf, nan
 
@@ -15,6 +16,7 @@ from touchstone.reports.metrics.motion.energy import mechanical_energy
 from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.difficulty.checks import Checks, Wall
+from touchstone.scenarios.scenario import Scenario
 
 STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
 UNIT = 1e-3
@@ -61,21 +63,29 @@ def reset_frame(context: Context) -> int | None:
     return int(found[0]) + 1 if len(found) else None
 
 
-def available_energy(context: Context) -> float:
-    """Kinetic energy at the start plus sum(m g h), with h the height of a centre over the lowest of them plus
-    the inner radius of that body [J]."""
-    bodies = context.simulated
-    first = context.mass_centers[0]
-    size = float(np.linalg.norm(context.gravity))
-    kinetic = float(mechanical_energy(context, bodies)[0])
-    kinetic += sum(float(context.mass[k] * first[k] @ context.gravity) for k in bodies)
-    if size == 0 or not bodies:
-        return kinetic
-    up = -context.gravity / size
-    inner = inner_radii(context)
-    heights = {k: float(first[k] @ up) for k in bodies}
-    bottom = min(height - max(inner[k], LEAST_HEIGHT) for k, height in heights.items())
-    return kinetic + sum(float(context.mass[k]) * size * (heights[k] - bottom) for k in bodies)
+def available_energy(scenario: Scenario, below: Mapping[int, float]) -> float:
+    """Kinetic energy of simulated bodies at the start plus sum(m g h), with h the height of a centre of mass
+    over the lowest of their points [J].
+
+    Args:
+        below: distance of a body's lowest point below its centre, by body index [m].
+    """
+    g = np.array(scenario.acting_gravity)
+    size = float(np.linalg.norm(g))
+    energy, heights = 0.0, {}
+    for k, body in enumerate(scenario.bodies):
+        if body.kind != "simulated":
+            continue
+        turned = Rotation.from_quat(body.orientation, scalar_first=True)
+        local = turned.inv().apply(body.angular_velocity)
+        energy += body.mass * float(np.dot(body.linear_velocity, body.linear_velocity)) / 2
+        energy += float(local @ np.array(body.inertia) @ local) / 2
+        center = np.array(body.position) + turned.apply(body.center_of_mass)
+        heights[k] = -float(center @ g) / size if size else 0.0
+    if size == 0 or not heights:
+        return energy
+    bottom = min(height - below[k] for k, height in heights.items())
+    return energy + sum(scenario.bodies[k].mass * size * (h - bottom) for k, h in heights.items())
 
 
 def energy_change(context: Context) -> tuple[float, float]:
@@ -84,7 +94,8 @@ def energy_change(context: Context) -> tuple[float, float]:
     if context.scenario.trackers or not context.simulated:
         return nan, nan
     energy = mechanical_energy(context, context.simulated)
-    there = available_energy(context)
+    inner = {k: max(radius, LEAST_HEIGHT) for k, radius in inner_radii(context).items()}
+    there = available_energy(context.scenario, inner)
     if not there > 0:
         return nan, nan
     change = (energy - energy[0]) / there

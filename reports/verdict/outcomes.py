@@ -1,12 +1,19 @@
-"""Outcome of a run: the first class of CLASSES that applies, from its recording and the scene's checks.
+"""Outcome of a run: the first class of CLASSES that applies, from its recording.
 
-An engine's own word counts once only: a run that failed is `gave up` instead of a silent failure where the
-engine reported, up to then, that it left something unsolved.
+A hard scene is judged by its checks, a random one, which has no closed form, by bounds that hold in all
+scenes: energy of simulated bodies may only decrease, momentum of isolated ones is conserved, bodies do not
+overlap or pass through each other, and the run is finite and ends in time. Drivers may add the work of
+their contacts, as `energy.injected` counts it, if the engine reports it; none is thrown: bodies are at most
+some times as fast as the trackers, and so are roots that follow no jumps.
+
+In a hard scene an engine's own word counts once only: a run that failed is `gave up` instead of a silent
+failure where the engine reported, up to then, that it left something unsolved.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from math import inf, isnan
 
 import numpy as np
@@ -14,10 +21,72 @@ import numpy as np
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.outcome import measures
-from touchstone.reports.outcome.classes import CLASSES, SILENT, Outcome
+from touchstone.reports.verdict import figures as measures
 from touchstone.scenarios.difficulty.checks import Checks
 from touchstone.scenarios.scenario import Scenario
+
+CLASSES = {
+    "skipped": "the engine cannot represent the scene, or is not installed",
+    "error": "an exception, or a process that died",
+    "hang": "a frame or a scene takes seconds, or the process does not answer",
+    "slow": "the engine's steps take longer than the budget: the run was cut off",
+    "gave up": "the run failed, and the engine said so",
+    "non-finite": "a value that is not finite",
+    "auto-reset": "the engine put the state back to the start by itself",
+    "exploded": "more energy or speed than the scene has",
+    "tunnelled": "a body is on the other side of another within a tenth of a second",
+    "sink-through": "a body sinks into another by half of its inner radius or more",
+    "overlap": "bodies overlap by more than the engine's method leaves",
+    "momentum": "an isolated scene does not keep its momentum",
+    "rise": "the energy rises in a frame",
+    "work": "the energy rises by more than the work of the drivers",
+    "residual": "a contact solve is left open",
+    "creep": "a body that should rest drifts away",
+    "jitter": "a body that should rest shakes",
+    "inaccurate": "beyond the tolerances of the family",
+    "ok": "within all tolerances",
+}
+"""Name and meaning, the worst first; a run belongs to the first that applies."""
+RANDOM_CLASSES = (
+    *(
+        "skipped",
+        "error",
+        "hang",
+        "non-finite",
+        "exploded",
+        "tunnelled",
+        "overlap",
+        "momentum",
+        "rise",
+        "work",
+    ),
+    *("residual", "ok"),
+)
+"""Classes of random scenes."""
+HARD_CLASSES = tuple(
+    name for name in CLASSES if name not in ("hang", "overlap", "momentum", "rise", "work", "residual")
+)
+"""Classes of hard scenes."""
+SILENT = HARD_CLASSES[HARD_CLASSES.index("non-finite") : HARD_CLASSES.index("ok")]
+"""Failures of hard scenes that the engine did not announce."""
+SURVIVED = ("ok",)
+"""Classes that count as survived."""
+GROSS = ("non-finite", "exploded", "sink-through", "tunnelled")
+"""Failures that the profile `balanced` must not show at 1/60 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Class of a run, its reason in one line, and the figures that decided it.
+
+    `under` is the class that a run which gave up would have had; figures are those of `figures.py`.
+    """
+
+    name: str
+    reason: str = ""
+    under: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+
 
 EXPLODED = 1.0
 """Gain over the available energy from which a run has exploded [1]: it has doubled."""
@@ -55,6 +124,13 @@ def judge(recording: Recording, scenario: Scenario, checks: Checks, ended: str =
     return Outcome(name, reason, "", figures)
 
 
+def class_of_end(message: str, other: str) -> str:
+    """Class of a run that an adapter ended with a message; `other` where it did not diverge."""
+    if "diverged" not in message:
+        return other
+    return "non-finite" if "not finite" in message else "exploded"
+
+
 def announcement(recording: Recording) -> str:
     """What the engine said of its unsolved frames; empty if nothing."""
     parts = []
@@ -73,12 +149,7 @@ def announcement(recording: Recording) -> str:
 def _findings(context: Context, checks: Checks, ended: str, figures: dict[str, float]) -> Iterator[Finding]:
     """All classes that apply, each with its reason; fills `figures`."""
     if ended:
-        if "not finite" in ended:
-            yield "non-finite", ended
-        elif "diverged" in ended:
-            yield "exploded", ended
-        else:
-            yield "gave up", ended
+        yield class_of_end(ended, "gave up"), ended
     if not measures.finite(context):
         yield "non-finite", "a value of the state is not finite"
         return

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from math import isfinite
 
 from touchstone.reports.results import CONSTRUCTION, UNAPPLIED, UNJUDGED, Row
-from touchstone.reports.views.tables import Column
 
 WORST_LAST = ("pass", "known", UNJUDGED, "fail", "error")
 """Verdicts that count, the worst last."""
+Column = tuple[str, str]
 NO_LIMIT = "no limit for this column"
 NOT_REPORTED = "not among the rows of this run"
 

@@ -1,17 +1,13 @@
-"""Table of limits: the largest allowed value of a metric, where, and why. `known_failures` has the
+"""Table of limits: the largest allowed value of a metric, where, and why. `failings.csv` has the
 exceptions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import isnan
 
-from touchstone.adapters.registry import ENGINES
-from touchstone.reports.known_failures.bounds import bound_of, is_measured, was_failing
-from touchstone.reports.known_failures.table import KNOWN, Known
 from touchstone.reports.metrics.contacts.contact import DRIVEN_AUDIT_LIMIT
-from touchstone.reports.results import CONSTRUCTION, HARNESS, Row, is_undecided
+from touchstone.reports.results import Row
 from touchstone.scenarios.effects import PLANNED
 
 
@@ -183,9 +179,9 @@ ROBUSTNESS: tuple[Limit, ...] = tuple(
     for metric, largest, reason in (
         ("error", 0, "every random scene can be played to its end"),
         ("hang", 0, "every frame ends"),
-        ("not_finite", 0, "contacts do no positive work: velocities are bounded"),
+        ("non-finite", 0, "contacts do no positive work: velocities are bounded"),
         ("exploded", 0, "contacts do no positive work: energy cannot double"),
-        ("passed", 0, "nothing passes through a body"),
+        ("tunnelled", 0, "nothing passes through a body"),
         ("solves.open", 0.005, "all but named cases are solved"),
         ("overlap.max", 1.02e-6, "method, Removal: 1e-6 m, by an oracle good to 1e-8 m"),
         ("momentum.max", 1e-9, "impulses act on both sides, to rounding"),
@@ -319,55 +315,6 @@ LIMITS = (
 """All limits; the later of equally specific ones wins."""
 
 
-def judged(row: Row, tags: tuple[str, ...]) -> Row:
-    """The row with its limit and verdict. A row that already passed or failed (an expected event), or a
-    failed run, is only looked up among the known failings; other errors and skipped rows stay."""
-    if (row.metric, row.verdict) == ("run", "error"):
-        known = known_of(row, tags)
-        return _known(row, f"{row.reason}; {known.reason}", known) if known else row
-    if row.verdict not in ("", "pass", "fail"):
-        return row
-    reason, largest, met, basis = row.reason, row.limit, row.verdict == "pass", row.basis
-    if not row.verdict:
-        limit = limit_of(row, tags)
-        if limit is None or is_undecided(row, limit.largest):
-            return row
-        reason, largest, met = limit.reason, limit.largest, abs(row.value) <= limit.largest
-        basis = CONSTRUCTION if limit.by_construction else basis
-    verdict = "pass" if met else "fail"
-    known = known_of(row, tags)
-    if known is not None and not met and (known.never or not isnan(row.value)):
-        verdict, reason = _excused(row, known)
-        basis = HARNESS if known.harness and verdict == "known" else basis
-    elif known is not None and met and not known.chaotic and at_own_step(row) and was_failing(row):
-        verdict, reason = "fail", f"a known failing is gone: take it out of known_failures ({known.reason})"
-    remark = f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason
-    again = known.reproduce if known is not None and verdict == "known" else row.reproduce
-    return replace(row, limit=largest, verdict=verdict, basis=basis, reason=remark, reproduce=again)
-
-
-def _known(row: Row, reason: str, known: Known) -> Row:
-    return replace(row, verdict="known", reason=reason, reproduce=known.reproduce)
-
-
-def _excused(row: Row, known: Known) -> tuple[str, str]:
-    """Verdict and reason of a known failing, which fails beyond its bound. Events, whose value is a time,
-    have no bound; nor has a row at a step that was not measured."""
-    if row.metric.startswith("events.") or not at_own_step(row):
-        return "known", known.reason
-    bound = bound_of(row, known)
-    if bound is None and not is_measured(row):
-        return "known", f"{known.reason} (no bound yet)"
-    if bound is None:
-        return (
-            "fail",
-            f"a known failing without a bound; run reports.known_failures.measure ({known.reason})",
-        )
-    if abs(row.value) > bound:
-        return "fail", f"a known failing has grown past {bound:g} ({known.reason})"
-    return "known", known.reason
-
-
 def limit_of(row: Row, tags: tuple[str, ...], among: Iterable[Limit] | None = None) -> Limit | None:
     """The most specific limit of a row among LIMITS or others, the last of equals; None if there is none."""
     among = LIMITS if among is None else among
@@ -375,26 +322,14 @@ def limit_of(row: Row, tags: tuple[str, ...], among: Iterable[Limit] | None = No
     return max(reversed(candidates), key=_specificity, default=None)
 
 
-def known_of(row: Row, tags: tuple[str, ...]) -> Known | None:
-    """The documented failing of a row, if there is one."""
-    return next((k for k in KNOWN if k.metric == row.metric and _covers(k, row, tags)), None)
-
-
-def at_own_step(row: Row) -> bool:
-    """Whether the row has its profile's own step and settings; with others a known failing may be gone."""
-    entry = ENGINES.get(row.engine)
-    own = entry.profiles.get(row.profile) if entry else row.dt
-    return own is not None and abs(own - row.dt) < 1e-9 * row.dt
-
-
 def _specificity(limit: Limit) -> int:
     return sum(map(bool, (limit.engine, limit.scenario, limit.profile, limit.subject)))
 
 
-def _covers(entry: Limit | Known, row: Row, tags: tuple[str, ...]) -> bool:
+def _covers(limit: Limit, row: Row, tags: tuple[str, ...]) -> bool:
     return (
-        entry.engine in ("", row.engine)
-        and entry.scenario in ("", row.scenario, *tags)
-        and entry.profile in ("", row.profile)
-        and entry.subject in ("", row.subject)
+        limit.engine in ("", row.engine)
+        and limit.scenario in ("", row.scenario, *tags)
+        and limit.profile in ("", row.profile)
+        and limit.subject in ("", row.subject)
     )

@@ -1,1 +1,0 @@
-"""Documented failings of engines, with causes and upper bounds."""

@@ -1,0 +1,1 @@
+"""Verdicts: limits, known failings and their causes as data, and the judge."""

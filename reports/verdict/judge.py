@@ -1,0 +1,152 @@
+"""The judge of rows: the limit of a scene, of a file or of ours, then the known failings.
+
+With noisy trackers physical laws keep their limits; limits that follow from the ideal tracker do not apply.
+With explicit torques, what only these cause is the harness' failing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from math import isinf, isnan, nan
+
+from touchstone.adapters.registry import ENGINES
+from touchstone.reports.results import CONSTRUCTION, HARNESS, UNAPPLIED, Row, is_undecided
+from touchstone.reports.verdict.failings import EVERY_SUBJECT, NOISY, Failing, failing_of, failings_in
+from touchstone.reports.verdict.limits import Limit, limit_of
+from touchstone.reports.verdict.own_limits import is_foreign, own_limits
+from touchstone.scenarios.scenario import Scenario
+
+OF_THE_TRACKER = (
+    *("events.", "truth.", "contact.gap", "joint.speed", "posture."),
+    "contact.impulse_balance.driven",
+)
+"""Prefixes of metrics whose limits follow from a scene's ideal tracker. The audit of driven bodies is of
+first order in their jerks; it still rejects impulses."""
+TORQUE = ", drive=torque"
+BY_TORQUES = "explicit torques of our servo, held over a step, cause it: --drive native does not show it"
+NOT_IDEAL = "its limit follows from the ideal tracker"
+MEASURE = "run `touchstone failings measure`"
+
+
+def judged_in(row: Row, scenario: Scenario, of_file: Iterable[Limit] = ()) -> Row:
+    """The row with its limit and verdict, by the scene's and a file's limits before ours; of a foreign
+    scene ours and known failings say nothing."""
+    own = limit_of(row, scenario.tags, own_limits(scenario, of_file))
+    if own is None or row.verdict:
+        return row if is_foreign(scenario) else judged(row, scenario.tags)
+    if isinf(own.largest) or is_undecided(row, own.largest):
+        return row
+    met = abs(row.value) <= own.largest
+    return replace(row, limit=own.largest, verdict=_word(met), reason=_remark(row, own.reason))
+
+
+def judged(row: Row, tags: tuple[str, ...]) -> Row:
+    """The row with its limit and verdict, by our limits and known failings. A row that already passed or
+    failed (an expected event), or a failed run, is only looked up among the known failings; other errors
+    and skipped rows stay.
+
+    With noisy trackers a known failing excuses a row of any size, and may be gone.
+    """
+    if TORQUE in row.profile:
+        return _of_torque(row, tags)
+    ideal = replace(row, profile=row.profile.replace(NOISY, ""))
+    noisy = ideal.profile != row.profile
+    failing = failing_of(row) or (failing_of(ideal) if noisy and row.metric != "run" else None)
+    if (row.metric, row.verdict) == ("run", "error") and failing is not None:
+        reason = f"{row.reason}; {failing.reason}"
+        return replace(row, verdict="known", reason=reason, reproduce=failing.reproduce)
+    if row.verdict not in ("", "pass", "fail"):
+        return row
+    limit = None if row.verdict and not noisy else limit_of(ideal, tags)
+    if noisy and _of_the_tracker(row) and (limit is not None or row.verdict):
+        return replace(row, low=nan, high=nan, limit=nan, verdict="", basis=UNAPPLIED, reason=NOT_IDEAL)
+    if not row.verdict and (limit is None or is_undecided(row, limit.largest)):
+        return row
+    found = row
+    if limit is not None:
+        basis = CONSTRUCTION if limit.by_construction else row.basis
+        met = abs(row.value) <= limit.largest
+        found = replace(row, limit=limit.largest, verdict=_word(met), basis=basis)
+    reason = row.reason if limit is None else limit.reason
+    if failing is not None:
+        found, reason = _against(found, failing, reason, noisy)
+    return replace(found, reason=_remark(row, reason))
+
+
+def _against(row: Row, failing: Failing, reason: str, noisy: bool) -> tuple[Row, str]:
+    """A row that has a verdict, and its reason, beside its known failing."""
+    said = f"({failing.reason})"
+    if row.verdict == "pass":
+        strict = not noisy and not failing.chaotic and at_own_step(row)
+        if not strict or (failing.has_size and failing.largest is None):
+            return row, reason
+        return replace(row, verdict="fail"), f"a known failing is gone: remove it from failings.csv {said}"
+    if isnan(row.value) and not noisy and not row.metric.startswith("events."):
+        return row, reason
+    if failing.has_size and at_own_step(row) and not noisy:
+        if failing.largest is None:
+            return row, f"a known failing without a size: {MEASURE} {said}"
+        if abs(row.value) > failing.largest:
+            return row, f"a known failing has grown past {failing.largest:g} {said}"
+    basis = HARNESS if failing.is_harness and not noisy else row.basis
+    reason = f"{failing.reason} (of any size with a noisy tracker)" if noisy else failing.reason
+    return replace(row, verdict="known", basis=basis, reproduce=failing.reproduce), reason
+
+
+def lost(base: Row, rows: Iterable[Row]) -> Iterator[Row]:
+    """A row that fails per known failing that a column played, `base`, no longer measures in its `rows`."""
+    if not at_own_step(base):
+        return
+    rows = [row for row in rows if (row.engine, row.profile) == (base.engine, base.profile)]
+    for failing in failings_in(base.engine, base.profile, base.scenario):
+        if failing.chaotic or failing.metric == "run":
+            continue
+        if failing.has_size and failing.largest is None:  # its subjects have lines of their own
+            continue
+        mine = [row for row in rows if row.metric == failing.metric]
+        subjects = {row.subject for row in mine if row.verdict != "skipped"}
+        if not subjects or failing.subject not in (*subjects, EVERY_SUBJECT):
+            why = next((f"skipped, {row.reason}" for row in mine if row.verdict == "skipped"), "no such row")
+            reason = f"a known failing is no longer measured: {why} ({failing.reason})"
+            found = replace(base, metric=failing.metric, subject=failing.subject.replace(EVERY_SUBJECT, ""))
+            yield replace(found, verdict="fail", reason=reason, reproduce=failing.reproduce)
+
+
+def _of_torque(row: Row, tags: tuple[str, ...]) -> Row:
+    """The verdict under explicit torques: a row that fails, and is no known failing under the engine's own
+    servos, has failed by our torques."""
+    native = replace(row, profile=row.profile.replace(TORQUE, ""))
+    found = judged(native, tags)
+    gone = found.verdict == "fail" and abs(found.value) <= found.limit
+    fails = found.verdict == "fail" or (found.metric, found.verdict) == ("run", "error")
+    if not fails or gone:
+        return replace(found, profile=row.profile, verdict="pass" if gone else found.verdict)
+    failing = failing_of(native)
+    if failing is not None:
+        return replace(found, profile=row.profile, verdict="known", reason=f"{failing.reason} (of any size)")
+    said = f"{found.reason}; {BY_TORQUES}".removeprefix("; ")
+    return replace(found, profile=row.profile, verdict="known", basis=HARNESS, reason=said)
+
+
+def at_own_step(row: Row) -> bool:
+    """Whether the row has its profile's own step and settings; with others a known failing may be gone."""
+    entry = ENGINES.get(row.engine)
+    own = entry.profiles.get(row.profile) if entry else row.dt
+    return own is not None and abs(own - row.dt) < 1e-9 * row.dt
+
+
+def _of_the_tracker(row: Row) -> bool:
+    """Whether a metric's limit follows from a tracker. Engines may gain a share of the tracked kinetic
+    energy; the reference may gain none."""
+    return row.metric.startswith(OF_THE_TRACKER) or (
+        row.metric == "energy.injected" and row.engine != "reference"
+    )
+
+
+def _word(met: bool) -> str:
+    return "pass" if met else "fail"
+
+
+def _remark(row: Row, reason: str) -> str:
+    return f"{row.reason}; {reason}" if row.reason and row.reason != reason else reason

@@ -1,0 +1,169 @@
+"""The first screen of a run of several scenes: a matrix, what is broken or new, and where to look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+from rich.console import Console
+from rich.text import Text
+
+from touchstone.reports.results import NOT_RUN, Row, rows_of
+from touchstone.reports.run.farthest_apart import TITLE as APART
+from touchstone.reports.run.farthest_apart import apart_table
+from touchstone.reports.run.reproduce import reproduce
+from touchstone.reports.views.losses import loss_rows
+from touchstone.reports.views.matrix import LIMITS, TOPICS, Entry, by_cause, entries, plural, verdict_of
+from touchstone.reports.views.tables import MARKS, Column, columns_of, quantity
+from touchstone.reports.views.terminal import SCENES_IN_FULL, STYLES, print_notes, table_of
+
+NAMED = 1
+"""Metrics of a run that a line of the matrix names; those beyond are counted."""
+BROKEN_SHOWN = 12
+"""Causes of broken limits that are shown; those beyond are counted."""
+PLACES = 3
+"""Scenes that a line names beside the worst."""
+UNMARKED = "\N{NO-BREAK SPACE}" * 2
+"""Takes the place of a mark."""
+OF_TOPICS = tuple(start for topic in TOPICS for start in topic.starts)
+LETTERS = {topic.name: topic.name[0] for topic in TOPICS}
+LEGEND = "met: limits met of those that apply   ✗ broken   † known failing   ? not judged   - not measured"
+NOTE_OF_MANY = (
+    "then topics whose limits are missed ("
+    + ", ".join(f"{letter} {name}" for name, letter in LETTERS.items())
+    + "), and the median frame [µs]"
+)
+
+
+def show(frame: pd.DataFrame, out: Console, folder: Path) -> None:
+    """Print the first screen of the results `frame`, which are in `folder`."""
+    rows = [row for row in rows_of(frame) if row.engine != "all"]
+    scenes: dict[str, list[Row]] = {}
+    for row in rows:
+        scenes.setdefault(row.scenario, []).append(row)
+    columns = list(columns_of(row for row in rows if not row.metric.startswith("ratio.")))
+    found = {name: entries(mine, columns) for name, mine in scenes.items()}
+    (_show_scenes if len(scenes) <= SCENES_IN_FULL else _show_many)(found, columns, out)
+    out.print(verdict_of(frame)[1], style="bold", highlight=False)
+    for line, style in _broken_lines(rows):
+        out.print(line, style=style, highlight=False)
+    for line in (*_known_lines(rows, columns), *_absent_lines(rows), *_lost_lines(frame)):
+        out.print(line, highlight=False)
+    out.print()
+    some = next(iter(scenes), "SCENE")
+    tables = f"a scene's table: touchstone run {some}; all tables: --details"
+    print_notes([f"page: {folder / 'report.html'}; {tables}"], out)
+
+
+Found = dict[str, dict[tuple[str, Column], Entry]]
+
+
+def _show_scenes(found: Found, columns: Sequence[Column], out: Console) -> None:
+    """A line for each scene and column."""
+    table = table_of("", ("scene", "engine"), left=2, padding=(0, 0))
+    for name, unit in (("met", ""), *((topic.name, topic.unit) for topic in TOPICS)):
+        table.add_column(Text(f"{name}\n{unit}"), justify="right", no_wrap=True)
+    table.add_column("also misses")
+    for scene, mine in found.items():
+        table.add_section()
+        for k, column in enumerate(columns):
+            limits = mine.get((LIMITS, column))
+            cells = [limits, *(mine.get((topic.name, column)) for topic in TOPICS)]
+            missed = _names(limits.missed if limits else ())
+            table.add_row("" if k else scene, " ".join(column), *map(_cell, cells), missed)
+    out.print(table)
+    print_notes([LEGEND], out)
+
+
+def _show_many(found: Found, columns: Sequence[Column], out: Console) -> None:
+    """A line for each scene."""
+    table = table_of("", ("scene",), padding=(0, 0))
+    for engine, profile in columns:
+        table.add_column(Text(f"{engine}\n{profile}\nmet{'time':>12}"), justify="right", no_wrap=True)
+    for scene, mine in found.items():
+        table.add_row(scene, *(_summary(mine, column) for column in columns))
+    out.print(table)
+    print_notes([LEGEND, NOTE_OF_MANY], out)
+
+
+def _cell(entry: Entry | None) -> Text:
+    if entry is None:
+        return Text(f"-{UNMARKED}")
+    style = STYLES.get(entry.missed[0].verdict, "") if entry.missed else ""
+    return Text(f"{entry.text} {entry.mark}" if entry.mark else entry.text + UNMARKED, style=style)
+
+
+def _summary(mine: dict[tuple[str, Column], Entry], column: Column) -> Text:
+    """Limits met, the letters of topics that miss one, and the time."""
+    limits, time = mine.get((LIMITS, column)), mine.get((TOPICS[-1].name, column))
+    if limits is None:
+        return Text("-")
+    style = STYLES.get(limits.verdict, "")
+    if limits.row.metric == "run" or time is None:
+        return Text(f"{limits.text} {limits.mark}", style=style)
+    missed = (letter for name, letter in LETTERS.items() if (one := mine.get((name, column))) and one.missed)
+    text = Text(f"{limits.text} {limits.mark or ' '}{''.join(missed):<3}", style=style)
+    return text.append(f"{time.text:>5}", style="not bold default")
+
+
+def _names(missed: Iterable[Row]) -> str:
+    """Names of metrics of no topic that miss a limit, the gravest first."""
+    others = [row.metric for row in missed if row.metric != "run" and not row.metric.startswith(OF_TOPICS)]
+    names = list(dict.fromkeys(others))
+    more = f" +{len(names) - NAMED}" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
+
+
+def _broken_lines(rows: Sequence[Row]) -> Iterator[tuple[str, str]]:
+    """Broken limits and failed runs with their style, a cause and its command each."""
+    groups = by_cause(row for row in rows if row.verdict in ("fail", "error"))
+    for group in groups[:BROKEN_SHOWN]:
+        worst = group[0]
+        others = list(dict.fromkeys(row.scenario for row in group if row.scenario != worst.scenario))
+        also = f"; also in {', '.join(others[:PLACES])}" if others else ""
+        also += f" and {len(others) - PLACES} more" if len(others) > PLACES else ""
+        yield f"{MARKS[worst.verdict].strip()} {_figure(worst)}{also}: {worst.reason}", STYLES["fail"]
+        yield f"  {reproduce(worst)}", "dim"
+    if len(groups) > BROKEN_SHOWN:
+        yield f"and {len(groups) - BROKEN_SHOWN} more (--details)", ""
+
+
+def _figure(row: Row) -> str:
+    place = f"{row.engine} {row.profile}, {row.scenario}"
+    if row.metric == "run":
+        return f"{place}: the run failed"
+    value, unit = quantity(row.metric, row.value, row.unit)
+    limit = quantity(row.metric, row.limit, row.unit)[0]
+    return f"{place}: {row.metric} {row.subject}".rstrip() + f" {value} {unit}".rstrip() + f", limit {limit}"
+
+
+def _known_lines(rows: Sequence[Row], columns: Iterable[Column]) -> Iterator[str]:
+    """Numbers of known failings per column."""
+    counts = []
+    for column in columns:
+        mine = [row for row in rows if row.verdict == "known" and (row.engine, row.profile) == column]
+        if mine:
+            causes = len({row.reason.rpartition("; ")[2] for row in mine})
+            counts.append(f"{' '.join(column)} {len(mine)} of {plural(causes, 'cause')}")
+    if counts:
+        yield f"† known failings: {', '.join(counts)}"
+
+
+def _absent_lines(rows: Sequence[Row]) -> Iterator[str]:
+    """Runs that did not take place, a reason each."""
+    found: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row.metric == "run" and row.verdict in NOT_RUN:
+            found.setdefault(f"{row.verdict}: {row.reason}", {})[row.scenario] = None
+    for reason, scenes in found.items():
+        yield f"{reason} ({plural(len(scenes), 'scene')})"
+
+
+def _lost_lines(frame: pd.DataFrame) -> Iterator[str]:
+    """Where the reference loses, and what is farthest apart."""
+    lost = [f"{metric} ({scenes})" for metric, _, scenes, *_ in loss_rows(frame)]
+    if lost:
+        yield f"the reference loses to an engine in: {', '.join(lost)} scenes"
+    for scene, body, distance, text in apart_table(rows_of(frame))[:1]:
+        yield f"{APART}: {body} of {scene}, {distance}: {text}"

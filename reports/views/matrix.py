@@ -1,0 +1,278 @@
+"""The matrix of scenes and engines: limits met, and four topics as values and differences from the reference.
+
+A cell shows the worst subject of its column, and the gravest mark of all limits of its topic, whichever
+metric they limit. Its colour begins where a value matters (`colour_start`), not where it can be measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite, isnan, log
+
+import pandas as pd
+
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.labels import label
+from touchstone.reports.results import NOT_RUN, UNJUDGED, Row
+from touchstone.reports.run.request import REFERENCE
+from touchstone.reports.verdict.counts import WORST_LAST, Count, counted
+from touchstone.reports.views.tables import MARKS, Column, exact_number, number, quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A group of columns.
+
+    Attributes:
+        metrics: metrics whose value fills a cell: the first that a scene has.
+        starts: beginnings of the names of all metrics whose limits mark the cell.
+        unit: unit of the column's head.
+    """
+
+    name: str
+    metrics: tuple[str, ...]
+    starts: tuple[str, ...]
+    unit: str
+
+
+BAD, WARN, GOOD = "bad", "warn", "good"
+"""Levels of a run."""
+LIMITS = "limits"
+TOPICS = (
+    Topic("overlap", ("overlap.max",), ("overlap.",), "mm"),
+    Topic("energy", ("energy.injected", "energy.gain"), ("energy.",), "mJ or 1"),
+    Topic(
+        "friction",
+        ("friction.deficit", "friction.cone", "friction.stop", "rolling.time"),
+        ("friction.", "rolling."),
+        "share",
+    ),
+    Topic("time", ("time.frame.median",), ("time.", "ratio.time"), "µs"),
+)
+MATTERS = {"overlap.max": 1e-3, "energy.injected": 1e-2, "energy.gain": 0.05}
+"""Value from which a reader cares [the metric's unit]: a millimetre of a ball of 5 cm is not seen; a
+hundredth of a joule is about 1 % of the motion of a pushed body."""
+SHARE = 0.05
+"""The same of friction [1]: 5 % of mu."""
+SHADES, FACTOR, TIMES = 5, 3.0, 2.0
+"""Shades of a cell, 0 to SHADES; a shade per FACTOR beyond `colour_start`, and per TIMES beyond the fastest
+time."""
+SCALE = (
+    "Colour begins at the limit, and not below 1 mm, 10 mJ and a share of 5 %; each shade is 3 times "
+    "the one before. Times, in grey: each shade is twice the fastest engine's."
+)
+SMALLEST = 0.01
+"""Least value that a cell shows [shown unit]: smaller ones are in its hover."""
+MISSED = ("fail", "error", "unjudged", "known")
+"""Verdicts that mark a cell, the gravest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A cell: its row, texts and shade, and rows of its topic that miss a limit; `id` is its deep link."""
+
+    row: Row
+    text: str
+    apart: str = "-"
+    shade: int = 0
+    missed: tuple[Row, ...] = ()
+    subjects: int = 1
+
+    @property
+    def id(self) -> str:
+        """Key of the cell in links."""
+        return "/".join(
+            (self.row.scenario, self.row.engine, self.row.profile, self.row.metric, self.row.subject)
+        )
+
+    @property
+    def verdict(self) -> str:
+        """The gravest verdict of the topic."""
+        return self.missed[0].verdict if self.missed else self.row.verdict
+
+    @property
+    def mark(self) -> str:
+        """Mark of the verdict, as in the legend."""
+        return MARKS.get(self.verdict, "").strip()
+
+
+def entries(rows: Sequence[Row], columns: Sequence[Column]) -> dict[tuple[str, Column], Entry]:
+    """Cells of one scene by topic and column."""
+    mine = {column: [row for row in rows if (row.engine, row.profile) == column] for column in columns}
+    found = _limit_entries(rows, mine)
+    ours = next((column for column in columns if column[0] == REFERENCE), None)
+    for topic in TOPICS:
+        metric = next(
+            (m for m in topic.metrics if any(r.metric == m and isfinite(r.value) for r in rows)), ""
+        )
+        values = {column: [r for r in some if r.metric == metric] for column, some in mine.items()}
+        known = {column: [r for r in some if isfinite(r.value)] for column, some in values.items()}
+        least = min((abs(r.value) for some in known.values() for r in some), default=0.0)
+        for column, some in mine.items():
+            missed = gravest(r for r in some if r.metric.startswith(topic.starts))
+            runs = [r for r in some if r.metric == "run"]
+            shown_rows = known[column] or missed or values[column] or runs
+            if not shown_rows:
+                continue
+            row = max(shown_rows, key=weight)
+            base = known.get(ours, []) if ours else []
+            found[topic.name, column] = Entry(
+                row,
+                short(row) if row.metric in (metric, "run") else "-",
+                _apart(row, next((r for r in base if r.subject == row.subject), None)),
+                _shade(row, least) if row.metric == metric else 0,
+                tuple(missed or gravest(runs)),
+                len(known[column]),
+            )
+    return found
+
+
+def _limit_entries(
+    rows: Sequence[Row], mine: Mapping[Column, Sequence[Row]]
+) -> dict[tuple[str, Column], Entry]:
+    """Cells of the limits met, of all topics; of a run that did not end, its verdict."""
+    played = [row for some in mine.values() for row in some if row.verdict or "ratio." not in row.metric]
+    counts: dict[Column, Count] = counted(played, list(mine))
+    found = {}
+    for column, some in mine.items():
+        runs = [row for row in some if row.metric == "run"]
+        if runs:
+            found[LIMITS, column] = Entry(runs[0], runs[0].verdict, missed=tuple(gravest(runs)))
+        elif column in counts and counts[column].limits:
+            count = counts[column]
+            base = replace(some[0], metric=LIMITS, subject="", verdict="pass", reason="", limit=inf)
+            text = f"{count.verdicts['pass']}/{sum(count.verdicts[name] for name in WORST_LAST)}"
+            found[LIMITS, column] = Entry(base, text, missed=tuple(gravest(some)))
+    return found
+
+
+def gravest(rows: Iterable[Row]) -> list[Row]:
+    """The rows that miss a limit, the gravest first: by verdict, then by how far beyond the limit."""
+    missed = [row for row in rows if row.verdict in MISSED]
+    return sorted(missed, key=lambda row: (MISSED.index(row.verdict), -excess(row)))
+
+
+def excess(row: Row) -> float:
+    """A value over its limit [1]; infinite for what has no value or must be zero."""
+    if isnan(row.value) or row.limit == 0 or row.metric == "run":
+        return inf
+    return abs(row.value) / row.limit if isfinite(row.limit) else abs(row.value)
+
+
+def weight(row: Row) -> tuple[int, float]:
+    """Orders the subjects of a metric: the worst has the gravest verdict, then the largest value."""
+    grave = -MISSED.index(row.verdict) if row.verdict in MISSED else -len(MISSED)
+    return grave, abs(row.value) if isfinite(row.value) else -1.0
+
+
+def colour_start(row: Row) -> float:
+    """Value beyond which a cell is coloured: the limit, and no less than what a reader cares about."""
+    matters = MATTERS.get(row.metric, SHARE)
+    return max(row.limit, matters) if isfinite(row.limit) else matters
+
+
+def _shade(row: Row, least: float) -> int:
+    size = abs(row.value)
+    if not isfinite(size):
+        return 0
+    if row.metric.startswith("time."):
+        return min(SHADES, int(log(size / least, TIMES) + 1e-9)) if least > 0 else 0
+    start = colour_start(row)
+    return min(SHADES, 1 + int(log(size / start, FACTOR))) if size > start else 0
+
+
+def figure(row: Row) -> str:
+    """A row's value in the unit of tables, without a mark."""
+    if row.metric == "run":
+        return row.verdict
+    if isnan(row.value):
+        return "never" if row.verdict == "fail" else "-"
+    scale = METRICS[row.metric].shown if row.metric in METRICS else None
+    return exact_or_zero(row.value * (scale[1] if scale else 1.0))
+
+
+def short(row: Row) -> str:
+    """A row's value as a cell shows it: what is below SMALLEST is no more than that."""
+    text = figure(row)
+    value = quantity(row.metric, row.value, row.unit)[0]
+    if row.metric == "run" or text in ("-", "never", "0"):
+        return text
+    return f"<{SMALLEST:g}" if abs(float(value)) < SMALLEST else text
+
+
+def shown(row: Row) -> str:
+    """A row's value in the unit of tables, with the mark of its verdict."""
+    return figure(row) if row.metric == "run" else figure(row) + MARKS.get(row.verdict, "")
+
+
+def exact_or_zero(value: float) -> str:
+    """A number of three digits; what is below 1e-9 of the unit is 0."""
+    return "0" if abs(value) < 1e-9 else exact_number(value)
+
+
+def _apart(row: Row, ours: Row | None) -> str:
+    """Difference from the reference's value of the same subject: a ratio for times."""
+    if ours is None or not isfinite(row.value) or row.metric != ours.metric:
+        return "-"
+    if row is ours:
+        return "="
+    if row.metric.startswith("time."):
+        return f"{number(row.value / ours.value)}×" if ours.value > 0 else "-"  # noqa: RUF001
+    scale = METRICS[row.metric].shown
+    off = (row.value - ours.value) * (scale[1] if scale else 1.0)
+    return ("+" if off > 0 else "") + exact_or_zero(off)
+
+
+def missed_line(row: Row) -> str:
+    """A row that misses a limit, in one line: mark, figure, subject, value and limit."""
+    value, unit = quantity(row.metric, row.value, row.unit)
+    name = f"{MARKS[row.verdict].strip()} {label(row.metric)} {row.subject}".strip()
+    if row.metric == "run" or isnan(row.value):
+        return f"{name}: {row.verdict}"
+    limit = f", limit {quantity(row.metric, row.limit, row.unit)[0]}" if isfinite(row.limit) else ""
+    return f"{name}: {value} {unit}".strip() + limit
+
+
+def by_cause(rows: Iterable[Row]) -> list[list[Row]]:
+    """Rows that miss a limit, the gravest first, in groups of a verdict, column, metric and cause."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in gravest(rows):
+        # The remark of a row comes before its cause.
+        cause = cause_of(row).rpartition("; ")[2]
+        groups.setdefault((row.verdict, row.engine, row.profile, row.metric, cause), []).append(row)
+    return list(groups.values())
+
+
+def cause_of(row: Row) -> str:
+    """The reason of a row without a command."""
+    return row.reason.rpartition(": touchstone ")[0] or row.reason
+
+
+def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
+    """Level and sentence of a run by itself."""
+    counts = frame.verdict.value_counts()
+    fails, errors = int(counts.get("fail", 0)), int(counts.get("error", 0))
+    known, unjudged = int(counts.get("known", 0)), int(counts.get(UNJUDGED, 0))
+    met = int(counts.get("pass", 0))
+    missing = sorted(set(frame.engine[(frame.metric == "run") & frame.verdict.isin(NOT_RUN[1:])]))
+    rest = [plural(known, "known failing")] if known else []
+    rest += [f"{unjudged} not judged"] if unjudged else []
+    rest += [f"{', '.join(missing)} did not play"] if missing else []
+    tail = f" ({', '.join(rest)})" if rest else ""
+    if fails or errors:
+        broken = frame[frame.verdict.isin(["fail", "error"])]
+        who = ", ".join(f"{name} {count}" for name, count in broken.engine.value_counts().items())
+        what = [
+            f"{plural(fails, 'limit')} broken" if fails else "",
+            f"{plural(errors, 'run')} failed" if errors else "",
+        ]
+        return BAD, f"{' and '.join(filter(None, what))}: {who}; {plural(met, 'limit')} met{tail}."
+    if not met:
+        return WARN, f"Nothing was judged{tail}."
+    return (WARN if unjudged or missing else GOOD), f"All {met} limits met{tail}."
+
+
+def plural(count: int, word: str) -> str:
+    """A number of things, in the plural where it is due."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
