@@ -324,7 +324,7 @@ def work_precision(
     from touchstone.scenarios.catalogue import catalogue
 
     names = [known("scenario", name, catalogue()) for name in dict.fromkeys(scenario or scenes(quick))]
-    engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
+    engines = engines_named(engine or ENGINES)
     plan, folder = Plan(names, engines, quick), out or folder_of_now("work-precision-")
     require_judge()
     with resumable(store), measuring(plan.size, quiet, StoreError) as progress:
