@@ -270,7 +270,7 @@ def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     scenario: Annotated[
         list[str] | None,
-        typer.Argument(help="Scenes of `frame` (default: gallery, slide, stack, balls_box)."),
+        typer.Argument(help="Scenes of `frame` (default: gallery, slide, stack, balls_box, dominoes)."),
     ] = None,
     restarts: Annotated[int, typer.Option(min=1, help="Starts of every engine in `frame`.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Of the order of engines, scenes and columns.")] = 0,

@@ -1,5 +1,5 @@
 """Every command of README and of the pages parses; the slow test runs it in a folder with what it names, and
-compares the exit code with that of the page: 0, or N of a comment `# exit N`.
+compares the exit code with that of the page: 0, or N of a comment `# exit N` or of `exit N` in a table's row.
 
 `docs/tour.md` and `docs/your_scene.md` have tests of their own, which compare what their commands print.
 """
@@ -25,9 +25,11 @@ from touchstone.reports.cli import main
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 ELSEWHERE = ("tour.md", "your_scene.md")
-COMMAND = re.compile(r"^(?:    |\$ )\s*(?:\$ )?(touchstone .*)$|^\| `(touchstone [^`]*)` \|")
-"""A line of a block, or the first cell of a table."""
-EXIT = re.compile(r"# exit (\d+)$")
+COMMAND = re.compile(
+    r"^(?:    |\$ )\s*(?:\$ )?(touchstone .*)$|^\|(?:.* \|)? `(touchstone [^`]*)`(?= and | \||[,;] | \()"
+)
+"""A line of a block, or the start of a cell of a table."""
+EXIT = re.compile(r"# exit (\d+)$|^\|.*\bexit (\d+)\b")
 OPTIONAL = re.compile(r"\[[^]]*\b[A-Z]+\b[^]]*\](\.\.\.)?")
 """An optional part with a placeholder, which is left out; others are taken without their brackets."""
 STANDS_FOR = {
@@ -78,11 +80,11 @@ def documented() -> Iterator[Documented]:
             if not (found := COMMAND.match(line)):
                 continue
             more = f" {follows.strip()}" if follows.strip().startswith("--") else ""
-            text, _, remark = ((found[1] or found[2]) + more).partition(" #")
+            text = ((found[1] or found[2]) + more).partition(" #")[0]
             if text.strip() not in seen:
                 seen.add(text.strip())
-                code = EXIT.search(f"#{remark}".strip())
-                yield Documented(page.name, text.strip(), int(code[1]) if code else 0)
+                code = EXIT.search(line)
+                yield Documented(page.name, text.strip(), int(code[1] or code[2]) if code else 0)
 
 
 ALL = list(documented())
