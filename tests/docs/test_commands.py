@@ -127,10 +127,10 @@ def home(tmp_path_factory) -> Path:
     return folder
 
 
-def call(folder: Path, arguments: list[str]) -> tuple[int, str]:
-    """Exit code of the program in a folder, and the end of what it said."""
+def play(folder: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    """The program in a folder."""
     program = "import sys; from touchstone.reports.cli.main import main; main()"
-    done = subprocess.run(
+    return subprocess.run(
         [sys.executable, "-c", program, *arguments],
         cwd=folder,
         env=os.environ | {"BROWSER": "true"},  # a program that opens nothing
@@ -139,6 +139,11 @@ def call(folder: Path, arguments: list[str]) -> tuple[int, str]:
         timeout=LONGEST,
         check=False,
     )
+
+
+def call(folder: Path, arguments: list[str]) -> tuple[int, str]:
+    """Exit code of the program in a folder, and the end of what it said."""
+    done = play(folder, arguments)
     return done.returncode, f"{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
 
 
@@ -156,3 +161,22 @@ def test_a_documented_command_exits_as_its_page_says(one, home):
     code, text = call(home, one.arguments)
     assert code == one.code, f"exit {code}\n{text}"
     assert "Traceback" not in text
+
+
+def cells(text: str) -> dict[str, list[float]]:
+    """Label -> figures of each row of a printed table, without marks."""
+    rows = (line.strip().strip("│").split("│") for line in text.splitlines() if line.strip().startswith("│"))
+    return {row[0].strip(): [float(cell.split()[0].rstrip("*")) for cell in row[2:]] for row in rows}
+
+
+@pytest.mark.engines
+def test_the_table_of_readme_is_what_its_command_prints(tmp_path):
+    """Figures agree to two digits; below 1e-9 all are rounding."""
+    readme = (ROOT / "README.md").read_text("utf-8").partition("## What a run prints")[2]
+    (command,) = [one for one in ALL if one.text.startswith("touchstone run slip --profile")]
+    printed, shown = (
+        cells(play(tmp_path, command.arguments).stdout),
+        cells(readme.partition("`truth.position`")[0]),
+    )
+    assert len(shown) > 8
+    assert {name: pytest.approx(row, rel=0.02, abs=1e-9) for name, row in shown.items()} == printed

@@ -13,7 +13,12 @@ from pathlib import Path
 
 import pytest
 
+import touchstone
+from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.engines.reference.settings import SETTINGS
+from touchstone.scenarios.catalogue import tagged
+from touchstone.scenarios.difficulty.family import families
+from touchstone.scenarios.random_scenes import KINDS
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("reference_impl", "adapters", "scenarios", "reports", "tests", "docs")
@@ -171,6 +176,28 @@ def test_a_quoted_constant_has_its_value(page, words, constant):
     text = " ".join((ROOT / "docs" / page).read_text("utf-8").split())
     number = words.format(value).replace("e-0", "e-")
     assert number in text
+
+
+COUNTED = [
+    ("README.md", "all {} scenes with a closed form", lambda: len(tagged("probe"))),
+    ("README.md", "plays {} kinds of difficulty", lambda: len(families())),
+    (
+        "README.md",
+        "`touchstone.assert_no_overlap(run)` and eight more",
+        lambda: sum(one.startswith("assert_") for one in touchstone.__all__) == 9,
+    ),
+    ("docs/stability.md", "plays {} families of hard scenes", lambda: len(families())),
+    ("docs/studies.md", "random scenes of twelve kinds", lambda: len(KINDS) == 12),
+    ("docs/studies.md", "through fourteen detectors", lambda: len(DETECTORS) == 14),
+]
+"""Page, its words, and the number in them, or whether the number that they spell is right."""
+
+
+@pytest.mark.parametrize(("page", "words", "count"), COUNTED)
+def test_a_quoted_count_is_right(page, words, count):
+    """A page states how many there are."""
+    assert count()
+    assert words.format(count()) in " ".join((ROOT / page).read_text("utf-8").split())
 
 
 def test_the_settings_of_the_method_are_those_of_the_profiles():
